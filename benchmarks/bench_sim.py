@@ -22,7 +22,7 @@ from msgspec import Struct
 from lab3_usd import build_checkpoint
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.sim.dry_run import outcome
-from lab3_usd.sim.execution.record import Session, fixed_drive
+from lab3_usd.sim.execution.drive import Session, fixed_drive
 from lab3_usd.sim.judge.topics import interface
 from lab3_usd.sim.lidar import sweep
 from lab3_usd.sim.timeline import record
@@ -54,11 +54,11 @@ def measured(scene: Scene, drive: Sequence[Session]) -> Figure:
     lab = load_lab()
     sweep.cache_clear()  # what the run before has seen
     start = time.process_time()
-    evidence = record(scene, lab.catalog, drive, interface(lab, lab.checkpoints[CHECKPOINT]))
+    trial = record(scene, lab.catalog, drive, interface(lab, lab.checkpoints[CHECKPOINT]))
     played = time.process_time()
-    outcome("stage", CHECKPOINT, evidence)
+    outcome("stage", CHECKPOINT, trial)
     done = time.process_time()
-    return Figure(evidence.recording.seconds, played - start, done - played)
+    return Figure(trial.recording.seconds, played - start, done - played)
 
 
 def without_scan(scene: Scene) -> Scene:

@@ -35,7 +35,7 @@ def saved(stage: Usd.Stage, path: Path) -> Path:
         ("Lab3_00_student_start.usd", "00"),
         ("Lab3_08.usdc", "08"),
         ("Lab3_031.usda", None),
-        ("Lab3_09_more.usda", None),
+        ("Lab3_99_more.usda", None),
         ("my_Lab3_03_lidar.usda", None),
         ("stage.usda", None),
     ],

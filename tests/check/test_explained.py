@@ -63,3 +63,14 @@ def test_a_loss_that_nothing_names_is_noticed() -> None:
     assert len(unexplained(*arguments, ())) == sum(
         not requirement.met for requirement in found.requirements
     )
+
+
+def test_a_frame_that_a_finding_names_is_not_listed_as_lost() -> None:
+    graph = the_lab().graphs["ROS_OdomTF"]
+    stage = correct_stage("05")
+    tree = stage.GetPrimAtPath(f"{graph.path}/isaac_compute_transform_tree")
+    targets = tree.GetRelationship("inputs:targetPrims")
+    targets.SetTargets([path for path in targets.GetTargets() if path.name != "caster_back_link"])
+    rules = {finding.rule for finding in judged(stage, "05").findings}
+    assert "T01" in rules
+    assert "T20" not in rules

@@ -22,8 +22,10 @@ from handout_table import (
     Sensor,
     Wire,
 )
+from invoking import invoke
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation
 
+from lab3_usd.grade.rubric import everything_asked, load_rubric
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
 
@@ -336,3 +338,26 @@ def test_the_files_from_06_on_hold_the_scene_of_05(folder: Path) -> None:
     files = [(folder / f"{name}.usda").read_bytes() for name in FILES]
     assert files[5] == files[6] == files[7] == files[8]
     assert len(set(files[:6])) == 6
+
+
+def test_the_files_of_the_lab_do_not_contradict_each_other() -> None:
+    result = invoke("lab", "check")
+    assert (result.exit_code, result.output) == (0, "Lab 3: 0 errors, 0 warnings\n")
+
+
+def test_the_rubric_gives_a_hundred_points() -> None:
+    assert load_rubric(None, load_lab()).points == 100
+
+
+def test_the_rubric_asks_for_every_requirement_of_every_graph_once() -> None:
+    lab = load_lab()
+    rubric, asked = load_rubric(None, lab), everything_asked(lab)
+    judged = [
+        requirement.id
+        for item in rubric.items
+        if item.groups != ("*",)
+        for requirement in rubric.asked[item.id]
+    ]
+    assert len(judged) == len(set(judged))
+    last = list(lab.checkpoints)[-1]
+    assert {each.id for each in asked[last] if each.group != "Scene"} <= set(judged)

@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from handout_table import FOOTPRINT, ROBOT, graphs_until
 from layerings import LAYERINGS, copied, one_text_file, with_relative_paths
 from pxr import Sdf, Usd
 from second_author import MIXED, STYLES, Style, author_lab
-from second_graphs import FOOTPRINT, ROBOT, graphs_until
 
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import StageResult

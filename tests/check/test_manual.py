@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from invoking import invoke
+from msgspec.structs import replace
 from places import REPOSITORY
 
 from lab3_usd.check.manual import PLAIN, in_words_of, rules_in
@@ -66,6 +67,18 @@ def test_every_name_of_a_manual_is_known() -> None:
 def test_every_name_is_used_in_a_manual() -> None:
     used = {name for rule in all_rules().values() for name in re.findall(r"\{(\w+)\}", rule.manual)}
     assert set(PLAIN) - used - {f"stem{n}" for n in range(5)} - {"stage1", "stage4"} == set()
+
+
+def test_a_transform_published_twice_is_of_the_graph_that_publishes_the_tree() -> None:
+    later = replace(LAB.graphs["ROS_Clock"], name="Later")
+    extended = replace(LAB, graphs={**LAB.graphs, "Later": later})
+    assert "`ROS_OdomTF` was copied" in rules_in(extended)["T04"].manual
+
+
+def test_a_map_that_is_not_given_is_of_a_stage_that_localizes() -> None:
+    later = replace(LAB.checkpoints["08"], id="99", file="later", new=("ROS_Clock",))
+    extended = replace(LAB, checkpoints={**LAB.checkpoints, "99": later})
+    assert LAB.checkpoints["08"].file in rules_in(extended)["M10"].manual
 
 
 def test_a_hint_names_the_sensor_and_its_link() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -17,8 +17,25 @@ from missing_assets import (
     rover_of_a_missing_asset,
 )
 from pxr import Sdf, Usd
-from scene_changes import ROBOT
-from scene_stages import model_of
+from scene_changes import (
+    CAMERA,
+    FLOOR,
+    JOINTS,
+    LIDAR,
+    LINKS,
+    ROBOT,
+    Change,
+    aim,
+    clear,
+    hide_place,
+    refer,
+    remove,
+    retype,
+    several,
+    weld,
+    without_api,
+)
+from scene_stages import built, model_of, told
 
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.check.registry import Rule
@@ -194,3 +211,104 @@ def test_other_reports_are_the_same_with_and_without_what_was_not_judged(
         for entries in ((), (OPEN,))
     }
     assert len(texts) == 1
+
+
+JOINT, BASE = f"{JOINTS}/wheel_left_joint", f"{ROBOT}/base_link"
+FOOTPRINT = f"{ROBOT}/base_footprint"
+TICK_RATE = "omni:sensor:tickRate"
+SCAN_RATE = "omni:sensor:Core:scanRateBaseHz"
+
+
+@pytest.mark.parametrize(
+    ("change", "asset_at", "left_open"),
+    [
+        (clear(ROBOT, "xformOpOrder"), ROBOT, ("S03", ROBOT, "xformOp:translate")),
+        (clear(BASE, "physics:mass"), BASE, ("S04", BASE, "physics:mass")),
+        (
+            without_api(BASE, "PhysicsRigidBodyAPI"),
+            BASE,
+            ("S05", BASE, "physics:rigidBodyEnabled"),
+        ),
+        (remove(JOINT), ROBOT, ("S07", JOINT, None)),
+        (aim(JOINT, "physics:body1"), JOINT, ("S08", JOINT, "physics:body1")),
+        (
+            without_api(JOINT, "PhysicsDriveAPI:angular"),
+            JOINT,
+            ("S10", JOINT, "drive:angular:physics:damping"),
+        ),
+        (without_api(FOOTPRINT, "PhysicsArticulationRootAPI"), FOOTPRINT, ("S11", FOOTPRINT, None)),
+        (
+            remove(FLOOR),
+            "/Environment/Walls",
+            ("S13", "/Environment", None),
+        ),
+        (remove(LIDAR), f"{ROBOT}/base_scan", ("L01", LIDAR, None)),
+        (clear(LIDAR, SCAN_RATE), LIDAR, ("L05", LIDAR, SCAN_RATE)),
+        (
+            without_api(LIDAR, "OmniSensorGenericLidarCoreAPI"),
+            LIDAR,
+            ("L06", LIDAR, None),
+        ),
+        (clear(CAMERA, "focalLength"), CAMERA, ("C06", CAMERA, "focalLength")),
+        (clear(CAMERA, TICK_RATE), CAMERA, ("C07", CAMERA, TICK_RATE)),
+    ],
+)
+def test_what_an_asset_could_bring_is_not_judged(
+    change: Change, asset_at: str, left_open: tuple[str, str, str | None]
+) -> None:
+    stage = built("05")
+    change(stage)
+    rule = left_open[0]
+    assert rule in {finding.rule for finding in judged(stage).findings}
+    refer(asset_at, "elsewhere.usd")(stage)
+    judgement = judged(stage)
+    assert rule not in {finding.rule for finding in judgement.findings}
+    entries = {(entry.rule, entry.prim, entry.property) for entry in judgement.not_judged}
+    assert left_open in entries
+
+
+def test_a_joint_that_may_be_tied_to_the_robot_is_not_judged() -> None:
+    stage = built("05")
+    joint = f"{ROBOT}/root_joint"
+    weld(joint, body1=BASE)(stage)
+    assert "S21" in {finding.rule for finding in judged(stage).findings}
+    refer(joint, "elsewhere.usd")(stage)
+    judgement = judged(stage)
+    assert "S21" not in {finding.rule for finding in judgement.findings}
+    assert ("S21", joint) in {(entry.rule, entry.prim) for entry in judgement.not_judged}
+
+
+def test_the_links_of_a_missing_robot_are_not_judged_and_no_finding() -> None:
+    judgement = judged(behind_a_missing_robot("05"))
+    counts = rules_in(judgement.not_judged)
+    assert {rule: counts[rule] for rule in ("S01", "S04", "S05", "S06")} == {
+        "S01": len(LINKS),
+        "S04": 5,
+        "S05": len(LINKS),
+        "S06": 2,
+    }
+
+
+def without_type(sensor: str) -> Change:
+    return several(retype(sensor, ""), refer(sensor, "sensor.usd"))
+
+
+@pytest.mark.parametrize(("checkpoint", "sensor"), [("03", LIDAR), ("04", CAMERA)])
+@pytest.mark.parametrize("hidden", [hide_place, without_type])
+def test_place_and_type_of_a_sensor_may_be_in_a_missing_asset(
+    checkpoint: str, sensor: str, hidden: Callable[[str], Change]
+) -> None:
+    stage = built(checkpoint)
+    hidden(sensor)(stage)
+    assert told(stage, checkpoint) == [("F02", sensor, None)]
+
+
+@pytest.mark.parametrize(
+    ("checkpoint", "sensor", "rule"), [("03", LIDAR, "L03"), ("04", CAMERA, "C03")]
+)
+def test_a_type_that_is_written_is_judged_beside_a_missing_asset(
+    checkpoint: str, sensor: str, rule: str
+) -> None:
+    stage = built(checkpoint)
+    several(retype(sensor, "Xform"), refer(sensor, "sensor.usd"))(stage)
+    assert (rule, sensor, None) in told(stage, checkpoint)

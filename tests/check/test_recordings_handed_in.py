@@ -11,18 +11,16 @@ from pathlib import Path
 
 import pytest
 from breaking import correct_stage
-from click.testing import CliRunner
 from grade_files import submission
 from msgspec.structs import replace
 from submissions import LAB
 
 pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
 
-from recordings import Sent, durable, pictures, rewritten
+from recordings import Sent, durable, recorded, rewritten
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 
 from lab3_usd.check.registry import rules_of
-from lab3_usd.commands.sim import command as sim_command
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import worker_main
@@ -45,18 +43,11 @@ from lab3_usd.model.folder import (
 from lab3_usd.sim.bag import files
 
 RULES = {rule.id: rule for rule in rules_of("evidence", "E")}
-DRIVE = "0.2,0,1.4 0,0,0.3 -0.2,0,1.2 0,0.8,1 0,0,0.4"
 
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording without faults."""
-    folder = tmp_path_factory.mktemp("recording")
-    stage = folder / "Lab3_05.usda"
-    correct_stage("05").GetRootLayer().Export(str(stage))
-    arguments = [str(stage), "--drive", DRIVE, "--bag", str(folder / "dry")]
-    assert CliRunner().invoke(sim_command, arguments).exit_code == 0
-    return rewritten(folder / "dry", folder / "run", pictures)
+    return recorded(tmp_path_factory.mktemp("recording"))
 
 
 @pytest.fixture
@@ -146,7 +137,7 @@ def test_what_comes_once_in_a_short_recording_is_no_fault(plain: Path, handed_in
 
 
 def test_a_goal_that_a_saved_output_shows_reached_is_no_fault() -> None:
-    aborted = Check(GOAL, "bad", "the last of 1 goals is aborted", rule="E16")
+    aborted = Check(GOAL, "bad", "the last of 1 goals is aborted", kind="goal-not-reached")
     recording = RecordingShown("results/run.mcap", checks=(aborted,))
     evidence = Evidence("results", recordings=(recording,))
     facts, reached = LAB.scene.map, tuple(LAB.checkpoints)

@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from grade_files import LAB, cut_wire, stage, starter
+from grade_files import LAB, stage, starter
+from mini_lab import cut_wire
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import Judgement, judge

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from collections.abc import Iterator
 from itertools import combinations
-from pathlib import Path
 from types import ModuleType
 
 import pytest
+from benchmark import load_benchmark
 from breaking import the_lab
 from msgspec.structs import replace
 from plain_graphs import (
@@ -33,15 +31,8 @@ PARTS = {"00": (3, 0), "01": (6, 1), "02": (18, 2), "03": (23, 3), "04": (27, 4)
 
 
 @pytest.fixture(scope="module")
-def benchmark(repository: Path) -> ModuleType:
-    path = repository / "benchmarks" / "sweep.py"
-    spec = importlib.util.spec_from_file_location("sweep", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["sweep"] = module
-    spec.loader.exec_module(module)
-    return module
+def benchmark() -> ModuleType:
+    return load_benchmark("sweep")
 
 
 @pytest.mark.parametrize("checkpoint", PARTS)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, cast
 
 import pytest
-from handout_table import FILES, GRAPHS, LIDAR
+from mini_lab import LAB, in_force
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics
 from starters import (
     BASE_SCAN,
@@ -27,6 +27,16 @@ from starters import (
 )
 
 from lab3_usd import cli
+
+FILES = [checkpoint.file for checkpoint in LAB.checkpoints.values()]
+DRIVE = LAB.graphs["ROS_Drive"].path
+LIDAR = LAB.scene.sensors["lidar"].path
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _small_lab() -> Iterator[None]:
+    with in_force():
+        yield
 
 
 @dataclass(frozen=True)
@@ -69,7 +79,7 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_without_a_starter_the_nine_files_come_and_are_listed(build: Run, out: Path) -> None:
+def test_without_a_starter_every_file_comes_and_is_listed(build: Run, out: Path) -> None:
     outcome = build()
     assert outcome == Outcome(0, [str(out / f"{name}.usda") for name in FILES], [])
     assert names(out) == [f"{name}.usda" for name in FILES]
@@ -149,7 +159,7 @@ def test_existing_files_are_kept_unless_forced(build: Run, out: Path) -> None:
     assert names(out) == [f"{FILES[3]}.usda"]
     assert (out / f"{FILES[3]}.usda").read_text() == "mine\n"
     assert build("--force").status == 0
-    assert len(names(out)) == 9
+    assert len(names(out)) == len(FILES)
 
 
 # ---- starters that cannot be opened
@@ -190,7 +200,7 @@ CRATE_DAMAGE: dict[str, Callable[[bytes], bytes]] = {
     "cut short": cut,
     "cut in its header": lambda data: data[:20],
     "without its end": lambda data: data[:-40],
-    "with a hole": lambda data: data[:200] + bytes(300) + data[500:],
+    "with a hole": lambda data: data[:200] + bytes(3000) + data[3200:],
     "with a wrong table of contents": lambda data: data[:16] + b"\xff" * 8 + data[24:],
 }
 
@@ -289,7 +299,7 @@ def test_a_damaged_part_of_a_starter_is_no_traceback(build: Run, tmp_path: Path,
 def unfit(stage: Usd.Stage) -> None:
     stage.RemovePrim("/World")
     stage.RemovePrim(BASE_SCAN)
-    stage.DefinePrim(GRAPHS[1].path, "OmniGraph")
+    stage.DefinePrim(DRIVE, "OmniGraph")
 
 
 def test_an_unfit_starter_is_a_list_of_reasons_and_status_1(
@@ -301,7 +311,7 @@ def test_an_unfit_starter_is_a_list_of_reasons_and_status_1(
     assert outcome.status == 1
     assert outcome.out == []
     assert outcome.err[0].startswith(f"lab3: {starter}: ")
-    assert [line.split()[0] for line in outcome.err[1:]] == ["/World", BASE_SCAN, GRAPHS[1].path]
+    assert [line.split()[0] for line in outcome.err[1:]] == ["/World", BASE_SCAN, DRIVE]
     assert files_below(tmp_path) == before
     assert not out.exists()
 

@@ -78,7 +78,7 @@ def test_the_required_tree_is_drawn_by_its_name(tmp_path: Path) -> None:
 
 def test_every_graph_of_a_stage_is_drawn(whole: Path, tmp_path: Path) -> None:
     result = draw(whole, "-o", tmp_path)
-    names = [*load_lab().graphs, "TF"]
+    names = [*load_lab().checkpoints["05"].graphs, "TF"]
     assert result.exit_code == 0, result.output
     assert result.stdout.splitlines() == [
         str(tmp_path / f"Lab3_05_odometry_tf-{name}.svg") for name in names

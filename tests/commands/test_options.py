@@ -24,7 +24,7 @@ def test_rules_and_families_may_be_repeated_or_joined_by_commas() -> None:
     assert split_rules(["W, p01", "s"]) == ("W", "P01", "S")
 
 
-@pytest.mark.parametrize("wrong", ["W1", "Y", "missing-wire", "W011"])
+@pytest.mark.parametrize("wrong", ["W1", "Y", "missing-wires", "W011"])
 def test_a_rule_that_does_not_exist_is_refused_and_hides_nothing(wrong: str) -> None:
     with pytest.raises(UsageError, match=f"'{wrong.upper()}'"):
         split_rules([f"P01,{wrong}"])

@@ -21,21 +21,15 @@ from typing import Any
 
 import pytest
 from invoking import invoke
-from other_lab import write_other_lab
+from places import REPOSITORY
 
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
-from lab3_usd.sim.execution.record import RATE, command_frames, fixed_drive
+from lab3_usd.sim.execution.drive import RATE, command_frames, fixed_drive
 from lab3_usd.spec.load.loader import load_lab
 
 LONGEST, WIDEST = 60, 100  # lines, characters
 START = subprocess.Popen
-
-
-@pytest.fixture
-def other_lab(tmp_path: Path) -> Path:
-    """A lab of three checkpoints, with ids and names of its own."""
-    return write_other_lab(tmp_path)
 
 
 class IsaacSim:
@@ -268,13 +262,12 @@ def test_a_script_that_exists_is_kept(tmp_path: Path) -> None:
     assert script.read_text() != "mine"
 
 
-def test_another_lab_has_its_own_stages(
-    other_lab: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setenv(LAB_VARIABLE, str(other_lab))
+def test_another_lab_has_its_own_stages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    jetbot = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
+    monkeypatch.setenv(LAB_VARIABLE, str(jetbot))
     text = written(tmp_path).read_text(encoding="utf-8")
     assert "Plays Week 5 " in text
-    assert 'STAGES = """Week5_A_student_start Week5_B_ros_clock Week5_B2_ros_drive"""' in text
+    files = [checkpoint.file for checkpoint in load_lab(jetbot).checkpoints.values()]
+    stages = text.partition('STAGES = """')[2].partition('"""')[0]
+    assert stages.replace("\\", "").split() == files
     assert "Lab3_" not in text

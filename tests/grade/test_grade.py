@@ -15,13 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from grade_files import cut_wire, files_below, stage, starter, submission
 from invoking import invoke
+from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
 from workers_here import graded_here, workers_here
 
 from lab3_usd.commands import grade as grade_command
 from lab3_usd.commands.grade import Rate, line
-from lab3_usd.data import data_folder
 from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of
 from lab3_usd.grade.gradebook import Rows
@@ -235,7 +234,7 @@ def test_what_ended_a_worker_is_judged_again(place: Path, book: Path, tmp_path: 
 def test_the_rubric_may_say_who_was_late(tmp_path: Path) -> None:
     submission(tmp_path / "class" / "whole")
     rubric = tmp_path / "mine.yaml"
-    text = (data_folder("graphs") / "rubric.yaml").read_text(encoding="utf-8")
+    text = (MINI / "rubric.yaml").read_text(encoding="utf-8")
     rubric.write_text(
         text.replace("late: {at_most: 1.0}", "late: {at_most: 0.5, students: [whole]}"),
         encoding="utf-8",
@@ -465,7 +464,7 @@ def test_who_is_late_by_a_number_that_two_claim_is_late(tmp_path: Path) -> None:
     metadata = who.format(1, 7) + who.format(2, 7) + who.format(3, 8)
     (tmp_path / "class" / "submission_metadata.yml").write_text(metadata)
     rubric = tmp_path / "mine.yaml"
-    text = (data_folder("graphs") / "rubric.yaml").read_text(encoding="utf-8")
+    text = (MINI / "rubric.yaml").read_text(encoding="utf-8")
     late = text.replace("late: {at_most: 1.0}", 'late: {at_most: 0.5, students: ["7"]}')
     rubric.write_text(late, encoding="utf-8")
     graded_here(ClassSettings(tmp_path / "class", starter(), tmp_path / "book", rubric=rubric))

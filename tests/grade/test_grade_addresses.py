@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
-from grade_files import files_below, stage, starter, submission
+from mini_lab import files_below, stage, starter, submission
 from workers_here import graded_here
 
 from lab3_usd.errors import UsageError
@@ -269,3 +269,10 @@ def test_fetching_ends_when_the_run_does(tmp_path: Path) -> None:
     source = Source(Path("hanging"), "", "faulty://class/hanging")
     (here,) = fetched((source,), tmp_path, Limits(), lambda: True)
     assert "cannot be fetched" in here.fault
+
+
+def test_a_file_that_no_place_is_left_for_is_named(tmp_path: Path) -> None:
+    put({"jane/a": b"x", "jane/b.usda": b"z"})
+    storage = fsspec.filesystem("memory")
+    storage.store["/class/jane/a/c.usda"] = memory.MemoryFile(storage, "/class/jane/a/c.usda", b"y")
+    assert [file.path for file in got("memory://class/jane", tmp_path).left_out] == ["a/c.usda"]

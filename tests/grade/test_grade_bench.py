@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
-from places import REPOSITORY
+from benchmark import load_benchmark
+from grade_files import LAB
 
-BENCH = REPOSITORY / "benchmarks" / "bench_grade.py"
+
+@pytest.fixture(scope="module", autouse=True)
+def _small_lab() -> None:
+    """The script works with the bundled lab."""
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    spec = importlib.util.spec_from_file_location("bench_grade", BENCH)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, "bench_grade", module)
-    spec.loader.exec_module(module)
-    return module
+def bench() -> ModuleType:
+    return load_benchmark("bench_grade")
 
 
 def test_no_two_students_of_a_class_hand_in_the_same_bytes(
@@ -55,7 +52,9 @@ def test_the_figures_are_printed(
     monkeypatch.setattr(sys, "argv", ["bench_grade.py", "--count", "2"])
     assert bench.main() == 0
     said = capsys.readouterr().out.splitlines()
-    assert [line.split()[:2] for line in said[1:4]] == [["1", "9"], ["2", "18"], ["2", "2"]]
+    stages = len(LAB.checkpoints)
+    counts = [[int(number) for number in line.split()[:2]] for line in said[1:4]]
+    assert counts == [[1, stages], [2, 2 * stages], [2, 2]]
     assert "for each stage beyond the first" in said[6]
 
 

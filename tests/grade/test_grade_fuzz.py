@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 from types import ModuleType
 
 import pytest
+from benchmark import load_benchmark
 from fuzz_inputs import generate, written
-from places import REPOSITORY
 
 from lab3_usd.grade.workers import worker_process
 
 COUNT = 30
-FUZZ = REPOSITORY / "benchmarks" / "fuzz.py"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _small_lab() -> None:
+    """The script works with the bundled lab."""
 
 
 @pytest.fixture(scope="module")
 def fuzz() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("fuzz", FUZZ)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_benchmark("fuzz")
 
 
 def test_every_input_is_answered_and_the_tool_never_fails(

@@ -8,7 +8,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from grade_files import stage, starter, submission
+from mini_lab import stage, starter, submission
 from workers_here import graded_here
 
 from lab3_usd.grade.class_run import ClassSettings

@@ -9,13 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from grade_files import files_below, stage, starter, submission
+from mini_lab import files_below, stage, starter, submission
 from pxr import Sdf
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.intake.submission_copy import Limits
 
-NAME = stage("05").name
+NAME = stage("04").name
 LIMITS = Limits(prims=300, file_size=300_000, nesting=60)
 WORLD = '#usda 1.0\ndef Xform "World"\n{\n}\n'
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from grade_files import starter, submission
+from mini_lab import starter, submission
 from pxr import Sdf, Tf
 
 from lab3_usd.grade.intake import staging, submission_copy
@@ -25,7 +25,7 @@ from lab3_usd.grade.workers import pool, worker_process
 from lab3_usd.grade.workers.messages import PoolSettings, Reply, Task, decode, encode, status_of
 from lab3_usd.grade.workers.pool import WorkerSlot, judge_in, run_tasks
 from lab3_usd.grade.workers.sandbox import fence_files
-from lab3_usd.grade.workers.worker_main import _how
+from lab3_usd.grade.workers.worker_main import _failure_text
 from lab3_usd.grade.workers.worker_process import (
     Worker,
     WorkerDiedError,
@@ -213,32 +213,30 @@ def test_an_idle_worker_that_is_killed_costs_nobody_a_point(odd: PoolSettings) -
     assert (second["status"], second["broken"]) == ("graded", {})
 
 
-def test_a_worker_that_is_killed_at_its_work_is_replaced_once(
-    odd: PoolSettings, temporary: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("once", "always", "end"),
+    [
+        ("once", "killed", "ended by SIGKILL"),
+        ("crashes once", "crashes", "crashed usd-core (SIGSEGV)"),
+    ],
+)
+def test_a_file_at_which_a_worker_ended_is_read_once_more(
+    odd: PoolSettings,
+    temporary: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    once: str,
+    always: str,
+    end: str,
 ) -> None:
     monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
     slot = WorkerSlot(odd)
     try:
-        _, once = judge_in(slot, task("once"), never_stopped)
-        _, always = judge_in(slot, task("killed"), never_stopped)
+        _, well = judge_in(slot, task(once), never_stopped)
+        _, ended = judge_in(slot, task(always), never_stopped)
     finally:
         slot.stop()
-    assert (once["status"], once["broken"]) == ("graded", {})
-    assert always["broken"] == {"second.usda": "ended by SIGKILL"}
-
-
-def test_a_file_at_which_a_worker_crashed_is_read_once_more(
-    odd: PoolSettings, temporary: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
-    slot = WorkerSlot(odd)
-    try:
-        _, once = judge_in(slot, task("crashes once"), never_stopped)
-        _, always = judge_in(slot, task("crashes"), never_stopped)
-    finally:
-        slot.stop()
-    assert (once["status"], once["broken"]) == ("graded", {})
-    assert always["broken"] == {"second.usda": "crashed usd-core (SIGSEGV)"}
+    assert (well["status"], well["broken"]) == ("graded", {})
+    assert ended["broken"] == {"second.usda": end}
 
 
 def test_workers_that_never_begin_are_the_tools_fault(
@@ -771,13 +769,13 @@ def test_what_usd_core_raises_over_a_file_is_no_failure_of_ours() -> None:
     layer = Sdf.Layer.CreateAnonymous()
     with pytest.raises(Tf.ErrorException) as raised:
         layer.ImportFromString("no layer")
-    assert _how(raised.value, Path()) == "crashed usd-core (ErrorException)"
+    assert _failure_text(raised.value, Path()) == "crashed usd-core (ErrorException)"
 
 
 def test_a_failure_of_ours_says_what_and_where() -> None:
     with pytest.raises(KeyError) as raised:
         {}["x"]
-    how = _how(raised.value, Path())
+    how = _failure_text(raised.value, Path())
     assert re.fullmatch(r"tool failed: KeyError at test_grade_workers\.py:\d+: 'x'", how)
     assert status_of(how) == "tool failed"
 
@@ -785,4 +783,6 @@ def test_a_failure_of_ours_says_what_and_where() -> None:
 def test_a_failure_of_ours_names_files_by_their_place_in_the_submission(tmp_path: Path) -> None:
     with pytest.raises(OSError, match="gone") as raised:
         (tmp_path / "work" / "gone.usda").read_bytes()
-    assert _how(raised.value, tmp_path).endswith("No such file or directory: 'work/gone.usda'")
+    assert _failure_text(raised.value, tmp_path).endswith(
+        "No such file or directory: 'work/gone.usda'"
+    )

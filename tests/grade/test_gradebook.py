@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from grade_files import files_below
+from mini_lab import files_below
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from grade_files import starter, submission
 from hostile import INPUTS, Kit, make_kit, write_all
+from mini_lab import starter, submission
 from msgspec.structs import replace
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class

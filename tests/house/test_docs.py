@@ -276,7 +276,8 @@ def run_blocks(page: Path, sandbox: Sandbox) -> None:
         elif block.extra:  # a file, or with a plus what is added to its end
             target = sandbox.folder / block.extra.lstrip("+")
             before = target.read_text() if block.extra.startswith("+") else ""
-            target.write_text(before + block.text)
+            if block.text not in before:  # an author may have followed the page already
+                target.write_text(before + block.text)
 
 
 def is_run(page: Path) -> bool:

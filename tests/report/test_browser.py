@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from browser import CONTRASTS, DESKTOP, PHONE, Browser
-from html_pages import CLOCK, DRIVE, LAB, TF, break_ten_times, judged, page, stages
+from html_pages import CLOCK, DRIVE, LAB, TF, break_ten_times, judged, page, since, stages
 from pxr import Sdf, Usd
 from report_examples import SUBMISSION, hostile
 
@@ -156,7 +156,7 @@ def test_a_checkpoint_can_be_chosen(chromium: Browser, pages: dict[str, Path]) -
     assert chromium.shown(".card")
     assert {card.get_attribute("data-in").split()[0] for card in chromium.shown(".card")} == {"1"}
     drawn = {each.get_attribute("data-in") for each in chromium.shown("figure")}
-    assert drawn == {"1 2 3 4 5 6 7 8"}
+    assert drawn == {since("01")}
     assert [each.text for each in chromium.shown("tr[data-in] th")] == ["/klock"]
 
 

@@ -11,7 +11,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from html_pages import CLOCK, DRIVE, Element, break_ten_times, judged, page, read, set_value, stages
+from html_pages import (
+    CLOCK,
+    DRIVE,
+    LAB,
+    Element,
+    break_ten_times,
+    judged,
+    page,
+    read,
+    set_value,
+    since,
+    stages,
+)
 from linting import broken_robot
 from msgspec.structs import replace
 from pxr import Usd
@@ -54,7 +66,7 @@ MARKUP = (
 
 @pytest.fixture(scope="module")
 def faulty(tmp_path_factory: pytest.TempPathFactory) -> Report:
-    """Nine checkpoints, the same ten faults in each."""
+    """Every checkpoint, the same ten faults in each."""
     return judged(stages(tmp_path_factory.mktemp("work"), break_ten_times))
 
 
@@ -134,11 +146,13 @@ def test_a_note_of_an_early_part_stands_below_an_error_of_a_late_one() -> None:
 
 def test_a_fault_that_is_carried_along_is_one_card(faulty_page: Element) -> None:
     card = card_of(faulty_page, "wheelRadius")
-    assert card.attributes["data-in"] == "2 3 4 5 6 7 8"
-    assert card.one(kind="in").text == "02\N{EN DASH}08"
+    numbers = [number for number in LAB.checkpoints if number >= "02"]
+    assert card.attributes["data-in"] == since("02")
+    assert card.one(kind="in").text == f"02\N{EN DASH}{numbers[-1]}"
     places = [place.text for place in card.one("details", "spots").all("li")]
-    assert len(places) == 7
-    assert all(re.fullmatch(r"Lab3_0[2-8]_\w+\.usda:\d+:\d+", place) for place in places)
+    assert [re.sub(r"\.usda:\d+:\d+$", "", place) for place in places] == [
+        LAB.checkpoints[number].file for number in numbers
+    ]
 
 
 def test_the_same_rule_at_two_places_is_two_cards() -> None:
@@ -218,15 +232,12 @@ def test_a_graph_that_stays_the_same_is_drawn_once(faulty_page: Element) -> None
     figures = [
         (each.one("b").text, each.attributes["data-in"]) for each in faulty_page.all("figure")
     ]
-    assert figures == [
-        ("ROS_Clock", "1 2 3 4 5 6 7 8"),
-        ("ROS_Drive", "2 3 4 5 6 7 8"),
-        ("ROS_Lidar2D", "3 4 5 6 7 8"),
-        ("ROS_Camera", "4 5 6 7 8"),
-        ("ROS_OdomTF", "5 6 7 8"),
-        ("TF", "5 6"),
-        ("TF", "7 8"),
+    graphs = [
+        (graph, since(number))
+        for number, checkpoint in LAB.checkpoints.items()
+        for graph in checkpoint.new
     ]
+    assert figures == [*graphs, ("TF", "5 6"), ("TF", since("07"))]
 
 
 def test_a_graph_that_changes_is_drawn_for_each_of_its_looks(tmp_path: Path) -> None:
@@ -258,8 +269,8 @@ def test_the_part_beside_a_fault_lies_within_its_picture(faulty_page: Element) -
 
 def test_topics_are_listed_once_with_their_checkpoints(faulty_page: Element) -> None:
     rows = {row.one("th").text: row for row in faulty_page.all("tr") if "data-in" in row.attributes}
-    assert rows["/klock"].attributes["data-in"] == "1 2 3 4 5 6 7 8"
-    assert rows["/cmd_vel"].attributes["data-in"] == "2 3 4 5 6 7 8"
+    assert rows["/klock"].attributes["data-in"] == since("01")
+    assert rows["/cmd_vel"].attributes["data-in"] == since("02")
     assert [cell.text for cell in rows["/klock"].all("td")][:2] == [
         "rosgraph_msgs/msg/Clock", "publishes",
     ]  # fmt: skip

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 import yaml
 from breaking import broken
-from click.testing import CliRunner
+from invoking import invoke
 from pxr import Gf
 
 from lab3_usd.commands import sim
-from lab3_usd.commands.sim import command
+from lab3_usd.errors import UsageError
 
 pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
 reader = pytest.importorskip("mcap.reader", reason="mcap-ros2-support is not installed")
@@ -35,8 +35,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     stage = folder / "Lab3_05.usda"
     profile = ["ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:qosProfile", json.dumps(SENSOR_DATA)]
     broken("05", [{"set": profile}]).GetRootLayer().Export(str(stage))
-    words = [str(stage), "--bag", str(folder / "run"), "--format", "json"]
-    done = CliRunner().invoke(command, words)
+    done = invoke("sim", stage, "--bag", folder / "run", "--format", "json")
     assert done.exit_code == 0
     (folder / "run.json").write_text(done.stdout)
     return folder / "run"
@@ -177,8 +176,8 @@ def test_commands_are_as_they_were_sent(heard: dict[str, Any]) -> None:
 
 def test_nothing_is_written_over(bag: Path) -> None:
     stage = bag.parent / "Lab3_05.usda"
-    done = CliRunner().invoke(command, [str(stage), "--bag", str(bag)])
-    assert "is there already" in str(done.exception)
+    with pytest.raises(UsageError, match="is there already"):
+        invoke("sim", stage, "--bag", bag)
 
 
 def test_without_the_extra_a_line_says_what_to_install(
@@ -186,5 +185,5 @@ def test_without_the_extra_a_line_says_what_to_install(
 ) -> None:
     monkeypatch.setattr(sim, "find_spec", lambda _: None)
     stage = bag.parent / "Lab3_05.usda"
-    done = CliRunner().invoke(command, [str(stage), "--bag", str(bag.parent / "other")])
-    assert "pip install 'lab3-usd[sim]'" in str(done.exception)
+    with pytest.raises(UsageError, match=r"pip install 'lab3-usd\[sim\]'"):
+        invoke("sim", stage, "--bag", bag.parent / "other")

@@ -18,15 +18,15 @@ from typing import Any
 
 import pytest
 from breaking import broken, correct_stage, the_lab
-from click.testing import CliRunner
 from dry_runs import INTERFACE, driven
+from invoking import invoke
 from pxr import Usd
 
 from lab3_usd.commands import sim as live_run
-from lab3_usd.commands.sim import command, said_of
+from lab3_usd.commands.sim import closing_lines
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.sim.bag.writer import serialized
-from lab3_usd.sim.execution.record import Message, Profile, Transform
+from lab3_usd.sim.execution.recording import Message, Profile, Transform
 from lab3_usd.sim.execution.world import STATIC
 from lab3_usd.sim.timeline import Player, player_of
 from lab3_usd.stage.read.scene import read_scene
@@ -253,7 +253,7 @@ def test_what_is_in_another_domain_is_said_and_not_sent(link: Link) -> None:
     player = player_of(read_scene(stage), the_lab().catalog, INTERFACE)
     lived = play_live(player, link, lambda frames: frames >= 3)
     assert (lived.sent, lived.away) == ({}, (("/clock", 7),))
-    assert "not sent: /clock, as it is in domain 7" in [*said_of(lived)]
+    assert "not sent: /clock, as it is in domain 7" in [*closing_lines(lived)]
 
 
 def test_ctrl_c_ends_it_with_its_sum(player: Player, link: Link) -> None:
@@ -267,7 +267,7 @@ def test_ctrl_c_ends_it_with_its_sum(player: Player, link: Link) -> None:
 
 @pytest.mark.parametrize(("took", "slow"), [(1.0, False), (2.0, True)])
 def test_a_computer_that_does_not_keep_up_is_told(took: float, slow: bool) -> None:  # noqa: FBT001
-    *_, said = said_of(Lived(1.0, took, 0, {}, 0, (), {}))
+    *_, said = closing_lines(Lived(1.0, took, 0, {}, 0, (), {}))
     assert ("at 0.50 times real time" in said) is slow
 
 
@@ -280,7 +280,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def sim(path: Path, *words: str) -> Any:
-    return CliRunner().invoke(command, [str(path), *words])
+    return invoke("sim", path, *words)
 
 
 def test_the_command_says_what_it_sent(
@@ -310,11 +310,13 @@ def test_the_command_says_what_it_sent(
     ids=" ".join,
 )
 def test_what_does_not_go_together_is_wrong_use(path: Path, words: list[str]) -> None:
-    assert isinstance(sim(path, *words).exception, live_run.UsageError)
+    with pytest.raises(live_run.UsageError):
+        sim(path, *words)
 
 
 def test_without_the_extra_a_line_says_what_to_install(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live_run, "find_spec", lambda _: None)
-    assert "pip install 'lab3-usd[live]'" in str(sim(path, "--live").exception)
+    with pytest.raises(live_run.UsageError, match=r"pip install 'lab3-usd\[live\]'"):
+        sim(path, "--live")

@@ -14,7 +14,7 @@ from breaking import correct_stage, the_lab
 
 from lab3_usd.model.dry_run import Graph, Input, Node, Scene
 from lab3_usd.sim.execution.program import compile_graphs, type_of
-from lab3_usd.sim.execution.record import Message, Odometry, Profile, Scan, Transform, View
+from lab3_usd.sim.execution.recording import Message, Odometry, Profile, Scan, Transform, View
 from lab3_usd.sim.execution.running import Running, function_of, functions
 from lab3_usd.sim.execution.world import Endpoint, Network, World, profile_of, trimmed, world_of
 from lab3_usd.sim.robot.machines import Machines
@@ -306,10 +306,15 @@ def test_a_lidar_publishes_what_stands_around_it(stage: World) -> None:
 
 
 def test_a_lidar_helper_wants_a_lidar(stage: World) -> None:
-    for sensor, kind in ((CAMERA, "laser_scan"), (LIDAR, "none")):
+    for sensor, kind, fault in (
+        (CAMERA, "laser_scan", "not-a-lidar"),
+        (LIDAR, "none", "unknown-output"),
+    ):
         path = product(stage, sensor).outputs["renderProductPath"]
         helper = node(f"{ROS}ROS2RtxLidarHelper", {"type": kind, "renderProductPath": path})
         assert not helper.compute(stage)
+        assert helper.failure is not None
+        assert helper.failure.kind == fault
     assert not node(f"{ROS}ROS2RtxLidarHelper").compute(stage)
     assert published(stage) == []
 

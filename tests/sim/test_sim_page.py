@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 from breaking import broken, correct_stage, the_lab
 from browser import CONTRASTS, DESKTOP, PHONE, Browser
-from click.testing import CliRunner
+from invoking import invoke
 
-from lab3_usd.commands.check import command as check_command
-from lab3_usd.commands.sim import command
+from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Frame
 from lab3_usd.report.behaviour.page import render, tree_lines
 from lab3_usd.sim.dry_run import DryRun, dry_run
@@ -40,12 +39,12 @@ def page(tmp_path_factory: pytest.TempPathFactory, right: DryRun) -> Path:
 def test_the_command_writes_the_page(tmp_path: Path) -> None:
     stage = tmp_path / "Lab3_01.usda"
     correct_stage("01").GetRootLayer().Export(str(stage))
-    CliRunner().invoke(command, [str(stage), "--page", str(tmp_path / "sim.html")])
+    invoke("sim", stage, "--page", tmp_path / "sim.html")
     text = (tmp_path / "sim.html").read_text(encoding="utf-8")
     assert "640 times" in text
     before = stage.read_bytes()
-    done = CliRunner().invoke(command, [str(stage), "--page", str(stage)])
-    assert "ending of a stage" in str(done.exception)
+    with pytest.raises(UsageError, match="ending of a stage"):
+        invoke("sim", stage, "--page", stage)
     assert stage.read_bytes() == before
 
 
@@ -137,15 +136,12 @@ def test_a_report_with_a_dry_run_shows_its_maps(chromium: Browser, tmp_path: Pat
     for number, name in (("01", "Lab3_01_ros_clock"), ("05", "Lab3_05_odometry_tf")):
         correct_stage(number).GetRootLayer().Export(str(tmp_path / f"{name}.usda"))
     page = tmp_path / "report.html"
-    done = CliRunner().invoke(
-        check_command, [str(tmp_path), "--sim", "--format", "html", "--output", str(page)]
-    )
-    assert done.exit_code in {0, 1}
+    assert invoke("check", tmp_path, "--sim", "--format", "html", "-o", page).exit_code == 1
     chromium.open(page, PHONE, "dark")
     assert chromium.logs() == []
     assert chromium.run("return document.documentElement.scrollWidth") == PHONE[0]
     assert len(chromium.shown(".maps .room")) == 2
     assert len(chromium.shown(".maps .scan")) == 1
     plain = tmp_path / "plain.html"
-    CliRunner().invoke(check_command, [str(tmp_path), "--format", "html", "--output", str(plain)])
+    invoke("check", tmp_path, "--format", "html", "-o", plain)
     assert ".maps" not in plain.read_text(encoding="utf-8")

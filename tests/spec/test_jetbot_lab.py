@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import shutil
-import sys
 import zipfile
 from collections import Counter
 from collections.abc import Iterator
@@ -13,6 +11,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from benchmark import load_benchmark
 from click.testing import Result
 from invoking import invoke
 from jetbot_table import (
@@ -211,15 +210,8 @@ def test_a_class_is_graded_out_of_a_flat_canvas_archive(
 
 
 @pytest.fixture(scope="module")
-def benchmark(repository: Path) -> ModuleType:
-    path = repository / "benchmarks" / "sweep.py"
-    spec = importlib.util.spec_from_file_location("sweep", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["sweep"] = module
-    spec.loader.exec_module(module)
-    return module
+def benchmark() -> ModuleType:
+    return load_benchmark("sweep")
 
 
 @pytest.mark.parametrize("checkpoint", PARTS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from lab3_usd.describe.checkpoints import file_names
 from lab3_usd.describe.yaml_text import document
 from lab3_usd.errors import Lab3Error
 from lab3_usd.judge.stage import check_stage
-from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.lab import GraphSpec, Lab
 from lab3_usd.spec.load.loader import load_lab
 
 CORPUS = SHARED / "corpus" / "stages"
@@ -76,16 +77,22 @@ def robot(tmp_path: Path) -> tuple[Path, Path]:
 
 def test_the_stage_passes_by_the_lab_described_after_it(built: Path, described: Path) -> None:
     status, shown = ran("--lab", described, "check", "--quiet", built)
-    assert (status, "checkpoint 05, pass, 191 of 191 met" in shown) == (0, True)
+    assert status == 0
+    assert re.search(r"checkpoint 05, pass, (\d+) of \1 met", shown)
 
 
 def test_the_described_lab_does_not_contradict_itself(described: Path) -> None:
     assert ran("lab", "check", described) == (0, "Lab3 05 odometry tf: 0 errors, 0 warnings\n")
 
 
+def built_graphs(lab: Lab) -> list[tuple[str, GraphSpec]]:
+    """The graphs of the stage that was described."""
+    return [(name, lab.graphs[name]) for name in lab.checkpoints["05"].graphs]
+
+
 def test_the_graphs_are_those_of_the_lab_that_built_the_stage(pair: tuple[Lab, Lab]) -> None:
     new, old = pair
-    for name, graph in old.graphs.items():
+    for name, graph in built_graphs(old):
         found = new.graphs[name]
         assert found.path == graph.path
         assert {str(wire) for wire in found.wires} == {str(wire) for wire in graph.wires}
@@ -96,7 +103,7 @@ def test_the_graphs_are_those_of_the_lab_that_built_the_stage(pair: tuple[Lab, L
 
 def test_values_are_described_where_they_are_no_defaults(pair: tuple[Lab, Lab]) -> None:
     new, old = pair
-    for name, graph in old.graphs.items():
+    for name, graph in built_graphs(old):
         for role, node in graph.nodes.items():
             away = {
                 setting.port: setting.value
@@ -109,7 +116,7 @@ def test_values_are_described_where_they_are_no_defaults(pair: tuple[Lab, Lab]) 
 
 def test_targets_are_described_with_those_that_give_frames(pair: tuple[Lab, Lab]) -> None:
     new, old = pair
-    for name, graph in old.graphs.items():
+    for name, graph in built_graphs(old):
         for role, node in graph.nodes.items():
             found = new.graphs[name].nodes[role]
             assert found.frames_from == node.frames_from

@@ -386,15 +386,6 @@ def test_a_wire_into_a_port_that_was_not_added_is_refused(folder: Path) -> None:
     assert "inputs:input1" in line
 
 
-@pytest.mark.parametrize("case", WRONG_CHECKPOINTS)
-def test_a_wrong_checkpoint_is_named(case: str, folder: Path) -> None:
-    edit, named = WRONG_CHECKPOINTS[case]
-    edited(folder / CHECKPOINTS, edit)
-    line = refusal(folder)
-    for part in (CHECKPOINTS, *named):
-        assert part in line
-
-
 def test_a_checkpoint_that_wants_an_unknown_graph_is_refused(folder: Path) -> None:
     edited(folder / CHECKPOINTS, put("checkpoints", "06", "adds", "graphs", value=["ROS_Radar"]))
     line = refusal(folder)
@@ -409,6 +400,27 @@ def test_a_graph_file_that_describes_another_graph_is_refused(folder: Path) -> N
         assert part in line
 
 
+@pytest.mark.parametrize(
+    ("file", "edit", "named"),
+    [
+        pytest.param(file, *case, id=f"{file}: {name}")
+        for file, cases in (
+            (CHECKPOINTS, WRONG_CHECKPOINTS),
+            (SCENE, WRONG_SCENES),
+            (TYPES, WRONG_TYPES),
+        )
+        for name, case in cases.items()
+    ],
+)
+def test_a_wrong_entry_is_named_with_its_file(
+    file: str, edit: Edit, named: tuple[str, ...], folder: Path
+) -> None:
+    edited(folder / file, edit)
+    line = refusal(folder)
+    for part in (file, *named):
+        assert part in line
+
+
 @pytest.mark.parametrize("case", SLIPS_THAT_LOOK_RIGHT)
 def test_a_slip_that_looks_right_is_refused(case: str, folder: Path) -> None:
     file, edit, named = SLIPS_THAT_LOOK_RIGHT[case]
@@ -416,24 +428,6 @@ def test_a_slip_that_looks_right_is_refused(case: str, folder: Path) -> None:
     line = refusal(folder)
     assert line.startswith(f"{file}: ")
     for part in named:
-        assert part in line
-
-
-@pytest.mark.parametrize("case", WRONG_SCENES)
-def test_a_wrong_scene_is_named_with_part_and_attribute(case: str, folder: Path) -> None:
-    edit, named = WRONG_SCENES[case]
-    edited(folder / SCENE, edit)
-    line = refusal(folder)
-    for part in (SCENE, *named):
-        assert part in line
-
-
-@pytest.mark.parametrize("case", WRONG_TYPES)
-def test_a_wrong_node_type_is_named_with_type_and_port(case: str, folder: Path) -> None:
-    edit, named = WRONG_TYPES[case]
-    edited(folder / TYPES, edit)
-    line = refusal(folder)
-    for part in (TYPES, *named):
         assert part in line
 
 

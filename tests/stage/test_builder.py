@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from handout_table import CAMERA, FILES, FOOTPRINT, GRAPHS, LIDAR, SENSORS
+from mini_lab import LAB, LAST, in_force
 from pxr import Sdf, Tf, Usd, UsdUtils
 from starters import (
     BASE_SCAN,
@@ -33,7 +33,6 @@ from starters import (
 )
 
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.write.builder import (
     BuildOptions,
@@ -44,18 +43,26 @@ from lab3_usd.stage.write.builder import (
     plan_files,
 )
 
-ALL = [f"{number:02}" for number in range(9)]
-ADDED = [each.path for each in (*GRAPHS, *SENSORS)]
+ALL = list(LAB.checkpoints)
+FILES = [checkpoint.file for checkpoint in LAB.checkpoints.values()]
+GRAPHS = [graph.path for graph in LAB.graphs.values()]
+LIDAR = LAB.sensors["lidar"].path
+FOOTPRINT = LAB.scene.robot.articulation.target
+ADDED = [*GRAPHS, LIDAR]
 LINKS = ("base_link", "base_scan", "caster_back_link", "wheel_left_link", "wheel_right_link")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _small_lab() -> Iterator[None]:
+    with in_force():
+        yield
 
 
 def build(
     starter: Path | None, out: Path, numbers: list[str] | None = None, **options: Any
 ) -> list[Path]:
     chosen = BuildOptions(**options)
-    return build_files(
-        load_lab(), starter, plan_files(load_lab(), out, numbers or ALL, chosen.form), chosen
-    )
+    return build_files(LAB, starter, plan_files(LAB, out, numbers or ALL, chosen.form), chosen)
 
 
 def opened(file: Path) -> Usd.Stage:
@@ -122,7 +129,7 @@ def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     home = tmp_path_factory.mktemp("lab")
     starter = VARIANTS[request.param](home / "given")
     before = files_below(home / "given")
-    first, last = build(starter, home / "work" / "out", ["00", "05"])
+    first, last = build(starter, home / "work" / "out", ["00", LAST])
     return Built(starter, home, before, files_below(home / "given"), first, last)
 
 
@@ -165,11 +172,11 @@ class TestEveryStarter:
             assert prim.IsActive()
             assert prim.IsDefined()
         nodes = sum(prim.GetTypeName() == "OmniGraphNode" for prim in stage.TraverseAll())
-        assert nodes == sum(len(graph.nodes) for graph in GRAPHS)
+        assert nodes == sum(len(graph.nodes) for graph in LAB.graphs.values())
 
     def test_what_the_graphs_point_at_is_found_from_the_new_folder(self, built: Built) -> None:
         stage = opened(built.last)
-        for path in (FOOTPRINT, LIDAR, CAMERA, *(f"{ROBOT}/{link}" for link in LINKS)):
+        for path in (FOOTPRINT, LIDAR, *(f"{ROBOT}/{link}" for link in LINKS)):
             assert stage.GetPrimAtPath(path).IsDefined()
 
     def test_nothing_more_is_out_of_reach_than_was(self, built: Built) -> None:
@@ -221,7 +228,7 @@ class TestEveryStarter:
         assert built.before == built.after
 
     def test_the_new_folder_holds_the_checkpoints_only(self, built: Built) -> None:
-        assert list(files_below(built.last.parent)) == [f"{FILES[0]}.usda", f"{FILES[5]}.usda"]
+        assert list(files_below(built.last.parent)) == [f"{FILES[0]}.usda", f"{FILES[-1]}.usda"]
 
 
 @pytest.fixture
@@ -399,11 +406,11 @@ def refer(stage: Usd.Stage, kind: str, path: str) -> None:
 
 INPUTS = {
     "the starter": put_at("Lab3_00_student_start"),
-    "a later checkpoint's name": put_at("Lab3_08_nav2_complete"),
+    "a later checkpoint's name": put_at("Lab3_05_navigation"),
     "a sublayer": layer_at("Lab3_03_lidar", "sublayer"),
-    "a referenced file": layer_at("Lab3_04_camera", "referenced"),
-    "a file of a variant not selected": layer_at("Lab3_04_camera", "variant"),
-    "a file of a deactivated prim": layer_at("Lab3_04_camera", "deactivated"),
+    "a referenced file": layer_at("Lab3_03_lidar", "referenced"),
+    "a file of a variant not selected": layer_at("Lab3_03_lidar", "variant"),
+    "a file of a deactivated prim": layer_at("Lab3_03_lidar", "deactivated"),
 }
 
 
@@ -419,11 +426,11 @@ def test_a_file_of_the_starter_is_never_written(case: str, force: bool, tmp_path
 
 
 def test_a_file_of_the_starter_is_not_written_through_a_linked_folder(tmp_path: Path) -> None:
-    starter = text_starter(tmp_path / "given" / "Lab3_05_odometry_tf.usda")
+    starter = text_starter(tmp_path / "given" / "Lab3_04_odometry_tf.usda")
     (tmp_path / "link").symlink_to(tmp_path / "given")
     with pytest.raises(UsageError):
         build(starter, tmp_path / "link", force=True)
-    assert list(files_below(tmp_path / "given")) == ["Lab3_05_odometry_tf.usda"]
+    assert list(files_below(tmp_path / "given")) == ["Lab3_04_odometry_tf.usda"]
 
 
 def test_a_file_of_the_starter_is_not_written_through_a_link(tmp_path: Path) -> None:
@@ -438,26 +445,26 @@ def test_a_file_of_the_starter_is_not_written_through_a_link(tmp_path: Path) -> 
 
 @pytest.fixture
 def one_there(tmp_path: Path) -> Path:
-    (tmp_path / "Lab3_06_qos_verified.usda").write_text("mine\n")
+    (tmp_path / "Lab3_05_navigation.usda").write_text("mine\n")
     return tmp_path
 
 
 def test_an_existing_file_is_kept_and_none_is_written(one_there: Path) -> None:
     with pytest.raises(UsageError) as refused:
         build(None, one_there)
-    assert "Lab3_06_qos_verified.usda" in str(refused.value)
-    assert [path.name for path in one_there.iterdir()] == ["Lab3_06_qos_verified.usda"]
-    assert (one_there / "Lab3_06_qos_verified.usda").read_text() == "mine\n"
+    assert "Lab3_05_navigation.usda" in str(refused.value)
+    assert [path.name for path in one_there.iterdir()] == ["Lab3_05_navigation.usda"]
+    assert (one_there / "Lab3_05_navigation.usda").read_text() == "mine\n"
 
 
 def test_an_existing_file_that_is_not_asked_for_is_no_obstacle(one_there: Path) -> None:
     build(None, one_there, ["00", "01"])
-    assert (one_there / "Lab3_06_qos_verified.usda").read_text() == "mine\n"
+    assert (one_there / "Lab3_05_navigation.usda").read_text() == "mine\n"
 
 
 def test_force_replaces_existing_files(one_there: Path) -> None:
     build(None, one_there, force=True)
-    assert (one_there / "Lab3_06_qos_verified.usda").read_text().startswith("#usda")
+    assert (one_there / "Lab3_05_navigation.usda").read_text().startswith("#usda")
 
 
 def test_a_link_to_nowhere_counts_as_a_file(tmp_path: Path) -> None:
@@ -469,10 +476,10 @@ def test_a_link_to_nowhere_counts_as_a_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("force", [False, True])
 def test_a_folder_under_a_checkpoints_name_is_no_file(force: bool, tmp_path: Path) -> None:  # noqa: FBT001 - a parameter
-    (tmp_path / "Lab3_04_camera.usda").mkdir()
+    (tmp_path / "Lab3_03_lidar.usda").mkdir()
     with pytest.raises(UsageError):
         build(None, tmp_path, force=force)
-    assert [path.name for path in tmp_path.iterdir()] == ["Lab3_04_camera.usda"]
+    assert [path.name for path in tmp_path.iterdir()] == ["Lab3_03_lidar.usda"]
 
 
 def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
@@ -494,7 +501,7 @@ main()
 
 
 @pytest.mark.parametrize(
-    ("form", "ending", "enough"), [("usda", ".usda", 45_000), ("usdc", ".usd", 16_000)]
+    ("form", "ending", "enough"), [("usda", ".usda", 25_000), ("usdc", ".usd", 10_000)]
 )
 def test_a_disk_that_fills_half_way_leaves_what_was_there(
     form: str, ending: str, enough: int, tmp_path: Path
@@ -622,16 +629,15 @@ REFUSED: dict[str, tuple[Change, list[str]]] = {
         remove(BASE_SCAN, f"{ROBOT}/wheel_left_link"),
         [BASE_SCAN, f"{ROBOT}/wheel_left_link"],
     ),
-    "a graph there": (define(GRAPHS[0].path, "OmniGraph"), [GRAPHS[0].path]),
+    "a graph there": (define(GRAPHS[0], "OmniGraph"), [GRAPHS[0]]),
     "every graph there": (
-        lambda stage: [define(graph.path, "OmniGraph")(stage) for graph in GRAPHS],
-        [LIDAR, CAMERA, *(graph.path for graph in GRAPHS)],
+        lambda stage: [define(path, "OmniGraph")(stage) for path in GRAPHS],
+        [LIDAR, *GRAPHS],
     ),
     "a lidar there": (define(LIDAR, "OmniLidar"), [LIDAR]),
-    "a camera there": (define(CAMERA, "Camera"), [CAMERA]),
     "rest of a lidar": (leave_over(LIDAR), [LIDAR]),
-    "deleted camera": (leave_deactivated(CAMERA), [CAMERA]),
-    "deleted graph": (leave_deactivated(GRAPHS[1].path), [GRAPHS[1].path]),
+    "deleted lidar": (leave_deactivated(LIDAR), [LIDAR]),
+    "deleted graph": (leave_deactivated(GRAPHS[1]), [GRAPHS[1]]),
     "deactivated robot": (deactivate(ROBOT), [ROBOT]),
     "deactivated link": (deactivate(FOOTPRINT), [FOOTPRINT]),
     "robot out of reach": (robot_as_over, [ROBOT, OFFLINE]),
@@ -674,8 +680,8 @@ def test_a_scene_whose_sublayer_is_missing_is_refused_and_the_file_named(tmp_pat
 
 
 def test_a_stage_with_all_the_labs_graphs_is_refused(tmp_path: Path) -> None:
-    (last,) = build(None, tmp_path / "given", ["08"])
-    assert reasons(last, tmp_path / "out") == [LIDAR, CAMERA, *(graph.path for graph in GRAPHS)]
+    (last,) = build(None, tmp_path / "given", [LAST])
+    assert reasons(last, tmp_path / "out") == [LIDAR, *GRAPHS]
 
 
 def test_a_real_import_with_other_paths_is_refused(shared: Path, tmp_path: Path) -> None:
@@ -714,7 +720,7 @@ def test_building_again_gives_the_same_bytes(tmp_path: Path) -> None:
     for form in ("usda", "usdc"):
         build(None, tmp_path / "first", form=form)
         build(None, tmp_path / "second", form=form)
-    assert len(files_below(tmp_path / "first")) == 18
+    assert len(files_below(tmp_path / "first")) == 2 * len(ALL)
     assert files_below(tmp_path / "first") == files_below(tmp_path / "second")
 
 
@@ -729,8 +735,8 @@ def test_text_to_binary_and_back_is_unchanged(number: str, tmp_path: Path) -> No
 
 
 def test_the_binary_form_holds_the_same_as_text(tmp_path: Path) -> None:
-    (text,) = build(None, tmp_path, ["08"])
-    (binary,) = build(None, tmp_path, ["08"], form="usdc")
+    (text,) = build(None, tmp_path, [LAST])
+    (binary,) = build(None, tmp_path, [LAST], form="usdc")
     assert binary.suffix == ".usd"
     assert binary.read_bytes().startswith(b"PXR-USDC")
     assert Sdf.Layer.FindOrOpen(str(binary)).ExportToString() == text.read_text()
@@ -764,8 +770,8 @@ def test_a_name_that_is_no_stages_is_refused(name: str, tmp_path: Path) -> None:
 
 def test_an_unknown_checkpoint_is_refused_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(UsageError) as refused:
-        build_checkpoint(None, "09", tmp_path / "a.usda")
-    assert all(number in str(refused.value) for number in ("09", *ALL))
+        build_checkpoint(None, "99", tmp_path / "a.usda")
+    assert all(number in str(refused.value) for number in ("99", *ALL))
 
 
 # ---- the vendor's lidar
@@ -775,7 +781,7 @@ ASSET = "https://host.invalid/Assets/Isaac/6.0/Isaac/Sensors/NVIDIA/Example_Rota
 
 @pytest.fixture
 def vendors(tmp_path: Path) -> Sdf.Layer:
-    (built,) = build(None, tmp_path, ["08"], lidar_asset=ASSET)
+    (built,) = build(None, tmp_path, [LAST], lidar_asset=ASSET)
     return Sdf.Layer.FindOrOpen(str(built))
 
 
@@ -806,7 +812,7 @@ def test_over_a_lidar_asset_only_rates_and_pose_are_written(vendors: Sdf.Layer) 
 def test_a_lidar_asset_changes_the_lidar_and_nothing_else(
     vendors: Sdf.Layer, tmp_path: Path
 ) -> None:
-    (built,) = build(None, tmp_path / "own", ["08"])
+    (built,) = build(None, tmp_path / "own", [LAST])
     ours, theirs = specs(Sdf.Layer.FindOrOpen(str(built))), specs(vendors)
     assert {path for path in ours if path not in theirs} == {
         path for path in ours if path.startswith(f"{LIDAR}.omni") and path not in theirs

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pxr import Usd
 
 from lab3_usd.model.dry_run import Check
-from lab3_usd.sim.execution.record import fixed_drive
-from lab3_usd.sim.judge.evidence import Evidence, Interface
-from lab3_usd.sim.judge.verdicts import judge
+from lab3_usd.sim.execution.drive import fixed_drive
+from lab3_usd.sim.judge.checks import judge
+from lab3_usd.sim.judge.trial import Interface, Trial
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.stage.read.scene import read_scene
@@ -42,9 +42,9 @@ INTERFACE = Interface(
 DRIVE = fixed_drive()
 
 
-def driven(stage: Usd.Stage, catalog: Catalog) -> Evidence:
+def driven(stage: Usd.Stage, catalog: Catalog) -> Trial:
     return record(read_scene(stage), catalog, DRIVE, INTERFACE)
 
 
-def faults(evidence: Evidence) -> list[Check]:
-    return [each for each in judge(evidence) if each.verdict != "ok"]
+def faults(trial: Trial) -> list[Check]:
+    return [each for each in judge(trial) if each.verdict != "ok"]

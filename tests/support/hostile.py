@@ -20,7 +20,7 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdUtils
 
-NAME = "Lab3_05_odometry_tf"
+NAME = "Lab3_04_odometry_tf"
 HEAD = '#usda 1.0\n(\n    defaultPrim = "World"\n    metersPerUnit = 1\n    upAxis = "Z"\n)\n'
 WORLD = HEAD + 'def Xform "World"\n{\n}\n'
 
@@ -925,7 +925,7 @@ def make_kit(folder: Path, build: Callable[[str, Path], Path]) -> Kit:
     solution, outside = folder / "solution", folder / "outside"
     outside.mkdir(parents=True)
     solution.mkdir()
-    build("05", solution / f"{NAME}.usda")
+    build("04", solution / f"{NAME}.usda")
     Usd.Stage.Open(str(solution / f"{NAME}.usda"))
     return Kit(solution, outside)
 

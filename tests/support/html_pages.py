@@ -26,6 +26,11 @@ TF = LAB.graphs["ROS_OdomTF"].path
 CAMERA = LAB.graphs["ROS_Camera"].path
 
 
+def since(number: str) -> str:
+    """Name the places of a checkpoint and of all that follow it, as `data-in` does."""
+    return " ".join(map(str, range(list(LAB.checkpoints).index(number), len(LAB.checkpoints))))
+
+
 def set_value(stage: Usd.Stage, path: str, value: object) -> None:
     """Set an attribute where the stage has its prim; early checkpoints lack most graphs."""
     prim = stage.GetPrimAtPath(Sdf.Path(path).GetPrimPath())

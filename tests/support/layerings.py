@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from handout_table import GRAPHS, ROBOT, graphs_until
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 from second_author import Style, author_graph, author_lab, author_sensors
-from second_graphs import GRAPHS, ROBOT, graphs_until
 
 
 def copied(starter: Path) -> Usd.Stage:

@@ -7,12 +7,28 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from breaking import correct_stage
+from click.testing import CliRunner
 from msgspec import Struct
 from rosbags.interfaces import Connection, Qos, QosDurability
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from lab3_usd.commands.sim import command as sim_command
+
 STORE = get_typestore(Stores.ROS2_HUMBLE)
+
+
+DRIVE = "0.2,0,1.4 0,0,0.3 -0.2,0,1.2 0,0.8,1 0,0,0.4"
+
+
+def recorded(folder: Path) -> Path:
+    """Record the correct stage of the last checkpoint that has one, with images; no fault."""
+    stage = folder / "Lab3_05.usda"
+    correct_stage("05").GetRootLayer().Export(str(stage))
+    arguments = [str(stage), "--drive", DRIVE, "--bag", str(folder / "dry")]
+    assert CliRunner().invoke(sim_command, arguments, catch_exceptions=False).exit_code == 0
+    return rewritten(folder / "dry", folder / "run", pictures)
 
 
 class Sent(Struct):
@@ -93,3 +109,48 @@ def pictures(sent: Sent) -> Iterator[Sent]:
 
 def durable(qos: tuple[Qos, ...]) -> tuple[Qos, ...]:
     return tuple(each._replace(durability=QosDurability.TRANSIENT_LOCAL) for each in qos)
+
+
+def on(topic: str, edit: Callable[[Any], object]) -> Callable[[Sent], Iterator[Sent]]:
+    """Edit the messages of one topic; `None` of an edit leaves the message out."""
+
+    def change(sent: Sent) -> Iterator[Sent]:
+        if sent.topic != topic or edit(sent.said) != "drop":
+            yield sent
+
+    return change
+
+
+def in_laser(said: Any) -> None:
+    said.header.frame_id = "laser"
+
+
+def faster(said: Any) -> None:
+    said.twist.twist.linear.x *= 2
+
+
+def tied(sent: Sent, parent: str, end: int = 100) -> Iterator[Sent]:
+    """Add what AMCL sends: the place of odometry in the map."""
+    yield sent
+    if sent.topic == "/scan" and sent.time < end * 1_000_000_000:
+        kind = "tf2_msgs/msg/TFMessage"
+        types = STORE.types
+        still = types["geometry_msgs/msg/Transform"](
+            types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0),
+            types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
+        )
+        head = types["std_msgs/msg/Header"](sent.said.header.stamp, parent)
+        said = types[kind]([types["geometry_msgs/msg/TransformStamped"](head, "odom", still)])
+        yield Sent(sent.time, "/tf", kind, said, sent.qos)
+
+
+def aimed(sent: Sent, status: int) -> Iterator[Sent]:
+    """Add a goal, which is under way for two seconds and then has this status."""
+    yield sent
+    if sent.topic == "/camera/camera_info":
+        kind, types = "action_msgs/msg/GoalStatusArray", STORE.types
+        number = types["unique_identifier_msgs/msg/UUID"](__import__("numpy").ones(16, "u1"))
+        goal = types["action_msgs/msg/GoalInfo"](number, sent.said.header.stamp)
+        state = types["action_msgs/msg/GoalStatus"](goal, status if sent.time > 2e9 else 2)
+        topic = "/navigate_to_pose/_action/status"
+        yield Sent(sent.time, topic, kind, types[kind]([state]), sent.qos)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from lab3_usd.sim.execution.record import Message, Odometry, Recording, Scan, View
+from lab3_usd.sim.execution.recording import Message, Odometry, Recording, Scan, View
 
 METRES = 2e-3
 RADIANS = 2e-3

@@ -1,7 +1,7 @@
 """A second author of the lab's five graphs and two sensors, who has never seen the first.
 
-Typed from the handout, with pxr and nothing else, so that what the builder and the checker might
-both get wrong comes to light. A `Style` says how the same graph is written.
+Written from the table of the handout, with pxr and nothing else, so that what the builder and the
+checker might both get wrong comes to light. A `Style` says how the same graph is written.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from pxr import Gf, Sdf, Usd, UsdUI
-from second_graphs import CAMERA, LIDAR, Graph, graphs_until
+from handout_table import CAMERA, LIDAR, TYPES, Graph, Wire, graphs_until
+from pxr import Gf, Sdf, Tf, Usd, UsdUI
 from second_ports import KINDS, SIGNALS, Port
 
+KIND_OF = {kind.type: kind for kind in KINDS.values()}
 _UNIFORM = Sdf.VariabilityUniform
 
 
@@ -88,8 +89,8 @@ def author_graph(stage: Usd.Stage, graph: Graph, style: Style) -> dict[str, Usd.
         prims[node] = _define(stage, f"{graph.path}/{name}", graph.nodes[node], style)
     for node, node_prim in prims.items():
         _author_ports(node_prim, graph, node, style, rng)
-    for source, target in wires_of(graph, style):
-        _connect(prims, source, target, style)
+    for wire in wires_of(graph, style):
+        _connect(prims, wire, style)
     return prims
 
 
@@ -103,20 +104,20 @@ def _in_order(items: Mapping[str, str], style: Style, rng: random.Random) -> lis
 def names_of(graph: Graph, style: Style) -> dict[str, str]:
     """Name the prims; the editor and the menus number those that would be called the same."""
     if style.names == "handout":
-        return {node: f"{node}_node" for node in graph.nodes}
+        return {node: Tf.MakeValidIdentifier(f"{node}_node") for node in graph.nodes}
     if style.names == "random":
         rng = random.Random(f"{graph.path}{style.seed}")  # noqa: S311 - the same on every run
         numbers = rng.sample(range(10**6), len(graph.nodes))
         return {node: f"n{number:06}" for node, number in zip(graph.nodes, numbers, strict=True)}
     names: dict[str, str] = {}
-    for node, kind in graph.nodes.items():
-        name = KINDS[kind].names[0 if style.names == "editor" else 1]
+    for node, node_type in graph.nodes.items():
+        name = KIND_OF[node_type].names[0 if style.names == "editor" else 1]
         names[node] = f"{name}_01" if name in names.values() else name
     return names
 
 
-def _define(stage: Usd.Stage, path: str, kind_name: str, style: Style) -> Usd.Prim:
-    kind = KINDS[kind_name]
+def _define(stage: Usd.Stage, path: str, node_type: str, style: Style) -> Usd.Prim:
+    kind = KIND_OF[node_type]
     prim = stage.DefinePrim(path, "OmniGraphNode")
     _set(prim, "node:type", "token", kind.type)
     _set(prim, "node:typeVersion", "int", kind.old_version if style.old_versions else kind.version)
@@ -137,19 +138,18 @@ def _author_ports(
         rng.shuffle(ports)
     values, targets = graph.values.get(node, {}), graph.targets.get(node, {})
     for port in ports:
-        name = port.name.partition(":")[2]
         if port.type == "rel":
-            _author_target(prim, port, targets.get(name, ()), style)
+            _author_target(prim, port, targets.get(port.name, ()), style)
             continue
-        value = _value(port, values.get(name), style)
+        value = _value(port, values.get(port.name), style)
         if value is not None or style.declare == "all":
             declare(prim, port, value)
 
 
 def _ports_of(graph: Graph, node: str) -> Iterator[Port]:
-    kind = graph.nodes[node]
-    yield from KINDS[kind].ports()
-    if kind == "array":
+    node_type = graph.nodes[node]
+    yield from KIND_OF[node_type].ports()
+    if node_type == TYPES["Make Array"]:
         yield Port("inputs:input1", "token")
 
 
@@ -207,21 +207,18 @@ def _typed(sdf_type: Sdf.ValueTypeName, value: Any) -> Any:
     return maker(value) if sdf_type.isArray else maker(*value)
 
 
-def wires_of(graph: Graph, style: Style) -> Iterator[tuple[str, str]]:
-    text = graph.wires
-    if style.wired_dt and "differential" in graph.nodes:
-        text += ", tick.deltaSeconds > differential.dt"
-    wires = [(each.split()[0], each.split()[2]) for each in text.split(",")]
+def wires_of(graph: Graph, style: Style) -> Iterator[Wire]:
+    wires = list(graph.wires)
+    if style.wired_dt and "differential_controller" in graph.nodes:
+        tick = ("on_playback_tick", "outputs:deltaSeconds")
+        wires.append((*tick, "differential_controller", "inputs:dt"))
     yield from wires[::-1] if style.backwards else wires
 
 
-def _connect(prims: Mapping[str, Usd.Prim], source: str, target: str, style: Style) -> None:
-    node, _, port = source.partition(".")
-    # A Constant Token has no output: what is wired is its value itself.
-    prefix = "inputs" if port == "value" else "outputs"
-    path = prims[node].GetPath().AppendProperty(f"{prefix}:{port}")
-    node, _, port = target.partition(".")
-    attribute = _declared(prims[node], f"inputs:{port}")
+def _connect(prims: Mapping[str, Usd.Prim], wire: Wire, style: Style) -> None:
+    source, output, target, port = wire
+    path = prims[source].GetPath().AppendProperty(output)
+    attribute = _declared(prims[target], port)
     if not style.list_edits:
         attribute.AddConnection(path)
         return
@@ -236,9 +233,7 @@ def _declared(prim: Usd.Prim, name: str) -> Usd.Attribute:
     attribute = prim.GetAttribute(name)
     if attribute:
         return attribute
-    kind = next(
-        each for each in KINDS.values() if each.type == prim.GetAttribute("node:type").Get()
-    )
+    kind = KIND_OF[prim.GetAttribute("node:type").Get()]
     found = [port for port in kind.ports() if port.name == name]
     return declare(prim, found[0] if found else Port(name, "token"))
 

@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics
 
+from lab3_usd.data import lab_folder
 from lab3_usd.stage.write.starter import build_starter
 
 ROBOT = "/turtlebot3_burger"
@@ -24,14 +25,14 @@ Change = Callable[[Usd.Stage], None]
 
 
 def text_starter(file: Path) -> Path:
-    """The bundled starter as text."""
+    """The starter of the lab in force as text."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_bytes(_text())
+    file.write_bytes(_text(lab_folder()))
     return file
 
 
 @cache
-def _text() -> bytes:
+def _text(_lab: Path) -> bytes:
     with TemporaryDirectory() as folder:
         target = Path(folder) / "starter.usda"
         build_starter(target)

@@ -119,7 +119,7 @@ def _agree_once(stage: Path, image: Path, facts: MapFacts, lab: Lab) -> tuple[Ag
         checkpoint for checkpoint in LAB.checkpoints if _is_as_built(stage, stage_name(checkpoint))
     ]
     if not numbers or not _is_as_built(image, f"maps/{image.name}"):
-        return WALL_AGREEMENTS(stage, image, facts, lab)
+        return tuple(WALL_AGREEMENTS(stage, image, facts, lab))
     return _built_agreements(numbers[0], image.name, facts)
 
 
@@ -148,9 +148,8 @@ def _built_beside_starter(number: str) -> StageResult:
 
 @cache
 def _built_agreements(number: str, image: str, facts: MapFacts) -> tuple[Agreement, ...]:
-    return WALL_AGREEMENTS(
-        _template() / stage_name(number), _template() / "maps" / image, facts, LAB
-    )
+    stage, map_image = _template() / stage_name(number), _template() / "maps" / image
+    return tuple(WALL_AGREEMENTS(stage, map_image, facts, LAB))
 
 
 @cache

@@ -23,7 +23,7 @@ from sabotage import Fault, graph_faults
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import against_starter, open_starter
 from lab3_usd.model.finding import Finding
-from lab3_usd.sim.execution.record import Recording
+from lab3_usd.sim.execution.recording import Recording
 from lab3_usd.stage.write.starter import build_starter
 
 sys.path.insert(0, str(REPOSITORY / "benchmarks"))

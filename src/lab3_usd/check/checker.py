@@ -29,12 +29,7 @@ from lab3_usd.check.robot.location import (
 from lab3_usd.check.robot.sensors import sensor_relocations
 from lab3_usd.check.rule_runs import run_rule
 from lab3_usd.check.tf.lab_frames import tf_view
-from lab3_usd.model.finding import (
-    Crash,
-    Finding,
-    NotJudged,
-    Requirement,
-)
+from lab3_usd.model.finding import Crash, Finding, NotJudged, Requirement
 from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_root
 
@@ -46,7 +41,7 @@ import_rules(*GRAPH_FAMILIES, *STAGE_FAMILIES)
 
 
 class Judgement(Struct, frozen=True):
-    """What the rules say of a stage, before findings are given lines."""
+    """The results of the rules for a stage, before findings are given lines."""
 
     findings: tuple[Finding, ...]
     requirements: tuple[Requirement, ...]
@@ -75,9 +70,9 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     robot = relocations.get(lab.scene.robot.path, "")
     subjects = tuple(_graph_subjects(placed, checkpoint, stage, live, robot))
     run = _Run(lab, [], [], {})
-    for found in rules_of("graph", *GRAPH_FAMILIES):
+    for rule in rules_of("graph", *GRAPH_FAMILIES):
         for subject in subjects:
-            run.rule(found, subject)
+            run.rule(rule, subject)
     whole = StageSubject(
         lab=placed,
         checkpoint=checkpoint,
@@ -92,23 +87,23 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         },
         graphs=subjects,
     )
-    for found in (*rules_of("model", "F"), *rules_of("stage", *STAGE_FAMILIES)):
-        run.rule(found, whole)
+    for rule in (*rules_of("model", "F"), *rules_of("stage", *STAGE_FAMILIES)):
+        run.rule(rule, whole)
     if checkpoint.frames:
         transforms = tf_view(whole)
-        for found in rules_of("frames", *STAGE_FAMILIES):
-            run.rule(found, transforms)
+        for rule in rules_of("frames", *STAGE_FAMILIES):
+            run.rule(rule, transforms)
     run.findings[:] = with_unmet(_without_repeats(run.findings), whole, lab)
     requirements = [item for subject in subjects for item in graph_requirements(subject)]
     requirements += scene_requirements(lab, checkpoint, run.findings)
     requirements += frame_requirements(whole)
     outcome = Outcome(whole, tuple(requirements), tuple(run.findings))
-    for found in rules_of("outcome", *STAGE_FAMILIES):
-        run.rule(found, outcome)
+    for rule in rules_of("outcome", *STAGE_FAMILIES):
+        run.rule(rule, outcome)
     findings = tuple(with_named_nodes(run.findings, live))
-    graphs = {graph_subject.spec.name: graph_subject.roles.graph for graph_subject in subjects}
-    asked = with_other_faults(outcome.requirements, findings, graphs)
-    return Judgement(findings, asked, tuple(run.crashes), tuple(run.not_judged))
+    graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
+    judged = with_other_faults(outcome.requirements, findings, graphs)
+    return Judgement(findings, judged, tuple(run.crashes), tuple(run.not_judged))
 
 
 def _without_repeats(findings: list[Finding]) -> list[Finding]:
@@ -137,21 +132,18 @@ class _Run(Struct, frozen=True):
     crashes: list[Crash]
     not_judged: dict[NotJudged, None]
 
-    def rule(self, found: Rule, subject: Any) -> None:
-        """Run one rule and keep what no other graph's subject had it find before."""
-        results = run_rule(found, subject, self.lab)
+    def rule(self, rule: Rule, subject: Any) -> None:
+        """Run one rule and keep its findings, once where graphs built in one share a node."""
+        results = run_rule(rule, subject, self.lab)
         self.crashes.extend(results.crashes)
         self.not_judged.update(dict.fromkeys(results.not_judged))
         for finding in results.findings:
-            if not any(_is_same(finding, known) for known in self.findings):
+            if not any(
+                (finding.prim, finding.property) == (known.prim, known.property)
+                and (finding.rule, finding.message) == (known.rule, known.message)
+                for known in self.findings
+            ):
                 self.findings.append(finding)
-
-
-def _is_same(one: Finding, other: Finding) -> bool:
-    """Whether two findings say the same: graphs that were built in one may share a node."""
-    if (one.rule, one.prim, one.property) != (other.rule, other.prim, other.property):
-        return False
-    return one.message == other.message
 
 
 def _graph_subjects(

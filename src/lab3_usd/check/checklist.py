@@ -10,7 +10,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult
+from lab3_usd.model.finding import ChecklistItem, Finding, StageResult
 from lab3_usd.model.folder import Evidence, Listing
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import RosSpec
@@ -48,14 +48,13 @@ class ChecklistInput(Struct, frozen=True):
 
 def decide_checklist(given: ChecklistInput) -> tuple[ChecklistItem, ...]:
     """Return every line of the checklists with its state and the reason."""
-    return tuple(_item(line, given) for line in given.spec.checklist)
-
-
-def _item(line: ChecklistSpec, given: ChecklistInput) -> ChecklistItem:
-    verdicts = list(_verdicts(line, given))
-    state = min((state for state, _ in verdicts), key=_ORDER.index)
-    reasons = dict.fromkeys(why for found, why in verdicts if found == state and why)
-    return ChecklistItem(line.section, line.text, state, "; ".join(reasons))
+    items = []
+    for line in given.spec.checklist:
+        verdicts = list(_verdicts(line, given))
+        gravest = min((state for state, _ in verdicts), key=_ORDER.index)
+        reasons = dict.fromkeys(why for state, why in verdicts if state == gravest and why)
+        items.append(ChecklistItem(line.section, line.text, gravest, "; ".join(reasons)))
+    return tuple(items)
 
 
 def _verdicts(line: ChecklistSpec, given: ChecklistInput) -> Iterator[_Verdict]:
@@ -68,18 +67,24 @@ def _verdicts(line: ChecklistSpec, given: ChecklistInput) -> Iterator[_Verdict]:
     for name in line.shown:
         yield _shown(name, given)
     for name in line.deliverables:
-        yield _deliverable(name, given)
+        deliverable, count = given.spec.deliverables[name], len(given.listing.found.get(name, ()))
+        expected = f"at least {deliverable.at_least} expected"
+        is_complete = count >= deliverable.at_least
+        reason = "" if is_complete else f"{deliverable.title}: {count} found, {expected}"
+        yield ("met" if is_complete else "not shown"), reason
     if line.person:
         yield "person", line.person
 
 
 def _stages(which: str, given: ChecklistInput) -> _Verdict:
     if which == "all":
-        wrong = [
-            checkpoint.file
-            for number, checkpoint in given.lab.checkpoints.items()
-            if not _is_handed_in(number, given)
-        ]
+        handed_in = {
+            number
+            for number, stage in given.listing.stages.items()
+            if stage.naming in {"right", "misplaced"}
+        }
+        checkpoints = given.lab.checkpoints
+        wrong = [checkpoints[number].file for number in checkpoints if number not in handed_in]
         return ("not met", f"missing or misnamed: {', '.join(wrong)}") if wrong else ("met", "")
     number = given.lab.last if which == "last" else which
     result = given.results.get(number)
@@ -90,23 +95,19 @@ def _stages(which: str, given: ChecklistInput) -> _Verdict:
     return "met", ""
 
 
-def _is_handed_in(number: str, given: ChecklistInput) -> bool:
-    stage = given.listing.stages.get(number)
-    return stage is not None and stage.naming in {"right", "misplaced"}
-
-
 def _requirements(patterns: tuple[str, ...], given: ChecklistInput) -> _Verdict:
     last = given.last
     if last is None:
         return "not shown", "no stage could be read"
     names = tuple(requirement.id for requirement in last.requirements)
     for pattern in patterns:
-        asked = [last.requirements[number] for number in _matching(pattern, names)]
-        if not asked:
+        requirements = [last.requirements[number] for number in _matching(pattern, names)]
+        if not requirements:
             return "not met", f"checkpoint {last.checkpoint} is the last, and does not have it yet"
-        missed = [requirement for requirement in asked if not requirement.met]
+        missed = [requirement for requirement in requirements if not requirement.met]
         if missed:
-            return "not met", _titles(missed)
+            more = f" and {len(missed) - 1} more" if len(missed) > 1 else ""
+            return "not met", f"{missed[0].group}: {missed[0].title}{more}"
     return "met", ""
 
 
@@ -120,20 +121,15 @@ def _matching(pattern: str, names: tuple[str, ...]) -> tuple[int, ...]:
     return tuple(number for number, name in enumerate(names) if fits(name))
 
 
-def _titles(missed: list[Requirement]) -> str:
-    more = f" and {len(missed) - 1} more" if len(missed) > 1 else ""
-    return f"{missed[0].group}: {missed[0].title}{more}"
-
-
 def _rules(rules: tuple[str, ...], given: ChecklistInput) -> Iterator[_Verdict]:
-    for found in given.errors():
-        if found.rule in rules:
-            yield "not met", f"{found.rule}: {found.message}"
+    for error in given.errors():
+        if error.rule in rules:
+            yield "not met", f"{error.rule}: {error.message}"
             return
-    for found in given.findings:
+    for note in given.findings:
         # A note on saved output says that it does not show what it is there for.
-        if found.rule in rules and found.rule.startswith(_EVIDENCE) and found.severity == "note":
-            yield "not shown", f"{found.rule}: {found.message}"
+        if note.rule in rules and note.rule.startswith(_EVIDENCE) and note.severity == "note":
+            yield "not shown", f"{note.rule}: {note.message}"
             return
 
 
@@ -143,32 +139,17 @@ def _shown(name: str, given: ChecklistInput) -> _Verdict:
     if not outputs.get(target):
         return "not shown", f"no output of `{_command(kind, target, given)}`"
     sites = {target, " -> ".join(target.split())}
-    for found in given.errors():
-        if found.rule.startswith(_EVIDENCE) and found.property in sites and target:
-            return "not met", f"{found.rule}: {found.message}"
+    for error in given.errors():
+        if error.rule.startswith(_EVIDENCE) and error.property in sites and target:
+            return "not met", f"{error.rule}: {error.message}"
     return "met", ""
 
 
 def _command(kind: str, target: str, given: ChecklistInput) -> str:
-    """Return the command whose output would show it."""
+    """Return the command whose output would show it, else the name of the output."""
     for command in given.ros.commands:
         goal = given.ros.goal
         is_goal = kind == "goals" and goal is not None and command.of == goal.status
         if is_goal or (command.kind.name, command.target) == (kind, target):
             return command.line
-    return _name_of(kind, target)
-
-
-def _name_of(kind: str, target: str) -> str:
-    """Name an output for which the lab has no command."""
     return f"{kind.replace('_', ' ')} {target}".strip()
-
-
-def _deliverable(name: str, given: ChecklistInput) -> _Verdict:
-    deliverable, found = given.spec.deliverables[name], given.listing.found.get(name, ())
-    if len(found) >= deliverable.at_least:
-        return "met", ""
-    return (
-        "not shown",
-        f"{deliverable.title}: {len(found)} found, at least {deliverable.at_least} expected",
-    )

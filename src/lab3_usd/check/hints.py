@@ -1,12 +1,9 @@
-"""What messages add to a fault.
-
-The node as the editor shows it, and that a fault does not stop the robot.
-"""
+"""What messages add to a fault: the node as the editor shows it, and that it is harmless."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec.structs import replace
 
@@ -18,6 +15,7 @@ from lab3_usd.spec.catalog import INPUT, Value
 from lab3_usd.spec.graph import GraphSpec, PortRef, Setting, Wire
 
 _THE_NODE = "the node"
+_HARMLESS = "; the robot may drive all the same"
 
 
 def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> Iterator[Finding]:
@@ -27,7 +25,7 @@ def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> 
     in brackets behind the title.
     """
     findings = tuple(findings)
-    if not any(each.hint for each in findings):
+    if not any(finding.hint for finding in findings):
         yield from findings
         return
     alike = Counter((_graph(path), node_title(node)) for path, node in nodes.items())
@@ -37,26 +35,19 @@ def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> 
         if node is None or not finding.hint:
             yield finding
             continue
-        title, name = node_title(node), finding.prim.rpartition("/")[2]
-        shown = title
-        if alike[_graph(finding.prim), title] > 1:
-            shown = f"{title} ({name})"
-        yield replace(finding, hint=_named(finding.hint, title, shown, _graph_of(finding, graphs)))
-
-
-def _named(hint: str, title: str, shown: str, graph: str) -> str:
-    if f"{title} (" not in hint:
-        hint = hint.replace(title, shown, 1)
-    hint = hint.replace(_THE_NODE, shown, 1) if shown not in hint else hint
-    return hint if graph in hint else f"in {graph}, {hint}"
+        title, hint = node_title(node), finding.hint
+        path, _, name = finding.prim.rpartition("/")
+        shown = f"{title} ({name})" if alike[path, title] > 1 else title
+        if f"{title} (" not in hint:
+            hint = hint.replace(title, shown, 1)
+        if shown not in hint:
+            hint = hint.replace(_THE_NODE, shown, 1)
+        graph = shown_graph(path, graphs)
+        yield replace(finding, hint=hint if graph in hint else f"in {graph}, {hint}")
 
 
 def _graph(path: str) -> str:
     return path.rpartition("/")[0]
-
-
-def _graph_of(finding: Finding, graphs: Collection[str]) -> str:
-    return shown_graph(_graph(finding.prim), graphs)
 
 
 def shown_graph(path: str, graphs: Iterable[str]) -> str:
@@ -66,37 +57,36 @@ def shown_graph(path: str, graphs: Iterable[str]) -> str:
     return path if alike else name
 
 
-_SAID = "; the robot may drive all the same"
-
-
-def without_node(subject: GraphSubject, role: str) -> str:
+def note_if_harmless(subject: GraphSubject, role: str) -> str:
     """Return how to end the message about a missing node: '' where the graph needs it."""
     wires = [wire for wire in subject.spec.wires if wire.source.role == role]
-    is_made_up = bool(wires) and all(_is_made_up(subject, wire) for wire in wires)
-    return _SAID if is_made_up else ""
+    is_supplied_otherwise = bool(wires) and all(
+        _is_supplied_otherwise(subject, wire) for wire in wires
+    )
+    return _HARMLESS if is_supplied_otherwise else ""
 
 
 def without_wire(subject: GraphSubject, wire: Wire | None) -> str:
     """Return how to end the message about a wire that is not there: '' where it is needed."""
-    return _SAID if wire is not None and _is_made_up(subject, wire) else ""
+    return _HARMLESS if wire is not None and _is_supplied_otherwise(subject, wire) else ""
 
 
 def with_setting(subject: GraphSubject, role: str, setting: Setting, value: Value | None) -> str:
     """Return how to end the message about a wrong value: '' where it makes a difference."""
     port = subject.spec.nodes[role].type.port(setting.port)
     is_choice = port is not None and value in port.allowed
-    return _SAID if is_choice and _unchanged(subject, role) else ""
+    return _HARMLESS if is_choice and _unchanged(subject, role) else ""
 
 
-def _is_made_up(subject: GraphSubject, wire: Wire) -> bool:
+def _is_supplied_otherwise(subject: GraphSubject, wire: Wire) -> bool:
     """Whether the input gets what the wire would bring, as a value or past the wire's node."""
     target, port = subject.roles.node_of[wire.target.role], wire.target.port
     if target is None:
-        onward = [each for each in subject.spec.wires if each.source.role == wire.target.role]
-        return bool(onward) and all(_is_made_up(subject, each) for each in onward)
+        onward = [after for after in subject.spec.wires if after.source.role == wire.target.role]
+        return bool(onward) and all(_is_supplied_otherwise(subject, after) for after in onward)
     sources = [source for source in target.sources(port) if is_live(subject.live_nodes, source)]
     if sources:
-        return set(sources) <= _around(subject, wire.source.role)
+        return set(sources) <= _sources_past(subject, wire.source.role)
     value = target.value(port)
     drives = None if target.type is None else target.type.drives
     if drives is not None and port == drives.joints and value in (None, ()):
@@ -111,16 +101,16 @@ def _unchanged(subject: GraphSubject, role: str) -> bool:
     return is_in_metres and bool(subject.spec.nodes[role].type.same_in_metres)
 
 
-def _around(subject: GraphSubject, role: str) -> set[str]:
+def _sources_past(subject: GraphSubject, role: str) -> set[str]:
     """Return the sources that bring the same as the node of a role, without it."""
     if not _unchanged(subject, role):
         return set()
-    found = set()
+    sources = set()
     for wire in subject.spec.wires_into(role):
         source = subject.roles.node_of[wire.source.role]
         if source is not None and wire.target.port in subject.spec.nodes[role].type.same_in_metres:
-            found.add(source_path(source, wire))
-    return found
+            sources.add(source_path(source, wire))
+    return sources
 
 
 def _given(spec: GraphSpec, source: PortRef) -> Value | None:

@@ -43,7 +43,7 @@ PLAIN: Mapping[str, str] = {
     "graph_name": "Clock",
     "next_graph": "/World/Drive",
     "next_graph_name": "Drive",
-    "last_graph_name": "Odometry",
+    "tree_graph_name": "Odometry",
     "stages": "stages",
     "maps": "maps",
     "shown": "output",
@@ -59,7 +59,7 @@ PLAIN: Mapping[str, str] = {
     "above": "map",
     **{f"stage{n}": f"stage_{n}.usda" for n in range(_LAST_STAGE + 1)},
     **{f"stem{n}": f"stage_{n}" for n in range(_LAST_STAGE + 1)},
-    "last_stage": "stage_9.usda",
+    "map_stage": "stage_9.usda",
 }
 
 
@@ -76,13 +76,23 @@ def in_words_of(lab: Lab | None, manual: str) -> str:
     if "{" not in manual:
         return manual
     words = PLAIN if lab is None else _words(lab)
-    return re.sub(_NAME, lambda found: words[found[1]], manual)
+    return re.sub(_NAME, lambda name: words[name[1]], manual)
 
 
 @lru_cache(maxsize=4)
 def _words(lab: Lab) -> Mapping[str, str]:
-    said = (*_of_robot(lab), *_of_sensors(lab), *_of_graphs(lab), *_of_files(lab), *_of_ros(lab))
-    return {**PLAIN, **{name: word for name, word in said if word}}
+    words = [*_of_robot(lab), *_of_sensors(lab), *_of_files(lab)]
+    graphs = list(lab.graphs.values())
+    for name, number in (("graph", 0), ("next_graph", 1)):
+        words.append((name, _at([graph.path for graph in graphs], number)))
+        words.append((f"{name}_name", _at([graph.name for graph in graphs], number)))
+    with_tree = (point.graphs for point in lab.checkpoints.values() if point.frames)
+    words.append(("tree_graph_name", _at(next(with_tree, tuple(lab.graphs)), len(graphs))))
+    for name, message in _MESSAGES.items():
+        topics = (topic for topic, spec in lab.topics.items() if spec.type == message)
+        words.append((name, next(topics, "")))
+    words += [("root", lab.frames.root), ("above", lab.frames.above)]
+    return {**PLAIN, **{name: word for name, word in words if word}}
 
 
 def _at(words: Sequence[str], number: int) -> str:
@@ -117,21 +127,10 @@ def _of_sensors(lab: Lab) -> Iterator[tuple[str, str]]:
             yield word, first.path
             yield f"{word}_name", first.name
             yield f"{word}_link", first.path.rpartition("/")[0].rpartition("/")[2]
-            yield f"{word}_menu", _menu(first.asset_suffix)
-
-
-def _menu(asset: str) -> str:
-    """Return vendor and name of a sensor's asset, as the Create menu has them."""
-    vendor, _, file = asset.rpartition("/")
-    name = file.partition(".")[0].replace("_", " ")
-    return f" > {vendor.rpartition('/')[2]} > {name}" if name else ""
-
-
-def _of_graphs(lab: Lab) -> Iterator[tuple[str, str]]:
-    graphs = list(lab.graphs.values())
-    for word, number in (("graph", 0), ("next_graph", 1), ("last_graph", len(graphs))):
-        yield word, _at([graph.path for graph in graphs], number)
-        yield f"{word}_name", _at([graph.name for graph in graphs], number)
+            # Vendor and name of the sensor's asset, as the Create menu has them.
+            vendor, _, file = first.asset_suffix.rpartition("/")
+            name = file.partition(".")[0].replace("_", " ")
+            yield f"{word}_menu", f" > {vendor.rpartition('/')[2]} > {name}" if name else ""
 
 
 def _of_files(lab: Lab) -> Iterator[tuple[str, str]]:
@@ -140,7 +139,8 @@ def _of_files(lab: Lab) -> Iterator[tuple[str, str]]:
     for number in range(_LAST_STAGE + 1):
         yield f"stem{number}", _at(stems, number)
         yield f"stage{number}", f"{_at(stems, number)}{ending}"
-    yield "last_stage", f"{stems[-1]}{ending}"
+    on_map = [p.file for p in lab.checkpoints.values() if p.localization and not p.new]
+    yield "map_stage", f"{(on_map or stems)[-1]}{ending}"
     yield "stages", folders.stages
     yield "maps", folders.maps
     yield "shown", _at(folders.shown, 0)
@@ -149,10 +149,3 @@ def _of_files(lab: Lab) -> Iterator[tuple[str, str]]:
     facts = lab.scene.map
     yield "map", "" if facts is None else facts.yaml
     yield "map_image", "" if facts is None else facts.image
-
-
-def _of_ros(lab: Lab) -> Iterator[tuple[str, str]]:
-    for word, message in _MESSAGES.items():
-        yield word, next((name for name, topic in lab.topics.items() if topic.type == message), "")
-    yield "root", lab.frames.root
-    yield "above", lab.frames.above

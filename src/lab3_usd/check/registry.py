@@ -203,16 +203,16 @@ def check_rule_names(names: Iterable[str], where: str = "") -> tuple[str, ...]:
     Raises:
         UsageError: there is no such rule or family; left out, it would hide every fault.
     """
-    return tuple(_rule_id(name.strip(), where) for name in names)
-
-
-def _rule_id(name: str, where: str) -> str:
-    if name.upper() in FAMILIES or name.upper() in all_rules():
-        return name.upper()
-    if name.lower() in (by_name := rule_names()):
-        return by_name[name.lower()]
-    place = f"{where}: " if where else ""
-    raise UsageError(f"{place}there is no rule or family '{name.upper()}'; lab3 rules lists them")
+    ids = []
+    for name in map(str.strip, names):
+        upper = name.upper()
+        rule_id = upper if upper in FAMILIES else None
+        rule_id = rule_id or (upper if upper in all_rules() else rule_names().get(name.lower()))
+        if rule_id is None:
+            place = f"{where}: " if where else ""
+            raise UsageError(f"{place}there is no rule or family '{upper}'; lab3 rules lists them")
+        ids.append(rule_id)
+    return tuple(ids)
 
 
 def rules_of(scope: Scope, *families: str) -> list[Rule]:
@@ -240,5 +240,5 @@ def import_rules(*families: str) -> None:
 
 @cache
 def _in_order(scope: Scope, families: tuple[str, ...]) -> tuple[Rule, ...]:
-    rules = (found for _, found in sorted(_RULES.items()) if found.scope == scope)
-    return tuple(found for found in rules if found.family in families)
+    rules = (rule for _, rule in sorted(_RULES.items()) if rule.scope == scope)
+    return tuple(rule for rule in rules if rule.family in families)

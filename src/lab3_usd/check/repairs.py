@@ -17,26 +17,25 @@ from lab3_usd.model.changes import (
     SetValue,
 )
 from lab3_usd.model.finding import Severity
-from lab3_usd.model.stage import Node, PortState
+from lab3_usd.model.stage import Node
 from lab3_usd.spec.catalog import Catalog, NodeType, Port
-from lab3_usd.spec.graph import NodeSpec
 
 TYPE, VERSION = "node:type", "node:typeVersion"
 
 
 def edits_at(subject: GraphSubject, *properties: str) -> tuple[Edit, ...]:
     """Return what makes properties right, given by their paths, of nodes that play a role."""
-    return tuple(edit for path in properties for edit in _site_edits(subject, path))
-
-
-def _site_edits(subject: GraphSubject, path: str) -> Iterator[Edit]:
-    prim, _, name = path.partition(".")
-    role, node = subject.roles.role_of.get(prim), subject.live_nodes.get(prim)
-    if role is None:
-        retyped = subject.roles.retyped.items()
-        role = next((role for role, stand_in in retyped if stand_in.path == prim), None)
-    if role is not None and node is not None:
-        yield from _property_edits(subject, role, node, name)
+    retyped = {node.path: role for role, node in subject.roles.retyped.items()}
+    edits: list[Edit] = []
+    for path in properties:
+        prim, _, name = path.partition(".")
+        role, node = (
+            subject.roles.role_of.get(prim, retyped.get(prim)),
+            subject.live_nodes.get(prim),
+        )
+        if role is not None and node is not None:
+            edits += _property_edits(subject, role, node, name)
+    return tuple(edits)
 
 
 def edits_in_stage(whole: StageSubject, prim: str, name: str | None) -> tuple[Edit, ...]:
@@ -59,22 +58,29 @@ def _property_edits(subject: GraphSubject, role: str, node: Node, name: str) -> 
     spec = subject.spec.nodes[role]
     port = spec.type.port(name)
     if name in {TYPE, VERSION}:
-        yield from _type_edits(spec, node)
+        if node.type_name != spec.type.type:
+            yield SetValue(node.path, TYPE, "token", spec.type.type)
+        if node.version != spec.type.version:
+            yield SetValue(node.path, VERSION, "int", spec.type.version)
     elif port is None:
-        yield from _unknown_port_edits(subject, role, node, name)
+        # The port was likely meant to be one that the type has; else it is not connected.
+        likely = likely_name(name, [*spec.type.ports])
+        if likely is not None and _misspelt(spec.type, node, likely) == name:
+            yield from _property_edits(subject, role, node, likely)
+        elif node.sources(name):
+            yield Connect(node.path, name, "token")
     elif port.is_target:
-        yield from _target_edits(spec, node, name)
+        expected = next((target.prims for target in spec.targets if target.port == name), ())
+        if node.targets(name) != expected:
+            yield Retarget(node.path, name, expected)
     else:
-        yield from _renaming(spec, node, name)
-        yield from _wire_edits(subject, role, node, port)
+        written = _misspelt(spec.type, node, name)
+        if written is not None:
+            yield RenameProperty(node.path, written, name)
+        sources = tuple(_sources(subject, role, node, name))
+        if node.sources(name) != sources:
+            yield Connect(node.path, name, port.usd_type, sources)
         yield from _value_edits(subject, role, node, port)
-
-
-def _type_edits(spec: NodeSpec, node: Node) -> Iterator[Edit]:
-    if node.type_name != spec.type.type:
-        yield SetValue(node.path, TYPE, "token", spec.type.type)
-    if node.version != spec.type.version:
-        yield SetValue(node.path, VERSION, "int", spec.type.version)
 
 
 def modern_types(nodes: Iterable[Node], catalog: Catalog) -> Iterator[Edit]:
@@ -85,40 +91,11 @@ def modern_types(nodes: Iterable[Node], catalog: Catalog) -> Iterator[Edit]:
             yield SetValue(node.path, TYPE, "token", now)
 
 
-def _unknown_port_edits(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[Edit]:
-    """Yield what makes a port right that the type does not have: its name, else no connection."""
-    kind = subject.spec.nodes[role].type
-    likely = likely_name(name, [*kind.ports])
-    if likely is not None and _misspelt(kind, node, likely) == name:
-        yield from _property_edits(subject, role, node, likely)
-    elif node.sources(name):
-        yield Connect(node.path, name, "token")
-
-
-def _renaming(spec: NodeSpec, node: Node, name: str) -> Iterator[Edit]:
-    written = _misspelt(spec.type, node, name)
-    if written is not None:
-        yield RenameProperty(node.path, written, name)
-
-
 def _misspelt(kind: NodeType, node: Node, name: str) -> str | None:
     """Return the property that was likely meant to be a port which the node does not have."""
     unknown = [port for port in node.ports if kind.port(port) is None]
     written = likely_name(name, unknown) if name not in node.ports else None
     return written if written and likely_name(written, [*kind.ports]) == name else None
-
-
-def _target_edits(spec: NodeSpec, node: Node, name: str) -> Iterator[Edit]:
-    asked = next((target.prims for target in spec.targets if target.port == name), ())
-    if node.targets(name) != asked:
-        yield Retarget(node.path, name, asked)
-
-
-def _wire_edits(subject: GraphSubject, role: str, node: Node, port: Port) -> Iterator[Edit]:
-    actual = node.sources(port.name)
-    asked = tuple(_sources(subject, role, node, port.name))
-    if actual != asked:
-        yield Connect(node.path, port.name, port.usd_type, asked)
 
 
 def _sources(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[str]:
@@ -133,16 +110,13 @@ def _sources(subject: GraphSubject, role: str, node: Node, name: str) -> Iterato
 
 def _value_edits(subject: GraphSubject, role: str, node: Node, port: Port) -> Iterator[Edit]:
     spec, state = subject.spec.nodes[role], node.state(port.name)
-    setting = next((each for each in spec.settings if each.port == port.name), None)
+    setting = next((known for known in spec.settings if known.port == port.name), None)
     if setting is not None:
         is_typed = state is None or state.usd_type in {"", port.usd_type}
         if not is_typed or not setting_matches(node, setting, node.value(port.name)):
             yield SetValue(node.path, port.name, port.usd_type, setting.value)
-    elif state is not None and not _is_left_alone(subject, role, state, port):
-        yield ClearValue(node.path, port.name)
-
-
-def _is_left_alone(subject: GraphSubject, role: str, state: PortState, port: Port) -> bool:
-    """Whether an input that the handout does not set has no value of its own, or is connected."""
+        return
+    # The handout does not set this input; a value below a connection does no harm.
     is_connected = any(wire.target.port == port.name for wire in subject.spec.wires_into(role))
-    return is_connected or state.value is None or state.value == port.default
+    if not is_connected and state is not None and state.value not in (None, port.default):
+        yield ClearValue(node.path, port.name)

@@ -22,20 +22,20 @@ from lab3_usd.check.tf.lab_frames import tf_view, waived_frames
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node
-from lab3_usd.spec.graph import GraphSpec, NodeSpec, Setting, Target, Wire
+from lab3_usd.spec.graph import GraphSpec, Setting, Target, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 
-_Asked = Setting | Target | Wire
+_Expected = Setting | Target | Wire
 
 
 class _GraphItem(Struct, frozen=True):
     """One thing asked of a graph, and the requirement that it is when it is met and when not.
 
-    `asked` is what is asked of the node with this role, None where the node is only to be there.
+    `expected` is what the node with this role must have, None where it must only exist.
     """
 
     role: str
-    asked: _Asked | None
+    expected: _Expected | None
     met: Requirement
     unmet: Requirement
 
@@ -46,7 +46,7 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
     is_of_lab = lab.graphs.get(spec.name) is spec  # else it reads as one that stands elsewhere
     for item in _lab_items(lab, spec.name) if is_of_lab else _graph_items(spec):
         node = subject.roles.node_of[item.role]
-        yield item.met if node is not None and _meets(subject, node, item.asked) else item.unmet
+        yield item.met if node is not None and _meets(subject, node, item.expected) else item.unmet
 
 
 @lru_cache(maxsize=64)
@@ -56,44 +56,46 @@ def _lab_items(lab: Lab, graph: str) -> list[_GraphItem]:
 
 
 def _graph_items(graph: GraphSpec) -> list[_GraphItem]:
-    items = [item for spec in graph.nodes.values() for item in _node_items(graph.name, spec)]
+    items = []
+    for role, spec in graph.nodes.items():
+        node = role_title(spec)
+        items.append(_item(graph.name, f"node/{role}", node, spec.handout, role))
+        for setting in spec.settings:
+            short = setting.port.partition(":")[2]
+            name, title = f"setting/{role}.{short}", f"{node}: {short} = {display(setting.value)}"
+            items.append(_item(graph.name, name, title, setting.handout, role, setting))
+        for target in spec.targets:
+            if target.port not in spec.frames_from:
+                short = target.port.partition(":")[2]
+                name, title = (
+                    f"target/{role}.{short}",
+                    f"{node}: {short} = {', '.join(target.prims)}",
+                )
+                items.append(_item(graph.name, name, title, target.handout, role, target))
     for wire in graph.wires:
         name, title = f"wire/{wire.target.short}", str(wire)
         items.append(_item(graph.name, name, title, wire.handout, wire.target.role, wire))
     return items
 
 
-def _node_items(graph: str, spec: NodeSpec) -> Iterator[_GraphItem]:
-    role, node = spec.role, role_title(spec)
-    yield _item(graph, f"node/{role}", node, spec.handout, role)
-    for setting in spec.settings:
-        short = setting.port.partition(":")[2]
-        title = f"{node}: {short} = {display(setting.value)}"
-        yield _item(graph, f"setting/{role}.{short}", title, setting.handout, role, setting)
-    for target in spec.targets:
-        if target.port not in spec.frames_from:
-            short = target.port.partition(":")[2]
-            title = f"{node}: {short} = {', '.join(target.prims)}"
-            yield _item(graph, f"target/{role}.{short}", title, target.handout, role, target)
-
-
 def _item(
-    graph: str, name: str, title: str, handout: str, role: str, asked: _Asked | None = None
+    graph: str, name: str, title: str, handout: str, role: str, expected: _Expected | None = None
 ) -> _GraphItem:
     kind = name.partition("/")[0]
     met = Requirement(f"{graph}/{name}", graph, kind, title, met=True, handout=handout)
-    return _GraphItem(role, asked, met, replace(met, met=False))
+    return _GraphItem(role, expected, met, replace(met, met=False))
 
 
-def _meets(subject: GraphSubject, node: Node, asked: _Asked | None) -> bool:
-    if asked is None:
+def _meets(subject: GraphSubject, node: Node, expected: _Expected | None) -> bool:
+    if expected is None:
         return True
-    if isinstance(asked, Setting):
-        return setting_matches(node, asked, setting_value(subject.live_nodes, node, asked.port))
-    if isinstance(asked, Target):
-        return target_matches(node, asked)
-    source = subject.roles.node_of[asked.source.role]
-    return source is not None and is_fed(source, node, asked, subject.roles.equivalents)
+    if isinstance(expected, Setting):
+        value = setting_value(subject.live_nodes, node, expected.port)
+        return setting_matches(node, expected, value)
+    if isinstance(expected, Target):
+        return target_matches(node, expected)
+    source = subject.roles.node_of[expected.source.role]
+    return source is not None and is_fed(source, node, expected, subject.roles.equivalents)
 
 
 def demands_of(lab: Lab, checkpoint: Checkpoint) -> tuple[Demand, ...]:
@@ -167,10 +169,8 @@ def frame_requirements(subject: StageSubject) -> Iterator[Requirement]:
     published = {(edge.parent, edge.child) for edge in published_edges(subject.stage, subject.lab)}
     parents = {child: parent for parent, child in sorted(published)}
     for parent, child in spec.edges:
-        met = (parent, child) in published or (
-            parent == spec.deeper_under and _is_below(child, parent, parents)
-        )
-        met = met or child in waived
+        is_deeper = parent == spec.deeper_under and _is_below(child, parent, parents)
+        met = (parent, child) in published or is_deeper or child in waived
         title = f"{parent} -> {child} is published"
         yield Requirement(f"TF/frame/{child}", "TF", "frame", title, met, spec.handout)
 
@@ -197,9 +197,9 @@ def with_other_faults(
     stage that fails has not met everything. `graphs` are the graphs of the stage by their names in
     the lab; what lies in none of them is of the scene.
     """
-    asked = tuple(requirements)
-    if not all(requirement.met for requirement in asked):
-        return asked
+    required = tuple(requirements)
+    if not all(requirement.met for requirement in required):
+        return required
     added: dict[str, Requirement] = {}
     for finding in findings:
         group = _group_of(finding, graphs)
@@ -209,7 +209,7 @@ def with_other_faults(
             added.setdefault(
                 group, Requirement(item, group, "scene", title, met=False, handout=finding.handout)
             )
-    return (*asked, *added.values())
+    return (*required, *added.values())
 
 
 def _group_of(finding: Finding, graphs: Mapping[str, GraphModel | None]) -> str:

@@ -26,12 +26,7 @@ class RuleResults(Struct, frozen=True):
 _NOTHING = RuleResults()
 
 
-def run_family(
-    scope: Scope,
-    family: str,
-    subject: Any,
-    lab: Lab | None,
-) -> RuleResults:
+def run_family(scope: Scope, family: str, subject: Any, lab: Lab | None) -> RuleResults:
     """Run every rule of a family in the order of their ids."""
     return merge_results(run_rule(rule, subject, lab) for rule in rules_of(scope, family))
 
@@ -71,18 +66,18 @@ def merge_results(results: Iterable[RuleResults]) -> RuleResults:
     runs = list(results)
     return RuleResults(
         tuple(finding for run in runs for finding in run.findings),
-        tuple(crash for rule_results in runs for crash in rule_results.crashes),
-        tuple(entry for rule_results in runs for entry in rule_results.not_judged),
+        tuple(crash for run in runs for crash in run.crashes),
+        tuple(entry for run in runs for entry in run.not_judged),
     )
 
 
-def finding_of(found: Rule, problem: Problem, lab: Lab | None) -> Finding:
+def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
     """Stamp the rule's id, name and severity on what it yielded."""
-    section = None if lab is None else lab.handout.rules.get(found.id)
-    severity = problem.severity or found.severity
+    section = None if lab is None else lab.handout.rules.get(rule.id)
+    severity = problem.severity or rule.severity
     return Finding(
-        rule=found.id,
-        name=found.name,
+        rule=rule.id,
+        name=rule.name,
         severity=severity,
         prim=problem.prim or "/",
         property=problem.property,
@@ -90,7 +85,7 @@ def finding_of(found: Rule, problem: Problem, lab: Lab | None) -> Finding:
         expected=problem.expected,
         actual=problem.actual,
         handout=problem.handout or section,
-        hint=problem.hint or in_words_of(lab, found.section("Fix")) or None,
+        hint=problem.hint or in_words_of(lab, rule.section("Fix")) or None,
         related=problem.related,
         fix=repair_by(problem.fix) if problem.fix and severity != "note" else None,
         weaker=problem.weaker,
@@ -100,6 +95,7 @@ def finding_of(found: Rule, problem: Problem, lab: Lab | None) -> Finding:
         absent=problem.absent,
         causes=problem.causes,
         follows=problem.follows,
+        frames=problem.frames,
         if_supplied=problem.if_supplied,
-        supplied=found.judges_supplied,
+        supplied=rule.judges_supplied,
     )

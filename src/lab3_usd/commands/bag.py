@@ -5,35 +5,13 @@ from __future__ import annotations
 import sys
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from lab3_usd.commands.steps.options import text_or_json
 from lab3_usd.errors import UsageError
 
-if TYPE_CHECKING:
-    from lab3_usd.model.dry_run import Behaviour
-    from lab3_usd.spec.lab import Lab
-
 EXITS = {"ok": 0, "bad": 1, "unreadable": 2}
-
-
-def _compared(found: Behaviour, stage: Path, lab: Lab, checkpoint: str) -> Behaviour:
-    """Add where a recording differs from the dry run of its stage.
-
-    Raises:
-        UsageError: the stage cannot be read.
-    """
-    from msgspec.structs import replace
-
-    from lab3_usd.sim.bag.judge import differences
-    from lab3_usd.sim.dry_run import dry_run
-
-    dry = dry_run(stage, lab, checkpoint).behaviour
-    if dry.verdict == "unreadable":
-        raise UsageError(f"--stage {stage}: {dry.not_simulated[0].reason}")
-    return replace(found, differences=differences(found, dry))
 
 
 @click.command("bag")
@@ -66,18 +44,25 @@ def command(recording: Path, checkpoint: str | None, stage: Path | None, form: s
 
     if find_spec("rosbags") is None:
         raise UsageError("lab3 bag needs the extra lab3-usd[sim]: pip install 'lab3-usd[sim]'")
-    from lab3_usd.sim.bag.judge import judge_recording
+    from lab3_usd.sim.bag.judge import differences, judge_recording
 
     lab = load_lab()
-    known = [*lab.checkpoints]
+    numbers = [*lab.checkpoints]
     names = [recording.name, stage.name if stage is not None else ""]
-    named = next(filter(None, (checkpoint_of(name, lab) for name in names)), known[-1])
-    asked = named if checkpoint is None else checkpoint_number(checkpoint, known)
-    found = judge_recording(recording, lab, asked, whole=checkpoint is not None)
-    if stage is not None and found.verdict != "unreadable":
-        found = _compared(found, stage, lab, asked)
+    named = next(filter(None, (checkpoint_of(name, lab) for name in names)), numbers[-1])
+    number = named if checkpoint is None else checkpoint_number(checkpoint, numbers)
+    behaviour = judge_recording(recording, lab, number, whole=checkpoint is not None)
+    if stage is not None and behaviour.verdict != "unreadable":
+        from msgspec.structs import replace
+
+        from lab3_usd.sim.dry_run import dry_run
+
+        dry = dry_run(stage, lab, number).behaviour
+        if dry.verdict == "unreadable":
+            raise UsageError(f"--stage {stage}: {dry.not_simulated[0].reason}")
+        behaviour = replace(behaviour, differences=differences(behaviour, dry))
     if form == "json":
-        click.echo(text.render_json(found), nl=False)
+        click.echo(text.render_json(behaviour), nl=False)
     else:
-        click.echo(text.render(found, width(), color=wants_color()), nl=False)
-    sys.exit(EXITS[found.verdict])
+        click.echo(text.render(behaviour, width(), color=wants_color()), nl=False)
+    sys.exit(EXITS[behaviour.verdict])

@@ -50,18 +50,13 @@ def command(
     STARTER is the supplied scene; without it that of the lab is used. It is opened read-only.
     """
     from lab3_usd.spec.load.loader import load_lab
-    from lab3_usd.stage.write.builder import (
-        BuildOptions,
-        StarterError,
-        build_files,
-        plan_files,
-    )
+    from lab3_usd.stage.write.builder import BuildOptions, StarterError, build_files, plan_files
 
     if lidar_asset == "":  # a reference to nothing would be one to the stage itself
         raise click.UsageError("--lidar-asset needs an address")
     lab = load_lab()
     numbers = _numbers(list(lab.checkpoints), through, only)
-    form = form or _usual_form(lab.submission.stages.endings[0])
+    form = form or ("usda" if lab.submission.stages.endings[0] == ".usda" else "usdc")
     options = BuildOptions(form, lidar_asset, force)
     try:
         files = build_files(lab, starter, plan_files(lab, folder, numbers, form), options)
@@ -73,7 +68,7 @@ def command(
     for file in files:
         click.echo(str(file))
     if starter is not None:
-        _warn(starter)
+        _warn_of_deviations(starter)
 
 
 def _numbers(known: list[str], through: str | None, only: str | None) -> list[str]:
@@ -87,11 +82,7 @@ def _numbers(known: list[str], through: str | None, only: str | None) -> list[st
     return [number] if only is not None else known[: known.index(number) + 1]
 
 
-def _usual_form(ending: str) -> str:
-    return "usda" if ending == ".usda" else "usdc"
-
-
-def _warn(starter: Path) -> None:
+def _warn_of_deviations(starter: Path) -> None:
     """Say what is merely unlike the handout in a starter that was built on all the same."""
     from lab3_usd.judge.stage import check_stage
     from lab3_usd.spec.load.loader import load_lab

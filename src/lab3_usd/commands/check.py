@@ -72,15 +72,14 @@ def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
         native=wants_native(options),
     )
 
-    def judge(found: list[Entry], jobs: int) -> Generator[Results]:
+    def judge(work: list[Entry], jobs: int) -> Generator[Results]:
         opened = entries.with_kept_starter(settings) if options["watch"] else settings
-        return entries.judge_entries(found, opened, jobs)
+        return entries.judge_entries(work, opened, jobs)
 
-    renew = entries.with_kept_starter.cache_clear
     return Judge(
-        lambda path: entries.find_entries(path, settings),
-        judge,
-        "lab3_usd.check.checker",
-        shared,
-        renew,
+        find=lambda path: entries.find_entries(path, settings),
+        judge=judge,
+        module="lab3_usd.check.checker",
+        shared=shared,
+        renew=entries.with_kept_starter.cache_clear,
     )

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from lab3_usd.commands.steps.options import config_options
 from lab3_usd.data import LAB_VARIABLE
-
-if TYPE_CHECKING:
-    from lab3_usd.config.settings import Config
 
 _DEFAULTS = {
     "select": "all rules",
@@ -36,31 +32,21 @@ def command(path: Path, config_file: str | None, *, isolated: bool) -> None:
     It is the nearest lab3.toml, or pyproject.toml with a table [tool.lab3], in the folder of PATH
     or above it.
     """
-    from lab3_usd.config.settings import (
-        Config,
-        config_for,
-        load_config,
-    )
+    from lab3_usd.config.settings import Config, config_for, load_config
 
     if isolated:
         config = Config()
     else:
         config = load_config(Path(config_file)) if config_file else config_for([str(path)])
     click.echo(f"configuration: {config.file or 'none'}")
-    for key, value, source in _rows(config):
-        click.echo(f"{key:<17} {value:<32} {source}".rstrip())
-
-
-def _rows(config: Config) -> Iterator[tuple[str, str, str]]:
-    """Yield each key with its value in words and the place that says so."""
     for key, default in _DEFAULTS.items():
+        text, source = default, "(default)"
         value = getattr(config, key.replace("-", "_"))
         if key == "lab" and os.environ.get(LAB_VARIABLE):
-            yield key, os.environ[LAB_VARIABLE], "(--lab or LAB3_LAB)"
+            text, source = os.environ[LAB_VARIABLE], "(--lab or LAB3_LAB)"
         elif value:
-            yield key, _shown(value), f"({config.file})"
-        else:
-            yield key, default, "(default)"
+            text, source = _shown(value), f"({config.file})"
+        click.echo(f"{key:<17} {text:<32} {source}".rstrip())
 
 
 def _shown(value: Any) -> str:

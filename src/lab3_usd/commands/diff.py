@@ -46,24 +46,20 @@ def command(before: Path, after: Path, form: str, pictures: Path | None, *, forc
     use_configured_lab(before)
     comparison = compare_stages(before, after, load_lab())
     if pictures is not None:
-        _draw(comparison, pictures, force=force)
+        from lab3_usd.report.picture.svg import svg_file
+
+        drawn = {pictures / name: picture for name, picture in _pictures(comparison)}
+        for path in drawn:
+            refuse_existing(path, force=force)
+        for path, picture in drawn.items():
+            write_whole(path, svg_file(picture, "auto").encode(), force=force)
+            click.echo(path, err=True)
     if form == "json":
         click.echo(diff.render(comparison.diff), nl=False)
     else:
         click.echo("\n".join(diff.lines(comparison.diff)))
     if comparison.diff.changes:
         sys.exit(EXIT_FOUND)
-
-
-def _draw(comparison: Comparison, folder: Path, *, force: bool) -> None:
-    from lab3_usd.report.picture.svg import svg_file
-
-    drawn = {folder / name: picture for name, picture in _pictures(comparison)}
-    for path in drawn:
-        refuse_existing(path, force=force)
-    for path, picture in drawn.items():
-        write_whole(path, svg_file(picture, "auto").encode(), force=force)
-        click.echo(path, err=True)
 
 
 def _pictures(comparison: Comparison) -> Iterator[tuple[str, Picture]]:
@@ -78,7 +74,9 @@ def _pictures(comparison: Comparison) -> Iterator[tuple[str, Picture]]:
         tops = tuple(
             f"{version.path}/" for version in (pair.before, pair.after) if version is not None
         )
-        changes = [c for c in comparison.diff.changes if f"{c.path}/".startswith(tops)]
+        changes = [
+            change for change in comparison.diff.changes if f"{change.path}/".startswith(tops)
+        ]
         if not changes:
             continue
         name = re.sub(r"[^\w-]", "_", graph.name)

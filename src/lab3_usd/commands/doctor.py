@@ -46,11 +46,11 @@ def command() -> None:
     Exit status: 0 all that is needed works (extras may be missing), 1 something does not.
     """
     click.echo(f"lab3 {tool_version()}, Python {platform.python_version()}, {platform.platform()}")
-    found = []
+    states = []
     for check in _checks():
-        found.append(check)
+        states.append(check.state)
         click.echo(f"{check.state:<8} {check.name:<10} {check.text}")
-    if any(check.state == "bad" for check in found):
+    if "bad" in states:
         sys.exit(EXIT_FOUND)
 
 
@@ -66,11 +66,11 @@ def _checks() -> Iterator[Check]:
 def dependencies() -> Check:
     """Look for the packages that the installed package asks for."""
     try:
-        asked = metadata.requires(NAME) or []
+        requirements = metadata.requires(NAME) or []
     except metadata.PackageNotFoundError:
         return Check("packages", "missing", f"{NAME} runs from its files, and is not installed")
     versions, absent = [], []
-    for line in asked:
+    for line in requirements:
         if ";" in line:
             continue  # of an extra
         name = re.split(r"[^\w.-]", line, maxsplit=1)[0]
@@ -119,11 +119,11 @@ def browser() -> Check:
     """Look for a program that shows HTML reports."""
     if sys.platform in {"darwin", "win32"}:
         return Check("browser", "ok", "the system brings one, which shows HTML reports")
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
+    program = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if program is None:
         text = f"HTML reports can be written, not shown: none of {', '.join(BROWSERS)} is here"
         return Check("browser", "missing", text)
-    return Check("browser", "ok", f"{found} shows HTML reports")
+    return Check("browser", "ok", f"{program} shows HTML reports")
 
 
 def sandbox() -> Check:

@@ -72,11 +72,14 @@ def command(
 
     use_configured_lab(Path(target))
     lab = load_lab()
-    drawing = (
-        Drawing([_reference(lab, target, all_ports)], "")
-        if target in lab.graphs or target == TREE
-        else _of_stage(lab, _stage_file(target, lab), checkpoint, all_ports)
-    )
+    path = Path(target)
+    if target in lab.graphs or target == TREE:
+        drawing = Drawing([_reference(lab, target, all_ports)], "")
+    elif path.suffix or path.exists():
+        drawing = _of_stage(lab, path, checkpoint, all_ports)
+    else:
+        names = ", ".join([*lab.graphs, TREE])
+        raise UsageError(f"'{target}' is no stage file and no graph of the lab; graphs are {names}")
     encode = _encoder(form, theme)
     if not drawing.pictures:
         raise UsageError(
@@ -100,19 +103,6 @@ class Drawing(Struct, frozen=True):
     pictures: list[Picture]
     stem: str
     crashes: tuple[Crash, ...] = ()
-
-
-def _stage_file(target: str, lab: Lab) -> Path:
-    """Return the stage that a target names.
-
-    Raises:
-        UsageError: it looks like the name of a graph and is none.
-    """
-    path = Path(target)
-    if path.suffix or path.exists():
-        return path
-    names = ", ".join([*lab.graphs, TREE])
-    raise UsageError(f"'{target}' is no stage file and no graph of the lab; graphs are {names}")
 
 
 def _reference(lab: Lab, name: str, every_port: bool) -> Picture:  # noqa: FBT001
@@ -149,8 +139,8 @@ def _of_stage(
         return Drawing(bare, stem)
     checkpoint = lab.checkpoints[number]
     judged = judge(lab, checkpoint, stage)
-    found = stage_pictures(lab, checkpoint, stage, judged.findings, every_port=every_port)
-    return Drawing(list(found), stem, judged.crashes)
+    pictures = stage_pictures(lab, checkpoint, stage, judged.findings, every_port=every_port)
+    return Drawing(list(pictures), stem, judged.crashes)
 
 
 def _encoder(form: str, theme: Theme) -> Callable[[Picture], bytes]:

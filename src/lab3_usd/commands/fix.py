@@ -26,13 +26,13 @@ _TEXT = b"#usda"
 
 
 def run(stage: Path, options: Mapping[str, Any]) -> int:
-    """Repair a stage, write and tell what was asked for, and return the exit status.
+    """Repair a stage, write and print what was asked for, and return the exit status.
 
     Raises:
         UsageError: the options do not go together, or a file cannot be written.
         StageError: the stage cannot be opened.
     """
-    _check(stage, options)
+    _check_options(stage, options)
     settings = FixOptions(
         unsafe=options["unsafe"],
         root_only=options["output"] is not None,
@@ -40,25 +40,24 @@ def run(stage: Path, options: Mapping[str, Any]) -> int:
         wanted=lambda findings: selected_findings(findings, str(stage), options),
         heeds_ignores=True,
     )
-    fixed = _fixed(stage, options, settings)
-    for line in _diffs(fixed) if options["diff"] else ():
-        click.echo(line, nl=False)
-    if not options["diff"]:
-        _write(stage, fixed, options)
-        _tell(stage, fixed, options)
-    return 1 if any(_counts(finding) for finding in fixed.left) else 0
-
-
-def _fixed(stage: Path, options: Mapping[str, Any], settings: FixOptions) -> Fixed:
     if options["lint"]:
-        return fix_linted(stage, options["release"] or NEWEST, settings)
-    lab, number = load_lab(), options["checkpoint"]
-    given = None if number is None else checkpoint_number(number, lab.checkpoints)
-    checkpoint = checkpoint_at(str(stage), JudgeSettings(given, config=options["config"]), lab)
-    return fix_stage(stage, checkpoint, lab, settings)
+        fixed = fix_linted(stage, options["release"] or NEWEST, settings)
+    else:
+        lab, number = load_lab(), options["checkpoint"]
+        given = None if number is None else checkpoint_number(number, lab.checkpoints)
+        checkpoint = checkpoint_at(str(stage), JudgeSettings(given, config=options["config"]), lab)
+        fixed = fix_stage(stage, checkpoint, lab, settings)
+    if options["diff"]:
+        for line in _diffs(fixed):
+            click.echo(line, nl=False)
+    else:
+        _write(stage, fixed, options)
+        _print_findings(stage, fixed, options)
+    remain = any(finding.severity == "error" or finding.fix is not None for finding in fixed.left)
+    return 1 if remain else 0
 
 
-def _check(stage: Path, options: Mapping[str, Any]) -> None:
+def _check_options(stage: Path, options: Mapping[str, Any]) -> None:
     ways = [name for name in ("diff", "output", "in_place") if options[name]]
     if len(ways) > 1:
         raise UsageError("--diff, --output and --in-place exclude each other")
@@ -114,7 +113,7 @@ def _shown(path: Path) -> str:
     return visible(os.path.relpath(path) if path.is_absolute() else str(path))
 
 
-def _tell(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> None:
+def _print_findings(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> None:
     for finding in fixed.repaired:
         click.echo(f"repaired {_line(finding)}")
     for finding in fixed.left:
@@ -138,11 +137,6 @@ def _why_left(finding: Finding, fixed: Fixed, *, unsafe: bool) -> str:
 def _line(finding: Finding) -> str:
     site = finding.prim + (f".{finding.property}" if finding.property else "")
     return visible(f"{finding.rule} {site}: {finding.message}")
-
-
-def _counts(finding: Finding) -> bool:
-    """Whether a finding that is left makes the exit status 1."""
-    return finding.severity == "error" or finding.fix is not None
 
 
 @click.command("fix")

@@ -57,7 +57,7 @@ class Seconds(click.FloatRange):
         return seconds
 
 
-def _named(context: click.Context, parameter: click.Parameter, submissions: str) -> str:
+def _refuse_empty(context: click.Context, parameter: click.Parameter, submissions: str) -> str:
     """Refuse the empty name, which stands for the current folder and is never meant."""
     if not submissions.strip():
         raise click.BadParameter(
@@ -67,7 +67,7 @@ def _named(context: click.Context, parameter: click.Parameter, submissions: str)
 
 
 @click.command("grade")
-@click.argument("submissions", callback=_named)
+@click.argument("submissions", callback=_refuse_empty)
 @click.option(
     "--starter",
     required=True,
@@ -139,7 +139,9 @@ def command(submissions: str, **options: Any) -> None:
     )
     rows = grade_class(settings, _progress())
     counts = Counter(row["status"] for row in rows)
-    click.echo(_summary(counts, options["out"]))
+    states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
+    number = f"{counts.total()} submission{'s' * (counts.total() != 1)}"
+    click.echo(f"{number} ({states}): {options['out'] / 'index.html'}")
     if counts["tool failed"]:
         sys.exit(EXIT_CRASH)
 
@@ -168,13 +170,6 @@ def _progress() -> Callable[[int, int], None]:
     return Rate(sys.stderr).show
 
 
-def _summary(counts: Counter[str], out: Path) -> str:
-    states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
-    number = counts.total()
-    counted = "1 submission" if number == 1 else f"{number} submissions"
-    return f"{counted} ({states}): {out / 'index.html'}"
-
-
 def line(done: int, total: int, seconds: float) -> str:
     """Return `grading [#####-----] 50/100  2.5/s  20 s left`."""
     filled = _WIDTH * done // max(total, 1)
@@ -183,9 +178,6 @@ def line(done: int, total: int, seconds: float) -> str:
     if not done or seconds <= 0:
         return text
     rate = done / seconds
-    return f"{text}  {rate:.1f}/s  {_duration((total - done) / rate)} left"
-
-
-def _duration(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest:02} s" if minutes else f"{rest} s"
+    minutes, rest = divmod(round((total - done) / rate), 60)
+    duration = f"{minutes} min {rest:02} s" if minutes else f"{rest} s"
+    return f"{text}  {rate:.1f}/s  {duration} left"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from pathlib import Path
 
 import click
@@ -70,14 +71,18 @@ def check(folder: Path | None) -> None:
     if folder is not None and not folder.is_dir():
         raise UsageError(f"{folder}: there is no such folder")
     lab = assemble(folder or lab_folder())
-    found = list(lab_faults(lab))
+    faults = list(lab_faults(lab))
     # Points and checklists are held against a lab that agrees with itself.
-    if all(fault.severity != "error" for fault in found):
-        found += scoring_faults(lab)
-    for fault in found:
+    if all(fault.severity != "error" for fault in faults):
+        faults += scoring_faults(lab)
+    for fault in faults:
         click.echo(f"{fault.severity} {fault}")
-    click.echo(_summary(lab.title, [lab_fault.severity for lab_fault in found]))
-    if found:
+    numbers = Counter(fault.severity for fault in faults)
+    counts = (
+        f"{numbers[word]} {word}{'s' * (numbers[word] != 1)}" for word in ("error", "warning")
+    )
+    click.echo(f"{lab.title}: {', '.join(counts)}")
+    if faults:
         sys.exit(EXIT_FOUND)
 
 
@@ -100,12 +105,3 @@ def new(folder: Path, stage: Path) -> None:
     folder cannot be used.
     """
     sys.exit(make_lab(folder, stage))
-
-
-def _summary(title: str, severities: list[str]) -> str:
-    counts = ", ".join(
-        f"{count} {word}{'' if count == 1 else 's'}"
-        for word in ("error", "warning")
-        for count in [severities.count(word)]
-    )
-    return f"{title}: {counts}"

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -15,9 +14,6 @@ from lab3_usd.commands.steps.options import (
     view_options,
     with_config,
 )
-
-if TYPE_CHECKING:
-    from lab3_usd.commands.steps.judging import Judge
 
 
 @click.command("lint")
@@ -41,35 +37,20 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     or no such path, 3 the tool itself failed.
     """
     options = with_config(paths, options)
-    from lab3_usd.commands.steps.judging import run
-    from lab3_usd.commands.steps.reporting import refuse_unusable
+    from lab3_usd.commands.steps.judging import Judge, run
+    from lab3_usd.commands.steps.reporting import refuse_unusable, wants_native
 
     refuse_unusable(paths, options)
-    sys.exit(run(paths, _judge(options), options))
-
-
-def _judge(options: Mapping[str, Any]) -> Judge:
-    """Say how stages are found and judged.
-
-    Raises:
-        UsageError: the release is unknown, or usd-core has no validators.
-    """
-    from lab3_usd.commands.steps.judging import Judge
-    from lab3_usd.commands.steps.reporting import wants_native
-    from lab3_usd.judge.lint import (
-        LintSettings,
-        find_stages,
-        lint_lab,
-        lint_stages,
-    )
+    from lab3_usd.judge.lint import LintSettings, find_stages, lint_lab, lint_stages
     from lab3_usd.spec.isaac import NEWEST
 
     settings = LintSettings(
         options["release"] or NEWEST, heeds_ignores=True, native=wants_native(options)
     )
-    lint_lab(settings.release)
-    return Judge(
-        find_stages,
-        lambda found, jobs: lint_stages(found, settings, jobs),
-        "lab3_usd.check.lint",
+    lint_lab(settings.release)  # which refuses an unknown one
+    judge = Judge(
+        find=find_stages,
+        judge=lambda entries, jobs: lint_stages(entries, settings, jobs),
+        module="lab3_usd.check.lint",
     )
+    sys.exit(run(paths, judge, options))

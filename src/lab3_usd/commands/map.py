@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +12,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
 
 if TYPE_CHECKING:
-    from lab3_usd.lab.maps import MapFrame
     from lab3_usd.spec.lab import Lab
-    from lab3_usd.spec.ros import MapFacts
     from lab3_usd.stage.slices import StageSlice
 
 CELLS = click.IntRange(1, 10_000)
@@ -67,7 +64,7 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
     frame is the world of the stage.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.lab.maps import MapFile, draw_map, map_yaml, pgm
+    from lab3_usd.lab.maps import MapFile, MapFrame, draw_map, map_yaml, pgm
     from lab3_usd.spec.load.loader import load_lab
 
     lab = load_lab()
@@ -77,7 +74,9 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
     yaml_file, image_file = folder / spec.yaml, folder / spec.image
     for file in (yaml_file, image_file):
         refuse_existing(file, force=force)
-    frame = _frame(spec, options)
+    width, height = options["size"] or (spec.width, spec.height)
+    origin = options["origin"] or spec.origin[:2]
+    frame = MapFrame(options["resolution"] or spec.resolution, origin, width, height)
     cut = _cut(stage, lab, options["height"])
     start = options["start"] or cut.robot
     if start is None:
@@ -94,14 +93,6 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
     write_whole(image_file, pgm(drawn.grid), force=force)
     write_whole(yaml_file, map_yaml(described).encode(), force=force)
     click.echo(f"{yaml_file}\n{image_file}")
-
-
-def _frame(spec: MapFacts, options: Mapping[str, Any]) -> MapFrame:
-    from lab3_usd.lab.maps import MapFrame
-
-    width, height = options["size"] or (spec.width, spec.height)
-    origin = options["origin"] or spec.origin[:2]
-    return MapFrame(options["resolution"] or spec.resolution, origin, width, height)
 
 
 def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:

@@ -9,7 +9,7 @@ import click
 from lab3_usd.commands.steps.options import script_options
 from lab3_usd.errors import UsageError
 from lab3_usd.lab.scripts import fill_template
-from lab3_usd.sim.execution.record import COMMANDS, RATE, Leg, fixed_drive
+from lab3_usd.sim.execution.drive import COMMANDS, RATE, Leg, fixed_drive
 from lab3_usd.sim.judge.topics import interface
 from lab3_usd.spec.lab import Lab
 
@@ -28,7 +28,7 @@ def isaac_script(lab: Lab, script: Path) -> str:
     package, kind = lab.topics[topic].type.rsplit("/", 1)
     domain = lab.ros.system.domain
     drives = [
-        (name, session.environment or "0", " ".join(map(_leg, session.legs)))
+        (name, session.environment or "0", " ".join(map(_leg_text, session.legs)))
         for name, session in zip(_NAMES, fixed_drive(), strict=True)
     ]
     return fill_template(
@@ -47,7 +47,7 @@ def isaac_script(lab: Lab, script: Path) -> str:
     )
 
 
-def _leg(leg: Leg) -> str:
+def _leg_text(leg: Leg) -> str:
     """Write a leg: its seconds, and what is sent in it."""
     return ",".join(f"{number:g}" for number in (round(leg.seconds, 4), *(leg.command or ())))
 

@@ -25,8 +25,8 @@ def command(rule_id: str) -> None:
     ID is an id such as W01, or a rule's name.
     """
     lab = load_lab()
-    found = find_rule(rule_id, rules_in(lab))
-    click.echo("\n".join(manual_lines(found, lab.handout.rules.get(found.id, ""))))
+    rule = find_rule(rule_id, rules_in(lab))
+    click.echo("\n".join(manual_lines(rule, lab.handout.rules.get(rule.id, ""))))
 
 
 def find_rule(wanted: str, rules: Mapping[str, Rule]) -> Rule:
@@ -38,9 +38,9 @@ def find_rule(wanted: str, rules: Mapping[str, Rule]) -> Rule:
     by_name = {rule.name: rule for rule in rules.values()}
     former = {rule.formerly: rule for rule in rules.values() if rule.formerly}
     name = wanted.lower()
-    found = rules.get(wanted.upper()) or by_name.get(name) or former.get(name)
-    if found:
-        return found
+    rule = rules.get(wanted.upper()) or by_name.get(name) or former.get(name)
+    if rule:
+        return rule
     close = [rule_id for rule_id in rules if rule_id.startswith(wanted.upper())][:SUGGESTED]
     close = close or difflib.get_close_matches(wanted.upper(), rules, SUGGESTED, cutoff=0.5)
     close += [by_name[name].id for name in difflib.get_close_matches(name, by_name)]

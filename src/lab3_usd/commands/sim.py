@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,14 +17,12 @@ from lab3_usd.commands.steps.options import text_or_json, use_configured_lab
 from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
 
 if TYPE_CHECKING:
-    from lab3_usd.sim.dry_run import DryRun
-    from lab3_usd.sim.judge.evidence import Interface
     from lab3_usd.sim.live import Lived
     from lab3_usd.spec.lab import Lab
 
 
 LONGEST = 86400.0  # seconds
-SLOW = 0.95  # times real time: what is below is said
+SLOW = 0.95  # times real time, below which the last line names the speed
 _NOT_WITH = ("drive", "page", "bag")
 _EXTRA = ("cyclonedds", "rosbags")
 
@@ -35,16 +34,16 @@ def check_live(options: Mapping[str, Any]) -> None:
         UsageError: options do not go together, or the extra is not installed.
     """
     seconds = options["seconds"]
-    others = [f"--{option}" for option in _NOT_WITH if options[option] is not None]
-    others += ["--format json"] if options["form"] == "json" else []
+    refused = [f"--{name}" for name in _NOT_WITH if options[name] is not None]
+    refused += ["--format json"] if options["form"] == "json" else []
     message = ""
     if not options["live"]:
         message = "--seconds is for --live only" if seconds is not None else ""
-    elif others:
-        message = f"--live and {others[0]} do not go together: it is driven over ROS, not judged"
+    elif refused:
+        message = f"--live and {refused[0]} do not go together: it is driven over ROS, not judged"
     elif seconds is not None and not 0 < seconds <= LONGEST:
         message = f"--seconds {seconds:g}: is not between 0 and {LONGEST:.0f}"
-    elif any(find_spec(module) is None for module in _EXTRA):
+    elif any(find_spec(name) is None for name in _EXTRA):
         message = "--live needs the extra lab3-usd[live]: pip install 'lab3-usd[live]'"
     if message:
         raise UsageError(message)
@@ -57,8 +56,10 @@ def live(stage: Path, lab: Lab, checkpoint: str, seconds: float | None) -> None:
         UsageError: DDS does not start.
         StageError: the stage cannot be read.
     """
+    from lab3_usd.report.behaviour.text import WHAT_IT_IS
     from lab3_usd.report.safe_text import printable
     from lab3_usd.sim.dry_run import scene_of
+    from lab3_usd.sim.execution.drive import RATE
     from lab3_usd.sim.judge.topics import interface
     from lab3_usd.sim.live import Link, play_live
     from lab3_usd.sim.timeline import player_of
@@ -67,31 +68,19 @@ def live(stage: Path, lab: Lab, checkpoint: str, seconds: float | None) -> None:
     player = player_of(scene_of(stage), lab.catalog, wanted)
     player.world.network.environment = os.environ.get("ROS_DOMAIN_ID", "")
     with closing(Link(wanted.domain, wanted.commands)) as link:
-        _say_what(stage, wanted)
-        lived = play_live(player, link, _after(seconds))
-    for line in said_of(lived):
+        click.echo(f"{printable(str(stage))}: {WHAT_IT_IS}")
+        click.echo(
+            f"live in domain {wanted.domain} on 127.0.0.1, "
+            f"commands from {wanted.commands or 'nowhere'}; Ctrl-C ends"
+        )
+        frames = math.inf if seconds is None else seconds * RATE
+        lived = play_live(player, link, lambda played: played >= frames)
+    for line in closing_lines(lived):
         click.echo(printable(line))
 
 
-def _say_what(stage: Path, wanted: Interface) -> None:
-    from lab3_usd.report.behaviour.text import WHAT_IT_IS
-    from lab3_usd.report.safe_text import printable
-
-    click.echo(f"{printable(str(stage))}: {WHAT_IT_IS}")
-    click.echo(
-        f"live in domain {wanted.domain} on 127.0.0.1, "
-        f"commands from {wanted.commands or 'nowhere'}; Ctrl-C ends"
-    )
-
-
-def _after(seconds: float | None) -> Callable[[int], bool]:
-    from lab3_usd.sim.execution.record import RATE
-
-    return lambda frames: seconds is not None and frames >= seconds * RATE
-
-
-def said_of(lived: Lived) -> Iterator[str]:
-    """Yield what is said in the end: topics, time, and what was left out."""
+def closing_lines(lived: Lived) -> Iterator[str]:
+    """Yield the last lines: topics, time, and what was left out."""
     yield ""
     for (topic, kind), count in lived.sent.items():
         yield f"{topic:<20} {kind:<27} {count} sent"
@@ -128,22 +117,6 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
         raise UsageError(message)
 
 
-def _write_page(page: Path, run: DryRun, lab: Lab) -> None:
-    from lab3_usd.files import write_whole
-    from lab3_usd.report.behaviour.page import render
-
-    html = render(run.behaviour, run.replay, lab)
-    write_whole(page, html.encode("utf-8", "replace"), force=True)
-
-
-def _write_bag(folder: Path, run: DryRun) -> None:
-    from lab3_usd.sim.bag.writer import write_bag
-
-    if run.evidence is not None:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        write_bag(folder, run.evidence)
-
-
 @click.command("sim")
 @click.argument("stage", type=click.Path(path_type=Path))
 @click.option("--checkpoint", metavar="NN", help="Ask for what this checkpoint has.")
@@ -176,32 +149,40 @@ def command(stage: Path, **options: Any) -> None:
 
     use_configured_lab(stage)
     lab = load_lab()
-    known = [*lab.checkpoints]
+    numbers = [*lab.checkpoints]
     given = options["checkpoint"]
-    named = checkpoint_of(stage.name, lab) or known[-1]
-    asked = named if given is None else checkpoint_number(given, known)
+    named = checkpoint_of(stage.name, lab) or numbers[-1]
+    checkpoint = named if given is None else checkpoint_number(given, numbers)
     check_live(options)
     _check_outputs(options["page"], options["bag"])
     if options["live"]:
-        live(stage, lab, asked, options["seconds"])
+        live(stage, lab, checkpoint, options["seconds"])
     else:
-        sys.exit(_judge(stage, lab, asked, options))
+        sys.exit(_judge(stage, lab, checkpoint, options))
 
 
-def _judge(stage: Path, lab: Lab, asked: str, options: Mapping[str, Any]) -> int:
+def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -> int:
     """Play a stage, write what was asked for, and return the exit code."""
     from lab3_usd.commands.steps.options import wants_color, width
     from lab3_usd.report.behaviour import text
     from lab3_usd.sim.dry_run import dry_run
 
-    run = dry_run(stage, lab, asked, options["drive"])
-    found = run.behaviour
-    if options["page"] is not None:
-        _write_page(options["page"], run, lab)
-    if options["bag"] is not None:
-        _write_bag(options["bag"], run)
+    run = dry_run(stage, lab, checkpoint, options["drive"])
+    behaviour = run.behaviour
+    page, bag = options["page"], options["bag"]
+    if page is not None:
+        from lab3_usd.files import write_whole
+        from lab3_usd.report.behaviour.page import render
+
+        html = render(behaviour, run.replay, lab)
+        write_whole(page, html.encode("utf-8", "replace"), force=True)
+    if bag is not None and run.trial is not None:
+        from lab3_usd.sim.bag.writer import write_bag
+
+        bag.parent.mkdir(parents=True, exist_ok=True)
+        write_bag(bag, run.trial)
     if options["form"] == "json":
-        click.echo(text.render_json(found), nl=False)
+        click.echo(text.render_json(behaviour), nl=False)
     else:
-        click.echo(text.render(found, width(), color=wants_color()), nl=False)
-    return {"bad": EXIT_FOUND, "unreadable": EXIT_USAGE}.get(found.verdict, 0)
+        click.echo(text.render(behaviour, width(), color=wants_color()), nl=False)
+    return {"bad": EXIT_FOUND, "unreadable": EXIT_USAGE}.get(behaviour.verdict, 0)

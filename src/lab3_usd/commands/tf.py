@@ -29,11 +29,7 @@ def command(stage: Path, form: str, *, verbose: bool) -> None:
     be found stand below the tree, with a question mark.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.check.tf.frames import (
-        published_edges,
-        unknown_publishers,
-        unresolved_frames,
-    )
+    from lab3_usd.check.tf.frames import published_edges, unknown_publishers, unresolved_frames
     from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text
     from lab3_usd.spec.load.loader import load_lab
     from lab3_usd.stage.read.reader import read_stage
@@ -41,7 +37,7 @@ def command(stage: Path, form: str, *, verbose: bool) -> None:
     use_configured_lab(stage)
     lab = load_lab()
     model = read_stage(stage, lab)
-    found = TreeReport(
+    tree = TreeReport(
         str(stage),
         published_edges(model, lab),
         unknown_publishers(model, lab),
@@ -49,6 +45,6 @@ def command(stage: Path, form: str, *, verbose: bool) -> None:
         unresolved_frames(model, lab),
     )
     if form == "text":
-        click.echo("\n".join(as_text(found, verbose=verbose)))
+        click.echo("\n".join(as_text(tree, verbose=verbose)))
     else:
-        click.echo(as_dot(found) if form == "dot" else as_json(found))
+        click.echo(as_dot(tree) if form == "dot" else as_json(tree))

@@ -37,8 +37,8 @@ def command(stage: Path, form: str) -> None:
     lab = load_lab()
     model = read_stage(stage, lab)
     edges, hidden = published_edges(model, lab), unresolved_frames(model, lab)
-    found = TopicReport(str(stage), endpoints(model, lab), edges, hidden)
+    table = TopicReport(str(stage), endpoints(model, lab), edges, hidden)
     if form == "csv":
-        click.echo(as_csv(found), nl=False)
+        click.echo(as_csv(table), nl=False)
     else:
-        click.echo("\n".join(as_table(found)) if form == "text" else as_json(found))
+        click.echo("\n".join(as_table(table)) if form == "text" else as_json(table))

@@ -25,18 +25,14 @@ def find_file(path: Path) -> Path | None:
         if own.is_file():
             return own
         shared = folder / SHARED_NAME
-        if shared.is_file() and _has_table(shared):
+        try:
+            content = shared.read_bytes() if shared.is_file() else b""
+        except OSError:
+            continue
+        is_mentioned = TABLE.encode() in content and TOOL.encode() in content
+        if is_mentioned and TABLE in _parsed(shared).get(TOOL, {}):
             return shared
     return None
-
-
-def _has_table(path: Path) -> bool:
-    try:
-        data = path.read_bytes()
-    except OSError:
-        return False
-    mentioned = TABLE.encode() in data and TOOL.encode() in data
-    return mentioned and TABLE in _parsed(path).get(TOOL, {})
 
 
 def read_table(path: Path) -> Mapping[str, Any]:

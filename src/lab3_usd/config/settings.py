@@ -55,23 +55,18 @@ def load_config(file: Path) -> Config:
         UsageError: it cannot be read, or a key or value is wrong; the line says which.
     """
     given = dict(read_table(file))
-    _refuse_unknown(given, str(file))
+    for key in given:
+        if key not in _KEYS:
+            from difflib import get_close_matches
+
+            close = " or ".join(f"'{match}'" for match in get_close_matches(key, _KEYS))
+            hint = f"did you mean {close}?" if close else f"known are {', '.join(_KEYS)}"
+            raise UsageError(f"{file}: there is no key '{key}'; {hint}")
     values = {
         key.replace("-", "_"): _KEYS[key](value, f"{file}: {key}", file.parent)
         for key, value in given.items()
     }
     return Config(file=file, **values)
-
-
-def _refuse_unknown(given: Iterable[str], where: str) -> None:
-    for key in given:
-        if key in _KEYS:
-            continue
-        from difflib import get_close_matches
-
-        close = " or ".join(f"'{match}'" for match in get_close_matches(key, _KEYS))
-        hint = f"did you mean {close}?" if close else f"known are {', '.join(_KEYS)}"
-        raise UsageError(f"{where}: there is no key '{key}'; {hint}")
 
 
 def _rules(value: Any, where: str, _folder: Path) -> tuple[str, ...]:

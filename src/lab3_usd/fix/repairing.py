@@ -1,7 +1,4 @@
-"""Repairs a stage.
-
-Judges it, makes the edits, and judges it again until nothing is left to repair.
-"""
+"""Repairs a stage: judges it, makes the edits, and judges it again until nothing is left to do."""
 
 from __future__ import annotations
 
@@ -38,6 +35,10 @@ from lab3_usd.stage.read.reader import read_model
 
 WORSE = "would make the stage worse"
 USELESS = "does not help"
+_PACKAGE = ".usdz"
+_ROUNDS = 8  # a missing graph needs three: the graph, its connections, what those bring to light
+
+Changes = Mapping[tuple[str, Site], tuple[TextChange, ...]]
 
 
 class Attempt(Struct, frozen=True):
@@ -59,90 +60,10 @@ class Chosen(Struct, frozen=True):
     left_out: dict[Site, str]
 
 
-def weight(findings: Iterable[Finding]) -> tuple[int, int]:
-    """Count errors and warnings."""
-    severities = [finding.severity for finding in findings]
-    return severities.count("error"), severities.count("warning")
-
-
-def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Attempt]) -> Chosen:
-    """Repair as many of these findings as do no harm.
-
-    All are tried at once. Where that brings something new to find, leaves one of them as it was,
-    or cannot be written, each half is tried by itself, and so on down to a single repair.
-    """
-    kept: frozenset[Site] = frozenset()
-    best, left_out = attempt(kept), {}
-    waiting = [tuple(sites)] if sites else []
-    while waiting:
-        some = waiting.pop(0)
-        tried = attempt(kept.union(some))
-        useless = any(_said(each, tried) == _said(each, best) != [] for each in some)
-        is_right = _helps(tried, best) or (len(some) == 1 and _is_harmless(tried, best, some[0]))
-        if is_right and not useless:
-            kept, best = kept.union(some), tried
-        elif len(some) == 1:
-            left_out[some[0]] = tried.error or (USELESS if is_right else WORSE)
-        else:
-            half = len(some) // 2
-            waiting[:0] = [some[:half], some[half:]]
-    return Chosen(best, left_out)
-
-
-def _said(site: Site, attempt: Attempt) -> list[str]:
-    """Return what is said at a site of which there is a repair."""
-    return [
-        finding.message for finding in attempt.after if finding.fix and site_of(finding) == site
-    ]
-
-
-def _helps(tried: Attempt, best: Attempt) -> bool:
-    """Whether something is repaired, and nothing is found that was not found before."""
-    known = {site_of(finding) for finding in best.after}
-    is_new = any(
-        site_of(finding) not in known for finding in tried.after if finding.severity != "note"
-    )
-    return not (tried.error or is_new) and weight(tried.after) < weight(best.after)
-
-
-def _is_harmless(tried: Attempt, best: Attempt, site: Site) -> bool:
-    """Whether no more is found than before, and no error away from what was repaired.
-
-    An error there may have been hidden behind the repaired one; elsewhere the repair brought it.
-    """
-    if tried.error or weight(tried.after) > weight(best.after):
-        return False
-    known = {site_of(finding) for finding in best.after if finding.severity == "error"}
-    repaired = {*_repaired(finding for finding in best.after if site_of(finding) == site)}
-    return all(
-        site_of(finding) in known or _is_among(finding, repaired)
-        for finding in tried.after
-        if finding.severity == "error"
-    )
-
-
-def _repaired(findings: Iterable[Finding]) -> Iterable[str]:
-    """Yield the prims that findings are about, and those which their repairs edit."""
-    for finding in findings:
-        yield finding.prim
-        for edit in finding.fix.edits if finding.fix else ():
-            yield edit.to if isinstance(edit, MovePrim) else edit.prim
-
-
-def _is_among(finding: Finding, prims: Collection[str]) -> bool:
-    """Whether a finding, with all that it relates to, is about these prims or some below them."""
-    paths = (finding.prim, *(each.partition(".")[0] for each in finding.related))
-    return all(any(is_at_or_below(path, prim) for prim in prims) for path in paths)
-
-
-_PACKAGE = ".usdz"
-_ROUNDS = 8  # a missing graph needs three: the graph, its connections, what those bring to light
-
-
 class FixOptions(Struct, frozen=True):
     """Which repairs are made, and where: `wanted` keeps the findings that are to be repaired.
 
-    With `heeds_ignores`, what notes in the stage ignore on purpose is none of them.
+    With `heeds_ignores`, what notes in the stage ignore is left as it is.
     """
 
     unsafe: bool = False
@@ -190,18 +111,17 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
     Raises:
         StageError: the stage cannot be opened, or a rule failed.
     """
-    asked = lab.checkpoints[checkpoint]
+    spec = lab.checkpoints[checkpoint]
     starter = None if options.starter is None else open_starter(Path(options.starter), lab)
 
-    def found(file: Path, stage: Any) -> Iterable[Finding]:
-        judged = judge(lab, asked, read_model(stage, lab, str(file)))
-        findings = _findings_of(file, judged)
+    def judge_stage(file: Path, stage: Any) -> Iterable[Finding]:
+        findings = _findings_of(file, judge(lab, spec, read_model(stage, lab, str(file))))
         if starter is None:
             return findings
-        result = StageResult(str(file), asked.id, "fail", Score(0.0, 0.0), findings)
+        result = StageResult(str(file), spec.id, "fail", Score(0.0, 0.0), findings)
         return open_against_starter(result, stage, starter, lab).findings
 
-    return _fixed(path, found, (lab, asked), options)
+    return _fixed(path, judge_stage, lab, spec, options)
 
 
 @quiet()
@@ -214,11 +134,11 @@ def fix_linted(path: Path, release: str, options: FixOptions) -> Fixed:
     """
     lab = lint_lab(release)
 
-    def found(file: Path, stage: Any) -> Iterable[Finding]:
+    def lint_stage(file: Path, stage: Any) -> Iterable[Finding]:
         model = read_model(stage, lab, str(file))
         return _findings_of(file, lint(LintSubject(lab, load_isaac_types(), model, release)))
 
-    return _fixed(path, found, (lab, lab.checkpoints[lab.first]), options)
+    return _fixed(path, lint_stage, lab, lab.checkpoints[lab.first], options)
 
 
 def _findings_of(file: Path, judged: Judgement | RuleResults) -> tuple[Finding, ...]:
@@ -229,43 +149,43 @@ def _findings_of(file: Path, judged: Judgement | RuleResults) -> tuple[Finding, 
 
 def _fixed(
     path: Path,
-    found: Callable[[Path, Any], Iterable[Finding]],
-    asked: tuple[Lab, Checkpoint],
+    judge_stage: Callable[[Path, Any], Iterable[Finding]],
+    lab: Lab,
+    checkpoint: Checkpoint,
     options: FixOptions,
 ) -> Fixed:
-    """Judge a stage, repair it, and judge it again; what is restored is as `asked` builds it."""
+    """Judge a stage, repair it, and judge it again; restore what the lab's checkpoint has."""
     if path.suffix.lower() == _PACKAGE:
         raise StageError(
             f"{path}: is a package, which is not repaired; unpack it and repair its stage"
         )
     stage = open_stage(path)
 
-    def judged(file: Path, stage: Any) -> tuple[Finding, ...]:
+    def findings_in(file: Path, stage: Any) -> tuple[Finding, ...]:
         try:
-            findings = tuple(found(file, stage))
+            findings = tuple(judge_stage(file, stage))
             heed = options.heeds_ignores
             return options.wanted(without_noted(findings, stage, file) if heed else findings)
         finally:
             release_start_values(stage)  # which edits are about to change
 
-    before = judged(path, stage)
+    before = findings_in(path, stage)
     sites = dict.fromkeys(site_of(finding) for finding in before if _repair_of(finding, options))
-    first = EditSession(stage, *asked, options.root_only, options.starter)
+    first = EditSession(stage, lab, checkpoint, options.root_only, options.starter)
 
     def attempt(kept: frozenset[Site]) -> Attempt:
-        again = _Rounds(replace(first, edited={}), options, frozenset(sites) - kept)
-        return again.attempt(before, lambda: judged(path, stage))
+        session, left_out = replace(first, edited={}), frozenset(sites) - kept
+        return _attempt(session, options, left_out, before, lambda: findings_in(path, stage))
 
     chosen = most_helpful(tuple(sites), attempt)
-    made = chosen.attempt
     return Fixed(
         root=path,
         before=before,
-        after=made.after,
-        repairs=made.repairs,
-        files=made.files,
+        after=chosen.attempt.after,
+        repairs=chosen.attempt.repairs,
+        files=chosen.attempt.files,
         left_out=chosen.left_out,
-        judge_again=lambda copy: judged(copy, open_stage(copy)),
+        judge_again=lambda copy: findings_in(copy, open_stage(copy)),
     )
 
 
@@ -274,51 +194,115 @@ def _repair_of(finding: Finding, options: FixOptions) -> Repair | None:
     return fix if fix and (options.unsafe or fix.safe) else None
 
 
-class _Rounds(Struct, frozen=True, eq=False):
-    """Edits the layers of a session until nothing is left to do, but for some repairs."""
-
-    session: EditSession
-    options: FixOptions
-    left_out: frozenset[Site]
-
-    def attempt(
-        self, before: tuple[Finding, ...], judged: Callable[[], tuple[Finding, ...]]
-    ) -> Attempt:
-        """Return what comes of the repairs; the layers hold again what they held before."""
-        try:
-            return self._attempt(before, judged)
-        except StageError as error:
-            return Attempt(before, error=str(error))
-        finally:
-            self.session.close()
-
-    def _attempt(
-        self, before: tuple[Finding, ...], judged: Callable[[], tuple[Finding, ...]]
-    ) -> Attempt:
-        after, made = before, dict[Repair, None]()
+def _attempt(
+    session: EditSession,
+    options: FixOptions,
+    left_out: frozenset[Site],
+    before: tuple[Finding, ...],
+    findings_now: Callable[[], tuple[Finding, ...]],
+) -> Attempt:
+    """Repair until nothing but `left_out` remains; the layers then hold what they held before."""
+    after, made = before, dict[Repair, None]()
+    try:
         for _ in range(_ROUNDS):
-            repairs = self._made(after)
-            found = judged() if repairs else after
+            findings = (finding for finding in after if site_of(finding) not in left_out)
+            repairs = [repair for finding in findings if (repair := _repair_of(finding, options))]
+            _make_edits(session, repairs)
             made.update(dict.fromkeys(repairs))
-            if found == after:
+            before_edits, after = after, findings_now() if repairs else after
+            if after == before_edits:
                 break
-            after = found
-        edited = self.session.edited.values()
+        edited = session.edited.values()
         files = {Path(layer.layer.realPath): new_bytes(layer) for layer in edited}
-        changed = {name: data for name, data in files.items() if name.read_bytes() != data}
+        changed = {path: data for path, data in files.items() if path.read_bytes() != data}
         return Attempt(after, tuple(made), changed)
+    except StageError as error:
+        return Attempt(before, error=str(error))
+    finally:
+        session.close()
 
-    def _made(self, findings: Iterable[Finding]) -> list[Repair]:
-        """Make the repairs of these findings, each edit once, and return them.
 
-        Prims are moved last: the other edits name them where they were found.
-        """
-        asked = (finding for finding in findings if site_of(finding) not in self.left_out)
-        repairs = [fix for finding in asked if (fix := _repair_of(finding, self.options))]
-        edits = dict.fromkeys(edit for repair in repairs for edit in repair.edits)
-        for edit in sorted(edits, key=lambda each: isinstance(each, MovePrim)):
-            apply_edit(self.session, edit)
-        return repairs
+def _make_edits(session: EditSession, repairs: Iterable[Repair]) -> None:
+    """Make each edit of some repairs once.
+
+    Prims are moved last: the other edits name them where they were found.
+    """
+    edits = dict.fromkeys(edit for repair in repairs for edit in repair.edits)
+    for edit in sorted(edits, key=lambda edit: isinstance(edit, MovePrim)):
+        apply_edit(session, edit)
+
+
+def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Attempt]) -> Chosen:
+    """Repair as many of these findings as do no harm.
+
+    All are tried at once. Where that brings something new to find, leaves one of them as it was,
+    or cannot be written, each half is tried by itself, and so on down to a single repair.
+    """
+    kept: frozenset[Site] = frozenset()
+    best, left_out = attempt(kept), {}
+    waiting = [tuple(sites)] if sites else []
+    while waiting:
+        group = waiting.pop(0)
+        tried = attempt(kept.union(group))
+        is_useless = any(_messages(site, tried) == _messages(site, best) != [] for site in group)
+        is_right = _helps(tried, best) or (len(group) == 1 and _is_harmless(tried, best, group[0]))
+        if is_right and not is_useless:
+            kept, best = kept.union(group), tried
+        elif len(group) == 1:
+            left_out[group[0]] = tried.error or (USELESS if is_right else WORSE)
+        else:
+            half = len(group) // 2
+            waiting[:0] = [group[:half], group[half:]]
+    return Chosen(best, left_out)
+
+
+def _messages(site: Site, attempt: Attempt) -> list[str]:
+    """Return the messages of the repairable findings at a site."""
+    return [
+        finding.message for finding in attempt.after if finding.fix and site_of(finding) == site
+    ]
+
+
+def _helps(tried: Attempt, best: Attempt) -> bool:
+    """Whether something is repaired, and nothing is found that was not found before."""
+    known = {site_of(finding) for finding in best.after}
+    is_new = any(
+        site_of(finding) not in known for finding in tried.after if finding.severity != "note"
+    )
+    return not (tried.error or is_new) and weight(tried.after) < weight(best.after)
+
+
+def _is_harmless(tried: Attempt, best: Attempt, site: Site) -> bool:
+    """Whether no more is found than before, and no error away from what was repaired.
+
+    An error there may have been hidden behind the repaired one; elsewhere the repair brought it.
+    """
+    if tried.error or weight(tried.after) > weight(best.after):
+        return False
+    known = {site_of(finding) for finding in best.after if finding.severity == "error"}
+    repaired: set[str] = set()  # the prims that findings are about, and those which are edited
+    for finding in best.after:
+        if site_of(finding) == site:
+            edits = finding.fix.edits if finding.fix else ()
+            repaired.add(finding.prim)
+            repaired.update(edit.to if isinstance(edit, MovePrim) else edit.prim for edit in edits)
+    return all(
+        site_of(finding) in known or _is_among(finding, repaired)
+        for finding in tried.after
+        if finding.severity == "error"
+    )
+
+
+def _is_among(finding: Finding, prims: Collection[str]) -> bool:
+    """Whether a finding, with all that it relates to, is about these prims or some below them."""
+    paths = (finding.prim, *(related.partition(".")[0] for related in finding.related))
+    return all(any(is_at_or_below(path, prim) for prim in prims) for path in paths)
+
+
+def weight(findings: Iterable[Finding]) -> tuple[int, int]:
+    """Count errors and warnings."""
+    severities = [finding.severity for finding in findings]
+    return severities.count("error"), severities.count("warning")
 
 
 @quiet()
@@ -339,13 +323,13 @@ def check_result(fixed: Fixed, data: bytes, target: Path) -> None:
     try:
         temporary.write_bytes(data)
         if is_whole:
-            found = fixed.judge_again(temporary)
+            after = fixed.judge_again(temporary)
         else:
             open_stage(temporary)
-            found = fixed.after
+            after = fixed.after
     finally:
         temporary.unlink(missing_ok=True)
-    if weight(found) > weight(fixed.before):
+    if weight(after) > weight(fixed.before):
         raise StageError(
             f"{target}: the repaired stage would be worse than before; nothing was written"
         )
@@ -355,12 +339,7 @@ def repair_open_stage(repair: Repair, stage: Any) -> None:
     """Make the edits of a repair in the layers of a stage; no file is written."""
     lab = load_lab()
     checkpoint = checkpoint_of(Path(stage.GetRootLayer().realPath).name, lab) or lab.first
-    session = EditSession(stage, lab, lab.checkpoints[checkpoint])
-    for edit in sorted(repair.edits, key=lambda each: isinstance(each, MovePrim)):
-        apply_edit(session, edit)
-
-
-Changes = Mapping[tuple[str, Site], tuple[TextChange, ...]]
+    _make_edits(EditSession(stage, lab, lab.checkpoints[checkpoint]), [repair])
 
 
 @quiet()
@@ -369,27 +348,23 @@ def text_changes(report: Report, lab: Lab, starter: str | None) -> Changes:
 
     What is restored is taken from the starter, None for the bundled one.
     """
-    return {
-        key: lines for result in report.results for key, lines in _changes(result, lab, starter)
-    }
-
-
-def _changes(
-    result: StageResult, lab: Lab, starter: str | None
-) -> Iterator[tuple[tuple[str, Site], tuple[TextChange, ...]]]:
-    repairs = {
-        site_of(finding): finding.fix
-        for finding in result.findings
-        if finding.fix and finding.fix.safe
-    }
-    if not repairs:
-        return
-    stage, asked = open_stage(Path(result.path)), lab.checkpoints[result.checkpoint or lab.first]
-    for site, repair in repairs.items():
-        session = EditSession(stage, lab, asked, starter=starter)
-        lines = tuple(_lines(session, repair, result.path))
-        if lines:
-            yield (result.path, site), lines
+    changes: dict[tuple[str, Site], tuple[TextChange, ...]] = {}
+    for result in report.results:
+        repairs = {
+            site_of(finding): finding.fix
+            for finding in result.findings
+            if finding.fix and finding.fix.safe
+        }
+        if not repairs:
+            continue
+        stage = open_stage(Path(result.path))
+        checkpoint = lab.checkpoints[result.checkpoint or lab.first]
+        for site, repair in repairs.items():
+            session = EditSession(stage, lab, checkpoint, starter=starter)
+            lines = tuple(_lines(session, repair, result.path))
+            if lines:
+                changes[result.path, site] = lines
+    return changes
 
 
 def _lines(session: EditSession, repair: Repair, path: str) -> Iterator[TextChange]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 
 from msgspec import Struct, field
 
@@ -72,9 +71,15 @@ def read_blocks(text: str) -> dict[str, Block]:
 
     The text is one that OpenUSD accepts.
     """
-    root = _layer(text)
+    first = text.find("\n") if "\n" in text else len(text)
+    pos = after_blank(text, 0)
+    root = Block(ROOT, start=first, head=first, end=len(text))
+    if text.startswith("(", pos):
+        root.meta = (pos + 1, group_end(text, pos) - 1)
+        pos = root.meta[1] + 1
+    root.body = (pos, len(text))
     blocks, opened = {ROOT: root}, [root]
-    pos = after_blank(text, root.body[0])
+    pos = after_blank(text, pos)
     while pos < len(text):
         block = opened[-1]
         opening = (VARIANT if block.path.endswith("=") else OPENING).match(text, pos)
@@ -94,21 +99,6 @@ def read_blocks(text: str) -> dict[str, Block]:
             pos = statement.end
         pos = after_blank(text, pos)
     return blocks
-
-
-def _layer(text: str) -> Block:
-    first = _first_line_end(text)
-    pos, meta = after_blank(text, 0), None
-    if text.startswith("(", pos):
-        meta = (pos + 1, group_end(text, pos) - 1)
-        pos = meta[1] + 1
-    end = len(text)
-    return Block(ROOT, start=first, head=first, meta=meta, body=(pos, end), end=end)
-
-
-def _first_line_end(text: str) -> int:
-    end = text.find("\n")
-    return len(text) if end < 0 else end
 
 
 def _opened(text: str, block: Block, opening: re.Match[str]) -> Block:
@@ -132,29 +122,27 @@ def _opened(text: str, block: Block, opening: re.Match[str]) -> Block:
 
 def read_metadata(text: str, block: Block) -> list[Statement]:
     """Return the statements between the brackets of a block's metadata."""
-    return [] if block.meta is None else list(_statements(text, *block.meta))
-
-
-def _statements(text: str, pos: int, stop: int) -> Iterator[Statement]:
-    pos = after_blank(text, pos)
+    statements: list[Statement] = []
+    start, stop = block.meta or (0, 0)
+    pos = after_blank(text, start) if block.meta else stop
     while pos < stop:
-        found = _statement(text, pos)
-        yield found
-        pos = after_blank(text, found.end)
+        statements.append(_statement(text, pos))
+        pos = after_blank(text, statements[-1].end)
+    return statements
 
 
 def _statement(text: str, pos: int) -> Statement:
     end = statement_end(text, pos)
     if text[end - 1 : end + 1] == "\r\n":
         end += 1
-    found = HEAD.match(text, pos, end)
-    if found is None:  # documentation stands alone
+    words = HEAD.match(text, pos, end)
+    if words is None:  # documentation stands alone
         stop = _value_end(text, pos)
         return Statement("", _DOCUMENTATION, pos, stop, end, stop)
-    name = found["name"] or found["first"]
-    suffix = _SUFFIX.match(text, found.end())
-    edit = found["first"] if found["first"] in LIST_EDITS else ""
-    last = found.end("name" if found["name"] else "first")
+    name = words["name"] or words["first"]
+    suffix = _SUFFIX.match(text, words.end())
+    edit = words["first"] if words["first"] in LIST_EDITS else ""
+    last = words.end("name" if words["name"] else "first")
     head = suffix.end() if suffix else last
     value, meta = _parts(text, head, end)
     stop = (meta or value or (0, head))[1]
@@ -176,12 +164,12 @@ def _parts(text: str, pos: int, stop: int) -> tuple[tuple[int, int] | None, tupl
 
 
 def _past_blanks(text: str, pos: int) -> int:
-    found = _BLANKS.match(text, pos)
-    return found.end() if found else pos
+    blanks = _BLANKS.match(text, pos)
+    return blanks.end() if blanks else pos
 
 
 def _value_end(text: str, pos: int) -> int:
     if text[pos] in "([{":
         return group_end(text, pos)
-    found = _ATOM.match(text, pos)
-    return found.end() if found else pos + 1
+    atom = _ATOM.match(text, pos)
+    return atom.end() if atom else pos + 1

@@ -1,6 +1,6 @@
 """Writes the changes of a layer into its text, and leaves every other byte as it was.
 
-What changed is told by two layers of usd-core, before and after. A statement whose rendering is
+Two layers of usd-core, before and after, show what changed. A statement whose rendering is
 the same in both is not touched; of one that differs, only the part that differs is replaced.
 """
 
@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 
 STEP = "    "
 _OPAQUE = re.compile(f"{STRING}|{ASSET}|{LINE_COMMENT}|{BLOCK_COMMENT}", re.DOTALL)
+_Source = tuple[str, Block]  # a rendering, and a block of it
+_Parts = tuple[str, str, str]  # words, value, metadata
 
 
 class Splice(NamedTuple):
@@ -42,13 +44,295 @@ class Splice(NamedTuple):
     text: str
 
 
+class PrimChange(NamedTuple):
+    """A prim before and after, each rendered as a layer of its own without its children.
+
+    `before` is None for a prim that is new, whose `after` then holds all that is below it;
+    `after` is None for one that is gone.
+    """
+
+    path: str
+    before: str | None
+    after: str | None
+
+
+def new_bytes(edited: EditedLayer) -> bytes:
+    """Return what the file of an edited layer is to hold.
+
+    Raises:
+        StageError: the text cannot be made to say what the edits ask for.
+    """
+    path = Path(edited.layer.realPath)
+    if same_content(edited.before, edited.layer):
+        return path.read_bytes()
+    if not is_text(edited.layer):
+        return crate_bytes(edited.layer)
+    text = new_text(path.read_bytes().decode(), edited)
+    written = layer_from(text)
+    if written is None or not same_content(written, edited.layer):
+        raise StageError(f"{path}: the repaired text does not say what the repairs ask for")
+    return text.encode()
+
+
+def new_text(text: str, edited: EditedLayer) -> str:
+    """Return the text of a layer with its edits."""
+    for path, name, to in edited.renames:
+        text = _renamed_property(text, path, name, to)
+    for path, to in edited.moves:
+        text = _moved_text(text, path, to)
+    is_renamed = bool(edited.renames or edited.moves)
+    before = (layer_from(text) if is_renamed else None) or edited.before
+    touched = dict.fromkeys(_moved_path(path, edited.moves) for path in edited.touched)
+    return apply_changes(text, _changes(before, edited.layer, touched))
+
+
+def _moved_path(path: str, moves: list[tuple[str, str]]) -> str:
+    """Return where a prim stands after it was moved."""
+    for old, to in moves:
+        if path == old or path.startswith(f"{old}/"):
+            path = to + path[len(old) :]
+    return path
+
+
+def _changes(before: Sdf.Layer, after: Sdf.Layer, paths: dict[str, None]) -> Iterator[PrimChange]:
+    """Yield how prims differ; what is new or gone as a whole is one change."""
+    seen: set[str] = set()
+    for path in paths:
+        top = _top(path, before, after)
+        if top in seen:
+            continue
+        seen.add(top)
+        was_there, is_there = has_prim(before, top), has_prim(after, top)
+        if was_there and is_there:
+            yield PrimChange(top, render_prim(before, top), render_prim(after, top))
+            children = {f"{top.rstrip('/')}/{name}" for name in child_names(before, top)}
+            for child in sorted(children):
+                if not has_prim(after, child) and child not in seen:
+                    seen.add(child)
+                    yield PrimChange(child, "", None)
+        elif is_there:
+            yield PrimChange(top, None, render_tree(after, top))
+        elif was_there:
+            yield PrimChange(top, "", None)
+
+
+def _top(path: str, before: Sdf.Layer, after: Sdf.Layer) -> str:
+    """Return the highest prim at or above a path that only one of two layers has."""
+    parts = path.split("/")
+    for count in range(2, len(parts) + 1):
+        above = "/".join(parts[:count])
+        if has_prim(before, above) != has_prim(after, above):
+            return above
+    return path
+
+
+def _moved_text(text: str, path: str, to: str) -> str:
+    """Return the text of a layer with one prim moved or renamed, and every path that names it."""
+    if path in read_blocks(text):
+        text = _moved_block(text, path, to)
+    # Strings and comments stay.
+    paths = re.compile(rf"{_OPAQUE.pattern}|<{re.escape(path)}(?=[>/.])", re.DOTALL)
+    return paths.sub(lambda match: f"<{to}" if match[0].startswith("<") else match[0], text)
+
+
+def _renamed_property(text: str, path: str, name: str, to: str) -> str:
+    """Return the text of a layer with one property of a prim renamed where it stands."""
+    block = read_blocks(text).get(path)
+    renamed = []
+    for statement in block.of(name) if block else ():
+        start = text.rindex(name, statement.start, statement.head)
+        renamed.append(Splice(start, start + len(name), to))
+    return spliced(text, renamed)
+
+
+def _moved_block(text: str, path: str, to: str) -> str:
+    """Rename a block where it stands, or take it to the end of another."""
+    text = _with_prim(text, parent_path(to))
+    blocks = read_blocks(text)
+    block = blocks[path]
+    name = to.rpartition("/")[2]
+    renamed = text[block.start : block.name[0]] + name + text[block.name[1] : block.end]
+    if parent_path(path) == parent_path(to):
+        return spliced(text, [Splice(block.start, block.end, renamed)])
+    lines = indented(renamed, "", indent_at(text, block.start))
+    taken = removal(text, block.start, block.end, block.end)
+    return spliced(text, (taken, insertion(text, blocks[parent_path(to)], lines)))
+
+
+def _with_prim(text: str, path: str) -> str:
+    """Return a text in which a prim stands, as an empty over where it was not there."""
+    if path == ROOT or path in read_blocks(text):
+        return text
+    text = _with_prim(text, parent_path(path))
+    over = f'over "{path.rpartition("/")[2]}"\n{{\n}}'
+    return spliced(text, [insertion(text, read_blocks(text)[parent_path(path)], over)])
+
+
+def apply_changes(text: str, changes: Iterable[PrimChange]) -> str:
+    """Return the text of a layer with these changes made."""
+    blocks = read_blocks(text)
+    return spliced(text, (splice for change in changes for splice in _prim(text, blocks, change)))
+
+
+def _prim(text: str, blocks: Mapping[str, Block], change: PrimChange) -> Iterator[Splice]:
+    if change.after is None:
+        block = blocks[change.path]
+        yield removal(text, block.start, block.end, block.end)
+    elif change.before is None:
+        rendered = read_blocks(change.after)[change.path]
+        lines = reindented(change.after, rendered.start, rendered.end, "")
+        yield insertion(text, blocks[parent_path(change.path)], lines)
+    else:
+        block = blocks[change.path]
+        before, after = (
+            (rendered, read_blocks(rendered)[change.path])
+            for rendered in (change.before, change.after)
+        )
+        if _words(*before) != _words(*after):
+            yield Splice(block.start, block.name[0] - 1, _words(*after))
+        yield from _metadata(text, block, before, after)
+        yield from _properties(text, block, before, after)
+
+
+def _words(text: str, block: Block) -> str:
+    """Return specifier and type: what stands before the name."""
+    return text[block.start : block.name[0] - 1] if block.path != ROOT else ""
+
+
+def _properties(text: str, block: Block, before: _Source, after: _Source) -> Iterator[Splice]:
+    names = dict.fromkeys(
+        statement.name for statement in (*before[1].statements, *after[1].statements)
+    )
+    for name in names:
+        statements = block.of(name)
+        declared = any(statement.key == "" for statement in statements)
+        olds, news = (_parts_of(*source, name, assumed=declared) for source in (before, after))
+        for key in dict.fromkeys((*olds, *news)):
+            own = [statement for statement in statements if statement.key == key]
+            if key not in news:
+                yield from (
+                    removal(text, statement.start, statement.stop, statement.end)
+                    for statement in own
+                )
+            elif own:
+                yield from _changed(text, own[-1], olds.get(key, _split(text, own[-1])), news[key])
+            elif olds.get(key) != news[key]:
+                line = _statement_line(news[key], after, name, _indent_in(text, block))
+                yield _new_statement(text, block, statements[-1] if statements else None, line)
+
+
+def _parts_of(text: str, block: Block, name: str, *, assumed: bool) -> dict[str, _Parts]:
+    """Return the statements of a property by their keys, each as words, value and metadata.
+
+    usd-core leaves out a declaration that says nothing beside other statements. One that stands in
+    the file is `assumed` in the rendering as well.
+    """
+    parts = {statement.key: _split(text, statement) for statement in block.of(name)}
+    if assumed and parts and "" not in parts:
+        key, (words, *_) = next(iter(parts.items()))
+        edit, _, suffix = key.partition(" ")
+        bare = words.removeprefix(edit).removesuffix(f".{suffix}").strip()
+        parts = {"": (bare, "", ""), **parts}
+    return parts
+
+
+def _statement_line(parts: _Parts, rendered: _Source, name: str, indent: str) -> str:
+    """Return a statement as it is written at an indent."""
+    source, block = rendered
+    for statement in block.of(name):
+        if _split(source, statement) == parts:
+            return reindented(source, statement.start, statement.stop, indent)
+    return indent + parts[0]
+
+
+def _changed(text: str, own: Statement, old: _Parts, new: _Parts) -> Iterator[Splice]:
+    """Replace the words, the value or the metadata of a statement, whichever differs."""
+    if old[0] != new[0]:
+        yield Splice(own.start, own.head, new[0])
+    at = own.head
+    if old[1] != new[1]:
+        yield _part(own.value, at, new[1], " = ")
+    at = own.value[1] if own.value else at
+    if old[2] != new[2]:
+        meta = reindented(new[2], 0, len(new[2]), indent_at(text, own.start)).lstrip()
+        yield _part(own.meta, at, meta, " ")
+
+
+def _split(text: str, statement: Statement) -> _Parts:
+    """Return the words of a statement, its value and its metadata."""
+    value, meta = (slice(*(span or (0, 0))) for span in (statement.value, statement.meta))
+    return text[statement.start : statement.head], text[value], text[meta]
+
+
+def _part(span: tuple[int, int] | None, at: int, new: str, lead: str) -> Splice:
+    if span is None:
+        return Splice(at, at, f"{lead}{new}")
+    return Splice(*span, new) if new else Splice(at, span[1], "")
+
+
+def _metadata(text: str, block: Block, before: _Source, after: _Source) -> Iterator[Splice]:
+    olds, news = (
+        {(statement.key, statement.name): statement for statement in read_metadata(*source)}
+        for source in (before, after)
+    )
+    own = {(statement.key, statement.name): statement for statement in read_metadata(text, block)}
+    added = []
+    for key in dict.fromkeys((*olds, *news)):
+        if key not in news:
+            old = own[key]
+            yield removal(text, old.start, old.stop, old.end)
+        elif key not in own:
+            new = news[key]
+            added.append(reindented(after[0], new.start, new.stop, _indent_in(text, block)))
+        elif key in olds:
+            parts = _split(before[0], olds[key]), _split(after[0], news[key])
+            yield from _changed(text, own[key], *parts)
+    if added:
+        yield _new_metadata(text, block, added)
+
+
+def _new_metadata(text: str, block: Block, added: list[str]) -> Splice:
+    indent = "" if block.path == ROOT else indent_at(text, block.start)
+    lines = "\n".join(added)
+    if block.meta is None:
+        return Splice(block.head, block.head, f" (\n{lines}\n{indent})")
+    close = block.meta[1]
+    line = line_start(text, close)
+    if text[line:close].strip():
+        return Splice(close, close, f"\n{lines}\n{indent}")
+    return Splice(line, line, f"{lines}\n")
+
+
+def _new_statement(text: str, block: Block, after: Statement | None, new: str) -> Splice:
+    """Put a statement behind another one, else behind the last property of its prim."""
+    last = after or (block.statements[-1] if block.statements else None)
+    pos = last.end if last else block.body[0]
+    if last and text[pos - 1] == "\n":
+        return Splice(pos, pos, f"{new}\n")
+    if last:
+        return Splice(pos, pos, f"\n{new}\n{indent_at(text, block.start)}")
+    rest = text[pos:].partition("\n")
+    if not rest[0].strip() and rest[1]:
+        pos += len(rest[0]) + 1
+        return Splice(pos, pos, f"{new}\n")
+    return Splice(pos, pos, f"\n{new}\n{indent_at(text, block.start)}")
+
+
+def _indent_in(text: str, block: Block) -> str:
+    """Return how far the statements of a block stand in."""
+    for statement in block.statements[:1]:
+        if not text[line_start(text, statement.start) : statement.start].strip():
+            return indent_at(text, statement.start)
+    return indent_at(text, block.start) + STEP
+
+
 def spliced(text: str, splices: Iterable[Splice]) -> str:
     """Return the text with all of these replaced; they do not overlap.
 
     What is inserted at one place stays in the order given.
     """
     line_end = "\r\n" if "\r\n" in text else "\n"
-    numbered = ((each.start, each.end, number, each) for number, each in enumerate(splices))
+    numbered = ((splice.start, splice.end, number, splice) for number, splice in enumerate(splices))
     for *_, splice in sorted(numbered, reverse=True):  # from the end on, so that offsets hold
         new = splice.text.replace("\n", line_end)
         text = text[: splice.start] + new + text[splice.end :]
@@ -100,10 +384,10 @@ def indent_at(text: str, pos: int) -> str:
 def indented(text: str, indent: str, was: str = "") -> str:
     """Return a text whose lines stand in by one indent instead of another; strings stay."""
     kept = {
-        found.start() + index + 1
-        for found in _OPAQUE.finditer(text)
-        for index, letter in enumerate(found[0])
-        if letter == "\n" and found[0][0] in "\"'"
+        match.start() + index + 1
+        for match in _OPAQUE.finditer(text)
+        for index, letter in enumerate(match[0])
+        if letter == "\n" and match[0][0] in "\"'"
     }
     lines, pos = [], 0
     for line in text.split("\n"):
@@ -116,303 +400,3 @@ def indented(text: str, indent: str, was: str = "") -> str:
 def reindented(text: str, start: int, stop: int, indent: str) -> str:
     """Return a part of a text as it stands at another depth."""
     return indented(text[start:stop], indent, indent_at(text, start))
-
-
-class PrimChange(NamedTuple):
-    """A prim before and after, each rendered as a layer of its own without its children.
-
-    `before` is None for a prim that is new, whose `after` then holds all that is below it;
-    `after` is None for one that is gone.
-    """
-
-    path: str
-    before: str | None
-    after: str | None
-
-
-def apply_changes(text: str, changes: Iterable[PrimChange]) -> str:
-    """Return the text of a layer with these changes made."""
-    blocks = read_blocks(text)
-    return spliced(text, (one for change in changes for one in _prim(text, blocks, change)))
-
-
-def _prim(text: str, blocks: Mapping[str, Block], change: PrimChange) -> Iterator[Splice]:
-    if change.after is None:
-        block = blocks[change.path]
-        yield removal(text, block.start, block.end, block.end)
-    elif change.before is None:
-        yield _new_prim(text, blocks[parent_path(change.path)], change)
-    else:
-        before, after = change.before, change.after
-        olds, news = (read_blocks(each)[change.path] for each in (before, after))
-        block = blocks[change.path]
-        if _words(before, olds) != _words(after, news):
-            yield Splice(block.start, block.name[0] - 1, _words(after, news))
-        yield from _metadata(text, block, (before, olds), (after, news))
-        yield from _properties(text, block, (before, olds), (after, news))
-
-
-def _words(text: str, block: Block) -> str:
-    """Return specifier and type: what stands before the name."""
-    return text[block.start : block.name[0] - 1] if block.path != ROOT else ""
-
-
-def _new_prim(text: str, parent: Block, change: PrimChange) -> Splice:
-    rendered = change.after or ""
-    block = read_blocks(rendered)[change.path]
-    return insertion(text, parent, reindented(rendered, block.start, block.end, ""))
-
-
-_Source = tuple[str, Block]
-_Parts = tuple[str, str, str]  # words, value, metadata
-
-
-def _properties(text: str, block: Block, before: _Source, after: _Source) -> Iterator[Splice]:
-    names = dict.fromkeys(
-        statement.name for statement in (*before[1].statements, *after[1].statements)
-    )
-    for name in names:
-        here = block.of(name)
-        declared = [statement for statement in here if statement.key == ""]
-        olds, news = (_parts_of(*one, name, assumed=bool(declared)) for one in (before, after))
-        for key in dict.fromkeys((*olds, *news)):
-            own = [statement for statement in here if statement.key == key]
-            if key not in news:
-                yield from (
-                    removal(text, statement.start, statement.stop, statement.end)
-                    for statement in own
-                )
-            elif own:
-                yield from _changed(text, own[-1], olds.get(key, _split(text, own[-1])), news[key])
-            elif olds.get(key) != news[key]:
-                shown = _written(news[key], after, name, _indent_in(text, block))
-                yield _new_statement(text, block, here[-1] if here else None, shown)
-
-
-def _parts_of(text: str, block: Block, name: str, *, assumed: bool) -> dict[str, _Parts]:
-    """Return the statements of a property by their keys, each as words, value and metadata.
-
-    usd-core leaves out a declaration that says nothing beside other statements. One that stands in
-    the file is `assumed` in the rendering as well.
-    """
-    found = {statement.key: _split(text, statement) for statement in block.of(name)}
-    if assumed and found and "" not in found:
-        key, (words, *_) = next(iter(found.items()))
-        edit, _, suffix = key.partition(" ")
-        bare = words.removeprefix(edit).removesuffix(f".{suffix}").strip()
-        found = {"": (bare, "", ""), **found}
-    return found
-
-
-def _written(parts: _Parts, rendered: _Source, name: str, indent: str) -> str:
-    """Return a statement as it is written at an indent."""
-    source, block = rendered
-    for statement in block.of(name):
-        if _split(source, statement) == parts:
-            return _statement_text(source, statement, indent)
-    return indent + parts[0]
-
-
-def _statement_text(rendered: str, statement: Statement, indent: str) -> str:
-    return reindented(rendered, statement.start, statement.stop, indent)
-
-
-def _changed(text: str, own: Statement, old: _Parts, new: _Parts) -> Iterator[Splice]:
-    """Replace the words, the value or the metadata of a statement, whichever differs."""
-    if old[0] != new[0]:
-        yield Splice(own.start, own.head, new[0])
-    at = own.head
-    if old[1] != new[1]:
-        yield _part(own.value, at, new[1], " = ")
-    at = own.value[1] if own.value else at
-    if old[2] != new[2]:
-        shown = reindented(new[2], 0, len(new[2]), indent_at(text, own.start)).lstrip()
-        yield _part(own.meta, at, shown, " ")
-
-
-def _split(text: str, statement: Statement) -> _Parts:
-    """Return the words of a statement, its value and its metadata."""
-    value, meta = (slice(*(each or (0, 0))) for each in (statement.value, statement.meta))
-    return text[statement.start : statement.head], text[value], text[meta]
-
-
-def _part(span: tuple[int, int] | None, at: int, new: str, lead: str) -> Splice:
-    if span is None:
-        return Splice(at, at, f"{lead}{new}")
-    return Splice(*span, new) if new else Splice(at, span[1], "")
-
-
-def _metadata(text: str, block: Block, before: _Source, after: _Source) -> Iterator[Splice]:
-    olds, news = (
-        {(statement.key, statement.name): statement for statement in read_metadata(*one)}
-        for one in (before, after)
-    )
-    own = {(statement.key, statement.name): statement for statement in read_metadata(text, block)}
-    added = []
-    for key in dict.fromkeys((*olds, *news)):
-        if key not in news:
-            found = own[key]
-            yield removal(text, found.start, found.stop, found.end)
-        elif key not in own:
-            added.append(_statement_text(after[0], news[key], _indent_in(text, block)))
-        elif key not in olds:
-            continue
-        else:
-            old, new = _split(before[0], olds[key]), _split(after[0], news[key])
-            yield from _changed(text, own[key], old, new)
-    if added:
-        yield _new_metadata(text, block, added)
-
-
-def _new_metadata(text: str, block: Block, added: list[str]) -> Splice:
-    indent = "" if block.path == ROOT else indent_at(text, block.start)
-    lines = "\n".join(added)
-    if block.meta is None:
-        return Splice(block.head, block.head, f" (\n{lines}\n{indent})")
-    close = block.meta[1]
-    line = line_start(text, close)
-    if text[line:close].strip():
-        return Splice(close, close, f"\n{lines}\n{indent}")
-    return Splice(line, line, f"{lines}\n")
-
-
-def _new_statement(text: str, block: Block, after: Statement | None, new: str) -> Splice:
-    """Put a statement behind another one, else behind the last property of its prim."""
-    last = after or (block.statements[-1] if block.statements else None)
-    pos = last.end if last else block.body[0]
-    if last and text[pos - 1] == "\n":
-        return Splice(pos, pos, f"{new}\n")
-    if last:
-        return Splice(pos, pos, f"\n{new}\n{indent_at(text, block.start)}")
-    rest = text[pos:].partition("\n")
-    if not rest[0].strip() and rest[1]:
-        pos += len(rest[0]) + 1
-        return Splice(pos, pos, f"{new}\n")
-    return Splice(pos, pos, f"\n{new}\n{indent_at(text, block.start)}")
-
-
-def _indent_in(text: str, block: Block) -> str:
-    """Return how far the statements of a block stand in."""
-    for statement in block.statements[:1]:
-        if not text[line_start(text, statement.start) : statement.start].strip():
-            return indent_at(text, statement.start)
-    return indent_at(text, block.start) + STEP
-
-
-_OPAQUE_PATTERN = f"{STRING}|{ASSET}|{LINE_COMMENT}|{BLOCK_COMMENT}"
-
-
-def new_bytes(edited: EditedLayer) -> bytes:
-    """Return what the file of an edited layer is to hold.
-
-    Raises:
-        StageError: the text cannot be made to say what the edits ask for.
-    """
-    path = Path(edited.layer.realPath)
-    if same_content(edited.before, edited.layer):
-        return path.read_bytes()
-    if not is_text(edited.layer):
-        return crate_bytes(edited.layer)
-    text = new_text(path.read_bytes().decode(), edited)
-    written = layer_from(text)
-    if written is None or not same_content(written, edited.layer):
-        raise StageError(f"{path}: the repaired text does not say what the repairs ask for")
-    return text.encode()
-
-
-def new_text(text: str, edited: EditedLayer) -> str:
-    """Return the text of a layer with its edits."""
-    for path, name, to in edited.renames:
-        text = _renamed_property(text, path, name, to)
-    for path, to in edited.moves:
-        text = _moved_text(text, path, to)
-    is_renamed = bool(edited.renames or edited.moves)
-    before = (layer_from(text) if is_renamed else None) or edited.before
-    touched = dict.fromkeys(_now(each, edited.moves) for each in edited.touched)
-    return apply_changes(text, _changes(before, edited.layer, touched))
-
-
-def _now(path: str, moves: list[tuple[str, str]]) -> str:
-    """Return where a prim stands after it was moved."""
-    for old, to in moves:
-        if path == old or path.startswith(f"{old}/"):
-            path = to + path[len(old) :]
-    return path
-
-
-def _changes(before: Sdf.Layer, after: Sdf.Layer, paths: dict[str, None]) -> Iterator[PrimChange]:
-    """Yield how prims differ; what is new or gone as a whole is one change."""
-    told: set[str] = set()
-    for path in paths:
-        top = _top(path, before, after)
-        if top in told:
-            continue
-        told.add(top)
-        was, is_there = has_prim(before, top), has_prim(after, top)
-        if was and is_there:
-            yield PrimChange(top, render_prim(before, top), render_prim(after, top))
-            children = {f"{top.rstrip('/')}/{name}" for name in child_names(before, top)}
-            for child in sorted(children):
-                if not has_prim(after, child) and child not in told:
-                    told.add(child)
-                    yield PrimChange(child, "", None)
-        elif is_there:
-            yield PrimChange(top, None, render_tree(after, top))
-        elif was:
-            yield PrimChange(top, "", None)
-
-
-def _top(path: str, before: Sdf.Layer, after: Sdf.Layer) -> str:
-    """Return the highest prim at or above a path that only one of two layers has."""
-    parts = path.split("/")
-    for count in range(2, len(parts) + 1):
-        above = "/".join(parts[:count])
-        if has_prim(before, above) != has_prim(after, above):
-            return above
-    return path
-
-
-def _moved_text(text: str, path: str, to: str) -> str:
-    """Return the text of a layer with one prim moved or renamed, and every path that names it."""
-    if path in read_blocks(text):
-        text = _moved_block(text, path, to)
-    return _renamed_paths(text, path, to)
-
-
-def _renamed_property(text: str, path: str, name: str, to: str) -> str:
-    """Return the text of a layer with one property of a prim renamed where it stands."""
-    block = read_blocks(text).get(path)
-    renamed = []
-    for statement in block.of(name) if block else ():
-        start = text.rindex(name, statement.start, statement.head)
-        renamed.append(Splice(start, start + len(name), to))
-    return spliced(text, renamed)
-
-
-def _renamed_paths(text: str, path: str, to: str) -> str:
-    """Let what names a prim name it at its new path; strings and comments stay."""
-    named = re.compile(rf"{_OPAQUE_PATTERN}|<{re.escape(path)}(?=[>/.])", re.DOTALL)
-    return named.sub(lambda found: f"<{to}" if found[0].startswith("<") else found[0], text)
-
-
-def _moved_block(text: str, path: str, to: str) -> str:
-    """Rename a block where it stands, or take it to the end of another."""
-    text = _with_prim(text, parent_path(to))
-    blocks = read_blocks(text)
-    block = blocks[path]
-    name = to.rpartition("/")[2]
-    renamed = text[block.start : block.name[0]] + name + text[block.name[1] : block.end]
-    if parent_path(path) == parent_path(to):
-        return spliced(text, [Splice(block.start, block.end, renamed)])
-    lines = indented(renamed, "", indent_at(text, block.start))
-    taken = removal(text, block.start, block.end, block.end)
-    return spliced(text, (taken, insertion(text, blocks[parent_path(to)], lines)))
-
-
-def _with_prim(text: str, path: str) -> str:
-    """Return a text in which a prim stands, as an empty over where it was not there."""
-    if path == ROOT or path in read_blocks(text):
-        return text
-    text = _with_prim(text, parent_path(path))
-    over = f'over "{path.rpartition("/")[2]}"\n{{\n}}'
-    return spliced(text, [insertion(text, read_blocks(text)[parent_path(path)], over)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -17,7 +17,6 @@ from lab3_usd.grade.gradebook import Rows, check_target, known_digest, write_stu
 from lab3_usd.grade.intake.remote import local_path
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.intake.submissions import (
-    ClassLocation,
     StudentSubmission,
     find_submissions,
     submissions_in,
@@ -67,19 +66,26 @@ def grade_class(
     check_starter(settings.starter)
     check_target(settings.out, resume=settings.resume)
     salt = salt_of(rubric, settings.starter)
+    late = set(rubric.late.students)
     with submissions_in(place) as location:
-        found = find_submissions(location, settings.notify)
-        submissions = [_with_lateness(submission, rubric) for submission in found]
-        by_folder = {
-            student_submission.folder: student_submission for student_submission in submissions
-        }
+        submissions = [
+            replace(
+                submission,
+                late=submission.late or bool({submission.student, submission.number} & late),
+            )
+            for submission in find_submissions(location, settings.notify)
+        ]
+        by_folder = {submission.folder: submission for submission in submissions}
         items = [item.id for item in rubric.items]
         tasks = (_task(submission, settings, salt, items) for submission in submissions)
+        readable: tuple[Path, ...] = ()  # of the class, by the workers
+        if isinstance(location.where, Path):
+            readable = (location.where, *([location.empty_folder] if location.left_out else []))
         pool = PoolSettings(
             settings.starter,
             settings.rubric,
             settings.limits,
-            _readable(location),
+            readable,
             min(settings.jobs, len(submissions)),
             own_lab(),
         )
@@ -104,13 +110,6 @@ def check_apart(submissions: Path | str, out: Path) -> None:
         raise UsageError(f"{out}: lies in {submissions}, among what is graded; choose another -o")
 
 
-def _readable(location: ClassLocation) -> tuple[Path, ...]:
-    """Return what workers may read of a class."""
-    if isinstance(location.where, str):
-        return ()
-    return (location.where, *([location.empty_folder] if location.left_out else []))
-
-
 def check_starter(starter: Path) -> None:
     """Make sure that the starter can be opened, before anything is judged by it.
 
@@ -126,28 +125,19 @@ def check_starter(starter: Path) -> None:
 
 def salt_of(rubric: Rubric, starter: Path) -> str:
     """Return a digest of everything that a grade depends on beside the submission."""
+    from lab3_usd.stage.fence import files_of
+
     digest = hashlib.sha256(f"{tool_version()}\0{rubric.digest}\0".encode())
     for path in [starter, *sorted(lab_folder().glob("*.yaml"))]:
         digest.update(hashlib.sha256(path.read_bytes()).digest())
-    for name, content in sorted(_files_of(starter)):
+    # The files that the starter consists of; one in a package is read with the package.
+    paths = (Path(file.partition("[")[0]) for file in files_of(starter))
+    contents = [
+        (path.name, hashlib.sha256(path.read_bytes()).digest()) for path in paths if path.is_file()
+    ]
+    for name, content in sorted(contents):
         digest.update(name.encode("utf-8", "backslashreplace") + b"\0" + content)
     return digest.hexdigest()
-
-
-def _files_of(starter: Path) -> Iterator[tuple[str, bytes]]:
-    """Yield name and digest of every file that the starter consists of, wherever they lie."""
-    from lab3_usd.stage.fence import files_of
-
-    for file in files_of(starter):
-        path = Path(file.partition("[")[0])  # a file in a package is read with the package
-        if path.is_file():
-            yield path.name, hashlib.sha256(path.read_bytes()).digest()
-
-
-def _with_lateness(submission: StudentSubmission, rubric: Rubric) -> StudentSubmission:
-    """Return the submission as late where the platform or the rubric says so."""
-    listed = not {submission.student, submission.number}.isdisjoint(rubric.late.students)
-    return replace(submission, late=submission.late or listed)
 
 
 def _task(
@@ -179,8 +169,8 @@ def _record(
     if answer.get("status") == "known":
         return
     if "failed" in answer:
-        how, kept = answer["failed"], {key: answer[key] for key in answer if key != "failed"}
-        answer = kept | ungraded_record(
-            rubric, submission.student, status_of(how), how, submission.name
-        )
+        reason = answer["failed"]
+        status = status_of(reason)
+        record = ungraded_record(rubric, submission.student, status, reason, submission.name)
+        answer = {key: answer[key] for key in answer if key != "failed"} | record
     write_student(out, submission, salt, answer)

@@ -1,7 +1,4 @@
-"""Writes the gradebook.
-
-A folder of reports for each student, then the tables of the whole class.
-"""
+"""Writes the gradebook: a folder of reports for each student, then the tables of the class."""
 
 from __future__ import annotations
 
@@ -39,13 +36,23 @@ def grade_sheet(rubric: Rubric, points: Grade, student: str, name: str) -> Grade
     lost: dict[str, list[str]] = {}
     for requirement in points.lost:
         part, slash, _ = requirement.requirement.partition("/")
-        lost.setdefault(requirement.item, []).append(
-            f"{part}: {requirement.title}" if slash else ""
+        if slash:
+            lost.setdefault(requirement.item, []).append(f"{part}: {requirement.title}")
+    items = []
+    for item in rubric.items:
+        own, lost_here = graded[item.id], lost.get(item.id, [])
+        items.append(
+            GradeItem(
+                title=item.title,
+                state=own.state,
+                earned=own.earned,
+                possible=own.possible,
+                points=item.points,
+                why=tuple(_reasons(item, graded, rubric)),
+                lost=tuple(lost_here[:MOST_LOST]),
+                more=max(len(lost_here) - MOST_LOST, 0),
+            )
         )
-    items = (
-        _item(item, graded, rubric, list(filter(None, lost.get(item.id, ()))))
-        for item in rubric.items
-    )
     return GradeSummary(
         title=rubric.title,
         student=student,
@@ -58,34 +65,22 @@ def grade_sheet(rubric: Rubric, points: Grade, student: str, name: str) -> Grade
     )
 
 
-def _item(
-    item: Item, graded: Mapping[str, ItemGrade], rubric: Rubric, lost: list[str]
-) -> GradeItem:
-    own = graded[item.id]
-    return GradeItem(
-        title=item.title,
-        state=own.state,
-        earned=own.earned,
-        possible=own.possible,
-        points=item.points,
-        why=tuple(_why(item, graded, rubric)),
-        lost=tuple(lost[:MOST_LOST]),
-        more=max(len(lost) - MOST_LOST, 0),
-    )
-
-
-def _why(item: Item, graded: Mapping[str, ItemGrade], rubric: Rubric) -> Iterator[str]:
+def _reasons(item: Item, graded: Mapping[str, ItemGrade], rubric: Rubric) -> Iterator[str]:
+    """Yield why the item earned what it did: how much of it does not count, and why."""
     own = graded[item.id]
     if item.optional:
         yield "extra points: nothing is lost where they are missing"
-    yield from _of_state(item, own.state)
+    yield from _state_text(item, own.state)
     if own.blocked:
-        yield _blocked(item, graded, rubric)
+        titles = {line.id: line.title for line in rubric.items if graded[line.id].state != "full"}
+        stands_on = ", ".join(titles[name] for name in item.needs if name in titles)
+        amount = f"{own.blocked:g} of {item.points:g} points do not count"
+        yield f"blocked by {stands_on or 'faults that cost points above'}: {amount}"
     if own.because in {cap.because for cap in rubric.caps}:
         yield f"limited: {own.because}"
 
 
-def _of_state(item: Item, state: State) -> Iterator[str]:
+def _state_text(item: Item, state: State) -> Iterator[str]:
     if state == "missing":
         yield f"no stage of checkpoint {item.checkpoint} was found"
     elif state == "unreadable":
@@ -96,20 +91,6 @@ def _of_state(item: Item, state: State) -> Iterator[str]:
         yield f"not met: {item.checklist}"
     elif state == "none" and not item.partial:
         yield "all or nothing"
-
-
-def _blocked(item: Item, graded: Mapping[str, ItemGrade], rubric: Rubric) -> str:
-    """Say how much of the item does not count, and which item has cost points for it already."""
-    titles = {
-        rubric_item.id: rubric_item.title
-        for rubric_item in rubric.items
-        if graded[rubric_item.id].state != "full"
-    }
-    stands_on = ", ".join(titles[name] for name in item.needs if name in titles)
-    amount = f"{graded[item.id].blocked:g} of {item.points:g} points do not count"
-    if stands_on:
-        return f"blocked by {stands_on}: {amount}"
-    return f"blocked by faults that cost points above: {amount}"
 
 
 HTML, JSON, GRADESCOPE = "report.html", "report.json", "results.json"
@@ -134,30 +115,29 @@ def gradescope(report: Report, rubric: Rubric, points: Grade) -> str:
     document = json.loads(render("gradescope", report, None, Options()))
     outputs = {test["name"]: test["output"] for test in document["tests"]}
     graded = {grade.id: grade for grade in points.items}
-    tests = [_test(item, graded[item.id], rubric, outputs) for item in rubric.items]
+    tests: list[dict[str, Any]] = []
+    for item in rubric.items:
+        own = graded[item.id]
+        groups = dict.fromkeys(requirement.group for requirement in rubric.asked[item.id])
+        names = [f"Checkpoint {item.checkpoint}: {group}" for group in groups]
+        blocks = [outputs.pop(name, "") for name in names]
+        if own.state in {"missing", "unreadable", "blocked"} or own.because:
+            because = f": {own.because}" if own.because else ""
+            blocks.insert(0, text(f"{own.state}{because}"))
+        tests.append(
+            {
+                "name": item.title,
+                "score": own.earned,
+                "max_score": own.possible,
+                "status": "passed" if own.state == "full" else "failed",
+                "visibility": item.visibility,
+                "output": "\n\n".join(block for block in blocks if block),
+            }
+        )
     tests += [{"name": name, "output": output} for name, output in outputs.items() if output]
     document["score"] = points.earned
     document["tests"] = tests
     return json.dumps(document, indent=2) + "\n"
-
-
-def _test(
-    item: Item, graded: ItemGrade, rubric: Rubric, outputs: dict[str, str]
-) -> Mapping[str, Any]:
-    groups = dict.fromkeys(requirement.group for requirement in rubric.asked[item.id])
-    names = [f"Checkpoint {item.checkpoint}: {group}" for group in groups]
-    blocks = [outputs.pop(name, "") for name in names]
-    if graded.state in {"missing", "unreadable", "blocked"} or graded.because:
-        because = f": {graded.because}" if graded.because else ""
-        blocks.insert(0, text(f"{graded.state}{because}"))
-    return {
-        "name": item.title,
-        "score": graded.earned,
-        "max_score": graded.possible,
-        "status": "passed" if graded.state == "full" else "failed",
-        "visibility": item.visibility,
-        "output": "\n\n".join(block for block in blocks if block),
-    }
 
 
 STUDENTS, RESULT = "students", "result.json"
@@ -184,8 +164,9 @@ def check_target(out: Path, *, resume: bool) -> None:
     if not out.is_dir():
         raise UsageError(f"{out}: is not a folder; choose another one for -o")
     half = leftover_files(out, _TABLES)
-    holds = {path.name for path in out.iterdir() if not _is_litter(path)} - {
-        path.name for path in half
+    names = {path.name for path in out.iterdir()} - {path.name for path in half}
+    holds = {
+        name for name in names if not any(fnmatchcase(name.lower(), pattern) for pattern in _LITTER)
     }
     if (holds or half) and not resume:
         raise UsageError(
@@ -200,10 +181,6 @@ def check_target(out: Path, *, resume: bool) -> None:
     _remove([*half, *(path for student in students for path in leftover_files(student, _FILES))])
 
 
-def _is_litter(path: Path) -> bool:
-    return any(fnmatchcase(path.name.lower(), pattern) for pattern in _LITTER)
-
-
 def _remove(files: Iterable[Path]) -> None:
     try:
         for path in files:
@@ -215,18 +192,26 @@ def _remove(files: Iterable[Path]) -> None:
 def known_digest(out: Path, submission: StudentSubmission, salt: str, items: Sequence[str]) -> str:
     """Return the digest of what was judged before under the same conditions, '' for nothing.
 
-    `items` are those of the rubric, each of which a result has.
+    `items` are those of the rubric, each of which a result has. Somebody may have edited it.
     """
     row = read_result(out, submission)
     if row is None or row.get("salt") != salt or row.get("status") not in FINISHED:
         return ""
-    of_now = {"late": submission.late, "student": submission.student, "name": submission.name}
-    if any(row.get(key) != of_now[key] for key in of_now) or not _is_whole(row, items):
+    if any(row.get(key) != getattr(submission, key) for key in ("late", "student", "name")):
+        return ""
+    try:
+        recorded = msgspec.convert(row, _Recorded)
+    except msgspec.ValidationError:
         return ""
     folder = out / STUDENTS / submission.folder
-    if not all((folder / name).is_file() for name in _reports(row)):
+    reports = row.get("reports")
+    if (
+        [item.id for item in recorded.items] != list(items)
+        or not isinstance(reports, list)
+        or not all((folder / str(name)).is_file() for name in reports)
+    ):
         return ""
-    return str(row.get("digest", ""))
+    return recorded.digest
 
 
 class _Recorded(Grade, frozen=True, kw_only=True):
@@ -237,20 +222,6 @@ class _Recorded(Grade, frozen=True, kw_only=True):
     verdicts: dict[str, str]
     crashes: list[str]
     unconfined: tuple[str, ...] = ()
-
-
-def _is_whole(row: Row, items: Sequence[str]) -> bool:
-    try:
-        recorded = msgspec.convert(row, _Recorded)
-    except msgspec.ValidationError:
-        return False
-    return [item.id for item in recorded.items] == list(items)
-
-
-def _reports(row: Row) -> Iterator[str]:
-    """Yield the names of the reports of a student, of a result that somebody may have edited."""
-    names = row.get("reports")
-    return (str(name) for name in (names if isinstance(names, list) else ["no report"]))
 
 
 def read_result(out: Path, submission: StudentSubmission) -> Row | None:
@@ -283,11 +254,7 @@ def write_student(
         **{key: value for key, value in answer.items() if key != "reports"},
         "reports": sorted(answer["reports"]),
     }
-    write_whole(folder / RESULT, _json(row), force=True)
-
-
-def _json(document: Any) -> bytes:
-    return (json.dumps(document, indent=1) + "\n").encode()
+    write_whole(folder / RESULT, (json.dumps(row, indent=1) + "\n").encode(), force=True)
 
 
 class Rows(Sized, Iterable[Row]):
@@ -319,8 +286,8 @@ def write_tables(out: Path, submissions: Iterable[StudentSubmission], rubric: Ru
     """Write the tables and the page of the class from the students' results, and return those."""
     rows = Rows(out, submissions)
     page = class_page(rubric.title, _columns(rubric), rows)
-    write_parts(out / CSV, _csv(rows, rubric), force=True)
-    write_parts(out / GRADEBOOK_JSON, _document(rows, rubric), force=True)
+    write_parts(out / CSV, _csv_lines(rows, rubric), force=True)
+    write_parts(out / GRADEBOOK_JSON, _json_parts(rows, rubric), force=True)
     write_parts(out / PAGE, (part.encode() for part in page), force=True)
     return rows
 
@@ -332,7 +299,7 @@ def _columns(rubric: Rubric) -> list[Row]:
     ]
 
 
-def _csv(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
+def _csv_lines(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
     """Yield the lines of the table of grades; they end in CR LF, and no cell is a formula."""
     names = [item.id for item in rubric.items]
     yield _line(map(safe_cell, [*COLUMNS[:-1], *names, COLUMNS[-1]]))
@@ -340,8 +307,10 @@ def _csv(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
         earned = {item["id"]: item for item in row["items"]}
         cells = [row["student"], row["name"], row["status"], "yes" if row["late"] else ""]
         cells += [_number(row[key]) for key in ("earned", "possible", "percent")]
-        cells += [_cell(earned[name]) for name in names]
-        yield _line(map(safe_cell, [*cells, _remarks(row)]))
+        for name in names:  # blocked and open items have no points
+            has_points = earned[name]["state"] not in {"blocked", "open"}
+            cells.append(_number(earned[name]["earned"]) if has_points else "")
+        yield _line(map(safe_cell, [*cells, _remarks_text(row)]))
 
 
 def _line(cells: Iterable[str]) -> bytes:
@@ -354,21 +323,16 @@ def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
 
 
-def _cell(item: Row) -> str:
-    """Return an item's points; blocked and open items have none."""
-    return "" if item["state"] in {"blocked", "open"} else _number(item["earned"])
-
-
-def _remarks(row: Row) -> str:
+def _remarks_text(row: Row) -> str:
     remarks = [row["reason"], *row["because"]]
     for item in row["items"]:
-        named = item["state"] in {"missing", "unreadable", "blocked", "open"}
-        why = item["state"] if named else item["because"]
-        remarks.append(f"{item['id']}: {why}" if why else "")
+        is_named = item["state"] in {"missing", "unreadable", "blocked", "open"}
+        reason = item["state"] if is_named else item["because"]
+        remarks.append(f"{item['id']}: {reason}" if reason else "")
     return "; ".join(filter(None, remarks))
 
 
-def _document(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
+def _json_parts(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
     """Yield the gradebook as JSON, each student on a line."""
     head = {
         "version": _VERSION,

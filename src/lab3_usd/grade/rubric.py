@@ -20,7 +20,6 @@ from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.contradictions.names import LabFault
 from lab3_usd.spec.contradictions.references import RULES
 from lab3_usd.spec.lab import CHECKPOINTS, RUBRIC, SUBMISSION, Lab
-from lab3_usd.spec.submission import ChecklistSpec
 from lab3_usd.spec.yaml_file import read_foreign_yaml, read_yaml, record, records
 
 # The columns of the table of grades that are no items; the last stands behind the items.
@@ -106,30 +105,36 @@ class Rubric(Struct, frozen=True):
 
 def load_items(
     data: Mapping[str, Mapping[str, Any]],
-    asked: Mapping[str, tuple[Requirement, ...]],
+    required: Mapping[str, tuple[Requirement, ...]],
     lines: Collection[str],
-    where: str,
+    file: str,
 ) -> tuple[Item, ...]:
     """Return the items of a rubric in their order.
 
-    `asked` is everything that each checkpoint asks for, `lines` are the texts of the checklists.
+    `required` is everything that each checkpoint asks for, `lines` are the texts of the checklists.
 
     Raises:
-        SpecError: there is none, or one is wrong; the line names it, and opens with `where`.
+        SpecError: there is none, or one is wrong; the line names it, and opens with `file`.
     """
     if not data:
-        raise SpecError(f"{where}: 'items' is empty; a rubric needs at least one")
-    items = records(data, Item, where, "id")
+        raise SpecError(f"{file}: 'items' is empty; a rubric needs at least one")
+    items = records(data, Item, file, "id")
     for name, item in items.items():
-        _check_name(name, where)
-        place = f"{where}: {name}"
+        # The names head columns of the table of grades.
+        if not name or not name.isprintable() or name != name.strip():
+            raise SpecError(f"{file}: items: {name!r} is no name for an item")
+        if name.casefold() in COLUMNS:
+            raise SpecError(
+                f"{file}: items: '{name}' is a column of grades.csv; choose another name"
+            )
+        place = f"{file}: {name}"
         if bool(item.checkpoint) == bool(item.checklist):
             raise SpecError(f"{place}: give either 'checkpoint' or 'checklist'")
         _check_needs(item, tuple(data), place)
-        if item.checklist:
-            _check_line(item, lines, place)
-        else:
-            _check_requirements(item, asked, place)
+        if not item.checklist:
+            _check_requirements(item, required, place)
+        elif item.checklist not in lines:
+            raise SpecError(f"{place}: no checklist of the handout has the line '{item.checklist}'")
     return tuple(items.values())
 
 
@@ -141,14 +146,6 @@ def one_of(value: str, known: Collection[str], place: str) -> None:
     """
     if value not in known:
         raise SpecError(f"{place}: {value!r} is not known; known are {', '.join(known)}")
-
-
-def _check_name(name: str, where: str) -> None:
-    """Refuse what can head no column of the table of grades."""
-    if not name or not name.isprintable() or name != name.strip():
-        raise SpecError(f"{where}: items: {name!r} is no name for an item")
-    if name.casefold() in COLUMNS:
-        raise SpecError(f"{where}: items: '{name}' is a column of grades.csv; choose another name")
 
 
 def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
@@ -167,16 +164,11 @@ def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
         raise SpecError(f"{place}: needs '{name}', {why}")
 
 
-def _check_line(item: Item, lines: Collection[str], place: str) -> None:
-    if item.checklist not in lines:
-        raise SpecError(f"{place}: no checklist of the handout has the line '{item.checklist}'")
-
-
 def _check_requirements(
-    item: Item, asked: Mapping[str, tuple[Requirement, ...]], place: str
+    item: Item, required: Mapping[str, tuple[Requirement, ...]], place: str
 ) -> None:
-    one_of(item.checkpoint, asked, place)
-    requirements = asked[item.checkpoint]
+    one_of(item.checkpoint, required, place)
+    requirements = required[item.checkpoint]
     for key, patterns in (("groups", item.groups), ("requirements", item.requirements)):
         for pattern in patterns:
             name = "group" if key == "groups" else "id"
@@ -210,15 +202,15 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
     if path is None and not file.is_file():
         raise SpecError(f"{lab.title} has no {RUBRIC}; name a rubric with --rubric")
     data = read_yaml(file) if path is None else read_foreign_yaml(file)
-    where = file.name
-    content = record(data, _RubricFile, where)
-    asked = everything_asked(lab)
+    name = file.name
+    content = record(data, _RubricFile, name)
+    required = everything_asked(lab)
     for kind in content.weights:
-        one_of(kind, REQUIREMENT_KINDS, f"{where}: weights")
+        one_of(kind, REQUIREMENT_KINDS, f"{name}: weights")
     lines = [line.text for line in lab.submission.checklist]
-    items = load_items(content.items, asked, lines, where)
+    items = load_items(content.items, required, lines, name)
     for number, cap in enumerate(content.caps, start=1):
-        _check_cap(cap, content.items, asked, f"{where}: cap {number}")
+        _check_cap(cap, content.items, required, f"{name}: cap {number}")
     rubric = Rubric(
         title=content.title,
         digest="",
@@ -229,22 +221,15 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
         asked={
             item.id: tuple(
                 requirement
-                for requirement in asked.get(item.checkpoint, ())
+                for requirement in required.get(item.checkpoint, ())
                 if item.asks(requirement)
             )
             for item in items
         },
     )
-    return replace(rubric, digest=_digest(rubric))
-
-
-def _digest(rubric: Rubric) -> str:
-    """Return what tells the rubric from others, the order of its items and caps included.
-
-    What the checkpoints ask for is no part of it: that is the lab's, not the rubric's.
-    """
-    content = to_builtins(replace(rubric, asked={}))
-    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+    # What the checkpoints ask for is no part of it: that is the lab's, not the rubric's.
+    content_json = json.dumps(to_builtins(replace(rubric, asked={})))
+    return replace(rubric, digest=hashlib.sha256(content_json.encode()).hexdigest())
 
 
 def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
@@ -279,9 +264,6 @@ def _check_cap(cap: Cap, items: Collection[str], checkpoints: Collection[str], p
             one_of(pattern, checkpoints, place)
 
 
-_Asked = Mapping[str, tuple[Requirement, ...]]
-
-
 def scoring_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield what is wrong with the points and checklists of a lab, and what they leave out."""
     for rule in lab.handout.rules:
@@ -289,8 +271,8 @@ def scoring_faults(lab: Lab) -> Iterator[LabFault]:
             yield LabFault(
                 CHECKPOINTS, f"{RULES}: {rule}", "there is no such rule", "see lab3 rules"
             )
-    asked = everything_asked(lab)
-    yield from _checklist_faults(lab, asked[lab.last])
+    required = everything_asked(lab)
+    yield from _checklist_faults(lab, required[lab.last])
     if not (lab.folder / RUBRIC).is_file():
         message = "is missing, so that lab3 grade needs --rubric"
         yield LabFault(RUBRIC, "items", message, severity="warning")
@@ -301,16 +283,16 @@ def scoring_faults(lab: Lab) -> Iterator[LabFault]:
         key, _, message = str(error).removeprefix(f"{RUBRIC}: ").rpartition(": ")
         yield LabFault(RUBRIC, key or "items", message)
         return
-    yield from _sections_without_points(lab, rubric, asked)
+    yield from _sections_without_points(lab, rubric, required)
 
 
-def _checklist_faults(lab: Lab, asked: tuple[Requirement, ...]) -> Iterator[LabFault]:
+def _checklist_faults(lab: Lab, required: tuple[Requirement, ...]) -> Iterator[LabFault]:
     for line in lab.submission.checklist:
         key = f"checklist: {line.section}: '{line.text}'"
         for pattern in line.requirements:
-            if not any(fnmatchcase(requirement.id, pattern) for requirement in asked):
+            if not any(fnmatchcase(requirement.id, pattern) for requirement in required):
                 message = f"'{pattern}' fits no requirement of checkpoint {lab.last}"
-                groups = ", ".join(dict.fromkeys(requirement.group for requirement in asked))
+                groups = ", ".join(dict.fromkeys(requirement.group for requirement in required))
                 yield LabFault(SUBMISSION, f"{key}: requirements", message, f"groups: {groups}")
         for rule in line.rules:
             if rule not in all_rules():
@@ -318,31 +300,30 @@ def _checklist_faults(lab: Lab, asked: tuple[Requirement, ...]) -> Iterator[LabF
                 yield LabFault(SUBMISSION, f"{key}: rules", message, "see lab3 rules")
 
 
-def _sections_without_points(lab: Lab, rubric: Rubric, asked: _Asked) -> Iterator[LabFault]:
+def _sections_without_points(
+    lab: Lab, rubric: Rubric, required: Mapping[str, tuple[Requirement, ...]]
+) -> Iterator[LabFault]:
     """Yield the sections of which no item counts any requirement."""
     lines = {line.text: line for line in lab.submission.checklist}
     paid = {
-        asked_requirement.handout
-        for counted in rubric.asked.values()
-        for asked_requirement in counted
+        requirement.handout
+        for requirements in rubric.asked.values()
+        for requirement in requirements
     }
     for item in rubric.items:
         line = lines.get(item.checklist)
-        paid |= _sections_of(line, asked[lab.last]) if line is not None else set()
+        patterns = () if line is None else line.requirements
+        paid |= {
+            requirement.handout
+            for requirement in required[lab.last]
+            if any(fnmatchcase(requirement.id, pattern) for pattern in patterns)
+        }
     first: dict[str | None, tuple[str, Requirement]] = {}
-    for checkpoint, requirements in asked.items():
-        for asked_requirement in requirements:
-            first.setdefault(asked_requirement.handout, (checkpoint, asked_requirement))
+    for checkpoint, requirements in required.items():
+        for requirement in requirements:
+            first.setdefault(requirement.handout, (checkpoint, requirement))
     for section, (checkpoint, requirement) in first.items():
         if section not in paid:
             message = f"no item counts section {section} of the handout"
-            other = f"checkpoint {checkpoint} asks for {requirement.id}"
-            yield LabFault(RUBRIC, "items", message, other, "warning")
-
-
-def _sections_of(line: ChecklistSpec, asked: tuple[Requirement, ...]) -> set[str | None]:
-    return {
-        requirement.handout
-        for requirement in asked
-        if any(fnmatchcase(requirement.id, pattern) for pattern in line.requirements)
-    }
+            hint = f"checkpoint {checkpoint} asks for {requirement.id}"
+            yield LabFault(RUBRIC, "items", message, hint, "warning")

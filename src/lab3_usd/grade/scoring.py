@@ -57,18 +57,26 @@ def grade(
     """Return the points for the results of one submission, in whatever order they come."""
     stages = _by_checkpoint(results)
     states = {line.text: line.state for line in checklist}
-    errors = {number: _errors(result) for number, result in stages.items()}
-    found: dict[str, ItemGrade] = {}
+    errors = {
+        number: {finding.rule for finding in result.findings if finding.severity == "error"}
+        for number, result in stages.items()
+    }
+    grades: dict[str, ItemGrade] = {}
     lost: dict[str, LostRequirement] = {}
     for item in rubric.items:
-        if item.checklist:
-            graded = _by_checklist(item, states.get(item.checklist, "not shown"))
+        state = states.get(item.checklist, "not shown")
+        if item.checklist and state == "met":
+            graded = ItemGrade(item.id, "full", item.points, item.points, 0.0)
+        elif item.checklist and state == "not met":
+            graded = ItemGrade(item.id, "none", 0.0, item.points, 0.0)
+        elif item.checklist:
+            graded = ItemGrade(item.id, "open", 0.0, 0.0, 0.0, "for a person to judge")
         else:
-            needed = [found[name] for name in item.needs]
+            needed = [grades[name] for name in item.needs]
             known = dict(lost) if item.optional else lost
             graded = _by_requirements(rubric, item, stages.get(item.checkpoint), needed, known)
-        found[item.id] = _capped(rubric.caps, item, graded, errors)
-    return _total(rubric, found, tuple(lost.values()), late=late)
+        grades[item.id] = _capped(rubric.caps, item, graded, errors)
+    return _total(rubric, grades, tuple(lost.values()), late=late)
 
 
 def _by_checkpoint(results: Iterable[StageResult]) -> dict[str, StageResult]:
@@ -83,14 +91,6 @@ def _by_checkpoint(results: Iterable[StageResult]) -> dict[str, StageResult]:
     for result in sorted(results, key=order):
         kept.setdefault(result.checkpoint or "", result)
     return kept
-
-
-def _by_checklist(item: Item, state: str) -> ItemGrade:
-    if state == "met":
-        return ItemGrade(item.id, "full", item.points, item.points, 0.0)
-    if state == "not met":
-        return ItemGrade(item.id, "none", 0.0, item.points, 0.0)
-    return ItemGrade(item.id, "open", 0.0, 0.0, 0.0, "for a person to judge")
 
 
 def _by_requirements(
@@ -141,10 +141,6 @@ def _weighed(item: Item, weights: Mapping[str, float]) -> ItemGrade:
     return ItemGrade(item.id, state, possible * weights["met"] / counted, possible, blocked)
 
 
-def _errors(result: StageResult) -> set[str]:
-    return {finding.rule for finding in result.findings if finding.severity == "error"}
-
-
 def _capped(
     caps: Iterable[Cap], item: Item, graded: ItemGrade, errors: Mapping[str, set[str]]
 ) -> ItemGrade:
@@ -164,31 +160,33 @@ def _capped(
 
 
 def _total(
-    rubric: Rubric, found: Mapping[str, ItemGrade], lost: tuple[LostRequirement, ...], *, late: bool
+    rubric: Rubric,
+    grades: Mapping[str, ItemGrade],
+    lost: tuple[LostRequirement, ...],
+    *,
+    late: bool,
 ) -> Grade:
     optional = {item.id for item in rubric.items if item.optional}
-    earned = sum(item_grade.earned for item_grade in found.values())
-    possible = sum(
-        item_grade.possible for name, item_grade in found.items() if name not in optional
-    )
+    earned = sum(graded.earned for graded in grades.values())
+    possible = sum(graded.possible for name, graded in grades.items() if name not in optional)
     because: tuple[str, ...] = ()
     if late and earned > possible * rubric.late.at_most:
         earned = possible * rubric.late.at_most
         because = (f"late: at most {rubric.late.at_most:.0%}",)
+    rounded = (
+        replace(
+            graded,
+            earned=round(graded.earned, 2),
+            possible=round(graded.possible, 2),
+            blocked=round(graded.blocked, 2),
+        )
+        for graded in grades.values()
+    )
     return Grade(
-        items=tuple(_rounded(item_grade) for item_grade in found.values()),
+        items=tuple(rounded),
         lost=lost,
         earned=round(earned, 2),
         possible=round(possible, 2),
         percent=round(100 * earned / possible, 2) if possible else None,
         because=because,
-    )
-
-
-def _rounded(graded: ItemGrade) -> ItemGrade:
-    return replace(
-        graded,
-        earned=round(graded.earned, 2),
-        possible=round(graded.possible, 2),
-        blocked=round(graded.blocked, 2),
     )

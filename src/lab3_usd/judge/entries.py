@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,15 +12,9 @@ from msgspec.structs import replace
 
 from lab3_usd.config.settings import Config, matching
 from lab3_usd.errors import UsageError
-from lab3_usd.judge.results import (
-    STAGE_ENDINGS,
-    Entry,
-    Results,
-    crashed,
-    with_findings,
-)
+from lab3_usd.judge.results import STAGE_ENDINGS, Entry, Results, crashed, with_findings
 from lab3_usd.judge.stage import check_stage, checkpoint_of
-from lab3_usd.model.finding import Finding, StageResult, Submission
+from lab3_usd.model.finding import Submission
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 
@@ -76,15 +70,15 @@ def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:
         UsageError: neither settings nor name give one.
     """
     configured = next(matching(settings.config.checkpoints, path, settings.config), None)
-    found = settings.checkpoint or configured or checkpoint_of(Path(path).name, lab)
-    if found is not None and found not in lab.checkpoints:
-        raise UsageError(f"{settings.config.file}: there is no checkpoint '{found}' ({path})")
-    if found is None:
+    checkpoint = settings.checkpoint or configured or checkpoint_of(Path(path).name, lab)
+    if checkpoint is not None and checkpoint not in lab.checkpoints:
+        raise UsageError(f"{settings.config.file}: there is no checkpoint '{checkpoint}' ({path})")
+    if checkpoint is None:
         raise UsageError(
             f"{path}: the name gives no checkpoint (as {lab.checkpoints[lab.first].file} does); "
             "give one with --checkpoint"
         )
-    return found
+    return checkpoint
 
 
 def judge_entries(
@@ -124,7 +118,17 @@ def _judge_in_process(settings: JudgeSettings, entry: Entry) -> Results:
 def judge_entry(settings: JudgeSettings, entry: Entry) -> Results:
     """Judge a stage or a submission."""
     if entry.is_submission:
-        return _judge_submission(entry.path, settings)
+        from lab3_usd.judge.folder import FolderSettings, check_folder
+
+        folder = FolderSettings(
+            settings.starter,
+            settings.maps,
+            settings.require_evidence,
+            settings.heeds_ignores,
+            settings.native,
+        )
+        judged = check_folder(Path(entry.path), folder)
+        return judged.results, (judged.submission,)
     lab = load_lab()
     checkpoint = checkpoint_at(entry.path, settings, lab)
     from lab3_usd.stage.read.opening import kept_open
@@ -132,13 +136,26 @@ def judge_entry(settings: JudgeSettings, entry: Entry) -> Results:
     with kept_open():
         result = check_stage(entry.path, checkpoint, lab)
         if settings.starter is not None:
-            result = _against_starter(result, settings, lab)
+            from lab3_usd.judge.starter import Starter, against_starter
+
+            starter = _with_open_starter(settings).starter
+            result = (
+                against_starter(result, starter, lab) if isinstance(starter, Starter) else result
+            )
         if settings.native:
-            result = _with_native(result)
+            from lab3_usd.judge.native import with_native
+
+            result = with_native(result)
         if settings.heeds_ignores:
-            result = _without_ignored(result, settings)
+            from lab3_usd.judge.results import scopes_run, without_ignored
+
+            more = scopes_run(starter=settings.starter, native=settings.native)
+            result = without_ignored(result, more)
     if lab.checkpoints[checkpoint].localization:
-        about_maps = _about_maps(checkpoint, settings.maps, lab)
+        from lab3_usd.judge.files import lone_stage_notes, map_findings
+
+        maps = settings.maps
+        about_maps = lone_stage_notes(checkpoint, lab) if maps is None else map_findings(maps, lab)
         result = with_findings(result, (*result.findings, *about_maps))
     return (result,), ()
 
@@ -148,48 +165,3 @@ def crashed_entry(settings: JudgeSettings, entry: Entry, how: str) -> Results:
     if entry.is_submission:
         return (), (Submission(entry.path, crashes=crashed(entry.path, None, how).crashes),)
     return (crashed(entry.path, checkpoint_at(entry.path, settings, load_lab()), how),), ()
-
-
-def _judge_submission(path: str, settings: JudgeSettings) -> Results:
-    from lab3_usd.judge.folder import FolderSettings, check_folder
-
-    folder = FolderSettings(
-        settings.starter,
-        settings.maps,
-        settings.require_evidence,
-        settings.heeds_ignores,
-        settings.native,
-    )
-    found = check_folder(Path(path), folder)
-    return found.results, (found.submission,)
-
-
-def _without_ignored(result: StageResult, settings: JudgeSettings) -> StageResult:
-    from lab3_usd.judge.results import (
-        scopes_run,
-        without_ignored,
-    )
-
-    return without_ignored(result, scopes_run(starter=settings.starter, native=settings.native))
-
-
-def _with_native(result: StageResult) -> StageResult:
-    from lab3_usd.judge.native import with_native
-
-    return with_native(result)
-
-
-def _against_starter(result: StageResult, settings: JudgeSettings, lab: Lab) -> StageResult:
-    from lab3_usd.judge.starter import (
-        Starter,
-        against_starter,
-    )
-
-    opened = _with_open_starter(settings).starter
-    return against_starter(result, opened, lab) if isinstance(opened, Starter) else result
-
-
-def _about_maps(checkpoint: str, maps: Path | None, lab: Lab) -> Iterable[Finding]:
-    from lab3_usd.judge.files import lone_stage_notes, map_findings
-
-    return lone_stage_notes(checkpoint, lab) if maps is None else map_findings(maps, lab)

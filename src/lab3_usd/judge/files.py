@@ -1,7 +1,4 @@
-"""Judges the files of a submission beside its stages.
-
-Maps, parameters, saved outputs, recordings.
-"""
+"""Judges the files of a submission beside its stages: maps, parameters, outputs, recordings."""
 
 from __future__ import annotations
 
@@ -25,7 +22,6 @@ from lab3_usd.model.folder import (
     Evidence,
     EvidenceSubject,
     Listing,
-    MapSubject,
     RecordingShown,
 )
 from lab3_usd.spec.lab import Lab
@@ -54,10 +50,10 @@ def read_recordings(
 
     `may_open` is told of each before it is opened, and says why it is not to be.
     """
-    return tuple(_shown(root, entries, until, may_open))
+    return tuple(_recordings_shown(root, entries, until, may_open))
 
 
-def _shown(
+def _recordings_shown(
     root: Path, entries: Sequence[Entry], until: tuple[Lab, str], may_open: Callable[[str], str]
 ) -> Iterator[RecordingShown]:
     room = MOST_BYTES
@@ -75,7 +71,9 @@ def _shown(
                 yield RecordingShown(name, unread=f"no more than {most}")
                 return
             refused = may_open(name)
-            yield RecordingShown(name, unread=refused) if refused else _judged(root, files, until)
+            yield (
+                RecordingShown(name, unread=refused) if refused else _recording(root, files, until)
+            )
 
 
 def _recordings(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
@@ -92,7 +90,7 @@ def _recordings(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
             yield from ([file] for file in files)
 
 
-def _judged(root: Path, files: Sequence[Entry], until: tuple[Lab, str]) -> RecordingShown:
+def _recording(root: Path, files: Sequence[Entry], until: tuple[Lab, str]) -> RecordingShown:
     from lab3_usd.sim.bag.files import Bounds, layout_of
     from lab3_usd.sim.bag.judge import judge_what_came
 
@@ -103,12 +101,12 @@ def _judged(root: Path, files: Sequence[Entry], until: tuple[Lab, str]) -> Recor
     bounds = Bounds(MESSAGES, LISTED, LARGEST_FILE, UNPACKED)
     try:
         layout = layout_of([root / file.path for file in files])
-        found = judge_what_came(layout, bounds, lab, next(filter(None, known), last))
+        judged = judge_what_came(layout, bounds, lab, next(filter(None, known), last))
     except (RecordingError, OSError) as error:
         return RecordingShown(name, unread=str(error).replace(f"{root}/", ""))
-    frames = {name for frame in found.frames for name in (frame.parent, frame.child)}
-    topics = frozenset(topic.name for topic in found.topics)
-    return RecordingShown(name, topics, frozenset(frames), found.checks)
+    frames = {name for frame in judged.frames for name in (frame.parent, frame.child)}
+    topics = frozenset(topic.name for topic in judged.topics)
+    return RecordingShown(name, topics, frozenset(frames), judged.checks)
 
 
 class FolderContents(Struct, frozen=True):
@@ -133,23 +131,27 @@ class FolderContents(Struct, frozen=True):
 
 def judge_maps(contents: FolderContents, maps: Path | None, stage: Path | None) -> RuleResults:
     """Judge the map of the submission, or of the folder `maps`; with a stage, also its walls."""
-    facts = contents.lab.scene.map
+    lab = contents.lab
+    facts = lab.scene.map
     if facts is None:
         return RuleResults()
+    root = maps or contents.root
     if maps is not None:
         subject = map_subject(find_map(maps, facts), facts)
-        return run_family(
-            "maps", "M", _with_walls(subject, maps, stage, contents.lab), contents.lab
-        )
-    path = _map_path(contents, facts)
-    if path is not None and path.relative_to(contents.root).as_posix() in contents.refused:
-        return RuleResults()
-    subject = map_subject(path, facts, root=contents.root)
-    if subject.image_file in contents.refused:
-        return RuleResults()
-    return run_family(
-        "maps", "M", _with_walls(subject, contents.root, stage, contents.lab), contents.lab
-    )
+    else:
+        path = _map_path(contents, facts)
+        if path is not None and path.relative_to(root).as_posix() in contents.refused:
+            return RuleResults()
+        subject = map_subject(path, facts, root=root)
+        if subject.image_file in contents.refused:
+            return RuleResults()
+    if stage is not None and subject.size == (facts.width, facts.height):
+        try:
+            agreements = tuple(_wall_agreements(stage, root / subject.image_file, facts, lab))
+        except Lab3Error:
+            agreements = ()  # what cannot be compared gives no figure
+        subject = replace(subject, agreements=agreements)
+    return run_family("maps", "M", subject, lab)
 
 
 def _map_path(contents: FolderContents, facts: MapFacts) -> Path | None:
@@ -169,32 +171,15 @@ def _map_path(contents: FolderContents, facts: MapFacts) -> Path | None:
     return contents.root / contents.spec.folders.maps / facts.yaml
 
 
-def _with_walls(subject: MapSubject, root: Path, stage: Path | None, lab: Lab) -> MapSubject:
-    facts = subject.facts
-    if stage is None or subject.size != (facts.width, facts.height):
-        return subject
-    figures = _wall_agreements(stage, root / subject.image_file, facts, lab)
-    return replace(subject, agreements=figures)
-
-
 def _wall_agreements(
     stage_path: Path, image: Path, facts: MapFacts, lab: Lab
-) -> tuple[Agreement, ...]:
+) -> Iterator[Agreement]:
     """Compare a map with the one that the stage's walls give.
 
     Nobody says whether the map's frame is the world's or begins where the robot starts, so both
-    are tried. What cannot be compared gives no figure.
+    are tried.
     """
-    try:
-        return tuple(_agreements(stage_path, image, facts, lab))
-    except Lab3Error:
-        return ()
-
-
-def _agreements(stage_path: Path, image: Path, facts: MapFacts, lab: Lab) -> Iterator[Agreement]:
-    from lab3_usd.stage.read.opening import (
-        open_stage,
-    )
+    from lab3_usd.stage.read.opening import open_stage
     from lab3_usd.stage.slices import SliceOptions, slice_stage
 
     robot = lab.scene.robot
@@ -215,10 +200,10 @@ def _agreements(stage_path: Path, image: Path, facts: MapFacts, lab: Lab) -> Ite
 
 def judge_parameters(contents: FolderContents) -> RuleResults:
     """Judge every file of the submission that holds parameters of ROS 2 nodes."""
-    usable = [entry for entry in contents.listing.entries if not entry.why_not]
-    runs = []
     if contents.ros.navigation is None:
         return RuleResults()
+    usable = [entry for entry in contents.listing.entries if not entry.why_not]
+    runs = []
     for path in find_parameter_files(contents.root, usable, contents.spec.folders):
         subject = read_params(
             contents.root / path, contents.ros, contents.lab.frames, contents.root
@@ -253,8 +238,8 @@ def map_findings(maps: Path, lab: Lab) -> tuple[Finding, ...]:
     facts = lab.scene.map
     if facts is None:
         return ()
-    found = run_family("maps", "M", map_subject(find_map(maps, facts), facts), lab)
-    return tuple(_at_stage(found.findings, maps))
+    judged = run_family("maps", "M", map_subject(find_map(maps, facts), facts), lab)
+    return tuple(_at_stage(judged.findings, maps))
 
 
 def lone_stage_notes(checkpoint: str, lab: Lab) -> tuple[Finding, ...]:
@@ -262,12 +247,12 @@ def lone_stage_notes(checkpoint: str, lab: Lab) -> tuple[Finding, ...]:
     facts = lab.scene.map
     if facts is None or not lab.checkpoints[checkpoint].localization:
         return ()
-    found = run_family("maps", "M", map_subject(None, facts), lab)
-    return tuple(_at_stage(found.findings, None))
+    judged = run_family("maps", "M", map_subject(None, facts), lab)
+    return tuple(_at_stage(judged.findings, None))
 
 
 def _at_stage(findings: Iterable[Finding], maps: Path | None) -> Iterable[Finding]:
-    """Tell findings about files as findings about a stage, whose sites are prims."""
+    """Yield findings about files as findings about a stage, whose sites are prims."""
     for finding in findings:
         layer = str(maps / finding.prim) if maps is not None else None
         yield replace(

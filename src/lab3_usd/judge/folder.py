@@ -26,7 +26,6 @@ from lab3_usd.judge.starter import Starter, against_starter, open_starter
 from lab3_usd.lab.submission import folder_named, list_submission
 from lab3_usd.model.finding import Finding, StageResult, Submission, ordered
 from lab3_usd.model.folder import Listing, StarterFile, SubmissionSubject
-from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
@@ -93,9 +92,21 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     recordings = read_recordings(folder, entries, (lab, until), may_open)
     evidence = replace(read_saved_outputs(contents), recordings=recordings)
     required = settings.require_evidence
+    readable = [result.path for result in results.values() if result.verdict != "unreadable"]
+    subject = SubmissionSubject(
+        lab=lab,
+        spec=spec,
+        listing=contents.listing,
+        results=results,
+        digests={
+            number: settings.digests.get(result.path) or _digest(Path(result.path))
+            for number, result in results.items()
+        },
+        starter=starters.submitted,
+    )
     judged = merge_results((
-        run_family("submission", "X", _subject(contents, results, starters, settings), lab),
-        judge_maps(contents, settings.maps, _last_stage(results)),
+        run_family("submission", "X", subject, lab),
+        judge_maps(contents, settings.maps, Path(readable[-1]) if readable else None),
         judge_parameters(contents),
         judge_saved_outputs(
             contents, evidence, lab.last if required else until, required=required
@@ -123,33 +134,11 @@ def _results(
 
             result = with_native(result)
         if settings.heeds_ignores:
-            from lab3_usd.judge.results import (
-                scopes_run,
-                without_ignored,
-            )
+            from lab3_usd.judge.results import scopes_run, without_ignored
 
-            also = scopes_run(starter=starters.compared, native=settings.native)
-            result = without_ignored(result, also)
+            more = scopes_run(starter=starters.compared, native=settings.native)
+            result = without_ignored(result, more)
         yield number, result
-
-
-def _subject(
-    contents: FolderContents,
-    results: Mapping[str, StageResult],
-    starters: _Starters,
-    settings: FolderSettings,
-) -> SubmissionSubject:
-    return SubmissionSubject(
-        lab=contents.lab,
-        spec=contents.spec,
-        listing=contents.listing,
-        results=results,
-        digests={
-            number: settings.digests.get(stage_result.path) or _digest(Path(stage_result.path))
-            for number, stage_result in results.items()
-        },
-        starter=starters.submitted,
-    )
 
 
 def _digest(path: Path) -> str:
@@ -158,11 +147,6 @@ def _digest(path: Path) -> str:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError:
         return str(path)
-
-
-def _last_stage(results: Mapping[str, StageResult]) -> Path | None:
-    readable = [result.path for result in results.values() if result.verdict != "unreadable"]
-    return Path(readable[-1]) if readable else None
 
 
 def _with_files(findings: Iterable[Finding], folder: Path) -> Iterator[Finding]:
@@ -197,22 +181,14 @@ def find_starters(
 
 def _holds(own: Starter, trusted: Starter | None, lab: Lab) -> Iterator[str]:
     """Yield what a starter holds that only the lab adds, or has otherwise than the supplied one."""
-    from lab3_usd.stage.compare.starter import (
-        compare_starter,
-    )
+    from lab3_usd.stage.compare.starter import compare_starter
     from lab3_usd.stage.read.reader import read_model
 
     model = read_model(own.stage, lab, str(own.path))
-    added = list(_added(model, lab))
+    added = [graph.path for graph in model.graphs]
+    added += (sensor.path for sensor in lab.sensors.values() if model.prim(sensor.path))
     yield from added
     if trusted is not None and not added:
         first = next(iter(lab.checkpoints))
         changes = compare_starter(trusted.stage, own.stage, lab, first).changes
         yield from (f"a change of {change.prim}" for change in changes)
-
-
-def _added(model: StageModel, lab: Lab) -> Iterator[str]:
-    yield from (graph.path for graph in model.graphs)
-    for sensor in lab.sensors.values():
-        if model.prim(sensor.path) is not None:
-            yield sensor.path

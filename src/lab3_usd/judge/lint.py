@@ -63,31 +63,25 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
     """
     settings = settings or LintSettings()
     if not settings.native:
-        return _ignoring(_linted(path, settings.release), settings)
+        return _without_ignored(_linted(path, settings.release), settings)
     from lab3_usd.judge.native import with_native
     from lab3_usd.stage.read.opening import kept_open
 
     with kept_open():
-        return _ignoring(with_native(_linted(path, settings.release)), settings)
+        return _without_ignored(with_native(_linted(path, settings.release)), settings)
 
 
-def _ignoring(result: StageResult, settings: LintSettings) -> StageResult:
+def _without_ignored(result: StageResult, settings: LintSettings) -> StageResult:
     if not settings.heeds_ignores:
         return result
-    from lab3_usd.judge.results import (
-        scopes_run,
-        without_ignored,
-    )
+    from lab3_usd.judge.results import scopes_run, without_ignored
 
     return without_ignored(result, scopes_run(starter=None, native=settings.native))
 
 
 def _linted(path: str | Path, release: str) -> StageResult:
     lab = lint_lab(release)
-    from lab3_usd.stage.read.opening import (
-        open_stage,
-        quiet,
-    )
+    from lab3_usd.stage.read.opening import open_stage, quiet
 
     try:
         stage = open_stage(Path(path))
@@ -97,19 +91,18 @@ def _linted(path: str | Path, release: str) -> StageResult:
 
         with quiet():
             model = read_model(stage, lab, str(path))
-            found = lint(LintSubject(lab, load_isaac_types(), model, release))
+            judged = lint(LintSubject(lab, load_isaac_types(), model, release))
     except StageError as error:
         return unreadable(str(path), None, str(error))
-    findings = ordered(located(found.findings, path, stage))
-    verdict = verdict_of(findings, found.crashes)
+    findings = ordered(located(judged.findings, path, stage))
     return StageResult(
-        str(path),
-        None,
-        verdict,
-        Score(0.0, 0.0),
-        findings,
-        crashes=found.crashes,
-        not_judged=found.not_judged,
+        path=str(path),
+        checkpoint=None,
+        verdict=verdict_of(findings, judged.crashes),
+        score=Score(0.0, 0.0),
+        findings=findings,
+        crashes=judged.crashes,
+        not_judged=judged.not_judged,
     )
 
 
@@ -125,8 +118,8 @@ def lint_open_stage(stage: Any) -> RuleResults:
 
     lab = lint_lab(NEWEST)
     model = read_model(reopened(stage), lab, stage.GetRootLayer().identifier)
-    found = lint(LintSubject(lab, load_isaac_types(), model, NEWEST))
-    return replace(found, findings=ordered(found.findings))
+    judged = lint(LintSubject(lab, load_isaac_types(), model, NEWEST))
+    return replace(judged, findings=ordered(judged.findings))
 
 
 def find_stages(path: str) -> Iterator[Entry]:
@@ -140,18 +133,15 @@ def find_stages(path: str) -> Iterator[Entry]:
     if not Path(path).is_dir():
         yield Entry(path)
         return
-    files = sorted(_stages_below(path))
-    if not files:
-        raise UsageError(f"{path}: holds no stage, nor does a folder in it")
-    yield from (Entry(str(file)) for file in files)
-
-
-def _stages_below(path: str) -> Iterator[Path]:
+    files: list[Path] = []
     for folder, folders, names in os.walk(path):
-        folders[:] = [folder for folder in folders if not folder.startswith(".")]
-        yield from (
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        files += (
             Path(folder, name) for name in names if Path(name).suffix.lower() in STAGE_ENDINGS
         )
+    if not files:
+        raise UsageError(f"{path}: holds no stage, nor does a folder in it")
+    yield from (Entry(str(file)) for file in sorted(files))
 
 
 def lint_stages(entries: Sequence[Entry], settings: LintSettings, jobs: int) -> Generator[Results]:

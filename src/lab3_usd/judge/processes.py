@@ -60,7 +60,8 @@ def in_processes(
                 while waiting and len(busy) < jobs:
                     process = idle.pop() if idle else _start(do)
                     busy[process.pipe] = (process, *waiting.popleft())
-                    _give(*busy[process.pipe])
+                    with suppress(OSError):  # an ended process is noticed at its answer
+                        process.pipe.send(busy[process.pipe][2])
                 for pipe in wait(busy):
                     process, done, work = busy.pop(pipe)
                     answers[done] = _answer(process, ended, work)
@@ -117,29 +118,20 @@ def _inherited() -> Iterator[None]:
             os.environ.update({} if value is None else {name: value})
 
 
-def _give(process: _Process, _number: int, work: object) -> None:
-    with suppress(OSError):  # that it has ended is seen where its answer is waited for
-        process.pipe.send(work)
-
-
 def _answer(
     process: _Process, ended: Callable[[_Work, str], _Answer], work: _Work
 ) -> tuple[_Answer, ...]:
     try:
         answer: tuple[_Answer, ...] = process.pipe.recv()
     except (EOFError, OSError):
-        return (ended(work, _end(process)),)
+        process.pipe.close()
+        process.process.join(_SECONDS_TO_END)
+        process.process.kill()
+        process.process.join()
+        code = process.process.exitcode or 0
+        reason = signal.Signals(-code).name if code < 0 else f"exit status {code}"
+        return (ended(work, reason),)
     return answer
-
-
-def _end(process: _Process) -> str:
-    """Let go of a process that ended, and say how it did."""
-    process.pipe.close()
-    process.process.join(_SECONDS_TO_END)
-    process.process.kill()
-    process.process.join()
-    code = process.process.exitcode or 0
-    return signal.Signals(-code).name if code < 0 else f"exit status {code}"
 
 
 def _serve(pipe: Connection, do: Callable[[_Work], _Answer]) -> None:

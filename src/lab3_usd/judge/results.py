@@ -1,7 +1,4 @@
-"""Results of stages.
-
-Verdicts, findings in order and at their places, without those that a stage ignores on purpose.
-"""
+"""Results of stages: verdicts, and findings in order, at their places and not ignored there."""
 
 from __future__ import annotations
 
@@ -26,9 +23,19 @@ from lab3_usd.model.finding import (
     ordered,
 )
 
-UNUSED = "F06"
+UNREADABLE, UNUSED = "F01", "F06"
+STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")
 _WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint"})
 _WITH_SPEC: frozenset[Scope] = frozenset({"model", "graph", "stage", "frames", "outcome"})
+
+Results = tuple[tuple[StageResult, ...], tuple[Submission, ...]]
+
+
+class Entry(Struct, frozen=True):
+    """A path to judge: a stage, or the folder of a submission."""
+
+    path: str
+    is_submission: bool = False
 
 
 def scopes_run(*, starter: object, native: bool) -> frozenset[Scope]:
@@ -61,7 +68,11 @@ def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult
         finding for finding in result.findings if not any(note.covers(finding) for note in notes)
     ]
     for note in notes:
-        if note not in used and not _is_for_others(note, scopes):
+        named = [
+            rule for rule in all_rules().values() if note.rule and rule.id.startswith(note.rule)
+        ]
+        is_for_others = named and not any(rule.scope in scopes for rule in named)
+        if note not in used and not is_for_others:
             unused = _unused(note)
             kept += unused if note.written else located(list(unused), path, stage)
     findings = ordered(kept)
@@ -76,11 +87,6 @@ def _notes_in(stage: Any, given: str) -> tuple[IgnoreNote, ...]:
         replace(note, rule=rule_names().get(note.rule.lower(), note.rule))
         for note in read_ignore_notes(stage, given)
     )
-
-
-def _is_for_others(note: IgnoreNote, scopes: Collection[Scope]) -> bool:
-    named = [rule for rule in all_rules().values() if note.rule and rule.id.startswith(note.rule)]
-    return bool(named) and not any(rule.scope in scopes for rule in named)
 
 
 def without_noted(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[Finding, ...]:
@@ -102,20 +108,6 @@ def _unused(note: IgnoreNote) -> Iterator[Finding]:
         why = "there is no such rule"
     for finding in run_rule(all_rules()[UNUSED], (note, why), None).findings:
         yield replace(finding, layer=note.layer or None, line=note.written)
-
-
-UNREADABLE = "F01"
-STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")
-
-
-Results = tuple[tuple[StageResult, ...], tuple[Submission, ...]]
-
-
-class Entry(Struct, frozen=True):
-    """A path to judge: a stage, or the folder of a submission."""
-
-    path: str
-    is_submission: bool = False
 
 
 def unreadable(path: str, checkpoint: str | None, reason: str) -> StageResult:

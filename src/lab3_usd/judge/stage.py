@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
@@ -12,9 +12,6 @@ from lab3_usd.model.finding import StageResult, ordered
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
-
-if TYPE_CHECKING:
-    from lab3_usd.check.checker import Judgement
 
 
 def checkpoint_of(name: str, lab: Lab) -> str | None:
@@ -34,21 +31,17 @@ def check_stage(
         UsageError: the checkpoint is unknown, or neither given nor in the file name.
     """
     lab = lab or load_lab()
-    found = checkpoint or checkpoint_of(Path(path).name, lab)
-    if found is None:
+    number = checkpoint or checkpoint_of(Path(path).name, lab)
+    if number is None:
         raise UsageError(
             f"{path}: names no checkpoint (as {lab.checkpoints[lab.first].file} does); "
             "give one with --checkpoint"
         )
-    if found not in lab.checkpoints:
+    if number not in lab.checkpoints:
         raise UsageError(
-            f"there is no checkpoint '{found}'; known are {', '.join(lab.checkpoints)}"
+            f"there is no checkpoint '{number}'; known are {', '.join(lab.checkpoints)}"
         )
-    from lab3_usd.stage.read.opening import (
-        cached,
-        open_stage,
-        quiet,
-    )
+    from lab3_usd.stage.read.opening import cached, open_stage, quiet
 
     try:
         stage = open_stage(Path(path))
@@ -56,14 +49,30 @@ def check_stage(
         from lab3_usd.check.checker import judge
         from lab3_usd.stage.read.reader import read_model
 
-        asked = lab.same_demands(found)
+        demands = lab.same_demands(number)
         with quiet():
             model = read_model(stage, lab, str(path))
             # The model, which is kept as well, keeps the stage that `id` names.
-            judged = cached(("judgement", id(stage), asked.id), lambda: judge(lab, asked, model))
+            judged = cached(
+                ("judgement", id(stage), demands.id), lambda: judge(lab, demands, model)
+            )
     except StageError as error:
-        return unreadable(str(path), found, str(error))
-    return _result(str(path), found, judged, stage)
+        return unreadable(str(path), number, str(error))
+    findings = judged.findings
+    # Notes ask for no repair: a stage that passes is not read a second time for them.
+    if any(finding.severity != "note" for finding in findings):
+        findings = tuple(located(findings, path, stage))
+    findings = ordered(findings)
+    return StageResult(
+        path=str(path),
+        checkpoint=number,
+        verdict=verdict_of(findings, judged.crashes),
+        score=score_of(judged.requirements),
+        findings=findings,
+        requirements=judged.requirements,
+        crashes=judged.crashes,
+        not_judged=judged.not_judged,
+    )
 
 
 def check_open_stage(stage: Any, lab: Lab) -> RuleResults:
@@ -75,30 +84,12 @@ def check_open_stage(stage: Any, lab: Lab) -> RuleResults:
         StageError: a file of the stage is damaged.
     """
     file = Path(stage.GetRootLayer().realPath)
-    found = checkpoint_of(file.name, lab)
-    if found is None:
+    number = checkpoint_of(file.name, lab)
+    if number is None:
         return RuleResults()
     from lab3_usd.check.checker import judge
     from lab3_usd.stage.read.opening import reopened
     from lab3_usd.stage.read.reader import read_model
 
-    judged = judge(lab, lab.checkpoints[found], read_model(reopened(stage), lab, str(file)))
+    judged = judge(lab, lab.checkpoints[number], read_model(reopened(stage), lab, str(file)))
     return RuleResults(ordered(judged.findings), judged.crashes, judged.not_judged)
-
-
-def _result(path: str, checkpoint: str, judged: Judgement, stage: Any) -> StageResult:
-    findings = judged.findings
-    # Notes ask for no repair: a stage that passes is not read a second time for them.
-    if any(finding.severity != "note" for finding in findings):
-        findings = tuple(located(findings, path, stage))
-    findings = ordered(findings)
-    return StageResult(
-        path=path,
-        checkpoint=checkpoint,
-        verdict=verdict_of(findings, judged.crashes),
-        score=score_of(judged.requirements),
-        findings=findings,
-        requirements=judged.requirements,
-        crashes=judged.crashes,
-        not_judged=judged.not_judged,
-    )

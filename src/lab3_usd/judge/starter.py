@@ -31,7 +31,7 @@ class Starter(Struct, frozen=True):
 
 
 class _ReportedSites(Struct, frozen=True):
-    """What the other rules have told: the sites they blame, and the prims they relate to."""
+    """What the other rules have reported: the sites they blame, and the prims they relate to."""
 
     faulty_sites: frozenset[Site]
     related_prims: frozenset[str] = frozenset()
@@ -43,9 +43,7 @@ def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
     Raises:
         StageError: the file cannot be opened.
     """
-    from lab3_usd.stage.read.opening import (
-        open_stage,
-    )
+    from lab3_usd.stage.read.opening import open_stage
     from lab3_usd.stage.read.reader import read_model
 
     stage = open_stage(path)
@@ -74,10 +72,7 @@ def against_starter(result: StageResult, starter: Starter, lab: Lab) -> StageRes
 
 
 def open_against_starter(
-    result: StageResult,
-    stage: Any,
-    starter: Starter,
-    lab: Lab,
+    result: StageResult, stage: Any, starter: Starter, lab: Lab
 ) -> StageResult:
     """Return the result of an open stage together with what it changed of the starter."""
     excused = [
@@ -86,17 +81,17 @@ def open_against_starter(
         if finding.supplied and _fault(finding) in starter.faults
     ]
     kept = tuple(finding for finding in result.findings if finding not in excused)
-    kept += tuple(_warning(excused))
-    told = [finding for finding in kept if finding.severity != "note"]
-    blamed = {(finding.prim, finding.property) for finding in told}
+    kept += tuple(_starter_warnings(excused))
+    faults = [finding for finding in kept if finding.severity != "note"]
+    blamed = {(finding.prim, finding.property) for finding in faults}
     reported = _ReportedSites(
-        frozenset(blamed.union(*map(_causes, told))),
-        frozenset(path for finding in told for path in finding.related),
+        frozenset(blamed.union(*map(_causes, faults))),
+        frozenset(path for finding in faults for path in finding.related),
     )
     beside = _Beside(starter, stage, Path(result.path), result.checkpoint or "", lab)
     try:
         judged = _compared(beside, reported)
-        kept = tuple(_undone(kept, beside, frozenset(blamed)))
+        kept = tuple(_with_undoing(kept, beside, frozenset(blamed)))
     except StageError as error:  # of a prim that nothing else asks for
         return unreadable(result.path, result.checkpoint, str(error))
     kept = tuple(finding for finding in kept if not _follows(finding, judged.findings))
@@ -128,7 +123,7 @@ def _causes(finding: Finding) -> Iterator[Site]:
             yield prim, name
 
 
-def _undone(
+def _with_undoing(
     findings: Collection[Finding], beside: _Beside, blamed: frozenset[Site]
 ) -> Iterator[Finding]:
     """Yield the findings; what a change of the starter causes is repaired by undoing the change."""
@@ -142,7 +137,7 @@ def _undone(
 
 
 def _follows(finding: Finding, changes: Collection[Finding]) -> bool:
-    """Whether what is found of a prim follows from a change below it, which is reported."""
+    """Whether a finding follows from a change below its prim, which is reported."""
     return bool(finding.follows) and any(
         change.prim.startswith(f"{finding.prim}/")
         and (change.property or "").startswith(finding.follows)
@@ -151,7 +146,7 @@ def _follows(finding: Finding, changes: Collection[Finding]) -> bool:
     )
 
 
-def _warning(excused: Iterable[Finding]) -> Iterator[Finding]:
+def _starter_warnings(excused: Iterable[Finding]) -> Iterator[Finding]:
     """Yield the warning that stays of what the starter has wrong as well: one for each hint."""
     by_hint: dict[str, list[Finding]] = {}
     for finding in excused:
@@ -174,21 +169,19 @@ class _Beside(Struct, frozen=True, eq=False):
 
 
 def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
-    from lab3_usd.stage.compare.starter import (
-        compare_starter,
-    )
+    from lab3_usd.stage.compare.starter import compare_starter
     from lab3_usd.stage.read.opening import stage_errors
 
     stage, lab = beside.stage, beside.lab
     with stage_errors(beside.path):
-        found = compare_starter(beside.starter.stage, stage, lab, beside.checkpoint)
+        comparison = compare_starter(beside.starter.stage, stage, lab, beside.checkpoint)
     subject = replace(
-        found,
+        comparison,
         faulty_sites=reported.faulty_sites,
         related_prims=reported.related_prims,
         supplied=frozenset(
             change.prim
-            for change in found.changes
+            for change in comparison.changes
             if beside.starter.stage.GetPrimAtPath(change.prim)
         ),
     )

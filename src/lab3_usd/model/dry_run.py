@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple
 
 from msgspec import Struct
 
+from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import Vector, length
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
@@ -220,7 +221,7 @@ class Frame(Struct, frozen=True):
 
 
 class Check(Struct, frozen=True):
-    """A verdict: what was looked at, what is wrong, the prim at fault, and the rule of such faults.
+    """A verdict: what was looked at, what is wrong, the prim at fault, and the kind of the fault.
 
     `cause` is what the prim at fault does or does not do, where that is known.
     """
@@ -229,7 +230,7 @@ class Check(Struct, frozen=True):
     verdict: Verdict
     message: str = ""
     prim: str = ""
-    rule: str = ""
+    kind: FaultKind | None = None
     cause: str = ""
 
     @property
@@ -253,19 +254,19 @@ class Difference(Struct, frozen=True):
 
 
 class Leg(Struct, frozen=True):
-    """A part of the drive: what was told, and what the robot did (metres, degrees)."""
+    """A part of the drive: what was commanded, and what the robot drove (metres, degrees)."""
 
     name: str
     seconds: float
-    told: tuple[float, float]
-    done: tuple[float, float]
+    commanded: tuple[float, float]
+    driven: tuple[float, float]
 
 
 class Behaviour(Struct, frozen=True):
     """What one stage does in a dry run.
 
     `path` are (seconds, x, y, heading) in metres and radians; `legs` the drive of the first
-    session, `remarks` what else is to be said of the robot.
+    session, `remarks` what else is known of the robot.
     """
 
     stage: str

@@ -41,8 +41,9 @@ class Problem(Struct, frozen=True):
     beside an error at its site that names them as well. `causes` are the sites whose change brings
     it about: with a starter, the change is not reported as well, and undoing it is the repair.
     `follows` are the beginnings of properties: a change of one of them below the prim explains the
-    problem, and is reported instead. `if_supplied` is the hint of the warning that stays where the
-    starter has the problem itself.
+    problem, and is reported instead. `frames` are the TF frames that the problem is about: they
+    are not listed again among those lost through other faults. `if_supplied` is the hint of the
+    warning that stays where the starter has the problem itself.
     """
 
     prim: str
@@ -62,6 +63,7 @@ class Problem(Struct, frozen=True):
     unknown_targets: tuple[str, ...] = ()
     unopened: Unopened = ""
     follows: tuple[str, ...] = ()
+    frames: tuple[str, ...] = ()
     if_supplied: str = ""
     rests_on: UnresolvedAsset | None = None
 
@@ -95,6 +97,7 @@ class Finding(Struct, frozen=True):
     absent: bool = False
     causes: tuple[tuple[str, str | None], ...] = ()
     follows: tuple[str, ...] = ()
+    frames: tuple[str, ...] = ()
     if_supplied: str = ""
     supplied: bool = False
 

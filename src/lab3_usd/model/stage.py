@@ -361,23 +361,3 @@ def nodes_outside_graphs(stage: StageModel) -> Iterator[Node]:
         over = stage.prims.get(above)
         if over is None or not over.active or over.defined or not stage.unknown(above):
             yield node
-
-
-def is_unresolved(stage: StageModel, path: str) -> bool:
-    """Whether a missing asset could hold the prim at `path`, or what it lacks."""
-    return stage.unknown(path) is not None
-
-
-def is_pose_unresolved(stage: StageModel, prim: Prim) -> bool:
-    """Whether a missing asset could say where the prim stands, and nothing else does."""
-    return stage.unknown_pose(prim) is not None
-
-
-def is_subtree_unresolved(stage: StageModel, path: str) -> bool:
-    """Whether a missing asset could hold something at or below `path`."""
-    return stage.unknown_below(path) is not None
-
-
-def has_unresolved_outside(stage: StageModel, path: str) -> bool:
-    """Whether an asset is missing elsewhere than at or below `path`."""
-    return stage.unknown_outside(path) is not None

@@ -72,7 +72,7 @@ def _report(module: Any, rule: Any, stage: Any, findings: Iterable[Finding]) -> 
 
     for finding in findings:
         add = getattr(rule, _ADD[finding.severity])
-        suggested = _suggestion(module, finding.fix) if finding.fix else {}
+        suggested = _suggestion(module, finding.fix) if finding.fix is not None else {}
         add(text_of(finding), at=stage.GetPrimAtPath(finding.prim) or stage, **suggested)
 
 

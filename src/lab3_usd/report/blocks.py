@@ -78,8 +78,8 @@ class Block(Struct, frozen=True):
     @property
     def is_linted(self) -> bool:
         """Whether no lab asks for anything here: the stages were judged without a checkpoint."""
-        read = [stage.result.checkpoint for stage in self.stages]
-        return bool(read) and self.submission is None and not any(read)
+        checkpoints = [stage.result.checkpoint for stage in self.stages]
+        return bool(checkpoints) and self.submission is None and not any(checkpoints)
 
     @property
     def unit(self) -> str:
@@ -101,8 +101,8 @@ class Block(Struct, frozen=True):
     def verdict(self) -> Verdict:
         """The worst that is said of a stage or of the submission."""
         verdicts = {stage.result.verdict for stage in self.stages}
-        about = () if self.submission is None else self.submission.findings
-        if "fail" in verdicts or any(finding.severity == "error" for finding in about):
+        findings = () if self.submission is None else self.submission.findings
+        if "fail" in verdicts or any(finding.severity == "error" for finding in findings):
             return "fail"
         return "unreadable" if "unreadable" in verdicts else "pass"
 
@@ -116,10 +116,10 @@ class Block(Struct, frozen=True):
                 runs[-1].append(stage)
             else:
                 runs.append([stage])
-        return ", ".join(_run(run) for run in runs)
+        return ", ".join(_run_text(run) for run in runs)
 
 
-def _run(stages: Sequence[Stage]) -> str:
+def _run_text(stages: Sequence[Stage]) -> str:
     first, last = stages[0].label, stages[-1].label
     numbered = all(stage.label == stage.result.checkpoint for stage in stages)
     few = 2
@@ -137,18 +137,20 @@ def blocks(report: Report, lab: Lab, *, graded: bool = False) -> list[Block]:
     left = [*report.results]
     groups: list[tuple[str, list[StageResult], Submission | None]] = []
     for submission in report.submissions:
-        inside = [result for result in left if graded or _is_below(result.path, submission.path)]
+        inside = [
+            result for result in left if graded or Path(result.path).is_relative_to(submission.path)
+        ]
         left = [result for result in left if result not in inside]
         groups.append((submission.path, inside, submission))
     if left or not groups:
-        groups.insert(0, (_common(left), left, None))
-    found: list[Block] = []
+        groups.insert(0, (_common_folder(left), left, None))
+    numbered: list[Block] = []
     count = 0
-    for path, results, about in groups:
+    for path, results, owner in groups:
         stages = tuple(_stages(results, path, lab, count))
-        found.append(Block(f"b{len(found)}", path, stages, about))
+        numbered.append(Block(f"b{len(numbered)}", path, stages, owner))
         count += len(results)
-    return found
+    return numbered
 
 
 def short_path(path: str, folder: str) -> str:
@@ -159,11 +161,7 @@ def short_path(path: str, folder: str) -> str:
         return path
 
 
-def _is_below(path: str, folder: str) -> bool:
-    return Path(path).is_relative_to(folder)
-
-
-def _common(results: Sequence[StageResult]) -> str:
+def _common_folder(results: Sequence[StageResult]) -> str:
     folders = [str(Path(result.path).parent) for result in results]
     try:
         return os.path.commonpath(folders) if folders else ""
@@ -171,28 +169,23 @@ def _common(results: Sequence[StageResult]) -> str:
         return ""
 
 
-def _stages(results: Sequence[StageResult], folder: str, lab: Lab, first: int) -> Iterable[Stage]:
+def _stages(results: Sequence[StageResult], folder: str, lab: Lab, first: int) -> Iterator[Stage]:
     times = Counter(result.checkpoint for result in results)
     for index, result in enumerate(results, start=first):
         file = short_path(result.path, folder)
-        checkpoint = lab.checkpoints.get(result.checkpoint or "")
+        number = result.checkpoint or ""
+        checkpoint = lab.checkpoints.get(number)
+        met: dict[str, list[bool]] = {}
+        for requirement in result.requirements:
+            met.setdefault(requirement.group, []).append(requirement.met)
         yield Stage(
             index=index,
-            label=result.checkpoint
-            if result.checkpoint and times[result.checkpoint] == 1
-            else file,
+            label=number if number and times[number] == 1 else file,
             title="" if checkpoint is None else checkpoint.title,
             file=file,
             result=result,
-            parts=_parts(result),
+            parts=tuple(Part(name, sum(group), len(group)) for name, group in met.items()),
         )
-
-
-def _parts(result: StageResult) -> tuple[Part, ...]:
-    asked: dict[str, list[bool]] = {}
-    for requirement in result.requirements:
-        asked.setdefault(requirement.group, []).append(requirement.met)
-    return tuple(Part(name, sum(met), len(met)) for name, met in asked.items())
 
 
 class Fault(Struct, frozen=True):
@@ -215,47 +208,49 @@ def faults(block: Block, *, graded: bool = False) -> list[Fault]:
 
     Where they cost points, what was not opened comes before what is missing for it.
     """
-    found: dict[Finding, list[tuple[int, Finding]]] = {}
-    for index, finding in _findings(block):
+    findings = [
+        (stage.index, finding) for stage in block.stages for finding in stage.result.findings
+    ]
+    if block.submission is not None:
+        findings += [(-1, finding) for finding in block.submission.findings]  # of no stage
+    occurrences: dict[Finding, list[tuple[int, Finding]]] = {}
+    for index, finding in findings:
         # Where it stands differs from file to file, and so does what else it concerns.
         key = replace(finding, layer=None, line=None, column=None, related=())
-        found.setdefault(key, []).append((index, finding))
-    causes = set(_causes(found)) if graded else set()
-    order = sorted(found, key=lambda finding: (finding not in causes, *_order(finding)))
-    return [
-        _fault(f"{block.id}-f{n}", found[key], block, is_cause=key in causes)
-        for n, key in enumerate(order, 1)
-    ]
+        occurrences.setdefault(key, []).append((index, finding))
+    causes = set(_causes(occurrences)) if graded else set()
+
+    def order(finding: Finding) -> tuple[bool, int, SectionKey]:
+        severity = SEVERITIES.index(finding.severity)
+        return finding not in causes, severity, section_key(finding.handout)
+
+    ordered: list[Fault] = []
+    for key in sorted(occurrences, key=order):
+        same = occurrences[key]
+        first = same[0][1]
+        related = max((finding.related for _, finding in same), key=len)
+        places = dict.fromkeys(_place(finding, block) for _, finding in same)
+        ordered.append(
+            Fault(
+                id=f"{block.id}-f{len(ordered) + 1}",
+                finding=replace(first, related=related),
+                stages=tuple(dict.fromkeys(index for index, _ in same if index >= 0)),
+                places=tuple(place for place in places if place not in {"", first.prim}),
+                is_cause=key in causes,
+            )
+        )
+    return ordered
 
 
-def _causes(found: Iterable[Finding]) -> Iterator[Finding]:
+def _causes(findings: Iterable[Finding]) -> Iterator[Finding]:
     """Yield what was not opened: of assets, those where something is wrong at or below the prim."""
-    wrong = sorted(f"{finding.prim}/" for finding in found if finding.severity == "error")
-    for finding in found:
+    wrong = sorted(f"{finding.prim}/" for finding in findings if finding.severity == "error")
+    for finding in findings:
         below = f"{finding.prim}/"
         at = bisect_left(wrong, below)
         is_wrong = at < len(wrong) and wrong[at].startswith(below)
         if finding.unopened == "file" or (finding.unopened == "asset" and is_wrong):
             yield finding
-
-
-def _fault(
-    name: str, seen: Sequence[tuple[int, Finding]], block: Block, *, is_cause: bool
-) -> Fault:
-    stages = tuple(dict.fromkeys(index for index, _ in seen if index >= 0))
-    places = dict.fromkeys(_place(finding, block) for _, finding in seen)
-    first = seen[0][1]
-    related = max((finding.related for _, finding in seen), key=len)
-    shown = tuple(place for place in places if place not in {"", first.prim})
-    return Fault(name, replace(first, related=related), stages, shown, is_cause)
-
-
-def _findings(block: Block) -> Iterator[tuple[int, Finding]]:
-    """Yield every finding with the number of its stage, -1 for those of the submission."""
-    for stage in block.stages:
-        yield from ((stage.index, finding) for finding in stage.result.findings)
-    if block.submission is not None:
-        yield from ((-1, finding) for finding in block.submission.findings)
 
 
 def _place(finding: Finding, block: Block) -> str:
@@ -264,7 +259,3 @@ def _place(finding: Finding, block: Block) -> str:
     numbers = [finding.line, finding.column if finding.line else None]
     place = short_path(finding.layer, block.path)
     return ":".join([place, *(str(number) for number in numbers if number is not None)])
-
-
-def _order(finding: Finding) -> tuple[int, SectionKey]:
-    return SEVERITIES.index(finding.severity), section_key(finding.handout)

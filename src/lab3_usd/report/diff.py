@@ -12,6 +12,7 @@ from lab3_usd.model.changes import ChangeKind, Part, StageChange, StageDiff
 from lab3_usd.report.options import NAME, tool_version
 from lab3_usd.report.safe_text import printable, truncated_values
 
+VERSION = 1
 TITLES: dict[Part, str] = {
     "graph": "graphs",
     "node": "nodes",
@@ -36,24 +37,21 @@ def lines(diff: StageDiff) -> Iterator[str]:
         yield ""
         yield TITLES[part]
         for change in changes:
-            yield printable(f"  {SIGNS[change.edit]} {_words(change)}")
+            yield printable(f"  {SIGNS[change.edit]} {_change_text(change)}")
 
 
-def _words(change: StageChange) -> str:
+def _change_text(change: StageChange) -> str:
     if change.part == "wire":
         return f"{change.was or change.now} -> {change.path}.{change.property}"
     if change.part == "frame":
         return change.was or change.now
     separator = " " if change.part in _OF_WHOLES or change.property == "schema" else "."
-    where = f"{change.path}{separator}{change.property}" if change.property else change.path
+    place = f"{change.path}{separator}{change.property}" if change.property else change.path
     if change.edit == "changed":
-        return f"{where}: {change.was} -> {change.now}"
+        return f"{place}: {change.was} -> {change.now}"
     if change.edit == "removed" and change.now:
-        return f"{where}: {change.was} is {change.now}"
-    return f"{where}: {change.was or change.now}"
-
-
-VERSION = 1
+        return f"{place}: {change.was} is {change.now}"
+    return f"{place}: {change.was or change.now}"
 
 
 def render(diff: StageDiff) -> str:

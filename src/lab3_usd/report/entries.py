@@ -132,13 +132,14 @@ class RuleCount(Struct, frozen=True):
 
 def count_by_rule(report: Report) -> tuple[RuleCount, ...]:
     """Count the findings of each rule, the most frequent first."""
-    paths: dict[tuple[str, str, Severity], list[str]] = {}
+    paths_by_rule: dict[tuple[str, str, Severity], list[str]] = {}
     for entry in entries(report):
         finding = entry.finding
         key = (finding.rule, finding.name, finding.severity)
-        paths.setdefault(key, []).append(entry.path)
+        paths_by_rule.setdefault(key, []).append(entry.path)
     counts = (
-        RuleCount(*key, findings=len(found), files=len(set(found))) for key, found in paths.items()
+        RuleCount(*key, findings=len(paths), files=len(set(paths)))
+        for key, paths in paths_by_rule.items()
     )
     return tuple(
         sorted(
@@ -169,13 +170,13 @@ def statistics_table(report: Report) -> list[str]:
 def summary_line(summary: Summary) -> str:
     """Return the line that ends a report: files, verdicts and findings."""
     failed = summary.files - summary.passed
-    found = [
+    counts = [
         plural(summary.errors, "error"),
         plural(summary.warnings, "warning"),
         plural(summary.notes, "note"),
     ]
     files = f"{plural(summary.files, 'file')}: {summary.passed} passed, {failed} failed"
-    return f"{files}; {', '.join(found)}"
+    return f"{files}; {', '.join(counts)}"
 
 
 def plural(count: int, noun: str) -> str:

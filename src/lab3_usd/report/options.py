@@ -70,18 +70,11 @@ def tool_version() -> str:
 @lru_cache(maxsize=1)  # each report of a class has it
 def _first_version(folders: tuple[str, ...]) -> str:
     for folder in folders:
-        version = _version_in(folder)
-        if version:
-            return version
+        try:
+            names = sorted(os.listdir(folder or "."))  # noqa: PTH208 - pathlib is not needed here
+        except OSError:
+            continue
+        for name in names:
+            if name.startswith(_PREFIX) and name.endswith(_SUFFIX):
+                return name[len(_PREFIX) : -len(_SUFFIX)]
     return UNKNOWN
-
-
-def _version_in(folder: str) -> str:
-    try:
-        names = sorted(os.listdir(folder or "."))  # noqa: PTH208 - pathlib is not needed here
-    except OSError:
-        return ""
-    for name in names:
-        if name.startswith(_PREFIX) and name.endswith(_SUFFIX):
-            return name[len(_PREFIX) : -len(_SUFFIX)]
-    return ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 from unicodedata import combining, east_asian_width
@@ -26,11 +26,10 @@ def visible(text: str) -> str:
     """
     if text.isprintable():
         return text
-    return "".join(letter if letter.isprintable() else _escaped(letter) for letter in text)
-
-
-def _escaped(letter: str) -> str:
-    return letter.encode("unicode_escape").decode("ascii")
+    return "".join(
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode("ascii")
+        for letter in text
+    )
 
 
 def safe_cell(text: str) -> str:
@@ -152,12 +151,13 @@ def read_excerpts(findings: Iterable[Finding]) -> dict[tuple[str, int], Excerpt]
     for finding in findings:
         if finding.layer and finding.line:
             wanted.setdefault(finding.layer, set()).add(finding.line)
-    found: dict[tuple[str, int], Excerpt] = {}
+    excerpts: dict[tuple[str, int], Excerpt] = {}
     for layer, numbers in wanted.items():
         lines = _read_lines(layer, {near for number in numbers for near in _around(number)})
         for number in sorted(numbers & lines.keys()):
-            found[layer, number] = _excerpt(lines, number)
-    return found
+            shown = [near for near in _around(number) if near in lines]
+            excerpts[layer, number] = Excerpt(shown[0], tuple(lines[near] for near in shown))
+    return excerpts
 
 
 def _read_lines(layer: str, numbers: set[int]) -> dict[int, str]:
@@ -182,11 +182,6 @@ def _around(number: int) -> range:
     return range(number - 1, number + 2)
 
 
-def _excerpt(lines: Mapping[int, str], number: int) -> Excerpt:
-    shown = [near for near in _around(number) if near in lines]
-    return Excerpt(shown[0], tuple(lines[near] for near in shown))
-
-
 def excerpt_lines(excerpt: Excerpt, line: int, column: int | None, width: int) -> list[str]:
     """Return the lines of the frame, none wider than `width` columns.
 
@@ -194,21 +189,17 @@ def excerpt_lines(excerpt: Excerpt, line: int, column: int | None, width: int) -
     """
     numbers = range(excerpt.first, excerpt.first + len(excerpt.lines))
     gutter = len(str(numbers[-1]))
-    margin = _common_indent(excerpt.lines)
+    indents = [len(raw) - len(raw.lstrip(" \t")) for raw in excerpt.lines if raw.strip()]
+    margin = min(indents, default=0)
     room = max(width - gutter - 5, LEAD + len(MORE) * 2)
-    result = []
+    frame = []
     for number, raw in zip(numbers, excerpt.lines, strict=True):
         mark = ">" if number == line else " "
         shown, caret = _fitted(raw[margin:], (column or 1) - 1 - margin, room)
-        result.append(f"{mark} {number:>{gutter}} | {shown}".rstrip())
+        frame.append(f"{mark} {number:>{gutter}} | {shown}".rstrip())
         if number == line and column is not None:
-            result.append(f"  {'':>{gutter}} | {' ' * caret}^")
-    return result
-
-
-def _common_indent(lines: tuple[str, ...]) -> int:
-    indents = [len(line) - len(line.lstrip(" \t")) for line in lines if line.strip()]
-    return min(indents, default=0)
+            frame.append(f"  {'':>{gutter}} | {' ' * caret}^")
+    return frame
 
 
 def _fitted(raw: str, position: int, room: int) -> tuple[str, int]:
@@ -242,10 +233,6 @@ def _cut(shown: str, room: int) -> str:
 def _columns(shown: str) -> int:
     if shown.isascii():
         return len(shown)
-    return sum(_letter_columns(letter) for letter in shown)
-
-
-def _letter_columns(letter: str) -> int:
-    if combining(letter):
-        return 0
-    return 2 if east_asian_width(letter) in "WF" else 1
+    return sum(
+        0 if combining(letter) else 2 if east_asian_width(letter) in "WF" else 1 for letter in shown
+    )

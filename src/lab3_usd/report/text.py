@@ -1,12 +1,9 @@
-"""The parts of the report for people on a terminal.
-
-Findings, checklists, and what to repair first.
-"""
+"""The report on a terminal in parts: findings, checklists, and what to repair first."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby
 
 from msgspec import Struct
@@ -20,9 +17,16 @@ from lab3_usd.report.safe_text import Excerpt, excerpt_lines, paint, visible
 NARROWEST = 40
 LABEL = 10
 INDENT = "  "
-
-
 REPAIRABLE = "[*]"
+FEW = 3  # of one section, that are listed even where they are not refuted
+STATES = {
+    "met": "met",
+    "not met": "not met",
+    "not shown": "not shown",
+    "person": "for a person to judge",
+}
+MOST = 3  # errors to repair first
+_NUMBERED = "   "
 
 
 class Page(Struct, frozen=True):
@@ -45,44 +49,43 @@ class Page(Struct, frozen=True):
 
     @property
     def verbose(self) -> bool:
-        """Whether to tell everything."""
+        """Whether everything is reported in full."""
         return self.options.verbosity == "verbose"
 
 
 def is_repairable(finding: Finding) -> bool:
-    """Whether `lab3 fix` repairs it without being told more."""
+    """Whether `lab3 fix` repairs it without further options."""
     return finding.fix is not None and finding.fix.safe
 
 
-def finding_blocks(found: Iterable[tuple[Finding, str]], page: Page) -> Iterator[str]:
+def finding_blocks(findings: Iterable[tuple[Finding, str]], page: Page) -> Iterator[str]:
     """Yield the lines of findings, each with the stages that have it, or "".
 
     Notes are lines without space between them unless the report is verbose.
     """
     explained: set[str] = set()  # the rules whose reason has been given
-    is_in_notes = False
-    for finding, where in found:
+    follows_note = False
+    for finding, stages in findings:
         is_line = finding.severity == "note" and not page.verbose
-        if not (is_line and is_in_notes):
+        if not (is_line and follows_note):
             yield ""
+        follows_note = is_line
         if is_line:
-            place = f" ({where})" if where else ""
+            place = f" ({stages})" if stages else ""
             yield from _heading(finding, page, f"{site(finding)}: {finding.message}{place}")
-        else:
-            yield from _finding_lines(finding, where, page, explained)
-        is_in_notes = is_line
-
-
-def _finding_lines(finding: Finding, where: str, page: Page, explained: set[str]) -> Iterator[str]:
-    yield from _heading(finding, page, site(finding))
-    if where:
-        yield INDENT + paint(visible(where), "dim", color=page.color)
-    yield from wrapped(finding.message, INDENT, page.width)
-    yield from _frame(finding, page)
-    yield from _details(finding, page)
-    if page.verbose and finding.rule not in explained:
-        explained.add(finding.rule)
-        yield from _why(finding, page)
+            continue
+        yield from _heading(finding, page, site(finding))
+        if stages:
+            yield INDENT + paint(visible(stages), "dim", color=page.color)
+        yield from wrapped(finding.message, INDENT, page.width)
+        yield from _frame(finding, page)
+        yield from _details(finding, page)
+        rule = page.rules.get(finding.rule)
+        if page.verbose and rule is not None and finding.rule not in explained:
+            explained.add(finding.rule)
+            reason = rule.section("Why")
+            if reason:
+                yield from _labelled("why", reason, page)
 
 
 def _heading(finding: Finding, page: Page, rest: str) -> Iterator[str]:
@@ -107,13 +110,8 @@ def _frame(finding: Finding, page: Page) -> Iterator[str]:
         return
     room = page.width - len(INDENT)
     for line in excerpt_lines(excerpt, finding.line, finding.column, room):
-        yield INDENT + paint(line, _frame_style(line, finding), color=page.color)
-
-
-def _frame_style(line: str, finding: Finding) -> str:
-    if line.startswith(">"):
-        return "plain"
-    return finding.severity if line.endswith("^") and line.split() == ["|", "^"] else "dim"
+        style = finding.severity if line.split() == ["|", "^"] else "dim"
+        yield INDENT + paint(line, "plain" if line.startswith(">") else style, color=page.color)
 
 
 def _details(finding: Finding, page: Page) -> Iterator[str]:
@@ -121,20 +119,13 @@ def _details(finding: Finding, page: Page) -> Iterator[str]:
         if value is not None and value not in finding.message:
             yield from _labelled(label, value, page)
     text = f"{finding.message} {finding.expected}"
-    others = [prim for prim in finding.related if prim not in text]
-    if others:
-        yield from _labelled("see also", " ".join(others), page)
+    related = [prim for prim in finding.related if prim not in text]
+    if related:
+        yield from _labelled("see also", " ".join(related), page)
     if finding.hint:
         yield from _labelled("hint", " ".join(finding.hint.split()), page)
     if finding.handout:
         yield from _labelled("handout", finding.handout, page)
-
-
-def _why(finding: Finding, page: Page) -> Iterator[str]:
-    rule = page.rules.get(finding.rule)
-    reason = rule.section("Why") if rule is not None else ""
-    if reason:
-        yield from _labelled("why", reason, page)
 
 
 def _labelled(label: str, value: str, page: Page) -> Iterator[str]:
@@ -157,15 +148,6 @@ def wrapped(value: str, indent: str, width: int, hanging: str | None = None) -> 
     )
 
 
-FEW = 3  # of one section, that are listed even where they are not refuted
-STATES = {
-    "met": "met",
-    "not met": "not met",
-    "not shown": "not shown",
-    "person": "for a person to judge",
-}
-
-
 def checklist_lines(
     items: tuple[ChecklistItem, ...], options: Options, width: int
 ) -> Iterator[str]:
@@ -177,20 +159,18 @@ def checklist_lines(
         return
     yield ""
     yield f"checklist: {_counts(items)}"
-    shown = [item for item in items if item.state != "met" or options.verbosity == "verbose"]
-    for section, members in groupby(shown, key=lambda item: item.section):
+    verbose = options.verbosity == "verbose"
+    listed = [item for item in items if item.state != "met" or verbose]
+    for section, members in groupby(listed, key=lambda item: item.section):
         yield f"  {visible(section)}"
-        yield from _section_lines(list(members), options, width)
-
-
-def _section_lines(items: list[ChecklistItem], options: Options, width: int) -> Iterator[str]:
-    others = [item for item in items if item.state != "not met"]
-    is_short = len(others) > FEW and options.verbosity != "verbose"
-    for item in items:
-        if not is_short or item.state == "not met":
-            yield from _item_lines(item, width, color=options.color)
-    if is_short:
-        yield f"    {_counts(others)}; --verbose lists them"
+        section_items = list(members)
+        unrefuted = [item for item in section_items if item.state != "not met"]
+        is_short = len(unrefuted) > FEW and not verbose
+        for item in section_items:
+            if not is_short or item.state == "not met":
+                yield from _item_lines(item, width, color=options.color)
+        if is_short:
+            yield f"    {_counts(unrefuted)}; --verbose lists them"
 
 
 def _counts(items: Collection[ChecklistItem]) -> str:
@@ -201,63 +181,45 @@ def _counts(items: Collection[ChecklistItem]) -> str:
 def _item_lines(item: ChecklistItem, width: int, *, color: bool) -> Iterator[str]:
     because = f": {item.because}" if item.because else ""
     indent = " " * 15
-    first, *more = textwrap.wrap(
-        visible(f"{item.text}{because}"),
-        width,
-        initial_indent=indent,
-        subsequent_indent=indent,
-        break_long_words=False,
-        break_on_hyphens=False,
-    ) or [indent]
+    first, *more = wrapped(f"{item.text}{because}", indent, width) or [indent]
     state = paint(f"{item.state:<9}", item.state, color=color)
     yield f"    {state}  {first[len(indent) :]}"
     yield from more
 
 
-MOST = 3
-_NUMBERED = "   "
-
-
 def fault_lines(block: Block, page: Page) -> Iterator[str]:
     """Yield what to repair first, and each fault once with the stages that have it."""
-    found = faults(block)
-    yield from _repair_order(found, block, page)
-    blamed = ((fault.finding, _where_found(fault.stages, block)) for fault in found)
-    yield from finding_blocks(blamed, page)
+    block_faults = faults(block)
+    yield from _repair_order(block_faults, block, page)
+    findings = ((fault.finding, _stages_text(fault.stages, block)) for fault in block_faults)
+    yield from finding_blocks(findings, page)
 
 
-def _repair_order(found: Sequence[Fault], block: Block, page: Page) -> Iterator[str]:
+def _repair_order(block_faults: Sequence[Fault], block: Block, page: Page) -> Iterator[str]:
     """Yield the few errors whose repair wins most checkpoints, and then most points.
 
     Where there are hardly more errors than that, nothing is said.
     """
-    errors = [fault for fault in found if fault.finding.severity == "error" and fault.stages]
+    errors = [fault for fault in block_faults if fault.finding.severity == "error" and fault.stages]
     if len(errors) <= MOST:
         return
-    points = page.options.points
-    first = sorted(errors, key=lambda fault: _gain(fault, block, points), reverse=True)[:MOST]
+
+    def gain(fault: Fault) -> tuple[int, float]:
+        held = [stage.result.checkpoint for stage in block.stages if stage.index in fault.stages]
+        return len(held), sum(page.options.points.get(number or "", 0.0) for number in held)
+
     yield ""
     yield paint("Repair these first", "heading", color=page.color)
-    for number, fault in enumerate(first, 1):
-        heading = f"{fault.finding.rule} {site(fault.finding)}"
-        stands = f"in {_plural_checkpoints(fault.stages, block)}: {fault.finding.message}"
-        start = f"{number}. "
-        yield from wrapped(start + heading, INDENT, page.width, INDENT + _NUMBERED)
-        yield from wrapped(stands, INDENT + _NUMBERED, page.width)
+    for number, fault in enumerate(sorted(errors, key=gain, reverse=True)[:MOST], 1):
+        heading = f"{number}. {fault.finding.rule} {site(fault.finding)}"
+        stages = [stage for stage in block.stages if stage.index in fault.stages]
+        noun = "checkpoints" if len(fault.stages) > 1 else "checkpoint"
+        message = f"in {noun} {_spans(stages, block)}: {fault.finding.message}"
+        yield from wrapped(heading, INDENT, page.width, INDENT + _NUMBERED)
+        yield from wrapped(message, INDENT + _NUMBERED, page.width)
 
 
-def _gain(fault: Fault, block: Block, points: Mapping[str, float]) -> tuple[int, float]:
-    held = [stage.result.checkpoint for stage in block.stages if stage.index in fault.stages]
-    return len(held), sum(points.get(checkpoint or "", 0.0) for checkpoint in held)
-
-
-def _plural_checkpoints(stages: Stages, block: Block) -> str:
-    """Name the checkpoints of some stages: `checkpoint 03`, `checkpoints 03 to 08`."""
-    names = _spans([stage for stage in block.stages if stage.index in stages], block)
-    return f"checkpoint{'s' if len(stages) > 1 else ''} {names}"
-
-
-def _where_found(stages: Stages, block: Block) -> str:
+def _stages_text(stages: Stages, block: Block) -> str:
     """Say which stages of a folder have a fault, and which no longer has it.
 
     `since 01, also in 02 to 08`; `in 03`; `since 02, also in 03 to 07, repaired in 08`. Empty for
@@ -266,8 +228,8 @@ def _where_found(stages: Stages, block: Block) -> str:
     having = [stage for stage in block.stages if stage.index in stages]
     if not having:
         return ""
-    first, *others = having
-    first_seen = f"since {first.label}, also in {_spans(others, block)}" if others else ""
+    first, *repeats = having
+    first_seen = f"since {first.label}, also in {_spans(repeats, block)}" if repeats else ""
     later = block.stages[block.stages.index(having[-1]) + 1 :]
     repaired = next((stage for stage in later if stage.result.verdict != "unreadable"), None)
     last = f", repaired in {repaired.label}" if repaired is not None else ""
@@ -277,12 +239,9 @@ def _where_found(stages: Stages, block: Block) -> str:
 def _spans(stages: Sequence[Stage], block: Block) -> str:
     """Name stages in short: `03`, `03, 04`, `02 to 05, 08`."""
     order = {stage.index: place for place, stage in enumerate(block.stages)}
-    runs = groupby(enumerate(stages), key=lambda pair: order[pair[1].index] - pair[0])
-    return ", ".join(_span([stage for _, stage in run]) for _, run in runs)
-
-
-def _span(run: Sequence[Stage]) -> str:
+    spans: list[str] = []
     few = 2
-    if len(run) <= few:
-        return ", ".join(stage.label for stage in run)
-    return f"{run[0].label} to {run[-1].label}"
+    for _, run in groupby(enumerate(stages), key=lambda pair: order[pair[1].index] - pair[0]):
+        labels = [stage.label for _, stage in run]
+        spans += labels if len(labels) <= few else [f"{labels[0]} to {labels[-1]}"]
+    return ", ".join(spans)

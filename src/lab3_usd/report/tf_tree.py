@@ -39,29 +39,29 @@ class TreeFault(Struct, frozen=True):
 
 def tree_faults(report: TreeReport) -> list[TreeFault]:
     """Return what is wrong with the tree, in the order of the frames."""
-    found = []
+    faults = []
     ring = set(frames_in_cycles(report.edges))
     for frame, above in _by_child(report.edges).items():
         names = list(dict.fromkeys(edge.parent for edge in above if edge.parent != frame))
         if frame in report.reserved:
-            found.append(
+            faults.append(
                 TreeFault(frame, "reserved", f"only {report.reserved[frame]} may place it")
             )
         if len(names) > 1:
-            found.append(
+            faults.append(
                 TreeFault(frame, "two parents", f"{len(names)} parents: {', '.join(names)}")
             )
         for name in names:
             times = len({edge.publisher for edge in above if edge.parent == name})
             if times > 1:
-                found.append(
+                faults.append(
                     TreeFault(frame, "published twice", f"{times} publishers below {name}")
                 )
         if any(edge.parent == frame for edge in above):
-            found.append(TreeFault(frame, "own parent", "its own parent"))
+            faults.append(TreeFault(frame, "own parent", "its own parent"))
         elif frame in ring:
-            found.append(TreeFault(frame, "ring", "part of a ring"))
-    return found
+            faults.append(TreeFault(frame, "ring", "part of a ring"))
+    return faults
 
 
 def roots(edges: Sequence[Edge]) -> list[str]:
@@ -70,36 +70,30 @@ def roots(edges: Sequence[Edge]) -> list[str]:
     placed = _by_child(edges)
     tops = [name for name in children if name not in placed]
     reached: set[str] = set()
-    for name in [*tops, *children]:
-        if name not in reached:
-            tops.extend([] if name in tops else [name])
-            reached |= _below(name, children)
+    for top in [*tops, *children]:
+        if top not in reached and top not in tops:
+            tops.append(top)
+        ahead = [top]
+        while ahead:
+            name = ahead.pop()
+            if name not in reached:
+                reached.add(name)
+                ahead.extend(edge.child for edge in children.get(name, ()))
     return tops
 
 
 def _by_child(edges: Sequence[Edge]) -> dict[str, list[Edge]]:
-    found: dict[str, list[Edge]] = {}
+    edges_by_child: dict[str, list[Edge]] = {}
     for edge in edges:
-        found.setdefault(edge.child, []).append(edge)
-    return found
+        edges_by_child.setdefault(edge.child, []).append(edge)
+    return edges_by_child
 
 
 def _by_parent(edges: Sequence[Edge]) -> dict[str, list[Edge]]:
-    found: dict[str, list[Edge]] = {}
+    edges_by_parent: dict[str, list[Edge]] = {}
     for edge in edges:
-        found.setdefault(edge.parent, []).append(edge)
-    return found
-
-
-def _below(top: str, children: dict[str, list[Edge]]) -> set[str]:
-    reached: set[str] = set()
-    ahead = [top]
-    while ahead:
-        name = ahead.pop()
-        if name not in reached:
-            reached.add(name)
-            ahead.extend(edge.child for edge in children.get(name, ()))
-    return reached
+        edges_by_parent.setdefault(edge.parent, []).append(edge)
+    return edges_by_parent
 
 
 def as_text(report: TreeReport, *, verbose: bool = False) -> Iterator[str]:

@@ -51,7 +51,10 @@ def as_table(report: TopicReport) -> Iterator[str]:
     if not report.endpoints:
         yield "no topics are published or subscribed"
         return
-    rows = [[name.upper() for name in COLUMNS], *(list(cells(e, report)) for e in report.endpoints)]
+    rows = [
+        [name.upper() for name in COLUMNS],
+        *(list(cells(endpoint, report)) for endpoint in report.endpoints),
+    ]
     widths = [max(len(row[column]) for row in rows) for column in range(len(COLUMNS))]
     for row in rows:
         yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
@@ -63,15 +66,33 @@ def as_csv(report: TopicReport) -> str:
     writer = csv.writer(table)
     writer.writerow(COLUMNS)
     for endpoint in report.endpoints:
-        found = cells(endpoint, report)
-        writer.writerow(["" if cell == NOTHING else safe_cell(cell) for cell in found])
+        row = cells(endpoint, report)
+        writer.writerow(["" if cell == NOTHING else safe_cell(cell) for cell in row])
     return table.getvalue()
 
 
 def as_json(report: TopicReport) -> str:
     """Return every topic with its settings and its whole QoS profile, as one JSON object."""
-    data = {"file": report.path, "topics": [_item(e, report) for e in report.endpoints]}
-    return json.dumps(truncated_values(data), indent=2)
+    topics = [
+        {
+            "topic": endpoint.topic,
+            "written": endpoint.written,
+            "type": endpoint.type,
+            "direction": endpoint.direction,
+            "node": endpoint.node.path,
+            "node_type": endpoint.node.type_name,
+            "port": endpoint.port,
+            "frames": list(report.frames(endpoint)),
+            "unknown_frames": list(report.unknown(endpoint)),
+            "queue": endpoint.queue,
+            "qos": None if endpoint.qos is None else asdict(endpoint.qos),
+            "rate": endpoint.rate if endpoint.runs else "never",
+            "runs": endpoint.runs,
+            "sure": endpoint.sure,
+        }
+        for endpoint in report.endpoints
+    ]
+    return json.dumps(truncated_values({"file": report.path, "topics": topics}), indent=2)
 
 
 def cells(endpoint: Endpoint, report: TopicReport) -> Iterator[str]:
@@ -80,40 +101,18 @@ def cells(endpoint: Endpoint, report: TopicReport) -> Iterator[str]:
     yield printable(endpoint.type or NOTHING)
     yield endpoint.direction
     yield printable(endpoint.node.path)
-    yield printable(_listed(report.frames(endpoint), report.unknown(endpoint)))
+    yield printable(_frames_text(report.frames(endpoint), report.unknown(endpoint)))
     yield NOTHING if endpoint.queue is None else str(endpoint.queue)
-    yield _qos(endpoint)
+    if endpoint.qos is not None:
+        yield str(endpoint.qos)
+    else:
+        yield _UNKNOWN if endpoint.node.sources(PROFILE) else _REFUSED
     yield printable(endpoint.rate if endpoint.runs else "never")
 
 
-def _listed(frames: Sequence[str], unknown: Sequence[str]) -> str:
+def _frames_text(frames: Sequence[str], unknown: Sequence[str]) -> str:
     parts = list(frames) if len(frames) <= _MOST_FRAMES else [f"{len(frames)} frames"]
     if unknown:
         many = len(unknown) > 1
         parts.append(f"{f'{len(unknown)} frames' if many else unknown[0]}: asset not found")
     return ", ".join(parts) or NOTHING
-
-
-def _qos(endpoint: Endpoint) -> str:
-    if endpoint.qos is not None:
-        return str(endpoint.qos)
-    return _UNKNOWN if endpoint.node.sources(PROFILE) else _REFUSED
-
-
-def _item(endpoint: Endpoint, report: TopicReport) -> dict[str, object]:
-    return {
-        "topic": endpoint.topic,
-        "written": endpoint.written,
-        "type": endpoint.type,
-        "direction": endpoint.direction,
-        "node": endpoint.node.path,
-        "node_type": endpoint.node.type_name,
-        "port": endpoint.port,
-        "frames": list(report.frames(endpoint)),
-        "unknown_frames": list(report.unknown(endpoint)),
-        "queue": endpoint.queue,
-        "qos": None if endpoint.qos is None else asdict(endpoint.qos),
-        "rate": endpoint.rate if endpoint.runs else "never",
-        "runs": endpoint.runs,
-        "sure": endpoint.sure,
-    }

@@ -24,39 +24,41 @@ from lab3_usd.model.dry_run import (
     heading,
     rotation,
 )
-from lab3_usd.sim.execution.record import RATE, Message, Odometry, Pose, Scan, drive_of, fixed_drive
-from lab3_usd.sim.judge.evidence import Evidence, displacement, in_root
+from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
+from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Scan
+from lab3_usd.sim.judge.checks import judge
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.judge.topics import interface
-from lab3_usd.sim.judge.verdicts import judge
+from lab3_usd.sim.judge.trial import Trial, displacement, in_root
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
 
 EVERY = 6  # frames of the path, of which one is kept
 
 
-def outcome(stage: str, checkpoint: str, evidence: Evidence) -> Behaviour:
+def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
     """Return what a run comes to, judged by what its checkpoint asks for."""
-    checks = tuple(check for check in judge(evidence) if is_asked(check.name, evidence))
-    recording = evidence.recording
+    checks = tuple(check for check in judge(trial) if is_asked(check.name, trial))
+    recording = trial.recording
+    reasons = {**recording.not_simulated, **recording.assumed}
     return Behaviour(
         stage,
         checkpoint,
         recording.seconds,
         "bad" if any(check.verdict == "bad" for check in checks) else "ok",
-        tuple(_topics(evidence)),
-        tuple(_frames(evidence)),
+        tuple(_topics(trial)),
+        tuple(_frames(trial)),
         checks,
-        tuple(path_rows(evidence)),
-        _unknown(evidence),
-        tuple(told_legs(evidence)),
-        tuple(_remarks(evidence, checks)),
+        tuple(path_rows(trial)),
+        tuple(Unknown(prim, reasons[prim]) for prim in sorted(reasons)),
+        tuple(driven_legs(trial)),
+        tuple(_remarks(trial, checks)),
     )
 
 
-def is_asked(name: str, evidence: Evidence) -> bool:
+def is_asked(name: str, trial: Trial) -> bool:
     """Whether a checkpoint has what a check looks at, and something came to look at."""
-    wanted = evidence.wanted
+    wanted = trial.wanted
     topics = {
         "clock": (wanted.clock,),
         "stamps": (wanted.clock,),
@@ -68,16 +70,16 @@ def is_asked(name: str, evidence: Evidence) -> bool:
         "camera": (wanted.image, wanted.info),
     }
     if name in topics:
-        return all(topic and evidence.recording.topic(topic) for topic in topics[name])
+        return all(topic and trial.recording.topic(topic) for topic in topics[name])
     if name == "topics":
         return bool(wanted.types)
-    return bool(wanted.commands) and (name != "again" or len(evidence.drive) > 1)
+    return bool(wanted.commands) and (name != "again" or len(trial.drive) > 1)
 
 
-def _topics(evidence: Evidence) -> Iterator[Topic]:
+def _topics(trial: Trial) -> Iterator[Topic]:
     """Yield the topics of the first session on the lab's domain, by name."""
     streams: dict[tuple[str, str], list[Message]] = {}
-    for message in evidence.recording.messages:
+    for message in trial.recording.messages:
         if message.away is None and not message.session:
             streams.setdefault((message.topic, message.type), []).append(message)
     for (topic, kind), messages in sorted(streams.items()):
@@ -85,50 +87,44 @@ def _topics(evidence: Evidence) -> Iterator[Topic]:
         yield Topic(topic, kind, round(rate_of(messages), 2), ", ".join(frames))
 
 
-def _frames(evidence: Evidence) -> Iterator[Frame]:
+def _frames(trial: Trial) -> Iterator[Frame]:
     """Yield each transform once, in the order in which they are sent."""
     seen: dict[Frame, None] = {}
-    for message in evidence.recording.messages:
+    for message in trial.recording.messages:
         if message.away is None and isinstance(message.data, tuple):
-            for each in message.data:
-                seen.setdefault(Frame(each.parent, each.child, message.static))
+            for transform in message.data:
+                seen.setdefault(Frame(transform.parent, transform.child, message.static))
     yield from seen
 
 
-def path_rows(evidence: Evidence) -> Iterator[tuple[float, float, float, float]]:
+def path_rows(trial: Trial) -> Iterator[tuple[float, float, float, float]]:
     """Yield where the robot was, in seconds since the first Play."""
-    for number, pose in enumerate(evidence.recording.path):
+    for number, pose in enumerate(trial.recording.path):
         if number % EVERY == 0:
             seconds = (number + 1) / RATE
             yield (round(seconds, 3), round(pose.x, 4), round(pose.y, 4), round(pose.heading, 4))
 
 
-def _unknown(evidence: Evidence) -> tuple[Unknown, ...]:
-    recording = evidence.recording
-    said = {**recording.not_simulated, **recording.assumed}
-    return tuple(Unknown(prim, said[prim]) for prim in sorted(said))
-
-
-def told_legs(evidence: Evidence) -> Iterator[Leg]:
-    """Yield what was told and done in each leg of the first session, if commands are asked for."""
-    if not evidence.wanted.commands:
+def driven_legs(trial: Trial) -> Iterator[Leg]:
+    """Yield what was commanded and driven in each leg of the first session that has a command."""
+    if not trial.wanted.commands:
         return
-    for leg, before, poses in evidence.stretches(*{each.name for each in evidence.drive[0].legs}):
+    for leg, before, poses in trial.stretches(*{leg.name for leg in trial.drive[0].legs}):
         if leg.command is None or not any(leg.command):
             continue
         ahead, _, turned = displacement(before, poses[-1])
-        told = (leg.forward * leg.seconds, math.degrees(leg.turn * leg.seconds))
-        done = (round(ahead, 3) + 0.0, round(math.degrees(turned), 1) + 0.0)
-        yield Leg(leg.name, leg.seconds, told, done)
+        commanded = (leg.forward * leg.seconds, math.degrees(leg.turn * leg.seconds))
+        driven = (round(ahead, 3) + 0.0, round(math.degrees(turned), 1) + 0.0)
+        yield Leg(leg.name, leg.seconds, commanded, driven)
 
 
-def _remarks(evidence: Evidence, checks: tuple[Check, ...]) -> Iterator[str]:
-    """Say what else is to be known of the robot."""
-    blocked = next((pose for pose in evidence.recording.path if pose.blocked), None)
+def _remarks(trial: Trial, checks: tuple[Check, ...]) -> Iterator[str]:
+    """Yield what else is known of the robot."""
+    blocked = next((pose for pose in trial.recording.path if pose.blocked), None)
     if blocked is not None:
         yield f"a wall stops the robot while it is told to go {blocked.leg}"
-    yield from evidence.recording.remarks
-    if evidence.recording.not_simulated and any(check.verdict != "ok" for check in checks):
+    yield from trial.recording.remarks
+    if trial.recording.not_simulated and any(check.verdict != "ok" for check in checks):
         yield "what looks wrong may come from what is not simulated, and is no fault"
 
 
@@ -137,15 +133,15 @@ _RAYS = 180  # drawn of a scan, as it may have thousands
 
 
 class DryRun(Struct, frozen=True):
-    """What a stage does, and all that it did; there is no evidence of one that cannot be read."""
+    """What a stage does, and all that it did; there is no trial of one that cannot be read."""
 
     behaviour: Behaviour
-    evidence: Evidence | None = None
+    trial: Trial | None = None
 
     @property
     def replay(self) -> Replay | None:
         """What there is to draw of it."""
-        return replay(self.evidence) if self.evidence is not None else None
+        return replay(self.trial) if self.trial is not None else None
 
 
 def scene_of(path: Path) -> Scene:
@@ -175,43 +171,43 @@ def dry_run(path: Path, lab: Lab, checkpoint: str, drive: str | None = None) -> 
         reason = str(error).removeprefix(f"{path}: ")
         unknown = (Unknown("/", reason),)
         return DryRun(Behaviour(str(path), checkpoint, 0.0, "unreadable", not_simulated=unknown))
-    evidence = record(scene, lab.catalog, sessions, wanted)
-    return DryRun(outcome(str(path), checkpoint, evidence), evidence)
+    trial = record(scene, lab.catalog, sessions, wanted)
+    return DryRun(outcome(str(path), checkpoint, trial), trial)
 
 
-def replay(evidence: Evidence) -> Replay:
+def replay(trial: Trial) -> Replay:
     """Return what there is to draw."""
-    poses = [each for each in evidence.recording.path if not each.session]
+    poses = [pose for pose in trial.recording.path if not pose.session]
     every = max(1, math.ceil(len(poses) / _MOMENTS))
     chosen = [*poses[every - 1 : -1 : every], *poses[-1:]]
-    odometry = _last_before(evidence.recording.topic(evidence.wanted.odometry, 0), chosen)
-    scans = _last_before(evidence.recording.topic(evidence.wanted.scan, 0), chosen)
+    odometry = _last_before(trial.recording.topic(trial.wanted.odometry, 0), chosen)
+    scans = _last_before(trial.recording.topic(trial.wanted.scan, 0), chosen)
     moments = (
         Moment(
             round(pose.at, 3),
             pose.leg,
             (pose.x, pose.y, pose.heading),
-            _told(said, evidence.start),
-            _points(evidence, seen),
+            _odometry_place(message, trial.start),
+            _points(trial, seen),
         )
-        for pose, said, seen in zip(chosen, odometry, scans, strict=True)
+        for pose, message, seen in zip(chosen, odometry, scans, strict=True)
     )
-    recording = evidence.recording
-    return Replay(evidence.room, evidence.radius, tuple(moments), recording.fired)
+    recording = trial.recording
+    return Replay(trial.room, trial.radius, tuple(moments), recording.fired)
 
 
 def _last_before(messages: Sequence[Message], poses: Sequence[Pose]) -> list[Message | None]:
     """Return for each pose the last message that had come by then."""
-    found: list[Message | None] = []
+    latest: list[Message | None] = []
     last, ahead = None, 0
     for pose in poses:
         while ahead < len(messages) and messages[ahead].at <= pose.at + 1e-9:
             last, ahead = messages[ahead], ahead + 1
-        found.append(last)
-    return found
+        latest.append(last)
+    return latest
 
 
-def _told(message: Message | None, start: Affine) -> Place | None:
+def _odometry_place(message: Message | None, start: Affine) -> Place | None:
     """Return where odometry has the robot, in the world."""
     if message is None or not isinstance(message.data, Odometry):
         return None
@@ -219,20 +215,20 @@ def _told(message: Message | None, start: Affine) -> Place | None:
     return (place.origin[0], place.origin[1], heading(place))
 
 
-def _points(evidence: Evidence, message: Message | None) -> tuple[tuple[float, float], ...]:
+def _points(trial: Trial, message: Message | None) -> tuple[tuple[float, float], ...]:
     """Return where the rays end that come back: where TF has the lidar, else where it is."""
     if message is None or not isinstance(message.data, Scan):
         return ()
     scan = message.data
-    by_frames = in_root(evidence, message)
-    place = evidence.start.then(by_frames) if by_frames is not None else scan.place
+    by_frames = in_root(trial, message)
+    place = trial.start.then(by_frames) if by_frames is not None else scan.place
     if place is None:
         return ()
-    found = []
+    points = []
     for number in range(0, len(scan.ranges), max(1, len(scan.ranges) // _RAYS)):
         length = scan.ranges[number]
         if length > 0:
             angle = scan.angle_min + number * scan.angle_increment
             x, y, _ = place.point((length * math.cos(angle), length * math.sin(angle), 0.0))
-            found.append((x, y))
-    return tuple(found)
+            points.append((x, y))
+    return tuple(points)

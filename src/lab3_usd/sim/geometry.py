@@ -42,12 +42,12 @@ def _cube(prim: Prim) -> Iterator[Triangle]:
         (0, 2, 6, 4),
         (1, 5, 7, 3),
     ):
-        yield from _fan([corners[each] for each in face])
+        yield from _fan([corners[number] for number in face])
 
 
 def _fan(points: Sequence[Vector]) -> Iterator[Triangle]:
-    for one, other in pairwise(points[1:]):
-        yield points[0], one, other
+    for second, third in pairwise(points[1:]):
+        yield points[0], second, third
 
 
 def _lathe(prim: Prim, profile: Sequence[tuple[float, float]]) -> Iterator[Triangle]:
@@ -111,8 +111,8 @@ def _mesh(prim: Prim) -> Iterator[Triangle]:
     for count in prim.values.get("faceVertexCounts") or ():
         face = indices[at : at + count]
         at += count
-        if len(face) == count and all(0 <= each < len(points) for each in face):
-            yield from _fan([points[each] for each in face])
+        if len(face) == count and all(0 <= number < len(points) for number in face):
+            yield from _fan([points[number] for number in face])
 
 
 _MAKERS = {
@@ -132,7 +132,7 @@ IN_LINE = 1e-9
 
 def cut(surface: Sequence[Triangle], height: float) -> list[Segment]:
     """Return what the plane z = height cuts out of triangles."""
-    found = []
+    segments = []
     for triangle in surface:
         (_, _, a), (_, _, b), (_, _, c) = triangle
         if (a > height and b > height and c > height) or (
@@ -140,13 +140,13 @@ def cut(surface: Sequence[Triangle], height: float) -> list[Segment]:
         ):
             continue
         ends: list[float] = []
-        for one, other in ((0, 1), (1, 2), (2, 0)):
-            (x, y, z), (u, v, w) = triangle[one], triangle[other]
+        for start, end in ((0, 1), (1, 2), (2, 0)):
+            (x, y, z), (u, v, w) = triangle[start], triangle[end]
             if (z > height) != (w > height):
                 k = (height - z) / (w - z)
                 ends += (x + k * (u - x), y + k * (v - y))
-        found.append((ends[0], ends[1], ends[2], ends[3]))
-    return found
+        segments.append((ends[0], ends[1], ends[2], ends[3]))
+    return segments
 
 
 def height_at(surface: Sequence[Triangle], x: float, y: float, below: float) -> float | None:
@@ -181,22 +181,22 @@ def distance(segments: Sequence[Segment], x: float, y: float) -> float:
 def joined(segments: Sequence[Segment]) -> list[Segment]:
     """Make one of two segments that go on in a line, as the halves of a face do."""
     ends: dict[tuple[float, float], list[int]] = {}
-    found: list[Segment | None] = list(segments)
+    remaining: list[Segment | None] = list(segments)
     for number, (ax, ay, bx, by) in enumerate(segments):
         for x, y in ((ax, ay), (bx, by)):
             ends.setdefault((round(x, 6), round(y, 6)), []).append(number)
     for (x, y), pair in ends.items():
         if len(pair) != BOTH:
             continue
-        one, other = found[pair[0]], found[pair[1]]
-        if one is None or other is None or pair[0] == pair[1]:
+        first, second = remaining[pair[0]], remaining[pair[1]]
+        if first is None or second is None or pair[0] == pair[1]:
             continue
-        (p, q), (u, v) = _far_end(one, x, y), _far_end(other, x, y)
+        (p, q), (u, v) = _far_end(first, x, y), _far_end(second, x, y)
         if abs((p - x) * (v - y) - (q - y) * (u - x)) < IN_LINE:
-            found[pair[0]], found[pair[1]] = None, (p, q, u, v)
+            remaining[pair[0]], remaining[pair[1]] = None, (p, q, u, v)
             at = ends[round(p, 6), round(q, 6)]
             at[at.index(pair[0])] = pair[1]
-    return [each for each in found if each is not None]
+    return [segment for segment in remaining if segment is not None]
 
 
 def _far_end(segment: Segment, x: float, y: float) -> tuple[float, float]:

@@ -29,7 +29,7 @@ class Beam(Struct, frozen=True):
 @cache
 def directions(start: float, step: float, count: int) -> tuple[list[float], list[float]]:
     """Return cosines and sines of the directions of a beam."""
-    angles = [start + each * step for each in range(count)]
+    angles = [start + number * step for number in range(count)]
     return [math.cos(angle) for angle in angles], [math.sin(angle) for angle in angles]
 
 
@@ -48,7 +48,7 @@ def sweep(beam: Beam, segments: tuple[Segment, ...]) -> tuple[float, ...]:
                 across = dy * cosines[ray] - dx * sines[ray]
                 if across > 0 and near <= area / across < ranges[ray]:
                     ranges[ray] = area / across
-    return tuple(each if each <= beam.far else NOTHING for each in ranges)
+    return tuple(distance if distance <= beam.far else NOTHING for distance in ranges)
 
 
 def _touched(beam: Beam, segment: Segment) -> tuple[range, float, float, float]:
@@ -59,10 +59,10 @@ def _touched(beam: Beam, segment: Segment) -> tuple[range, float, float, float]:
         return range(0), 0.0, 0.0, 0.0
     if area < 0:
         ax, ay, bx, by, area = bx, by, ax, ay, -area
-    one, other = math.atan2(ay, ax), math.atan2(by, bx)
-    other += 2 * math.pi if other < one else 0.0
-    first = math.ceil((one - beam.start) / beam.step - 1e-9)
-    last = math.floor((other - beam.start) / beam.step + 1e-9)
+    right, left = math.atan2(ay, ax), math.atan2(by, bx)
+    left += 2 * math.pi if left < right else 0.0
+    first = math.ceil((right - beam.start) / beam.step - 1e-9)
+    last = math.floor((left - beam.start) / beam.step + 1e-9)
     return range(first, last + 1), area, bx - ax, by - ay
 
 
@@ -80,16 +80,18 @@ class Surroundings(Struct):
     @classmethod
     def of(cls, scene: Scene, machines: Machines) -> Surroundings:
         """Sort the visible shapes of a scene."""
-        found = cls([], {})
+        surroundings = cls([], {})
         for prim in scene.prims.values():
             if prim.seen and prim.type != "Camera":
                 body = machines.body_of(prim.path)
                 if body:
                     back = machines.bodies[body].world.rigid().inverse()
-                    found.moving.setdefault(body, []).extend(placed(prim, back.then(prim.world)))
+                    surroundings.moving.setdefault(body, []).extend(
+                        placed(prim, back.then(prim.world))
+                    )
                 else:
-                    found.still.extend(placed(prim, prim.world))
-        return found
+                    surroundings.still.extend(placed(prim, prim.world))
+        return surroundings
 
     def around(self, at: Affine) -> list[Segment]:
         """Return what the plane through `at` cuts out of what stands still, in that frame."""
@@ -117,22 +119,22 @@ class Surroundings(Struct):
         """Return what the plane of a sensor cuts out of bodies that do not carry it."""
         own = machines.member.get(machines.body_of(sensor))
         back = machines.inverse(sensor)
-        found: list[Triangle] = []
+        shapes: list[Triangle] = []
         for body, surface in self.moving.items():
             if machines.member[body] is not own:
                 place = back.then(machines.place(body))
-                found += [(place.point(a), place.point(b), place.point(c)) for a, b, c in surface]
-        return joined(cut(found, 0.0)) if found else []
+                shapes += [(place.point(a), place.point(b), place.point(c)) for a, b, c in surface]
+        return joined(cut(shapes, 0.0)) if shapes else []
 
     def carried(self, sensor: str, machines: Machines) -> list[Segment]:
         """Return what the plane of a sensor cuts out of the machine that carries it."""
         if sensor not in self.own:
             machine = machines.member.get(machines.body_of(sensor))
             back = machines.inverse(sensor)
-            found: list[Triangle] = []
-            for each in machine.rest if machine is not None else ():
-                place = back.then(machines.place(each))
-                for a, b, c in self.moving.get(each, ()):
-                    found.append((place.point(a), place.point(b), place.point(c)))
-            self.own[sensor] = joined(cut(found, 0.0))
+            surface: list[Triangle] = []
+            for body in machine.rest if machine is not None else ():
+                place = back.then(machines.place(body))
+                for a, b, c in self.moving.get(body, ()):
+                    surface.append((place.point(a), place.point(b), place.point(c)))
+            self.own[sensor] = joined(cut(surface, 0.0))
         return self.own[sensor]

@@ -24,7 +24,8 @@ from rosbags.interfaces import Nodetype
 
 from lab3_usd.errors import UsageError
 from lab3_usd.sim.bag.writer import STORE, TWIST, serialized
-from lab3_usd.sim.execution.record import RATE, Message, Profile
+from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.execution.recording import Message, Profile
 from lab3_usd.sim.execution.world import Twist
 from lab3_usd.sim.timeline import Player, unknown_in
 
@@ -103,7 +104,7 @@ class Link:
             self._reader = DataReader(self._participant, topic, qos=_qos(Profile(DEPTH)))
 
     def publish(self, message: Message) -> None:
-        """Send a message, but for pixels and points, which a dry run does not make."""
+        """Send a message, except pixels and points, which a dry run does not make."""
         data = serialized(message)
         if data is None:
             return
@@ -117,12 +118,12 @@ class Link:
 
     def commands(self) -> Iterator[Twist]:
         """Yield the commands that came since the last call, without those that are no numbers."""
-        for said in self._reader.take(N=DEPTH) if self._reader is not None else ():
-            if isinstance(said, InvalidSample):
+        for sample in self._reader.take(N=DEPTH) if self._reader is not None else ():
+            if isinstance(sample, InvalidSample):
                 continue  # a publisher left
-            linear = (said.linear.x, said.linear.y, said.linear.z)
-            angular = (said.angular.x, said.angular.y, said.angular.z)
-            if all(abs(each) <= FASTEST for each in (*linear, *angular)):
+            linear = (sample.linear.x, sample.linear.y, sample.linear.z)
+            angular = (sample.angular.x, sample.angular.y, sample.angular.z)
+            if all(abs(speed) <= FASTEST for speed in (*linear, *angular)):
                 yield (linear, angular)
 
     def close(self) -> None:
@@ -147,19 +148,14 @@ def _wire_topic(topic: str) -> str:
     return f"rt{topic}"
 
 
-def _wire_name(kind: str) -> str:
-    """Return the name of a message type on the wire: `geometry_msgs::msg::dds_::Twist_`."""
-    package, _, name = kind.split("/")
-    return f"{package}::msg::dds_::{name}_"
-
-
 @cache
 def wire_type(kind: str) -> type[IdlStruct]:
-    """Return the type of DDS that a message type of ROS 2 is on the wire."""
+    """Return the DDS type of a message type, such as `geometry_msgs::msg::dds_::Twist_`."""
     _, fields = STORE.fielddefs[kind]
-    name = _wire_name(kind)
+    package, _, message = kind.split("/")
+    name = f"{message}_"
     made = {field: _field(*described) for field, described in fields}
-    return make_idl_struct(name.rpartition(":")[2], name.replace("::", "."), made)
+    return make_idl_struct(name, f"{package}.msg.dds_.{name}", made)
 
 
 def _field(node: Nodetype, of: Any) -> Any:

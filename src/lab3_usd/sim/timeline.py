@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
+from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
 from lab3_usd.sim.execution.program import Program, compile_graphs
-from lab3_usd.sim.execution.record import (
-    RATE,
-    Leg,
-    Message,
-    Pose,
-    Recording,
-    Scan,
-    Session,
-    Transform,
-    View,
-    command_frames,
-)
+from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, View
 from lab3_usd.sim.execution.running import FRAME, STEP
 from lab3_usd.sim.execution.world import Endpoint, Twist, World, Writer, send, world_of
-from lab3_usd.sim.judge.evidence import Evidence, Interface
-from lab3_usd.sim.judge.verdicts import RunCauses
+from lab3_usd.sim.judge.causes import RunCauses
+from lab3_usd.sim.judge.trial import Interface, Trial
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.nodes.sensors import IMAGES
 from lab3_usd.sim.nodes.transforms import OPTICAL
@@ -58,17 +48,13 @@ def _picture(writer: Writer, world: World, stamp: float) -> Message | None:
         if world.scene.prims[product.sensor].type != "Camera":
             return None
         place = world.machines.place(product.sensor).then(OPTICAL)
-        view = View(product.width, product.height, place=_metres(place, world))
+        view = View(
+            product.width, product.height, place=in_metres(place, world.scene.meters_per_unit)
+        )
         return Message(IMAGES[writer.kind], stamp, writer.frame_id, view)
     return Message(
         "sensor_msgs/msg/LaserScan", stamp, writer.frame_id, _scan(writer, writer.beam, world)
     )
-
-
-def _metres(place: Affine, world: World) -> Affine:
-    x, y, z = place.origin
-    unit = world.scene.meters_per_unit
-    return Affine(place.rows, (x * unit, y * unit, z * unit))
 
 
 def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
@@ -81,16 +67,19 @@ def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
         seen_by.near / unit,
         seen_by.far / unit,
     )
-    known, sensor = world.surroundings, writer.product.sensor
-    own = [*known.carried(sensor, world.machines), *known.beside(sensor, world.machines)]
-    seen = sweep(beam, (*known.around(at), *own))
-    ranges = [each if each < 0 else each * unit for each in seen]
+    surroundings, sensor = world.surroundings, writer.product.sensor
+    own = [
+        *surroundings.carried(sensor, world.machines),
+        *surroundings.beside(sensor, world.machines),
+    ]
+    seen = sweep(beam, (*surroundings.around(at), *own))
+    ranges = [distance if distance < 0 else distance * unit for distance in seen]
     if writer.covered < 1.0:
         first = int((writer.rendered - 1) * writer.covered * beam.count) % beam.count
         shown = {(first + k) % beam.count for k in range(int(writer.covered * beam.count))}
-        ranges = [each if k in shown else -1.0 for k, each in enumerate(ranges)]
+        ranges = [distance if k in shown else -1.0 for k, distance in enumerate(ranges)]
     return Scan(
-        seen_by.start, seen_by.step, seen_by.near, seen_by.far, tuple(ranges), _metres(at, world)
+        seen_by.start, seen_by.step, seen_by.near, seen_by.far, tuple(ranges), in_metres(at, unit)
     )
 
 
@@ -111,22 +100,20 @@ class Player:
         """Play a session and stop."""
         world = self.world
         world.network.environment = session.environment
-        told = dict(command_frames(session))
+        commands = dict(command_frames(session))
         frame = 0
         for leg in session.legs:
             for _ in range(round(leg.seconds * RATE)):
-                self._command(told.get(frame))
+                sent = commands.get(frame)
+                if sent is not None and sent.command is not None:
+                    ahead, left, turn = sent.command
+                    self.hear(((ahead, left, 0.0), (0.0, 0.0, turn)))
                 self.step()
                 frame += 1
                 self.recording.path.append(self._pose(leg))
         self.recording.seconds += world.since_play
         self.program.reset()
         world.stop()
-
-    def _command(self, leg: Leg | None) -> None:
-        if leg is not None and leg.command is not None:
-            ahead, left, turn = leg.command
-            self.hear(((ahead, left, 0.0), (0.0, 0.0, turn)))
 
     def hear(self, twist: Twist) -> None:
         """Let a command come, in metres and radians a second."""
@@ -159,11 +146,11 @@ class Player:
 def driven(world: World) -> Machine | None:
     """Return the machine with the most joints: what is driven."""
     machines = [machine for machine in world.machines.machines if machine.joints]
-    return max(machines, key=lambda each: len(each.joints), default=None)
+    return max(machines, key=lambda machine: len(machine.joints), default=None)
 
 
 def player_of(scene: Scene, catalog: Catalog, wanted: Interface) -> Player:
-    """Return a scene ready to play, told where it is asked to listen for commands."""
+    """Return a scene ready to play, which takes commands from the topic that is asked for."""
     world = world_of(scene, wanted.profile)
     world.network.commands = Endpoint(wanted.domain, wanted.commands)
     player = Player(world, catalog)
@@ -176,7 +163,7 @@ def record(
     catalog: Catalog,
     drive: Sequence[Session],
     wanted: Interface,
-) -> Evidence:
+) -> Trial:
     """Play the sessions, and return what was sent, where the robot went, and what it stood in."""
     player = player_of(scene, catalog, wanted)
     world = player.world
@@ -186,7 +173,12 @@ def record(
         player.play(session)
     recording = player.recording
     recording.messages = world.network.sent
-    recording.static = tuple(_kept(recording.messages, wanted.static))
+    recording.static = tuple(
+        (transform, message.node)
+        for message in recording.messages
+        if message.topic in wanted.static and message.static and message.away is None
+        for transform in message.transforms
+    )
     recording.assumed = world.assumed
     recording.not_simulated = unknown_in(world)
     recording.fired = {path: node.count for path, node in player.program.nodes.items()}
@@ -202,20 +194,12 @@ def record(
             scan.range_max / unit,
         )
         seen = sweep(beam, tuple(world.surroundings.around(in_metres(at, 1.0 / unit))))
-        return tuple(each if each < 0 else each * unit for each in seen)
+        return tuple(distance if distance < 0 else distance * unit for distance in seen)
 
     causes = RunCauses(player.program, recording.messages, robot, wanted.commands)
     recording.remarks = list(causes.remarks())
     radius = robot.radius * unit if robot is not None else 0.0
-    return Evidence(recording, drive, wanted, level, walls, causes, _room(player, start), radius)
-
-
-def _kept(messages: Iterable[Message], topics: frozenset[str]) -> Iterator[tuple[Transform, str]]:
-    """Yield the transforms that tf2 takes from the topics of static ones: those that are kept."""
-    for message in messages:
-        if message.topic in topics and message.static and message.away is None:
-            for transform in message.transforms:
-                yield transform, message.node
+    return Trial(recording, drive, wanted, level, walls, causes, _room(player, start), radius)
 
 
 def _room(player: Player, start: Affine) -> tuple[Segment, ...]:
@@ -233,7 +217,7 @@ def _room(player: Player, start: Affine) -> tuple[Segment, ...]:
 def unknown_in(world: World) -> dict[str, str]:
     """Return what is not simulated, by prim.
 
-    So is what stands on assets that cannot be found, but for lidars, which are assumed.
+    So is what stands on assets that cannot be found, except lidars, which are assumed.
     """
     return world.not_simulated | {
         prim: f"{asset} cannot be found"

@@ -32,6 +32,7 @@ _NO_MEMORY = "bad_alloc"
 _ATTEMPTS = 8
 _MOST_ASSETS = 500
 _Check = Callable[[Path], "bytes | None"]
+_Refusal = tuple[str, bool]  # why an asset is not opened, and whether that is an error
 
 
 class BlockedAsset(Struct, frozen=True):
@@ -146,77 +147,60 @@ def close_openings(fence: Fence, root: Sdf.Layer, name: str) -> None:
         if layer.identifier in fence.alone:
             continue
         is_trusted = os.path.realpath(layer.realPath) in fence.allowed
-        assets = [
-            getcompositionassetdependency
-            for getcompositionassetdependency in layer.GetCompositionAssetDependencies()
-            if getcompositionassetdependency
-        ]
+        assets = [asset for asset in layer.GetCompositionAssetDependencies() if asset]
         if len(assets) > _MOST_ASSETS:
             raise StageError(
                 f"{shown_name(fence, root.realPath)}: refers to {len(assets)} files; not opened"
             )
         for asset in assets:
-            found = (
-                _trusted(fence, layer, asset) if is_trusted else _inspect(fence, layer, asset, name)
-            )
-            if isinstance(found, BlockedAsset):
-                fence.found.setdefault((name, asset), found)
+            if is_trusted:  # what is missing in the starter stays missing
+                identifier, file = _located(layer, asset)
+                opened = open_layer(fence, identifier, file) if file in fence.allowed else None
+            else:
+                opened = _open_inside(fence, layer, asset)
+            if isinstance(opened, tuple):
+                fence.found.setdefault((name, asset), BlockedAsset(name, asset, *opened))
                 _redirect(layer, asset)
-            elif found is not None and found.identifier not in seen:
-                seen.add(found.identifier)
-                waiting.append(found)
+            elif opened is not None and opened.identifier not in seen:
+                seen.add(opened.identifier)
+                waiting.append(opened)
 
 
-def _inspect(
-    fence: Fence, layer: Sdf.Layer, asset: str, name: str
-) -> Sdf.Layer | BlockedAsset | None:
-    """Return the layer that an asset is, why it is not opened, or None where there is no file."""
-    reason = _unlike_a_file(asset)
-    if reason:
-        return BlockedAsset(name, asset, reason, is_error=True)
-    if _ADDRESS.match(asset):
-        return BlockedAsset(name, asset, "it is not on this computer", is_error=False)
+def _located(layer: Sdf.Layer, asset: str) -> tuple[str, str]:
+    """Return the identifier of an asset of a layer, and the file itself."""
     identifier = layer.ComputeAbsolutePath(asset)
-    file = os.path.realpath(identifier.partition("[")[0])
+    return identifier, os.path.realpath(identifier.partition("[")[0])
+
+
+def _open_inside(fence: Fence, layer: Sdf.Layer, asset: str) -> Sdf.Layer | _Refusal:
+    if asset.startswith("`"):
+        return "it is an expression, not a path", True
+    if _FORMAT_ARGUMENTS in asset:
+        return "it carries arguments for a file format", True
+    if _ADDRESS.match(asset):
+        return "it is not on this computer", False
+    identifier, file = _located(layer, asset)
     if file not in fence.allowed:
         if _ABSOLUTE.match(asset):
-            return BlockedAsset(name, asset, "it is an absolute path", is_error=False)
+            return "it is an absolute path", False
         if name_of(fence, file) is None:
-            return BlockedAsset(name, asset, "it leads out of the submission", is_error=True)
-    return _layer_at(fence, identifier, file, BlockedAsset(name, asset, "", is_error=True))
+            return "it leads out of the submission", True
+    return _open_file(fence, identifier, file)
 
 
-def _trusted(fence: Fence, layer: Sdf.Layer, asset: str) -> Sdf.Layer | None:
-    """Return what a layer of the starter leads to; what is missing there stays missing."""
-    identifier = layer.ComputeAbsolutePath(asset)
-    file = os.path.realpath(identifier.partition("[")[0])
-    return open_layer(fence, identifier, file) if file in fence.allowed else None
-
-
-def _unlike_a_file(asset: str) -> str:
-    if asset.startswith("`"):
-        return "it is an expression, not a path"
-    if _FORMAT_ARGUMENTS in asset:
-        return "it carries arguments for a file format"
-    return ""
-
-
-def _layer_at(
-    fence: Fence, identifier: str, file: str, unopened: BlockedAsset
-) -> Sdf.Layer | BlockedAsset | None:
+def _open_file(fence: Fence, identifier: str, file: str) -> Sdf.Layer | _Refusal:
     if not Path(identifier).is_absolute() or not os.path.lexists(file):
-        return BlockedAsset(unopened.stage, unopened.asset, "it is not there", is_error=False)
+        return "it is not there", False
     if identifier in fence.layers:
         return fence.layers[identifier]
     if not file.lower().endswith(ENDINGS):
-        return BlockedAsset(unopened.stage, unopened.asset, "it is no USD file", is_error=True)
+        return "it is no USD file", True
     try:
         return open_layer(fence, identifier, file)
     except StageError as error:
-        reason = str(error).rpartition(": ")[2]
-        return BlockedAsset(unopened.stage, unopened.asset, reason, is_error=True)
+        return str(error).rpartition(": ")[2], True
     except (Tf.ErrorException, RuntimeError, UnicodeError):
-        return BlockedAsset(unopened.stage, unopened.asset, "it is damaged", is_error=True)
+        return "it is damaged", True
 
 
 def _redirect(layer: Sdf.Layer, asset: str) -> None:
@@ -237,18 +221,6 @@ def fenced(fence: Fence) -> Iterator[None]:
     finally:
         opener.reset(token)
         reading_cache.reset(empty)
-
-
-def files_of(stage_path: Path) -> frozenset[str]:
-    """Return every file that a trusted stage consists of: the assets of a supplied starter.
-
-    Raises:
-        StageError: the stage, or a file that it refers to, cannot be read.
-    """
-    with quiet(), stage_errors(f"{stage_path}, or a file that it uses", Tf.ErrorException):
-        layers, assets, _ = UsdUtils.ComputeAllDependencies(str(stage_path))
-    paths = [layer.realPath for layer in layers] + [str(asset) for asset in assets]
-    return frozenset(os.path.realpath(path) for path in [*paths, str(stage_path)] if path)
 
 
 def _open_within(fence: Fence, path: Path) -> Usd.Stage:
@@ -273,13 +245,19 @@ def _open_first(fence: Fence, path: Path, real: str) -> Usd.Stage:
     check_file(path)
     twin = _twin(fence, real, name)
     if twin is not None:
-        _share_blocked(fence, name_of(fence, twin), name)
+        twin_name = name_of(fence, twin)
+        for (stage_name, asset), known in list(fence.found.items()):
+            if stage_name == twin_name:
+                fence.found[name, asset] = BlockedAsset(name, asset, known.reason, known.is_error)
         return fence.stages[twin]
     root = open_layer(fence, real, real)
     close_openings(fence, root, name)
     with memory_errors():
         stage = Usd.Stage.Open(root, Usd.Stage.LoadAll)
-    _check_used(fence, stage, path)
+    for layer in stage.GetUsedLayers():  # usd-core opened what was looked at, and nothing else
+        if not layer.anonymous and layer.identifier not in fence.layers:
+            read = shown_name(fence, os.path.realpath(layer.realPath))
+            raise StageError(f"{path}: reads {read}, which was not looked at")
     _check_graphs(fence, stage, name)
     return stage
 
@@ -297,20 +275,6 @@ def _twin(fence: Fence, real: str, name: str) -> str | None:
     return first if first in fence.stages else None
 
 
-def _share_blocked(fence: Fence, twin: str | None, name: str) -> None:
-    for (stage, asset), known in list(fence.found.items()):
-        if stage == twin:
-            fence.found[name, asset] = BlockedAsset(name, asset, known.reason, known.is_error)
-
-
-def _check_used(fence: Fence, stage: Usd.Stage, path: Path) -> None:
-    """Make sure that usd-core opened what was looked at, and nothing else."""
-    for layer in stage.GetUsedLayers():
-        if not layer.anonymous and layer.identifier not in fence.layers:
-            read = shown_name(fence, os.path.realpath(layer.realPath))
-            raise StageError(f"{path}: reads {read}, which was not looked at")
-
-
 def _check_graphs(fence: Fence, stage: Usd.Stage, name: str) -> None:
     """Make blocked assets errors where a graph hangs on them."""
     if not any(stage_name == name for stage_name, _ in fence.found):
@@ -325,3 +289,15 @@ def _check_graphs(fence: Fence, stage: Usd.Stage, name: str) -> None:
             fence.found[name, missing.asset] = BlockedAsset(
                 name, known.asset, reason, is_error=True
             )
+
+
+def files_of(stage_path: Path) -> frozenset[str]:
+    """Return every file that a trusted stage consists of: the assets of a supplied starter.
+
+    Raises:
+        StageError: the stage, or a file that it refers to, cannot be read.
+    """
+    with quiet(), stage_errors(f"{stage_path}, or a file that it uses", Tf.ErrorException):
+        layers, assets, _ = UsdUtils.ComputeAllDependencies(str(stage_path))
+    paths = [layer.realPath for layer in layers] + [str(asset) for asset in assets]
+    return frozenset(os.path.realpath(path) for path in [*paths, str(stage_path)] if path)

@@ -16,8 +16,11 @@ from lab3_usd.stage.read.opening import quiet, stage_errors
 _CORNERS = 96
 _RINGS = 24
 
+_ROUNDING = 1e-3  # metres; usd-core measures with single precision
+
 Number3 = tuple[float, float, float]
-Profile = list[tuple[float, float]]
+Point = tuple[float, float]
+Segment = tuple[Point, Point]
 
 
 class Faces(Struct, frozen=True):
@@ -25,127 +28,6 @@ class Faces(Struct, frozen=True):
 
     points: Sequence[Sequence[float]]
     corners: Sequence[Sequence[int]]
-
-
-def faces_of(prim: Usd.Prim) -> Faces | None:
-    """Return the surface of a shape; None for a type that has no surface here.
-
-    A mesh is taken as it is, whatever a simulator makes of it (`physics:approximation`): a lidar
-    sees the mesh, and a hull around a ring would fill the ring.
-    """
-    read = _READERS.get(prim.GetTypeName())
-    return None if read is None else read(prim)
-
-
-def is_endless(prim: Usd.Prim) -> bool:
-    """Whether the shape is a ground plane, which no slice can show."""
-    return bool(prim.IsA(UsdGeom.Plane))
-
-
-def _value(prim: Usd.Prim, name: str) -> float:
-    return float(prim.GetAttribute(name).Get())
-
-
-def _cube(prim: Usd.Prim) -> Faces:
-    half = _value(prim, "size") / 2
-    ends = (-half, half)
-    points = [(x, y, z) for x in ends for y in ends for z in ends]
-    corners = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
-    return Faces(points, corners)
-
-
-def _cylinder(prim: Usd.Prim) -> Faces:
-    half, radius = _value(prim, "height") / 2, _value(prim, "radius")
-    return _turned(prim, [(0.0, -half), (radius, -half), (radius, half), (0.0, half)])
-
-
-def _cone(prim: Usd.Prim) -> Faces:
-    half, radius = _value(prim, "height") / 2, _value(prim, "radius")
-    return _turned(prim, [(0.0, -half), (radius, -half), (0.0, half)])
-
-
-def _sphere(prim: Usd.Prim) -> Faces:
-    return _turned(prim, _capped(_value(prim, "radius"), 0.0))
-
-
-def _capsule(prim: Usd.Prim) -> Faces:
-    return _turned(prim, _capped(_value(prim, "radius"), _value(prim, "height") / 2))
-
-
-def _capped(radius: float, half: float) -> Profile:
-    """Profile of a capsule whose straight part is `2 * half` long; of a sphere when it is 0."""
-    angles = [math.pi * (ring / _RINGS - 0.5) for ring in range(_RINGS + 1)]
-    middle = _RINGS // 2
-    lower = [(radius * math.cos(a), radius * math.sin(a) - half) for a in angles[: middle + 1]]
-    upper = [(radius * math.cos(a), radius * math.sin(a) + half) for a in angles[middle:]]
-    return lower + upper
-
-
-def _turned(prim: Usd.Prim, profile: Profile) -> Faces:
-    """Turn a profile of (radius, height) about the shape's axis."""
-    axis = prim.GetAttribute("axis")
-    place = _PLACE.get(axis.Get() if axis else "Z", _PLACE["Z"])
-    circle = [
-        (math.cos(2 * math.pi * corner / _CORNERS), math.sin(2 * math.pi * corner / _CORNERS))
-        for corner in range(_CORNERS)
-    ]
-    points = [place(radius * x, radius * y, h) for radius, h in profile for x, y in circle]
-    return Faces(points, list(_bands(len(profile))))
-
-
-def _bands(rings: int) -> Iterator[tuple[int, int, int, int]]:
-    for low in range(0, (rings - 1) * _CORNERS, _CORNERS):
-        high = low + _CORNERS
-        for corner in range(_CORNERS):
-            following = (corner + 1) % _CORNERS
-            yield low + corner, low + following, high + following, high + corner
-
-
-def _mesh(prim: Usd.Prim) -> Faces:
-    mesh = UsdGeom.Mesh(prim)
-    points = _numbers(mesh.GetPointsAttr())
-    indices = _numbers(mesh.GetFaceVertexIndicesAttr())
-    holes = set(mesh.GetHoleIndicesAttr().Get() or ())
-    # A broken mesh may name points that it does not have.
-    is_sound = not indices or (min(indices) >= 0 and max(indices) < len(points))
-    corners = []
-    start = 0
-    for face, count in enumerate(mesh.GetFaceVertexCountsAttr().Get() or ()):
-        face_corners = indices[start : start + count]
-        start += count
-        if face not in holes and (is_sound or _are_there(face_corners, len(points))):
-            corners.append(face_corners)
-    return Faces(points, corners)
-
-
-def _numbers(attribute: Usd.Attribute) -> list[Any]:
-    array = attribute.Get()
-    # Thirty times as fast as asking the array for one element after the other.
-    return memoryview(array).tolist() if array else []
-
-
-def _are_there(corners: Sequence[int], count: int) -> bool:
-    return all(0 <= corner < count for corner in corners)
-
-
-_PLACE: dict[str, Callable[[float, float, float], Number3]] = {
-    "X": lambda a, b, h: (h, a, b),
-    "Y": lambda a, b, h: (b, h, a),
-    "Z": lambda a, b, h: (a, b, h),
-}
-_READERS: dict[str, Callable[[Usd.Prim], Faces]] = {
-    "Cube": _cube,
-    "Cylinder": _cylinder,
-    "Cone": _cone,
-    "Sphere": _sphere,
-    "Capsule": _capsule,
-    "Mesh": _mesh,
-}
-
-
-Point = tuple[float, float]
-Segment = tuple[Point, Point]
-_ROUNDING = 1e-3  # metres; usd-core measures with single precision
 
 
 class StageSlice(Struct, frozen=True):
@@ -182,19 +64,32 @@ def slice_stage(stage: Usd.Stage, cut: SliceOptions) -> StageSlice:
         StageError: what is written of the robot or the link gives no place.
         UsageError: no height is given and the stage has no link to take it from.
     """
-    to_metres = _to_metres(stage)
+    to_metres = Gf.Matrix4d().SetScale(UsdGeom.GetStageMetersPerUnit(stage))
+    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
+        to_metres *= Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d.XAxis(), 90.0))
     cache = UsdGeom.XformCache()
-    height = cut.height if cut.height is not None else _link_height(stage, cut, to_metres)
+    height = cut.height
+    if height is None:
+        link = stage.GetPrimAtPath(cut.lidar_link)
+        if not link:
+            raise UsageError(
+                f"the stage has no {cut.lidar_link} to take the height from, give --height"
+            )
+        height = _position(link, to_metres)[2]
     robot = stage.GetPrimAtPath(cut.robot)
     segments: list[Segment] = []
     not_cut: list[str] = []
     for prim in _colliders(stage, cut.robot):
         for shape in _shapes(prim):
-            found = _shape_at(shape, cache, to_metres, height)
-            if found is None:
+            try:
+                matrix = cache.GetLocalToWorldTransform(shape) * to_metres
+                faces = Faces((), ()) if _misses(shape, matrix, height) else faces_of(shape)
+            except (Tf.ErrorException, TypeError, ValueError):
+                faces = None  # what is written there tells neither its surface nor its place
+            if faces is None:
                 not_cut.append(str(shape.GetPath()))
-                continue
-            segments.extend(_cut_faces(found[0], found[1], height))
+            else:
+                segments.extend(_cut_faces(faces, matrix, height))
     return StageSlice(
         height=height,
         robot=_position(robot, to_metres)[:2] if robot else None,
@@ -202,21 +97,6 @@ def slice_stage(stage: Usd.Stage, cut: SliceOptions) -> StageSlice:
         not_cut=tuple(not_cut),
         missing=len(stage.GetCompositionErrors()),
     )
-
-
-def _shape_at(
-    shape: Usd.Prim, cache: UsdGeom.XformCache, to_metres: Gf.Matrix4d, height: float
-) -> tuple[Faces, Gf.Matrix4d] | None:
-    """Return the faces of a shape that may be cut, and where they stand in metres.
-
-    None where what is written there tells neither.
-    """
-    try:
-        matrix = cache.GetLocalToWorldTransform(shape) * to_metres
-        faces = Faces((), ()) if _misses(shape, matrix, height) else faces_of(shape)
-    except (Tf.ErrorException, TypeError, ValueError):
-        return None
-    return None if faces is None else (faces, matrix)
 
 
 def _misses(shape: Usd.Prim, matrix: Gf.Matrix4d, height: float) -> bool:
@@ -229,28 +109,11 @@ def _misses(shape: Usd.Prim, matrix: Gf.Matrix4d, height: float) -> bool:
     return bool(low[2] > height + _ROUNDING or high[2] < height - _ROUNDING)
 
 
-def _to_metres(stage: Usd.Stage) -> Gf.Matrix4d:
-    """Return the matrix from the stage's world to metres with Z up."""
-    matrix = Gf.Matrix4d().SetScale(UsdGeom.GetStageMetersPerUnit(stage))
-    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
-        matrix *= Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d.XAxis(), 90.0))
-    return matrix
-
-
 def _position(prim: Usd.Prim, to_metres: Gf.Matrix4d) -> tuple[float, float, float]:
     with stage_errors(str(prim.GetPath()), Tf.ErrorException):
         world = UsdGeom.XformCache().GetLocalToWorldTransform(prim) * to_metres
     x, y, z = world.ExtractTranslation()
     return (x, y, z)
-
-
-def _link_height(stage: Usd.Stage, cut: SliceOptions, to_metres: Gf.Matrix4d) -> float:
-    link = stage.GetPrimAtPath(cut.lidar_link)
-    if not link:
-        raise UsageError(
-            f"the stage has no {cut.lidar_link} to take the height from, give --height"
-        )
-    return _position(link, to_metres)[2]
 
 
 def _colliders(stage: Usd.Stage, robot: str) -> Iterator[Usd.Prim]:
@@ -259,7 +122,7 @@ def _colliders(stage: Usd.Stage, robot: str) -> Iterator[Usd.Prim]:
         if prim.GetPath() == robot:
             prims.PruneChildren()
             continue
-        if _collides(prim) and not is_endless(prim):
+        if _collides(prim) and not prim.IsA(UsdGeom.Plane):  # the ground, which is endless
             yield prim
 
 
@@ -294,15 +157,13 @@ def _cut_faces(faces: Faces, matrix: Gf.Matrix4d, height: float) -> Iterator[Seg
     for corners in faces.corners:
         sides = [is_above[corner] for corner in corners]
         if True in sides and False in sides:
-            outline = [_placed(columns, faces.points[corner]) for corner in corners]
+            outline = [
+                tuple(a * x + b * y + c * z + d for a, b, c, d in columns)
+                for x, y, z in (faces.points[corner] for corner in corners)
+            ]
             crossings = sorted(_crossings(outline, height))
             # A face that is not convex is crossed in more than one piece.
             yield from zip(crossings[::2], crossings[1::2], strict=False)
-
-
-def _placed(columns: Sequence[tuple[float, ...]], point: Sequence[float]) -> tuple[float, ...]:
-    x, y, z = point
-    return tuple(a * x + b * y + c * z + d for a, b, c, d in columns)
 
 
 def _crossings(outline: Sequence[tuple[float, ...]], height: float) -> Iterator[Point]:
@@ -314,3 +175,98 @@ def _crossings(outline: Sequence[tuple[float, ...]], height: float) -> Iterator[
         x, y = x0 + share * (x1 - x0), y0 + share * (y1 - y0)
         if math.isfinite(x) and math.isfinite(y):
             yield (x, y)
+
+
+def faces_of(prim: Usd.Prim) -> Faces | None:
+    """Return the surface of a shape; None for a type that has no surface here.
+
+    A mesh is taken as it is, whatever a simulator makes of it (`physics:approximation`): a lidar
+    sees the mesh, and a hull around a ring would fill the ring.
+    """
+    read = _READERS.get(prim.GetTypeName())
+    return None if read is None else read(prim)
+
+
+def _value(prim: Usd.Prim, name: str) -> float:
+    return float(prim.GetAttribute(name).Get())
+
+
+def _cube(prim: Usd.Prim) -> Faces:
+    half = _value(prim, "size") / 2
+    ends = (-half, half)
+    points = [(x, y, z) for x in ends for y in ends for z in ends]
+    corners = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
+    return Faces(points, corners)
+
+
+def _round(prim: Usd.Prim) -> Faces:
+    radius, kind = _value(prim, "radius"), prim.GetTypeName()
+    half = 0.0 if kind == "Sphere" else _value(prim, "height") / 2
+    if kind == "Cylinder":
+        return _turned(prim, [(0.0, -half), (radius, -half), (radius, half), (0.0, half)])
+    if kind == "Cone":
+        return _turned(prim, [(0.0, -half), (radius, -half), (0.0, half)])
+    # A sphere is a capsule without a straight part.
+    angles = [math.pi * (ring / _RINGS - 0.5) for ring in range(_RINGS + 1)]
+    middle = _RINGS // 2
+    lower = [(radius * math.cos(a), radius * math.sin(a) - half) for a in angles[: middle + 1]]
+    upper = [(radius * math.cos(a), radius * math.sin(a) + half) for a in angles[middle:]]
+    return _turned(prim, lower + upper)
+
+
+def _turned(prim: Usd.Prim, profile: list[tuple[float, float]]) -> Faces:
+    """Turn a profile of (radius, height) about the shape's axis."""
+    axis = prim.GetAttribute("axis")
+    place = _PLACE.get(axis.Get() if axis else "Z", _PLACE["Z"])
+    circle = [
+        (math.cos(2 * math.pi * corner / _CORNERS), math.sin(2 * math.pi * corner / _CORNERS))
+        for corner in range(_CORNERS)
+    ]
+    points = [place(radius * x, radius * y, h) for radius, h in profile for x, y in circle]
+    faces = []
+    for low in range(0, (len(profile) - 1) * _CORNERS, _CORNERS):
+        high = low + _CORNERS
+        for corner in range(_CORNERS):
+            following = (corner + 1) % _CORNERS
+            faces.append((low + corner, low + following, high + following, high + corner))
+    return Faces(points, faces)
+
+
+def _mesh(prim: Usd.Prim) -> Faces:
+    mesh = UsdGeom.Mesh(prim)
+    points = _numbers(mesh.GetPointsAttr())
+    indices = _numbers(mesh.GetFaceVertexIndicesAttr())
+    holes = set(mesh.GetHoleIndicesAttr().Get() or ())
+    # A broken mesh may name points that it does not have.
+    is_sound = not indices or (min(indices) >= 0 and max(indices) < len(points))
+    corners = []
+    start = 0
+    for face, count in enumerate(mesh.GetFaceVertexCountsAttr().Get() or ()):
+        face_corners = indices[start : start + count]
+        start += count
+        if face not in holes and (
+            is_sound or all(0 <= corner < len(points) for corner in face_corners)
+        ):
+            corners.append(face_corners)
+    return Faces(points, corners)
+
+
+def _numbers(attribute: Usd.Attribute) -> list[Any]:
+    array = attribute.Get()
+    # Thirty times as fast as asking the array for one element after the other.
+    return memoryview(array).tolist() if array else []
+
+
+_PLACE: dict[str, Callable[[float, float, float], Number3]] = {
+    "X": lambda a, b, h: (h, a, b),
+    "Y": lambda a, b, h: (b, h, a),
+    "Z": lambda a, b, h: (a, b, h),
+}
+_READERS: dict[str, Callable[[Usd.Prim], Faces]] = {
+    "Cube": _cube,
+    "Cylinder": _round,
+    "Cone": _round,
+    "Sphere": _round,
+    "Capsule": _round,
+    "Mesh": _mesh,
+}

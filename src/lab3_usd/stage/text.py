@@ -54,12 +54,25 @@ PIECE = re.compile(
     |{STRING}|{ASSET}|{LINE_COMMENT}|{BLOCK_COMMENT}|.)""",
     re.DOTALL | re.VERBOSE,
 )
-
-
 _BODY = re.compile(r"[/{=}.]")  # around what can stand in the path of something that has a body
 
+_GROUP, _KEY = "lab3", "ignore"
+NAME = f"{_GROUP}:{_KEY}"
+_COMMENT = re.compile(r"#[ \t]*lab3:[ \t]*ignore\b(?:\[([^\]\r\n]*)\])?")
+# Strings and paths of assets come first: what looks like a comment inside of them is none.
+_TOKEN = re.compile(
+    rf"{STRING}|{ASSET}|{BLOCK_COMMENT}|(?P<comment>{LINE_COMMENT})", re.DOTALL | re.VERBOSE
+)
+_ALONE = re.compile(r"\s*(?:#.*)?")
+_IN_TEXT = (NAME.encode(), f"dictionary {_GROUP} ".encode())
+# A binary layer is packed: of a name in it, at least one of these stands as it is.
+_TRACES = (b"lab3", b"ab3:", b"b3:i", b"3:ig")
 
-def scan_text(text: str, asked: Iterable[str] | None = None) -> dict[str, int]:
+# The fields in which a property's opinion stands; a spec without them only declares it.
+_OPINIONS = ("default", "timeSamples", "spline", "connectionPaths", "targetPaths")
+
+
+def scan_text(text: str, paths: Iterable[str] | None = None) -> dict[str, int]:
     """Return the offset of the statement that opens each spec, by the spec's path in the layer.
 
     Where paths are asked for, bodies that hold none of them are passed over, and what is in them
@@ -69,23 +82,21 @@ def scan_text(text: str, asked: Iterable[str] | None = None) -> dict[str, int]:
 
     The text is one that OpenUSD accepts. Of any other the result is what could be made out.
     """
+    around = None
+    if paths is not None:
+        cuts = ((path, match.span()) for path in paths for match in _BODY.finditer(path))
+        around = {path[:end] for path, span in cuts for end in span}
     declared: dict[str, int] = {}
     edited: dict[str, int] = {}
-    for path, offset, is_edit in _statements(text, None if asked is None else _bodies(asked)):
+    for path, offset, is_edit in _statements(text, around):
         (edited if is_edit else declared).setdefault(path, offset)
     return edited | declared
 
 
-def _bodies(paths: Iterable[str]) -> set[str]:
-    """Return the paths of the bodies around these specs."""
-    cuts = ((path, match.span()) for path in paths for match in _BODY.finditer(path))
-    return {path[:end] for path, span in cuts for end in span}
-
-
-def _statements(text: str, known: Collection[str] | None) -> Iterator[tuple[str, int, bool]]:
+def _statements(text: str, around: Collection[str] | None) -> Iterator[tuple[str, int, bool]]:
     """Yield path and offset of each statement, and whether it only edits what stands elsewhere.
 
-    Of the bodies only those that are `known` are looked into, all where none are named.
+    Of the bodies only those `around` what is asked for are looked into, else all.
     `bodies` holds the paths of the bodies that are open; that of a variant set ends in `=`.
     """
     bodies = [""]
@@ -101,24 +112,21 @@ def _statements(text: str, known: Collection[str] | None) -> Iterator[tuple[str,
         elif opening := (VARIANT if body.endswith("=") else OPENING).match(text, pos):
             path = opened_path(body, opening)
             yield (f"{path}}}" if path.endswith("=") else path), pos, False
-            pos = _body(text, opening.end())
-            if known is None or path in known:
+            pos = after_blank(text, opening.end())
+            if text.startswith("(", pos):  # the metadata before the body
+                pos = after_blank(text, group_end(text, pos))
+            if around is None or path in around:
                 bodies.append(path)
                 pos += 1
             else:
                 pos = group_end(text, pos)
         else:
-            yield from _property(text, pos, body)
+            head = HEAD.match(text, pos)
+            if head and not (head["first"] == "reorder" and ORDER.match(text, pos)):
+                is_edit = head["first"] in LIST_EDITS or text.startswith(".", head.end())
+                yield f"{body}.{head['name'] or head['first']}", pos, is_edit
             pos = statement_end(text, pos)
         pos = after_blank(text, pos)
-
-
-def _property(text: str, pos: int, body: str) -> Iterator[tuple[str, int, bool]]:
-    head = HEAD.match(text, pos)
-    if head and not (head["first"] == "reorder" and ORDER.match(text, pos)):
-        name = head["name"] or head["first"]
-        is_edit = head["first"] in LIST_EDITS or text.startswith(".", head.end())
-        yield f"{body}.{name}", pos, is_edit
 
 
 def opened_path(body: str, opening: re.Match[str]) -> str:
@@ -138,14 +146,6 @@ def after_blank(text: str, pos: int) -> int:
     """Return the position after white space and comments."""
     blank = BLANK.match(text, pos)
     return blank.end() if blank else pos
-
-
-def _body(text: str, pos: int) -> int:
-    """Return the position of the `{` that opens a body, past the metadata before it."""
-    pos = after_blank(text, pos)
-    if text.startswith("(", pos):
-        pos = after_blank(text, group_end(text, pos))
-    return pos
 
 
 def group_end(text: str, pos: int) -> int:
@@ -168,19 +168,6 @@ def statement_end(text: str, pos: int) -> int:
             return piece.end() - 1
         depth += (piece.lastgroup == "open") - (piece.lastgroup == "close")
     return len(text)
-
-
-_GROUP, _KEY = "lab3", "ignore"
-NAME = f"{_GROUP}:{_KEY}"
-_COMMENT = re.compile(r"#[ \t]*lab3:[ \t]*ignore\b(?:\[([^\]\r\n]*)\])?")
-# Strings and paths of assets come first: what looks like a comment inside of them is none.
-_TOKEN = re.compile(
-    rf"{STRING}|{ASSET}|{BLOCK_COMMENT}|(?P<comment>{LINE_COMMENT})", re.DOTALL | re.VERBOSE
-)
-_ALONE = re.compile(r"\s*(?:#.*)?")
-_IN_TEXT = (NAME.encode(), f"dictionary {_GROUP} ".encode())
-# A binary layer is packed: of a name in it, at least one of these stands as it is.
-_TRACES = (b"lab3", b"ab3:", b"b3:i", b"3:ig")
 
 
 def read_ignore_notes(stage: Usd.Stage, given: str) -> tuple[IgnoreNote, ...]:
@@ -216,13 +203,13 @@ def _comments(text: str, layer: str) -> Iterator[IgnoreNote]:
     lines = text.splitlines(keepends=True)
     starts = [*accumulate(map(len, lines), initial=0)]
     for token in _TOKEN.finditer(text):
-        found = _COMMENT.search(token["comment"] or "")
-        if found is None:
+        note = _COMMENT.search(token["comment"] or "")
+        if note is None:
             continue
         number = about = bisect_right(starts, token.start())
         while about <= len(lines) and _ALONE.fullmatch(lines[about - 1].rstrip()):
             about += 1
-        for rule in _rules(found[1] or ""):
+        for rule in _rules(note[1] or ""):
             yield IgnoreNote(rule, layer=layer, line=about, written=number)
 
 
@@ -235,10 +222,10 @@ def _in_custom_data(stage: Usd.Stage) -> Iterator[IgnoreNote]:
         path = str(prim.GetPath())
         if prim.HasAuthoredCustomData():
             yield from (IgnoreNote(rule, path) for rule in _noted(prim.GetCustomData()))
-        for getauthoredproperty in prim.GetAuthoredProperties():
-            if getauthoredproperty.HasAuthoredCustomData():
-                noted = _noted(getauthoredproperty.GetCustomData())
-                yield from (IgnoreNote(rule, path, getauthoredproperty.GetName()) for rule in noted)
+        for authored in prim.GetAuthoredProperties():
+            if authored.HasAuthoredCustomData():
+                rules = _noted(authored.GetCustomData())
+                yield from (IgnoreNote(rule, path, authored.GetName()) for rule in rules)
 
 
 def _noted(data: Mapping[str, Any]) -> list[str]:
@@ -246,10 +233,6 @@ def _noted(data: Mapping[str, Any]) -> list[str]:
     group = data.get(_GROUP)
     text = data.get(NAME) or (group.get(_KEY) if isinstance(group, dict) else None)
     return [] if text is None else _rules(str(text))
-
-
-# The fields in which a property's opinion stands; a spec without them only declares it.
-_OPINIONS = ("default", "timeSamples", "spline", "connectionPaths", "targetPaths")
 
 
 class SourceLocation(Struct, frozen=True):
@@ -274,14 +257,20 @@ def locate(stage: Usd.Stage, given: str, sites: Iterable[Site]) -> dict[Site, So
     """
     root = stage.GetRootLayer()
     specs = {site: _spec(stage, *site) for site in sites}
-    asked: dict[str, list[str]] = {}
+    paths: dict[str, list[str]] = {}
     for layer, path in specs.values():
-        asked.setdefault(layer.realPath, []).append(path)
-    texts = {file: _read(file, paths) for file, paths in asked.items()}
+        paths.setdefault(layer.realPath, []).append(path)
+    texts = {file: _read(file, spec_paths) for file, spec_paths in paths.items()}
     locations: dict[Site, SourceLocation] = {}
     for site, (layer, path) in specs.items():
         name = given if layer == root else layer_name(layer, root, given)
-        locations[site] = _location(name, texts[layer.realPath], path)
+        text = texts[layer.realPath]
+        offset = text.specs.get(path) if text else None
+        if text is None or offset is None:
+            locations[site] = SourceLocation(name, None, None)
+        else:
+            line = bisect_right(text.lines, offset)
+            locations[site] = SourceLocation(name, line, offset - text.lines[line - 1] + 1)
     return locations
 
 
@@ -289,13 +278,14 @@ def _spec(stage: Usd.Stage, prim_path: str, name: str | None) -> tuple[Sdf.Layer
     """Return the layer that holds a site, and the path of the spec in it."""
     if prim_path == "/" and name:  # the metadata of the stage
         return stage.GetRootLayer(), f"/.{name}"
-    prim = _prim(stage, prim_path)
+    prim = _nearest_prim(stage, prim_path)
     specs: Sequence[Any] = ()  # from the strongest to the weakest
     if name and prim and str(prim.GetPath()) == prim_path:
         specs = AuthoredProperties(prim)[name].specs
     if specs:
         specs = _saved(specs, stage)
-        spec = next((each for each in specs if _has_opinion(each)), specs[0])
+        holds_opinion = (spec for spec in specs if any(map(spec.HasInfo, _OPINIONS)))
+        spec = next(holds_opinion, specs[0])
         return spec.layer, str(spec.path)
     stack: Sequence[Any] = prim.GetPrimStack() if prim else ()
     if stack:
@@ -309,17 +299,13 @@ def _saved(specs: Sequence[Any], stage: Usd.Stage) -> Sequence[Any]:
     return [spec for spec in specs if spec.layer != stage.GetSessionLayer()] or specs
 
 
-def _prim(stage: Usd.Stage, path: str) -> Usd.Prim | None:
+def _nearest_prim(stage: Usd.Stage, path: str) -> Usd.Prim | None:
     """Return the prim at `path` or the nearest above it; None where that is the root."""
     while path.startswith("/") and path != "/":
         if Sdf.Path.IsValidPathString(path) and (prim := stage.GetPrimAtPath(path)):
             return prim
         path = path.rpartition("/")[0]
     return None
-
-
-def _has_opinion(spec: Sdf.PropertySpec) -> bool:
-    return any(spec.HasInfo(field) for field in _OPINIONS)
 
 
 def layer_name(layer: Sdf.Layer, root: Sdf.Layer, given: str) -> str:
@@ -340,7 +326,7 @@ class _Text(Struct, frozen=True):
     lines: Sequence[int]
 
 
-def _read(path: str, asked: Iterable[str]) -> _Text | None:
+def _read(path: str, spec_paths: Iterable[str]) -> _Text | None:
     """Find specs in a text layer; None for a binary one, one in a package and one in memory."""
     try:
         data = Path(path).read_bytes() if path else b""
@@ -352,12 +338,4 @@ def _read(path: str, asked: Iterable[str]) -> _Text | None:
     lines = [0]
     while end := text.find("\n", lines[-1]) + 1:
         lines.append(end)
-    return _Text(scan_text(text, asked), lines)
-
-
-def _location(name: str, text: _Text | None, path: str) -> SourceLocation:
-    offset = text.specs.get(path) if text else None
-    if text is None or offset is None:
-        return SourceLocation(name, None, None)
-    line = bisect_right(text.lines, offset)
-    return SourceLocation(name, line, offset - text.lines[line - 1] + 1)
+    return _Text(scan_text(text, spec_paths), lines)

@@ -19,7 +19,7 @@ def setting_value(nodes: Mapping[str, Node], node: Node, port: str, depth: int =
     for source in node.sources(port):
         path, _, source_port = source.rpartition(".")
         feeding = nodes.get(path)
-        if feeding is not None and _feeds(feeding, source_port, node, port):
+        if feeding is not None and _is_kept(feeding, source_port, node, port):
             # An input that a wire leaves from, as every constant's, brings what reaches it.
             if not source_port.startswith(INPUT) or not depth:
                 return None
@@ -27,7 +27,7 @@ def setting_value(nodes: Mapping[str, Node], node: Node, port: str, depth: int =
     return node.value(port)
 
 
-def _feeds(feeding: Node, source_port: str, node: Node, port: str) -> bool:
+def _is_kept(feeding: Node, source_port: str, node: Node, port: str) -> bool:
     """Whether the application keeps this wire; one between types that do not fit it drops."""
     if not feeding.has_port(source_port):
         return False
@@ -79,8 +79,8 @@ def source_paths(source: Node, wire: Wire, equivalents: Mapping[str, str]) -> li
 
     `equivalents` maps the path of each stand-in to the role it stands in for.
     """
-    others = [path for path, role in equivalents.items() if role == wire.source.role]
-    return [source_path(source, wire), *(f"{path}.{wire.source.port}" for path in others)]
+    stand_ins = [path for path, role in equivalents.items() if role == wire.source.role]
+    return [source_path(source, wire), *(f"{path}.{wire.source.port}" for path in stand_ins)]
 
 
 def is_fed(source: Node, target: Node, wire: Wire, equivalents: Mapping[str, str]) -> bool:
@@ -109,12 +109,10 @@ def is_live(live: Mapping[str, Node], source: str) -> bool:
 def types_fit(live: Mapping[str, Node], node: Node, port: str, source: str) -> bool:
     """Whether what comes from a live source can go into this input."""
     path, _, source_port = source.rpartition(".")
-    other = live[path]
-    ends = (
-        None if other.type is None else other.type.port(source_port),
-        None if node.type is None else node.type.port(port),
-    )
-    return ends[0] is None or ends[1] is None or can_connect(ends[0], ends[1])
+    feeding = live[path]
+    output = None if feeding.type is None else feeding.type.port(source_port)
+    target = None if node.type is None else node.type.port(port)
+    return output is None or target is None or can_connect(output, target)
 
 
 def closes_cycle(roles: Roles, node: Node, port: str, source: str) -> bool:
@@ -122,26 +120,21 @@ def closes_cycle(roles: Roles, node: Node, port: str, source: str) -> bool:
     known = None if node.type is None else node.type.port(port)
     if known is None or not known.is_execution:
         return False
-    start = source.rpartition(".")[0]
-    return _reaches(roles, node.path, start)
-
-
-def _reaches(roles: Roles, start: str, goal: str) -> bool:
-    """Whether execution that runs in node `start` goes on to node `goal`."""
+    goal = source.rpartition(".")[0]
     nodes = () if roles.graph is None else roles.graph.nodes
-    reached, frontier = {start}, [start]
+    reached, frontier = {node.path}, [node.path]
     while frontier:
-        here = frontier.pop()
-        if here == goal:
+        current = frontier.pop()
+        if current == goal:
             return True
-        for node in nodes:
-            if node.path not in reached and _triggered_by(node, here):
-                reached.add(node.path)
-                frontier.append(node.path)
+        for follower in nodes:
+            if follower.path not in reached and _is_triggered_by(follower, current):
+                reached.add(follower.path)
+                frontier.append(follower.path)
     return False
 
 
-def _triggered_by(node: Node, path: str) -> bool:
+def _is_triggered_by(node: Node, path: str) -> bool:
     if node.type is None:
         return False
     return any(

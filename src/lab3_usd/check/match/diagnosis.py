@@ -1,6 +1,4 @@
-"""What is wrong with the nodes and wires of one graph.
-
-Each fault once, with the best explanation found.
+"""What is wrong with the nodes and wires of one graph: each fault once, best explained.
 
 A missing or retyped node silences the wires that touch it: the node's own finding speaks.
 """
@@ -54,31 +52,31 @@ def absent_nodes(
         AbsentPrim(node.path, node.type_name, OUTSIDE) for node in nodes_outside_graphs(stage)
     )
     offers = [*(() if roles.graph is None else roles.graph.absent), *outside]
-    found: dict[str, AbsentPrim] = {}
+    absent: dict[str, AbsentPrim] = {}
     for must_be_named in (True, False):
         for role in missing_roles(spec, roles):
-            for offer in offers if role.role not in found else ():
+            for offer in offers if role.role not in absent else ():
                 is_named = offer.path.endswith(f"/{role.role}")
                 fits = catalog.get(offer.type_name) is role.type
                 if fits and (is_named or not must_be_named):
-                    found[role.role] = offer
+                    absent[role.role] = offer
                     offers.remove(offer)
                     break
-    return found
+    return absent
 
 
 def in_another_graph(spec: NodeSpec, subject: GraphSubject) -> AbsentPrim | None:
     """Return the only node of a type that is in another graph, and that no other role asks for."""
-    asked = [node for graph in subject.lab.graphs.values() for node in graph.nodes.values()]
-    found = [
+    roles = [node for graph in subject.lab.graphs.values() for node in graph.nodes.values()]
+    candidates = [
         node
         for graph in subject.stage.graphs
         for node in (() if graph is subject.roles.graph else graph.nodes)
         if node.type is spec.type
     ]
-    if len(found) != 1 or sum(each.type is spec.type for each in asked) != 1:
+    if len(candidates) != 1 or sum(role.type is spec.type for role in roles) != 1:
         return None
-    return AbsentPrim(found[0].path, found[0].type_name, ELSEWHERE)
+    return AbsentPrim(candidates[0].path, candidates[0].type_name, ELSEWHERE)
 
 
 class _Work(Struct):
@@ -94,10 +92,10 @@ class _Work(Struct):
 def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[WireFault, ...]:
     """Return every faulty wire of a graph; `live` holds the live nodes of the stage by path."""
     work = _Work(spec, roles, live)
-    asked = [wire for wire in spec.wires if _both_ends(work, wire)]
-    fed = [wire for wire in asked if _fed(work, wire)]
-    open_wires = [wire for wire in asked if wire not in fed] if len(fed) < len(asked) else []
-    faults = [*_forbidden(work, asked), *_swaps(work, open_wires)]
+    wires = [wire for wire in spec.wires if _has_both_ends(work, wire)]
+    fed = [wire for wire in wires if is_fed(*_ends(work, wire), wire, roles.equivalents)]
+    open_wires = [wire for wire in wires if wire not in fed] if len(fed) < len(wires) else []
+    faults = [*_forbidden(work, wires), *_swaps(work, open_wires)]
     open_wires = [wire for wire in open_wires if wire not in work.silent]
     # Bypassed wires are found first: what a bypass explains is no missing wire.
     wrong = [fault for wire in open_wires for fault in _wrong(work, wire)]
@@ -105,14 +103,19 @@ def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[W
     known = {fault.wire for fault in wrong}
     unfed = [wire for wire in open_wires if wire not in known and wire not in work.silent]
     # A wire that strayed on its own node explains that node's input before any other.
-    faults += [fault for wire in unfed for fault in _strayed(work, wire)]
-    faults += [f for wire in unfed if wire not in work.silent for f in _unfed(work, wire)]
+    for wire in unfed:
+        _, target = _ends(work, wire)
+        strayed = None if target.sources(wire.target.port) else _moved(work, wire, [target])
+        if strayed is not None:
+            work.silent.add(wire)
+            faults.append(strayed)
+    faults += [_unfed(work, wire) for wire in unfed if wire not in work.silent]
     faults += [fault for wire in fed for fault in _seconds(work, wire)]
     faults += _unasked(work)
     return tuple(faults)
 
 
-def _both_ends(work: _Work, wire: Wire) -> bool:
+def _has_both_ends(work: _Work, wire: Wire) -> bool:
     node_of = work.roles.node_of
     return node_of[wire.source.role] is not None and node_of[wire.target.role] is not None
 
@@ -130,15 +133,7 @@ def _accepted(work: _Work, wire: Wire) -> list[str]:
     return source_paths(source, wire, work.roles.equivalents)
 
 
-def _fed(work: _Work, wire: Wire) -> bool:
-    return is_fed(*_ends(work, wire), wire, work.roles.equivalents)
-
-
-def _live_sources(work: _Work, node: Node, port: str) -> list[str]:
-    return [source for source in node.sources(port) if is_live(work.live_nodes, source)]
-
-
-def _forbidden(work: _Work, asked: list[Wire]) -> Iterator[WireFault]:
+def _forbidden(work: _Work, wires: list[Wire]) -> Iterator[WireFault]:
     """Find the wires that the handout forbids, whatever else feeds the input."""
     for wire in work.spec.forbidden_wires:
         source, target = (work.roles.node_of[end.role] for end in (wire.source, wire.target))
@@ -148,7 +143,7 @@ def _forbidden(work: _Work, asked: list[Wire]) -> Iterator[WireFault]:
         if actual not in target.sources(port):
             continue
         work.explained.add((target.path, port, actual))
-        instead = [each for each in asked if each.target == wire.target]
+        instead = [demand for demand in wires if demand.target == wire.target]
         work.silent.update(instead)
         expected = _accepted(work, instead[0])[0] if instead else None
         yield WireFault("forbidden", target, port, expected, actual, [*instead, wire][0])
@@ -156,18 +151,18 @@ def _forbidden(work: _Work, asked: list[Wire]) -> Iterator[WireFault]:
 
 def _swaps(work: _Work, open_wires: list[Wire]) -> Iterator[WireFault]:
     """Find pairs of inputs that are fed by each other's source."""
-    for index, one in enumerate(open_wires):
-        for other in open_wires[index + 1 :]:
-            if one in work.silent or other in work.silent or one.source == other.source:
+    for index, first in enumerate(open_wires):
+        for second in open_wires[index + 1 :]:
+            if first in work.silent or second in work.silent or first.source == second.source:
                 continue
-            if _feeds(work, other, one) and _feeds(work, one, other):
-                work.silent |= {one, other}
-                _, target = _ends(work, one)
-                _, second = _ends(work, other)
+            if _feeds(work, second, first) and _feeds(work, first, second):
+                work.silent |= {first, second}
+                _, target = _ends(work, first)
+                _, second_target = _ends(work, second)
                 yield WireFault(
-                    "swapped", target, one.target.port,
-                    _accepted(work, one)[0], _accepted(work, other)[0], one,
-                    f"{second.path}.{other.target.port}",
+                    "swapped", target, first.target.port,
+                    _accepted(work, first)[0], _accepted(work, second)[0], first,
+                    f"{second_target.path}.{second.target.port}",
                 )  # fmt: skip
 
 
@@ -182,51 +177,39 @@ def _wrong(work: _Work, wire: Wire) -> Iterator[WireFault]:
     """Explain an input that is fed, but by something else."""
     source, target = _ends(work, wire)
     port = wire.target.port
-    live = _live_sources(work, target, port)
-    if not live:
-        return
-    kind, actual = _classify(work, wire, source, live)
-    yield WireFault(kind, target, port, _accepted(work, wire)[0], actual, wire)
+    actual = next((path for path in target.sources(port) if is_live(work.live_nodes, path)), None)
+    if actual is not None:
+        kind = _wrong_kind(work, wire, source, actual)
+        yield WireFault(kind, target, port, _accepted(work, wire)[0], actual, wire)
 
 
-def _classify(work: _Work, wire: Wire, source: Node, live: list[str]) -> tuple[Kind, str]:
-    actual = live[0]
+def _wrong_kind(work: _Work, wire: Wire, source: Node, actual: str) -> Kind:
     path = actual.rpartition(".")[0]
     if path != source.path and work.roles.graph is not None:
         inside = {node.path for node in work.roles.graph.nodes}
         if path not in inside:
-            return "foreign", actual
+            return "foreign"
     for earlier in work.spec.wires_into(wire.source.role):
-        if _both_ends(work, earlier) and actual in _accepted(work, earlier):
+        if _has_both_ends(work, earlier) and actual in _accepted(work, earlier):
             # The source that should pass through this node goes around it.
             work.silent.add(earlier)
-            return "bypass", actual
-    return "wrong", actual
+            return "bypass"
+    return "wrong"
 
 
-def _strayed(work: _Work, wire: Wire) -> Iterator[WireFault]:
-    """Find the wire of an input that is not wired at another input of the same node."""
-    _, target = _ends(work, wire)
-    moved = None if target.sources(wire.target.port) else _moved_to(work, wire, [target])
-    if moved is not None:
-        work.silent.add(wire)
-        yield moved
-
-
-def _unfed(work: _Work, wire: Wire) -> Iterator[WireFault]:
+def _unfed(work: _Work, wire: Wire) -> WireFault:
     """Explain an input that nothing live feeds: wired elsewhere, from nothing, or not at all."""
     _, target = _ends(work, wire)
     port, expected = wire.target.port, _accepted(work, wire)[0]
     dead = target.sources(port)
     if dead:
-        yield WireFault("dead", target, port, expected, dead[0], wire)
-        return
+        return WireFault("dead", target, port, expected, dead[0], wire)
     matched = [node for node in work.roles.node_of.values() if node is not None]
-    moved = _moved_to(work, wire, matched)
-    yield moved or WireFault("missing", target, port, expected, None, wire)
+    moved = _moved(work, wire, matched)
+    return moved or WireFault("missing", target, port, expected, None, wire)
 
 
-def _moved_to(work: _Work, wire: Wire, nodes: list[Node]) -> WireFault | None:
+def _moved(work: _Work, wire: Wire, nodes: list[Node]) -> WireFault | None:
     """Find an input of these nodes that the wire goes into instead."""
     _, target = _ends(work, wire)
     expected = _accepted(work, wire)
@@ -249,7 +232,7 @@ def _is_asked(work: _Work, node: Node, port: str, source: str) -> bool:
     for wire in (*work.spec.wires, *work.spec.optional_wires):
         if wire.target.port != port or work.roles.node_of[wire.target.role] is not node:
             continue
-        if _both_ends(work, wire) and source in _accepted(work, wire):
+        if _has_both_ends(work, wire) and source in _accepted(work, wire):
             return True
     return False
 
@@ -267,37 +250,31 @@ def _seconds(work: _Work, wire: Wire) -> Iterator[WireFault]:
         if actual == right or (target.path, port, actual) in work.explained:
             continue
         work.explained.add((target.path, port, actual))
-        yield WireFault(
-            _second_kind(work, target, port, actual), target, port, accepted[0], actual, wire
-        )
+        kind = _needless_kind(work, target, port, actual) or "second"
+        yield WireFault(kind, target, port, accepted[0], actual, wire)
 
 
-def _second_kind(work: _Work, target: Node, port: str, actual: str) -> Kind:
-    if not is_live(work.live_nodes, actual):
+def _needless_kind(work: _Work, node: Node, port: str, source: str) -> Kind | None:
+    if not is_live(work.live_nodes, source):
         return "leftover"
-    return "cycle" if closes_cycle(work.roles, target, port, actual) else "second"
+    return "cycle" if closes_cycle(work.roles, node, port, source) else None
 
 
 def _unasked(work: _Work) -> Iterator[WireFault]:
     """Find wires into inputs that the handout leaves alone."""
-    asked = {(wire.target.role, wire.target.port) for wire in work.spec.wires}
+    inputs = {(wire.target.role, wire.target.port) for wire in work.spec.wires}
     for role, node in work.roles.node_of.items():
         if node is None:
             continue
         for port in sorted(port for port, state in node.ports.items() if state.sources):
-            if (role, port) in asked or not port.startswith("inputs:"):
+            if (role, port) in inputs or not port.startswith("inputs:"):
                 continue
             for source in node.sources(port):
                 if (node.path, port, source) in work.explained:
                     continue
                 if not _is_asked(work, node, port, source):
-                    kind = _unasked_kind(work, node, port, source)
+                    kind = _needless_kind(work, node, port, source)
+                    if kind is None:
+                        fits = types_fit(work.live_nodes, node, port, source)
+                        kind = "unasked" if fits else "incompatible"
                     yield WireFault(kind, node, port, None, source)
-
-
-def _unasked_kind(work: _Work, node: Node, port: str, source: str) -> Kind:
-    if not is_live(work.live_nodes, source):
-        return "leftover"
-    if closes_cycle(work.roles, node, port, source):
-        return "cycle"
-    return "unasked" if types_fit(work.live_nodes, node, port, source) else "incompatible"

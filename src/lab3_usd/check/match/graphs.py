@@ -26,37 +26,34 @@ def find_graphs(specs: Mapping[str, GraphSpec], stage: StageModel) -> dict[str, 
     """
     by_path = {graph.path: graph for graph in stage.graphs if graph.active}
     filled = {graph.path: graph for graph in by_path.values() if graph.nodes}
-    found = {
+    graphs = {
         name: None if _is_another(name, filled.get(spec.path), specs) else filled.get(spec.path)
         for name, spec in specs.items()
     }
-    taken = {graph.path for graph in found.values() if graph is not None}
+    taken = {graph.path for graph in graphs.values() if graph is not None}
     free = [graph for graph in by_path.values() if graph.path not in taken]
     offers = sorted(
         (-_likeness(specs[name], graph), order, graph.path, name)
-        for order, (name, graph_found) in enumerate(found.items())
-        if graph_found is None
+        for order, (name, graph_at_path) in enumerate(graphs.items())
+        if graph_at_path is None
         for graph in free
     )
     for likeness, _, path, name in offers:
-        if found[name] is None and path not in taken and likeness < 0:
-            found[name] = by_path[path]
+        if graphs[name] is None and path not in taken and likeness < 0:
+            graphs[name] = by_path[path]
             taken.add(path)
     left = {path: graph for path, graph in by_path.items() if path not in taken}
-    return {name: graph or left.get(specs[name].path) for name, graph in found.items()}
+    return {name: graph or left.get(specs[name].path) for name, graph in graphs.items()}
 
 
 def _is_another(name: str, graph: GraphModel | None, specs: Mapping[str, GraphSpec]) -> bool:
     """Whether a graph does nothing of what this spec asks for, and what another one does."""
-    if graph is None or _speaks_of(specs[name], graph):
+    if graph is None:
+        return False
+    telling = specs[name].telling_types
+    if any(node.type is not None and node.type.type in telling for node in graph.nodes):
         return False
     return any(_likeness(spec, graph) > 0 for spec in specs.values())
-
-
-def _speaks_of(spec: GraphSpec, graph: GraphModel) -> bool:
-    """Whether the graph holds a node that only this spec asks for."""
-    telling = spec.telling_types
-    return any(node.type is not None and node.type.type in telling for node in graph.nodes)
 
 
 def _likeness(spec: GraphSpec, graph: GraphModel) -> float:
@@ -66,9 +63,9 @@ def _likeness(spec: GraphSpec, graph: GraphModel) -> float:
     context, time) are worth little on their own: a graph must hold something that only this spec
     asks for.
     """
-    asked = Counter(node.type.type for node in spec.nodes.values())
+    required = Counter(node.type.type for node in spec.nodes.values())
     held = Counter(node.type.type for node in graph.nodes if node.type is not None)
-    shared = sum((asked & held).values())
+    shared = sum((required & held).values())
     if not spec.telling_types & set(held) or shared < LEAST_SHARE * len(spec.nodes):
         return 0.0
     return 2 * shared / (len(spec.nodes) + len(graph.nodes))
@@ -91,10 +88,10 @@ def match_all(specs: Specs, stage: StageModel, scripts: Scripts = NO_SCRIPTS) ->
     other one does not ask for, and by nodes that both ask for alike (tick, context, time).
     """
     graphs = find_graphs(specs, stage)
-    found = {name: match(spec, graphs[name], scripts) for name, spec in specs.items()}
+    matched = {name: match(spec, graphs[name], scripts) for name, spec in specs.items()}
     hosts = [
         _Host(roles.graph, {name: dict(roles.node_of)})
-        for name, roles in found.items()
+        for name, roles in matched.items()
         if roles.graph is not None and roles.graph.nodes
     ]
     for name, spec in specs.items():
@@ -102,26 +99,12 @@ def match_all(specs: Specs, stage: StageModel, scripts: Scripts = NO_SCRIPTS) ->
         if graph is None or not graph.nodes:
             offers = [(pairs, host) for host in hosts if (pairs := _inside(spec, host, specs))]
             if offers:
-                pairs, host = max(offers, key=lambda offer: _count(offer[0]))
+                pairs, host = max(offers, key=lambda offer: sum(map(bool, offer[0].values())))
                 host.held[name] = pairs
     for host in hosts:
         if len(host.held) > 1:
-            found |= _shared_out(specs, host, scripts)
-    return found
-
-
-def _count(pairs: Pairs) -> int:
-    return sum(node is not None for node in pairs.values())
-
-
-def _users(host: _Host, specs: Specs) -> dict[str, list[NodeSpec]]:
-    """Map each node that plays roles to them."""
-    users: dict[str, list[NodeSpec]] = {}
-    for name, pairs in host.held.items():
-        for role, node in pairs.items():
-            if node is not None:
-                users.setdefault(node.path, []).append(specs[name].nodes[role])
-    return users
+            matched |= _shared_out(specs, host, scripts)
+    return matched
 
 
 def _inside(spec: GraphSpec, host: _Host, specs: Specs) -> Pairs | None:
@@ -129,7 +112,11 @@ def _inside(spec: GraphSpec, host: _Host, specs: Specs) -> Pairs | None:
 
     A node that others ask for as well counts where it is wired to one that only `spec` asks for.
     """
-    users = _users(host, specs)
+    users: dict[str, list[NodeSpec]] = {}  # the roles that each node plays
+    for name, held in host.held.items():
+        for role, node in held.items():
+            if node is not None:
+                users.setdefault(node.path, []).append(specs[name].nodes[role])
     free = [node for node in host.graph.nodes if node.path not in users]
     if not any(node.type is not None and node.type.type in spec.telling_types for node in free):
         return None
@@ -143,26 +130,23 @@ def _inside(spec: GraphSpec, host: _Host, specs: Specs) -> Pairs | None:
 
 def _is_free_for(spec: GraphSpec, node: Node, users: Mapping[str, list[NodeSpec]]) -> bool:
     """Whether nobody else needs the node, or somebody who asks the same of it."""
-    kinds = [each for each in spec.nodes.values() if each.type is node.type]
-    others = users.get(node.path, [])
-    return not others or any(_alike(kind, other) for kind in kinds for other in others)
+    played = [_demands(role) for role in users.get(node.path, [])]
+    return not played or any(
+        _demands(role) in played for role in spec.nodes.values() if role.type is node.type
+    )
 
 
-def _alike(one: NodeSpec, other: NodeSpec) -> bool:
-    asked = [
-        {(setting.port, setting.value) for setting in spec.settings}
-        | {(target.port, target.prims) for target in spec.targets}
-        for spec in (one, other)
-    ]
-    return one.type is other.type and asked[0] == asked[1]
+def _demands(role: NodeSpec) -> tuple[object, ...]:
+    settings = {(setting.port, setting.value) for setting in role.settings}
+    return role.type, settings, {(target.port, target.prims) for target in role.targets}
 
 
 def _touches(node: Node, own: set[str], pairs: Pairs) -> bool:
     """Whether a wire joins the node to one of those in `own`."""
     if any(_leads_from(node, path) for path in own):
         return True
-    mine = (pair for pair in pairs.values() if pair is not None and pair.path in own)
-    return any(_leads_from(each, node.path) for each in mine)
+    players = (player for player in pairs.values() if player is not None and player.path in own)
+    return any(_leads_from(player, node.path) for player in players)
 
 
 def _leads_from(node: Node, path: str) -> bool:
@@ -178,9 +162,9 @@ def _shared_out(specs: Specs, host: _Host, scripts: Scripts) -> dict[str, Roles]
     played = {n.path for pairs in host.held.values() for n in pairs.values() if n is not None}
     spare = [node for node in host.graph.nodes if node.path not in played]
     names = tuple(name for name in specs if name in host.held)
-    found: dict[str, Roles] = {}
+    shared: dict[str, Roles] = {}
     for name in names:
         roles = complete_roles(specs[name], host.graph, host.held[name], spare, scripts)
         spare = []  # what is left over is reported once
-        found[name] = replace(roles, merged_graphs=names)
-    return found
+        shared[name] = replace(roles, merged_graphs=names)
+    return shared

@@ -11,7 +11,7 @@ from lab3_usd.check.match.conformance import setting_matches, source_path, targe
 from lab3_usd.check.match.subject import Roles
 from lab3_usd.check.ros.running import effective_value
 from lab3_usd.model.stage import GraphModel, Node
-from lab3_usd.spec.catalog import INPUT, Port, Scripts
+from lab3_usd.spec.catalog import INPUT, Scripts
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
 
 # Steps of the search. A graph that somebody made takes some dozens; the limit only keeps files
@@ -50,60 +50,49 @@ def assign(spec: GraphSpec, graph: GraphModel) -> Pairs:
     Of all assignments that leave as few roles as possible without a node, the one with the
     fewest differences is taken; ties go to names, then values, then the order of roles and paths.
     """
-    search = _search(spec, graph)
-    _descend(search, 0, (0, 0, 0))
-    best = search.best or {}
-    return {role: best.get(role) for role in spec.nodes}
-
-
-def _search(spec: GraphSpec, graph: GraphModel) -> _Search:
     by_type: dict[str, list[Node]] = {}
-    for node in sorted(graph.nodes, key=lambda each: each.path):
+    for node in sorted(graph.nodes, key=lambda node: node.path):
         if node.type is not None:
             by_type.setdefault(node.type.type, []).append(node)
-    nodes = {role: by_type.get(each.type.type, []) for role, each in spec.nodes.items()}
-    asked = Counter(each.type.type for each in spec.nodes.values())
-    spare = {kind: count - len(by_type.get(kind, ())) for kind, count in asked.items()}
+    nodes = {role: by_type.get(demand.type.type, []) for role, demand in spec.nodes.items()}
+    required = Counter(demand.type.type for demand in spec.nodes.values())
+    spare = {kind: count - len(by_type.get(kind, ())) for kind, count in required.items()}
     pairs = {
         role: next(iter(nodes[role]), None)
-        for role, each in spec.nodes.items()
-        if asked[each.type.type] == 1 and len(nodes[role]) <= 1
+        for role, demand in spec.nodes.items()
+        if required[demand.type.type] == 1 and len(nodes[role]) <= 1
     }
     # Roles with few candidates come first: they say most about the others.
     order = sorted(
         (role for role in spec.nodes if role not in pairs), key=lambda role: len(nodes[role])
     )
     own = {
-        (role, node.path): _own(spec.nodes[role], node) for role in order for node in nodes[role]
+        (role, node.path): _own_cost(spec.nodes[role], node)
+        for role in order
+        for node in nodes[role]
     }
     least = [(0, 0, 0)]
     for role in reversed(order):
-        stays = spare[spec.nodes[role].type.type] > 0
-        offers = [] if stays else [own[role, node.path] for node in nodes[role]]
-        least.append(_sum(least[-1], _floor(offers)))
-    return _Search(spec, order, nodes, spare, _wires(spec, order), own, least[::-1], pairs)
-
-
-def _floor(offers: list[_Cost]) -> _Cost:
-    """Return what a role costs at least in each respect, whichever node plays it."""
-    if not offers:
-        return (0, 0, 0)
-    wires, names, values = zip(*offers, strict=True)
-    return min(wires), min(names), min(values)
-
-
-def _wires(spec: GraphSpec, order: list[str]) -> dict[str, list[Wire]]:
-    """File each wire under the later one of its two roles, unless neither is in the order."""
+        costs = [own[role, node.path] for node in nodes[role]]
+        if costs and spare[spec.nodes[role].type.type] <= 0:
+            unmet, names, values = zip(*costs, strict=True)
+            least.append(_sum(least[-1], (min(unmet), min(names), min(values))))
+        else:
+            least.append(least[-1])
+    # Each wire is filed under the later one of its two roles, unless neither is in the order.
     depth = {role: number for number, role in enumerate(order)}
     wires: dict[str, list[Wire]] = {role: [] for role in order}
     for wire in spec.wires if order else ():
         ends = [role for role in (wire.source.role, wire.target.role) if role in depth]
         if ends:
             wires[max(ends, key=depth.__getitem__)].append(wire)
-    return wires
+    search = _Search(spec, order, nodes, spare, wires, own, least[::-1], pairs)
+    _descend(search, 0, (0, 0, 0))
+    best = search.best or {}
+    return {role: best.get(role) for role in spec.nodes}
 
 
-def _own(spec: NodeSpec, node: Node) -> _Cost:
+def _own_cost(spec: NodeSpec, node: Node) -> _Cost:
     """Count what differs between a role and a node, its wires left out."""
     unmet = sum(
         not setting_matches(node, setting, node.value(setting.port)) for setting in spec.settings
@@ -112,13 +101,15 @@ def _own(spec: NodeSpec, node: Node) -> _Cost:
     return unmet, int(node.name != spec.role), unmet
 
 
-def _sum(one: _Cost, other: _Cost) -> _Cost:
-    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
+def _sum(cost: _Cost, added: _Cost) -> _Cost:
+    return cost[0] + added[0], cost[1] + added[1], cost[2] + added[2]
 
 
 def _descend(search: _Search, depth: int, cost: _Cost) -> None:
-    if search.best is not None and _is_hopeless(search, depth, cost):
-        return
+    if search.best is not None and (
+        search.steps <= 0 or _sum(cost, search.least[depth]) >= search.cost
+    ):
+        return  # the roles that remain cannot improve on the best
     if depth == len(search.order):
         search.best, search.cost = dict(search.pairs), cost
         return
@@ -131,11 +122,6 @@ def _descend(search: _Search, depth: int, cost: _Cost) -> None:
         _descend(search, depth + 1, _sum(cost, added))
         search.spare[kind] += node is None
         del search.pairs[role]
-
-
-def _is_hopeless(search: _Search, depth: int, cost: _Cost) -> bool:
-    """Whether nothing better than the best can come of the roles still open."""
-    return search.steps <= 0 or _sum(cost, search.least[depth]) >= search.cost
 
 
 def _offers(search: _Search, role: str) -> Iterator[tuple[_Cost, Node | None]]:
@@ -182,12 +168,18 @@ def complete_roles(
 ) -> Roles:
     """Return the roles as assigned, and what the other nodes are; `offered` may be extra nodes."""
     taken = {node.path for node in node_of.values() if node is not None}
-    others = sorted(
+    unmatched = sorted(
         (node for node in graph.nodes if node.path not in taken), key=lambda node: node.path
     )
     free = {node.path for node in offered}
-    extra = [node for node in others if node.path in free]
-    retyped = _retyped(spec, node_of, [node for node in extra if not _has_a_job(node, scripts)])
+    extra = [node for node in unmatched if node.path in free]
+    # A node that talks to ROS 2 or runs a script does not stand in another's place.
+    idle = [
+        node
+        for node in extra
+        if not scripts.runs(node.type_name) and (node.type is None or not node.type.role)
+    ]
+    retyped = _retyped(spec, node_of, idle)
     used = {node.path for node in retyped.values()}
     return Roles(
         graph=graph,
@@ -195,7 +187,7 @@ def complete_roles(
         role_of={node.path: role for role, node in node_of.items() if node is not None},
         equivalents=_stand_ins(
             node_of,
-            [node for node in others if node.path not in used],
+            [node for node in unmatched if node.path not in used],
             {node.path: node for node in graph.nodes},
         ),
         extra=tuple(node for node in extra if node.path not in used),
@@ -203,70 +195,67 @@ def complete_roles(
     )
 
 
-def _stand_ins(pairs: Pairs, others: Sequence[Node], nodes: Mapping[str, Node]) -> dict[str, str]:
-    """Map each other node that does the same as a matched one to that one's role.
+def _stand_ins(
+    pairs: Pairs, unmatched: Sequence[Node], nodes: Mapping[str, Node]
+) -> dict[str, str]:
+    """Map each unmatched node that does the same as a matched one to that one's role.
 
     What is wired from a stand-in counts as wired from the node that it stands in for.
     """
-    found: dict[str, str] = {}
+    role_of: dict[str, str] = {}
     before = -1
-    while len(found) > before:
-        before = len(found)
-        for node in others:
-            role = None if node.path in found else _same_as(node, pairs, found, nodes)
+    while len(role_of) > before:
+        before = len(role_of)
+        for node in unmatched:
+            role = None if node.path in role_of else _same_as(node, pairs, role_of, nodes)
             if role is not None:
-                found[node.path] = role
-    return found
+                role_of[node.path] = role
+    return role_of
 
 
 def _same_as(
-    node: Node, pairs: Pairs, found: Mapping[str, str], nodes: Mapping[str, Node]
+    node: Node, pairs: Pairs, role_of: Mapping[str, str], nodes: Mapping[str, Node]
 ) -> str | None:
     """Return the role of the node's type that is played by one with the same effective inputs."""
-    players = {path: matched for path, role in found.items() if (matched := pairs[role])}
+    players = {path: matched for path, role in role_of.items() if (matched := pairs[role])}
     for role, matched in pairs.items():
         if matched is not None and node.type is not None and node.type is matched.type:
-            names = {port.name for port in node.type.ports.values() if not _is_output(port)}
-            names |= {name for each in (node, matched) for name in each.ports if _grows(each, name)}
+            names = {
+                port.name
+                for port in node.type.ports.values()
+                if not port.is_source or port.output_only
+            }
+            # Inputs that the node has beyond those of its type, such as the items of an array.
+            names |= {
+                name
+                for name in (*node.ports, *matched.ports)
+                if name.startswith(INPUT) and node.type.port(name) is not None
+            }
             if all(_same_input(node, matched, name, players, nodes) for name in names):
                 return role
     return None
 
 
-def _is_output(port: Port) -> bool:
-    return port.is_source and not port.output_only
-
-
-def _grows(node: Node, name: str) -> bool:
-    return name.startswith(INPUT) and node.type is not None and node.type.port(name) is not None
-
-
 def _same_input(
-    one: Node, other: Node, port: str, players: Mapping[str, Node], nodes: Mapping[str, Node]
+    node: Node, matched: Node, port: str, players: Mapping[str, Node], nodes: Mapping[str, Node]
 ) -> bool:
     """Whether the same reaches two inputs: over wires, as a value, as targets."""
-    sources = [_played(node.sources(port), players) for node in (one, other)]
+    # The node that plays the role takes the place of the one that stands in for it.
+    ends = [[path.rpartition(".") for path in end.sources(port)] for end in (node, matched)]
+    sources = [
+        sorted(
+            f"{players[path].path}.{output}" if path in players else f"{path}.{output}"
+            for path, _, output in paths
+        )
+        for paths in ends
+    ]
     if any(sources) and sources[0] == sources[1]:
         return True
-    if one.targets(port) != other.targets(port):
+    if node.targets(port) != matched.targets(port):
         return False
-    values = [effective_value(node, port, nodes) for node in (one, other)]
+    values = [effective_value(end, port, nodes) for end in (node, matched)]
     is_known = values[0] is not None or not any(sources)
     return is_known and values[0] == values[1]
-
-
-def _played(sources: Sequence[str], players: Mapping[str, Node]) -> list[str]:
-    """Return the sources with the node that plays the role in the place of one that stands in."""
-    ends = (source.rpartition(".") for source in sources)
-    return sorted(
-        f"{players[path].path}.{port}" if path in players else f"{path}.{port}"
-        for path, _, port in ends
-    )
-
-
-def _has_a_job(node: Node, scripts: Scripts) -> bool:
-    """Whether the node talks to ROS 2 or runs a script, and so stands in nobody's place."""
-    return scripts.runs(node.type_name) or (node.type is not None and bool(node.type.role))
 
 
 def _retyped(spec: GraphSpec, pairs: Pairs, extra: Sequence[Node]) -> dict[str, Node]:
@@ -274,33 +263,29 @@ def _retyped(spec: GraphSpec, pairs: Pairs, extra: Sequence[Node]) -> dict[str, 
 
     Its place is known by the wires that run to and from it, or by its name.
     """
-    found: dict[str, Node] = {}
+    retyped: dict[str, Node] = {}
     for role in spec.nodes:
-        if pairs[role] is not None:
-            continue
-        offers = (
-            sorted(
+        if pairs[role] is None and extra:
+            taken = {node.path for node in retyped.values()}
+            offers = sorted(
                 (-_overlap(spec, pairs, role, node), node.path, node)
                 for node in extra
-                if node.path not in {each.path for each in found.values()}
+                if node.path not in taken
             )
-            if extra
-            else []
-        )
-        if offers and offers[0][0] < 0:
-            found[role] = offers[0][2]
-    return found
+            if offers and offers[0][0] < 0:
+                retyped[role] = offers[0][2]
+    return retyped
 
 
 def _overlap(spec: GraphSpec, pairs: Pairs, role: str, node: Node) -> int:
     """Count the wires of `role` that this node has to the right neighbours."""
     shared = int(node.name == role)
     for wire in spec.wires:
-        other = pairs[wire.target.role] if wire.source.role == role else None
-        if other is not None:
-            sources = other.sources(wire.target.port)
+        target = pairs[wire.target.role] if wire.source.role == role else None
+        if target is not None:
+            sources = target.sources(wire.target.port)
             shared += any(source.startswith(f"{node.path}.") for source in sources)
-        other = pairs[wire.source.role] if wire.target.role == role else None
-        if other is not None:
-            shared += source_path(other, wire) in node.sources(wire.target.port)
+        source_node = pairs[wire.source.role] if wire.target.role == role else None
+        if source_node is not None:
+            shared += source_path(source_node, wire) in node.sources(wire.target.port)
     return shared

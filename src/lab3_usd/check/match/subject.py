@@ -1,7 +1,4 @@
-"""What the rules of a stage are given.
-
-The spec, the stage, which prim plays which role, and the faulty wires.
-"""
+"""What rules are given: the spec, the stage, which prim plays which role, and faulty wires."""
 
 from __future__ import annotations
 
@@ -57,7 +54,7 @@ class WireFault(Struct, frozen=True):
 
 
 class ModelSubject(Protocol):
-    """A stage, whatever is asked of it."""
+    """A stage, with or without a spec."""
 
     @property
     def stage(self) -> StageModel:
@@ -110,7 +107,7 @@ class StageSubject(Struct, frozen=True, eq=False):
 
 
 class Outcome(Struct, frozen=True, eq=False):
-    """What came out of judging a stage: what was asked of it, and everything that was found."""
+    """The outcome of judging a stage: its requirements and all findings."""
 
     subject: StageSubject
     requirements: tuple[Requirement, ...]

@@ -22,38 +22,29 @@ from lab3_usd.model.physics import (
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
 from lab3_usd.spec.catalog import INPUT, OUTPUT, DrivePorts, can_connect
-from lab3_usd.spec.isaac import BodyOf, UnitOf
+from lab3_usd.spec.isaac import BodyOf
 
 
 def unit_of(node: Node, port: str, subject: LintSubject, depth: int = 8) -> float | None:
     """Return how many metres are 1 in what comes into an input, None where nothing tells it."""
     sources = list(live_sources(node, port, subject.live)) if depth else []
-    if len(sources) != 1 or not _is_taken(sources[0], node, port):
+    if len(sources) != 1:
         return None
     source, out = sources[0]
-    said = None if source.type is None else subject.types.units.get(source.type.type)
-    if said is None or out.removeprefix(OUTPUT) in said.metres:
-        return None if said is None else 1.0
-    unit = unit_of(source, INPUT + said.passes, subject, depth - 1) if said.passes else None
-    factor = _factor(source, said, subject)
-    return None if unit is None or factor is None else unit * factor
-
-
-def _is_taken(end: tuple[Node, str], node: Node, port: str) -> bool:
-    """Whether OmniGraph takes a wire: it refuses one between types that do not go together."""
-    source, out = end
-    left = None if source.type is None else source.type.port(out)
-    enters = None if node.type is None else node.type.port(port)
-    return left is None or enters is None or can_connect(left, enters)
-
-
-def _factor(node: Node, said: UnitOf, subject: LintSubject) -> float | None:
-    """Return by how much a node makes the unit larger, None where it gives nothing."""
-    if not said.by:
-        return 1.0
-    unit = subject.stage.meters_per_unit or 1.0
-    factors = {said.to_stage: unit, said.to_metres: 1.0 / unit}
-    return factors.get(str(effective_value(node, INPUT + said.by, subject.live)))
+    output = None if source.type is None else source.type.port(out)
+    target = None if node.type is None else node.type.port(port)
+    if output is not None and target is not None and not can_connect(output, target):
+        return None  # OmniGraph refuses the wire
+    units = None if source.type is None else subject.types.units.get(source.type.type)
+    if units is None or out.removeprefix(OUTPUT) in units.metres:
+        return None if units is None else 1.0
+    unit = unit_of(source, INPUT + units.passes, subject, depth - 1) if units.passes else None
+    if unit is None or not units.by:
+        return unit
+    stage_unit = subject.stage.meters_per_unit or 1.0
+    factors = {units.to_stage: stage_unit, units.to_metres: 1.0 / stage_unit}
+    factor = factors.get(str(effective_value(source, INPUT + units.by, subject.live)))
+    return None if factor is None else unit * factor
 
 
 AXES = {REVOLUTE: "angular", "PhysicsPrismaticJoint": "linear"}  # others have several drives
@@ -61,8 +52,9 @@ _MIMIC = "Mimic"
 
 
 class Command(Struct, frozen=True, eq=False):
-    """A node that moves joints: its robot, and the joints that it names, None where unknown.
+    """A node that moves joints: its robot, and the joints that it names.
 
+    `names` is None where they are unknown or given by number.
     `robot` is '' where the stage does not tell; `unknown` is a missing asset that could hold it.
     """
 
@@ -84,23 +76,17 @@ def commands(subject: LintSubject) -> Iterator[Command]:
         path = effective_value(node, ports.path, subject.live)
         is_by_path = path is None or bool(path)
         aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")
+        indices = node.state(ports.joints.replace("Names", "Indices"))
+        is_by_number = indices is not None and (indices.sources or indices.value)
         yield Command(
             node=node,
             ports=ports,
             port=ports.path if is_by_path else ports.target,
             robot=aim,
             roots=tuple(articulations(aim, subject.stage)) if aim else (),
-            names=_names(node, ports, subject),
+            names=None if is_by_number else joint_names(node, ports.joints, subject.live),
             unknown=subject.stage.unknown_below(aim) if aim else None,
         )
-
-
-def _names(node: Node, ports: DrivePorts, subject: LintSubject) -> tuple[str, ...] | None:
-    """Return the names of the joints, None where they are unknown or given by number."""
-    numbers = node.state(ports.joints.replace("Names", "Indices"))
-    if numbers is not None and (numbers.sources or numbers.value):
-        return None
-    return joint_names(node, ports.joints, subject.live)
 
 
 def articulations(top: str, stage: StageModel) -> Iterator[str]:
@@ -124,14 +110,14 @@ def joints_of(command: Command, stage: StageModel) -> dict[str, Prim]:
         for prim in stage.of_type(is_joint_type)
         if prim.present and prim.type != FIXED and not is_excluded(prim)
     ]
-    found: dict[str, Prim] = {}
+    by_name: dict[str, Prim] = {}
     for tops in (inside, around):
         for joint in joints:
             if any(
                 is_at_or_below(path, top) for path in (joint.path, *ends(joint)) for top in tops
             ):
-                found.setdefault(joint.name, joint)
-    return found
+                by_name.setdefault(joint.name, joint)
+    return by_name
 
 
 def ends(joint: Prim) -> tuple[str, ...]:
@@ -164,13 +150,14 @@ def _axes(command: Command, stage: StageModel) -> list[Prim]:
     joints = [
         joint for joint in joints_of(command, stage).values() if set(ends(joint)) & set(links)
     ]
-    return joints if all(_is_axis(prim) for prim in joints) else []
-
-
-def _is_axis(joint: Prim) -> bool:
-    """Whether a joint has one axis that moves by itself, and not as another joint does."""
-    follows = any(_MIMIC in api for api in joint.apis)
-    return joint.type in AXES and not follows and not is_switched_off(joint, JOINT_ENABLED)
+    # A plain axis moves by itself, and not as another joint does.
+    are_plain = all(
+        joint.type in AXES
+        and not any(_MIMIC in api for api in joint.apis)
+        and not is_switched_off(joint, JOINT_ENABLED)
+        for joint in joints
+    )
+    return joints if are_plain else []
 
 
 def wired_commands(command: Command) -> list[str]:
@@ -235,37 +222,37 @@ def followed_bodies(subject: LintSubject) -> Iterator[Followed]:
     """Yield the nodes that follow a prim."""
     stage = subject.stage
     for node in subject.live.values():
-        asked = _asked(node, subject)
-        prim = None if asked is None else stage.prim(_first(node.targets(INPUT + asked.prim)))
-        if asked is None or prim is None:
-            continue  # of a target that is not there another rule speaks
+        demand = _demand(node, subject)
+        prim = None if demand is None else stage.prim(_first(node.targets(INPUT + demand.prim)))
+        if demand is None or prim is None:
+            continue  # another rule reports a target that does not exist
         path = prim.path
-        if asked.robot in prim.apis and not _is_body(prim, asked):
-            path = _first(_links(prim, asked, subject))
-        yield Followed(node, asked, prim, stage.prim(path), stage.unknown(prim.path, path))
+        if demand.robot in prim.apis and not _is_body(prim, demand):
+            path = _first(_links(prim, demand, subject))
+        yield Followed(node, demand, prim, stage.prim(path), stage.unknown(prim.path, path))
 
 
 def _first(paths: Iterable[str]) -> str:
     return next(iter(paths), "")
 
 
-def _is_body(prim: Prim, asked: BodyOf) -> bool:
-    return bool(set(prim.apis) & set(asked.schemas))
+def _is_body(prim: Prim, demand: BodyOf) -> bool:
+    return bool(set(prim.apis) & set(demand.schemas))
 
 
-def _asked(node: Node, subject: LintSubject) -> BodyOf | None:
+def _demand(node: Node, subject: LintSubject) -> BodyOf | None:
     return None if node.type is None else subject.types.bodies.get(node.type.type)
 
 
-def _links(robot: Prim, asked: BodyOf, subject: LintSubject, depth: int = 8) -> Iterator[str]:
-    """Yield the links of a robot and of the robots that it lists; what is not known of as well."""
-    if asked.link in robot.apis:
+def _links(robot: Prim, demand: BodyOf, subject: LintSubject, depth: int = 8) -> Iterator[str]:
+    """Yield the links of a robot and of the robots that it lists, and those that are unknown."""
+    if demand.link in robot.apis:
         yield robot.path
-    elif asked.robot in robot.apis and depth:
-        for path in robot.relationships.get(asked.links, ()):
+    elif demand.robot in robot.apis and depth:
+        for path in robot.relationships.get(demand.links, ()):
             listed = subject.stage.prim(path)
             if listed is not None:
-                yield from _links(listed, asked, subject, depth - 1)
+                yield from _links(listed, demand, subject, depth - 1)
             elif subject.stage.unknown(path):
                 yield path
 
@@ -274,7 +261,7 @@ def moving_source(node: Node, subject: LintSubject) -> Node | None:
     """Return the node that follows a body and gives what comes into another one, None for none."""
     for port in node.ports:
         for source, out in live_sources(node, port, subject.live):
-            asked = _asked(source, subject)
-            if asked is not None and out.removeprefix(OUTPUT) in asked.gives:
+            demand = _demand(source, subject)
+            if demand is not None and out.removeprefix(OUTPUT) in demand.gives:
                 return source
     return None

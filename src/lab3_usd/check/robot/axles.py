@@ -77,14 +77,14 @@ def _frame(end: str, subject: StageSubject) -> Matrix | None:
     return None if on_body is None else multiply(on_body, placed[body])
 
 
-def _between(path: str, other: str, subject: StageSubject) -> Matrix | None:
+def _between(path: str, base_path: str, subject: StageSubject) -> Matrix | None:
     """Return where one prim stands as seen from another in the file, None where nothing says."""
-    one, base = subject.stage.prim(path), subject.stage.prim(other)
-    if one is None or base is None or one.world is None or base.world is None:
+    prim, base = subject.stage.prim(path), subject.stage.prim(base_path)
+    if prim is None or base is None or prim.world is None or base.world is None:
         return None
-    if subject.stage.unknown_pose(one, base):
+    if subject.stage.unknown_pose(prim, base):
         return None
-    return relative_transform(one.world, base.world)
+    return relative_transform(prim.world, base.world)
 
 
 def _base(subject: StageSubject) -> str:
@@ -96,45 +96,45 @@ def _base(subject: StageSubject) -> str:
 @once_per_stage
 def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
     """Map the base, and each body that fixed joints tie to it, to where it stands on the base."""
-    found = {_base(subject): IDENTITY}
+    placed = {_base(subject): IDENTITY}
     fixed = welds(subject)
     is_growing = True
     while is_growing:
         is_growing = False
         for weld in fixed:
             ends = bodies(weld)
-            for side, other in ((0, 1), (1, 0)):
-                if ends[side] not in found or not ends[other] or ends[other] in found:
+            for side, far in ((0, 1), (1, 0)):
+                if ends[side] not in placed or not ends[far] or ends[far] in placed:
                     continue
-                undone = inverse(_joint_frame(weld, other))
+                undone = inverse(_joint_frame(weld, far))
                 if undone:
                     seen = multiply(undone, _joint_frame(weld, side))
-                    found[ends[other]] = multiply(seen, found[ends[side]])
+                    placed[ends[far]] = multiply(seen, placed[ends[side]])
                     is_growing = True
-    return found
+    return placed
 
 
 @once_per_stage
 def welds(subject: StageSubject) -> list[Prim]:
-    """Return the joints that hold two bodies where they say."""
-    return [joint for joint in joints(subject.stage) if _is_weld(joint, subject)]
-
-
-def _is_weld(joint: Prim, subject: StageSubject) -> bool:
-    """Whether a joint holds its bodies where it says, and no missing asset may say otherwise."""
-    return joint.type == FIXED and not subject.stage.unknown_value(joint, *_FRAMES)
+    """Return the joints that hold two bodies where they say, and no missing asset may differ."""
+    stage = subject.stage
+    return [
+        joint
+        for joint in joints(stage)
+        if joint.type == FIXED and not stage.unknown_value(joint, *_FRAMES)
+    ]
 
 
 def _joint_frame(joint: Prim, side: int) -> Matrix:
     """Return where the joint sits on one of its bodies."""
     x, y, z = vector(joint.attributes.get(f"physics:localPos{side}"))
     turn = _quaternion(joint.attributes.get(f"physics:localRot{side}"))
-    one, two, three = (rotate_by_quaternion(along, turn) for along in AXES)
-    return (*one, 0.0, *two, 0.0, *three, 0.0, x, y, z, 1.0)
+    rows = [rotate_by_quaternion(along, turn) for along in AXES]
+    return (*rows[0], 0.0, *rows[1], 0.0, *rows[2], 0.0, x, y, z, 1.0)
 
 
 def _quaternion(value: Value | None) -> tuple[float, float, float, float]:
-    found = numbers(value)
-    if len(found) != 4:  # noqa: PLR2004 - x, y, z, w
+    parts = numbers(value)
+    if len(parts) != 4:  # noqa: PLR2004 - x, y, z, w
         return (0.0, 0.0, 0.0, 1.0)
-    return (found[0], found[1], found[2], found[3])
+    return (parts[0], parts[1], parts[2], parts[3])

@@ -38,38 +38,28 @@ _OWNER, _DISABLED = "physics:simulationOwner", "physxRigidBody:disableGravity"
 
 def gravity_faults(subject: StageSubject) -> Iterator[Problem]:
     """Say what is wrong with the gravity of the scenes that the robot's bodies belong to."""
-    links = _links(subject)
+    robot, stage = subject.lab.scene.robot.path, subject.stage
+    links = [
+        body
+        for body in stage.with_api(BODY_API)
+        if body.present and is_at_or_below(body.path, robot)
+    ]
     if links and all(link.attributes.get(_DISABLED) is True for link in links):
         message = "gravity is switched off for all links of the robot"
         site, switches = links[0].path, tuple(f"{link.path}.{_DISABLED}" for link in links[1:])
         yield Problem(site, message, _DISABLED, "False", "True", related=switches)
-    for scene in _scenes(subject, links):
-        yield from _faults_of(scene, subject.stage.meters_per_unit or 1.0)
-
-
-def _links(subject: StageSubject) -> list[Prim]:
-    robot = subject.lab.scene.robot.path
-    bodies = subject.stage.with_api(BODY_API)
-    return [body for body in bodies if body.present and is_at_or_below(body.path, robot)]
-
-
-def _scenes(subject: StageSubject, links: list[Prim]) -> list[Prim]:
-    """Return the scenes of the bodies; one that names none belongs to the first (UsdPhysics)."""
-    known = [prim for prim in subject.stage.of_type(SCENE) if prim.present]
+    # A body that names no scene belongs to the first (UsdPhysics).
+    scenes = [prim for prim in stage.of_type(SCENE) if prim.present]
     owners = {owner for link in links for owner in link.relationships.get(_OWNER, ("",))}
-    is_owned = {each.path for each in known} & owners
-    return [each for each in known if each.path in is_owned] or known[:1]
-
-
-def _faults_of(scene: Prim, meters_per_unit: float) -> Iterator[Problem]:
-    if not is_felt(scene.attributes, meters_per_unit):
-        strength = f"{number(scene.attributes.get(GRAVITY)):g}"
-        message = f"gravity is {strength}, expected about 9.81 m/s²"
-        yield Problem(scene.path, message, GRAVITY, "9.81", strength)
-    elif not is_down(scene.attributes):
-        is_, down = vector_text(vector(scene.attributes.get(GRAVITY_DIRECTION))), vector_text(DOWN)
-        message = f"gravity pulls along {is_}, expected {down}"
-        yield Problem(scene.path, message, GRAVITY_DIRECTION, down, is_)
+    for scene in [scene for scene in scenes if scene.path in owners] or scenes[:1]:
+        if not is_felt(scene.attributes, stage.meters_per_unit or 1.0):
+            strength = f"{number(scene.attributes.get(GRAVITY)):g}"
+            message = f"gravity is {strength}, expected about 9.81 m/s²"
+            yield Problem(scene.path, message, GRAVITY, "9.81", strength)
+        elif not is_down(scene.attributes):
+            actual = vector_text(vector(scene.attributes.get(GRAVITY_DIRECTION)))
+            message = f"gravity pulls along {actual}, expected {vector_text(DOWN)}"
+            yield Problem(scene.path, message, GRAVITY_DIRECTION, vector_text(DOWN), actual)
 
 
 # A shape as high as a wall is ground and wall in one; how high its ground is, no box says.
@@ -116,8 +106,8 @@ def _solid_planes(stage: StageModel, robot: str) -> Iterator[Prim]:
 def _collides_above(stage: StageModel, path: str) -> bool:
     """Whether an ancestor makes all shapes below it collide."""
     parent = path.rpartition("/")[0]
-    found = stage.prims.get(parent)
-    return found is not None and (collides(found) or _collides_above(stage, parent))
+    prim = stage.prims.get(parent)
+    return prim is not None and (collides(prim) or _collides_above(stage, parent))
 
 
 def boxes(subject: StageSubject) -> Iterator[Collider]:
@@ -131,15 +121,16 @@ def _boxes_below(subject: StageSubject) -> Iterator[Collider]:
     x, y, z = robot.pose.translate
     reach = z + subject.lab.scene.tolerance.root_position
     for box in subject.stage.colliders.beside(robot.path):
-        if _covers(box, x, y) and box.low[2] <= reach:
+        is_over = box.low[0] <= x <= box.high[0] and box.low[1] <= y <= box.high[1]
+        if is_over and box.low[2] <= reach:
             yield box
 
 
 def moving_body(stage: StageModel, path: str, known: frozenset[str] = frozenset()) -> Prim | None:
     """Return the rigid body that what stands at a path moves with, None where it stays.
 
-    Kinematic bodies stay, and so do those that a fixed joint ties to what stays. `known` are bodies
-    that are being asked about already: they end the search where bodies are tied in a ring.
+    Kinematic bodies stay, and so do those that a fixed joint ties to what stays. `known` are the
+    bodies visited so far: they end the search where joints tie bodies in a ring.
     """
     while path:
         prim = stage.prim(path)
@@ -155,10 +146,10 @@ def _is_tied(stage: StageModel, body: str, known: frozenset[str]) -> bool:
     """Whether a fixed joint ties a body to the world, or to what stays."""
     for joint in joints(stage):
         ends = bodies(joint)
-        others = [end for end in ends if not is_at_or_below(end, body)]
-        if joint.type == FIXED and len(others) == 1:
-            is_there = not others[0] or stage.prim(others[0]) is not None
-            if is_there and moving_body(stage, others[0], known) is None:
+        far_ends = [end for end in ends if not is_at_or_below(end, body)]
+        if joint.type == FIXED and len(far_ends) == 1:
+            exists = not far_ends[0] or stage.prim(far_ends[0]) is not None
+            if exists and moving_body(stage, far_ends[0], known) is None:
                 return True
     return False
 
@@ -168,19 +159,15 @@ def falling_ground(subject: StageSubject) -> tuple[Prim, Prim] | None:
     stage, robot = subject.stage, subject.lab.scene.robot.path
     paths = [prim.path for prim in _solid_planes(stage, robot)]
     paths += [box.path for box in _boxes_below(subject) if _is_on(stage, box)]
-    found = ((stage.prims[path], moving_body(stage, path)) for path in paths)
-    return next(((prim, body) for prim, body in found if body is not None), None)
-
-
-def _covers(box: Collider, x: float, y: float) -> bool:
-    return box.low[0] <= x <= box.high[0] and box.low[1] <= y <= box.high[1]
+    carried = ((stage.prims[path], moving_body(stage, path)) for path in paths)
+    return next(((prim, body) for prim, body in carried if body is not None), None)
 
 
 def has_ground(subject: StageSubject) -> bool:
     """Whether anything fixed can carry the robot."""
     robot = subject.lab.scene.robot.path
-    found = itertools.chain(planes(subject.stage, robot), _live_boxes(subject))
-    return any(True for _ in found)
+    grounds = itertools.chain(planes(subject.stage, robot), _live_boxes(subject))
+    return any(True for _ in grounds)
 
 
 def _live_boxes(subject: StageSubject) -> Iterator[Collider]:
@@ -207,7 +194,7 @@ def highest_ground(subject: StageSubject) -> tuple[float, str] | None:
     tops = [(box.high[2], box.path) for box in _live_boxes(subject)]
     if any(top > step for top, _ in tops) and not heights:
         return None
-    return max([*heights, *(each for each in tops if each[0] <= step)], default=None)
+    return max([*heights, *(top for top in tops if top[0] <= step)], default=None)
 
 
 def lights(stage: StageModel) -> Iterator[Prim]:

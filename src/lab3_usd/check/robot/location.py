@@ -5,18 +5,17 @@ That is a mistake of its own, reported once: what moved along is judged where it
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from msgspec.structs import replace
 
 from lab3_usd.check.match.subject import Roles
 from lab3_usd.check.robot.sensors import is_named
 from lab3_usd.model.physics import bodies_below, is_articulated
-from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import StageModel
-from lab3_usd.spec.graph import GraphSpec, Target
+from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.scene import SceneSpec
 
 _LEAST_LINKS = 0.5  # of the robot's links that a prim must hold to be taken for the robot
 
@@ -25,16 +24,22 @@ def robot_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
     """Map the path of the robot, and of a link that has none, to where it stands instead.
 
     The robot is the prim that holds the most of its links, at least half of them, or that has its
-    name while the asset with its links cannot be found. A link is the
-    only prim of its name below the robot, or where no other is missing the only body beside the
-    robot's links that is none of them. Paths of links are those below the robot where it stands.
+    name while the asset with its links cannot be found. A link is the only prim of its name below
+    the robot, or where no other is missing the only body beside the robot's links that is none of
+    them. Paths of links are those below the robot where it stands.
     """
     expected = lab.scene.robot.path
     root = expected
     relocations: dict[str, str] = {}
     is_nowhere = expected not in stage.prims or not stage.unknown(expected)
     if stage.prim(expected) is None and is_nowhere:
-        root = _robot(lab, stage) or _namesake(lab, stage) or expected
+        root = _root_by_links(lab, stage) or expected
+        if root == expected:
+            # The robot may be a prim of its name whose links a missing asset may hold.
+            name = expected.rpartition("/")[2]
+            namesakes = stage.named(lambda leaf: is_named(leaf, [name]))
+            paths = (prim.path for prim in namesakes if prim.active)
+            root = min((path for path in paths if stage.unknown_below(path)), default=expected)
         if root != expected:
             relocations[expected] = root
     if stage.prim(root) is not None:
@@ -42,7 +47,7 @@ def robot_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
     return relocations
 
 
-def _robot(lab: Lab, stage: StageModel) -> str | None:
+def _root_by_links(lab: Lab, stage: StageModel) -> str | None:
     links = lab.scene.robot.links
     name = lab.scene.robot.path.rpartition("/")[2]
     held: dict[str, int] = {}
@@ -57,13 +62,6 @@ def _robot(lab: Lab, stage: StageModel) -> str | None:
     return offers[0][2] if offers else None
 
 
-def _namesake(lab: Lab, stage: StageModel) -> str | None:
-    """Return the first prim of the robot's name whose links an asset may hold that is missing."""
-    name = lab.scene.robot.path.rpartition("/")[2]
-    named = (prim for prim in stage.named(lambda each: is_named(each, [name])) if prim.active)
-    return min((prim.path for prim in named if stage.unknown_below(prim.path)), default=None)
-
-
 def _link_relocations(links: tuple[str, ...], root: str, stage: StageModel) -> dict[str, str]:
     paths = {name: f"{root}/{name}" for name in links}
     missing = [
@@ -71,11 +69,12 @@ def _link_relocations(links: tuple[str, ...], root: str, stage: StageModel) -> d
     ]
     relocations: dict[str, str] = {}
     for name in missing:
-        others = same_named_prims(stage, root, name)
-        if len(others) == 1:
-            relocations[f"{root}/{name}"] = others[0]
+        namesakes = same_named_prims(stage, root, name)
+        if len(namesakes) == 1:
+            relocations[f"{root}/{name}"] = namesakes[0]
     if len(missing) == 1 and not relocations:
-        bodies = [prim.path for prim in _strange_bodies(links, root, stage)]
+        prims = (stage.prims[path] for path in bodies_below(stage, root))
+        bodies = [prim.path for prim in prims if prim.parent == root and prim.name not in links]
         if len(bodies) == 1:
             relocations[f"{root}/{missing[0]}"] = bodies[0]
     return relocations
@@ -85,14 +84,7 @@ def same_named_prims(stage: StageModel, root: str, name: str) -> tuple[str, ...]
     """Return the prims below the robot that have the name of a missing link."""
     prims = (prim for prim in stage.named(name) if prim.present)
     has_type = (prim.path for prim in prims if prim.type == "Xform")
-    return tuple(sorted(found for found in has_type if is_at_or_below(found, root)))
-
-
-def _strange_bodies(links: tuple[str, ...], root: str, stage: StageModel) -> Iterator[Prim]:
-    for path in sorted(bodies_below(stage, root)):
-        prim = stage.prims[path]
-        if prim.parent == root and prim.name not in links:
-            yield prim
+    return tuple(sorted(path for path in has_type if is_at_or_below(path, root)))
 
 
 def lost_graphs(
@@ -106,22 +98,17 @@ def lost_graphs(
     lost: dict[str, str] = {}
     on_robot = [name for name in roles if robot and is_at_or_below(specs[name].path, robot)]
     stayed_behind = all(roles[name].graph is None for name in on_robot)
-    for name in (name for name, each in roles.items() if each.graph is None):
-        above = _topmost_missing(stage, specs[name].path.rpartition("/")[0])
+    for name in (name for name, players in roles.items() if players.graph is None):
+        missing = ""  # the topmost prim above the graph that is not in the scene
+        path = specs[name].path.rpartition("/")[0]
+        while path:
+            missing = path if stage.prim(path) is None else missing
+            path = path.rpartition("/")[0]
         if name in on_robot and stayed_behind:
             lost[name] = robot
-        elif above and not stage.unresolved_above(above):
-            lost[name] = above
+        elif missing and not stage.unresolved_above(missing):
+            lost[name] = missing
     return lost
-
-
-def _topmost_missing(stage: StageModel, path: str) -> str:
-    missing = ""
-    while path:
-        if stage.prim(path) is None:
-            missing = path
-        path = path.rpartition("/")[0]
-    return missing
 
 
 def is_root_articulated(lab: Lab, stage: StageModel) -> bool:
@@ -139,11 +126,7 @@ def relocated_lab(lab: Lab, relocations: Mapping[str, str]) -> Lab:
     if not relocations:
         return lab
     graphs = {name: relocated_spec(spec, relocations) for name, spec in lab.graphs.items()}
-    return replace(lab, graphs=graphs, scene=_relocated_scene(lab.scene, relocations))
-
-
-def _relocated_scene(scene: SceneSpec, relocations: Mapping[str, str]) -> SceneSpec:
-    robot = scene.robot
+    scene, robot = lab.scene, lab.scene.robot
     target = relocated_path(robot.articulation.target, relocations)
     placed = replace(
         robot,
@@ -154,7 +137,7 @@ def _relocated_scene(scene: SceneSpec, relocations: Mapping[str, str]) -> SceneS
         name: replace(sensor, path=relocated_path(sensor.path, relocations))
         for name, sensor in scene.sensors.items()
     }
-    return replace(scene, robot=placed, sensors=sensors)
+    return replace(lab, graphs=graphs, scene=replace(scene, robot=placed, sensors=sensors))
 
 
 def relocated_spec(spec: GraphSpec, relocations: Mapping[str, str]) -> GraphSpec:
@@ -164,17 +147,14 @@ def relocated_spec(spec: GraphSpec, relocations: Mapping[str, str]) -> GraphSpec
     """
     if not relocations:
         return spec
-    nodes = {
-        role: replace(
-            node, targets=tuple(_relocated_target(target, relocations) for target in node.targets)
+    nodes = {}
+    for role, node in spec.nodes.items():
+        targets = tuple(
+            replace(target, prims=tuple(relocated_path(prim, relocations) for prim in target.prims))
+            for target in node.targets
         )
-        for role, node in spec.nodes.items()
-    }
+        nodes[role] = replace(node, targets=targets)
     return replace(spec, path=relocated_path(spec.path, relocations), nodes=nodes)
-
-
-def _relocated_target(target: Target, relocations: Mapping[str, str]) -> Target:
-    return replace(target, prims=tuple(relocated_path(prim, relocations) for prim in target.prims))
 
 
 def relocated_path(path: str, relocations: Mapping[str, str]) -> str:

@@ -30,8 +30,6 @@ OPERATIONS: Mapping[Kind, tuple[str, ...]] = {
     "rotate": ("xformOp:orient", "xformOp:rotate"),
     "scale": ("xformOp:scale",),
 }
-
-
 UNSCALED: Vector = (1.0, 1.0, 1.0)
 
 
@@ -41,12 +39,12 @@ class Units(Struct, frozen=True):
     Where they differ, lengths that are right in either are right.
     """
 
-    is_: float = 1.0
-    asked: float = 1.0
+    actual: float = 1.0
+    expected: float = 1.0
 
     def shown(self, metres: Vector) -> Vector:
         """Return what the Property panel shows in a stage with the units asked for."""
-        return scaled(metres, 1.0 / self.asked)
+        return scaled(metres, 1.0 / self.expected)
 
 
 class Tolerance(Struct, frozen=True):
@@ -109,22 +107,23 @@ def pose_errors(
 
 def _misfit(prim: Prim, kind: Kind, actual: Vector, expected: Vector, unit: str) -> PoseError:
     name = {"translate": "translation", "rotate": "rotation", "scale": "scale"}[kind]
-    is_, should = vector_text(actual), vector_text(expected)
-    message = f"{name} is {is_}{unit}, expected {should}"
-    name, pivot = pose_property(prim, kind), _pivot(prim)
-    hint = f"set {kind.capitalize()} to {should} in the Property panel"
+    actual_text, expected_text = vector_text(actual), vector_text(expected)
+    message = f"{name} is {actual_text}{unit}, expected {expected_text}"
+    # The operation that sets the point about which the prim is turned and scaled.
+    pivot = next((operation for operation in _operations(prim) if operation.endswith(_PIVOT)), None)
+    hint = f"set {kind.capitalize()} to {expected_text} in the Property panel"
     if pivot is not None and kind == "translate":
         hint = f"{hint}, and remove the pivot ({pivot}), which shifts what is turned or scaled"
-    return PoseError(kind, name, message, should, is_, hint)
+    return PoseError(kind, pose_property(prim, kind), message, expected_text, actual_text, hint)
 
 
-def is_near(one: Vector, other: Vector, tolerance: float, units: Units) -> bool:
-    """Whether two points are the same, with `one` in stage units and `other` in metres.
+def is_near(point: Vector, expected: Vector, tolerance: float, units: Units) -> bool:
+    """Whether two points are the same, with `point` in stage units and `expected` in metres.
 
     A stage whose units are wrong is right in one of two ways: in its units, or in those asked for.
     """
-    ways = (scaled(one, units.asked), scaled(one, units.is_))
-    return min(distance(way, other) for way in ways) <= tolerance
+    readings = (scaled(point, units.expected), scaled(point, units.actual))
+    return min(distance(reading, expected) for reading in readings) <= tolerance
 
 
 def pose_property(prim: Prim, kind: Kind) -> str:
@@ -144,11 +143,6 @@ def _operations(prim: Prim) -> list[str]:
     """Return the names of the operations that move a prim, in their order."""
     order = prim.attributes.get(ORDER)
     return [name for name in order if isinstance(name, str)] if isinstance(order, tuple) else []
-
-
-def _pivot(prim: Prim) -> str | None:
-    """Return the operation that sets the point about which a prim is turned and scaled."""
-    return next((name for name in _operations(prim) if name.endswith(_PIVOT)), None)
 
 
 def vector_text(numbers: Sequence[float]) -> str:

@@ -83,23 +83,19 @@ def find_sensor(lab: Lab, stage: StageModel, name: str) -> SensorLocation:
         return SensorLocation(path, at)
     if at is not None and not at.type and stage.unknown(path):
         return SensorLocation(path)  # the missing asset may say what it is
-    others = _others(lab, stage, name)
-    found = [prim for prim in sensor_candidates(lab, stage, name) if prim.path not in others]
-    if len(found) > 1:
-        found.sort(
+    # Prims that are other sensors of the type: at their paths, or found before.
+    alike = [key for key, sensor in lab.sensors.items() if sensor.type == spec.type]
+    taken = {lab.sensors[key].path for key in alike if key != name}
+    for key in alike[: alike.index(name)]:
+        prim = find_sensor(lab, stage, key).prim
+        taken |= {prim.path} if prim is not None else set()
+    candidates = [prim for prim in sensor_candidates(lab, stage, name) if prim.path not in taken]
+    if len(candidates) > 1:
+        candidates.sort(
             key=lambda prim: (not is_used_by_graph(stage, prim), _strangeness(prim, path, lab))
         )
-    return SensorLocation(path, found[0] if found else None, None if is_there else at)
-
-
-def _others(lab: Lab, stage: StageModel, name: str) -> set[str]:
-    """Return the prims that are other sensors of the type: at their paths, or found before."""
-    alike = [each for each, spec in lab.sensors.items() if spec.type == lab.sensors[name].type]
-    paths = {lab.sensors[each].path for each in alike if each != name}
-    for each in alike[: alike.index(name)]:
-        prim = find_sensor(lab, stage, each).prim
-        paths |= {prim.path} if prim is not None else set()
-    return paths
+    prim = candidates[0] if candidates else None
+    return SensorLocation(path, prim, None if is_there else at)
 
 
 def is_used_by_graph(stage: StageModel, prim: Prim) -> bool:
@@ -174,10 +170,10 @@ def lidars(subject: StageSubject, right: tuple[str, ...] = ()) -> Iterator[Prim]
         prim.path for name in kinds for prim in sensor_candidates(subject.lab, subject.stage, name)
     }
     topmost = ""
-    named = subject.stage.named(lambda each: is_named(each, names))
-    found = typed | {prim.path for prim in named if prim.present}
-    for path in sorted(found):
-        is_right = any(is_at_or_below(each, path) for each in right)
+    named = subject.stage.named(lambda leaf: is_named(leaf, names))
+    paths = typed | {prim.path for prim in named if prim.present}
+    for path in sorted(paths):
+        is_right = any(is_at_or_below(lidar, path) for lidar in right)
         if not is_right and not (topmost and is_at_or_below(path, topmost)):
             topmost = path
             yield subject.stage.prims[path]
@@ -195,8 +191,8 @@ def second_lidars(subject: StageSubject) -> tuple[Prim, ...]:
     right = tuple(place.prim.path for place in places if place.prim is not None)
     if not right or len(right) < len(places):
         return ()
-    found = (find_sensor(subject.lab, subject.stage, name) for name in subject.checkpoint.sensors)
-    stand_ins = [location.wrong_type_prim for location in found if location.prim is None]
+    required = (find_sensor(subject.lab, subject.stage, key) for key in subject.checkpoint.sensors)
+    stand_ins = [location.wrong_type_prim for location in required if location.prim is None]
     later = [subject.lab.sensors[name].path for name in later_sensors(subject, LIDAR)]
     return tuple(
         prim for prim in lidars(subject, right) if prim not in stand_ins and prim.path not in later
@@ -222,18 +218,18 @@ def camera_misfits(
     """
     prim = place.prim
     candidates = [
-        _judge(subject, spec, prim, matrix)
+        _misfits(subject, spec, prim, matrix)
         for matrix in candidate_transforms(subject.stage, place)
         if prim
     ]
     return min(candidates, key=len, default=[])
 
 
-def _judge(
+def _misfits(
     subject: StageSubject, spec: SensorSpec, prim: Prim, matrix: Matrix
 ) -> list[PoseError | View]:
     tolerance = sensor_tolerance(subject.lab.scene, subject.stage)
-    found: list[PoseError | View] = [
+    misfits: list[PoseError | View] = [
         misfit
         for misfit in pose_errors(prim, matrix, spec.pose, tolerance)
         if misfit.kind != "rotate" or spec.looks is None
@@ -241,8 +237,8 @@ def _judge(
     along, up = camera_axes(matrix)
     seen = ViewSpec(along, up)
     if spec.looks is None or _is_same(seen, spec.looks, tolerance.angle):
-        return found
-    return [*found, _wrong_view(spec, prim, seen, spec.looks)]
+        return misfits
+    return [*misfits, _wrong_view(spec, prim, seen, spec.looks)]
 
 
 def _wrong_view(spec: SensorSpec, prim: Prim, seen: ViewSpec, expected: ViewSpec) -> View:
@@ -262,6 +258,6 @@ def _wrong_view(spec: SensorSpec, prim: Prim, seen: ViewSpec, expected: ViewSpec
     )
 
 
-def _is_same(one: ViewSpec, other: ViewSpec, limit: float) -> bool:
-    pairs = ((one.along, other.along), (one.up, other.up))
+def _is_same(view: ViewSpec, expected: ViewSpec, limit: float) -> bool:
+    pairs = ((view.along, expected.along), (view.up, expected.up))
     return all(angle_between(a, b) <= limit for a, b in pairs)

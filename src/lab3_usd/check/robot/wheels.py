@@ -64,15 +64,15 @@ class WheelJoint(Struct, frozen=True, eq=False):
 def wheel_joints(subject: StageSubject) -> list[WheelJoint]:
     """Return the wheel joints in the order of the scene file."""
     robot = subject.lab.scene.robot
-    found = []
+    wheels = []
     for name, wheel in robot.wheels.joints.items():
         link = f"{robot.path}/{wheel}"
-        prim = _find(subject.stage, robot.path, name, link)
-        found.append(WheelJoint(name, robot.joint_path(name), link, prim))
-    return found
+        prim = _find_joint(subject.stage, robot.path, name, link)
+        wheels.append(WheelJoint(name, robot.joint_path(name), link, prim))
+    return wheels
 
 
-def _find(stage: StageModel, root: str, name: str, link: str) -> Prim | None:
+def _find_joint(stage: StageModel, root: str, name: str, link: str) -> Prim | None:
     named = [prim for prim in stage.named(name) if is_at_or_below(prim.path, root)]
     for prim in sorted(named, key=lambda prim: (not prim.present, not is_joint(prim), prim.path)):
         return prim
@@ -86,11 +86,6 @@ def unknown_joints(subject: StageSubject) -> UnresolvedAsset | None:
     """Return the missing asset of the robot, beside those of its links, that could hold joints."""
     robot = subject.lab.scene.robot
     return subject.stage.unknown_below(robot.path, beside=robot.link_paths)
-
-
-def could_hide_joints(subject: StageSubject) -> bool:
-    """Whether a missing asset of the robot, other than those of its links, could hold joints."""
-    return unknown_joints(subject) is not None
 
 
 def has_no_joints(subject: StageSubject) -> bool:
@@ -156,8 +151,8 @@ def _is_body(path: str, subject: StageSubject) -> bool:
     if is_link or not is_at_or_below(path, robot.path):
         return False
     while is_at_or_below(path, robot.path):
-        found = subject.stage.prim(path)
-        if found is not None and BODY_API in found.apis:
+        prim = subject.stage.prim(path)
+        if prim is not None and BODY_API in prim.apis:
             return True
         path = path.rpartition("/")[0]
     return False
@@ -188,15 +183,15 @@ def second_commanders(
     live = live_nodes(stage, lab)
     own = {
         path: name
-        for name, found in roles.items()
-        for path in found.role_of
+        for name, players in roles.items()
+        for path in players.role_of
         if path in live and _drives(live[path]) is not None
     }
     for path, node in running_nodes(stage, lab).items() if own else ():
         if _drives(node) is None:
             continue
-        same = any(path in found.equivalents for found in roles.values())
-        if path in own or same or not _commands_wheels(node, stage, lab, live):
+        is_stand_in = any(path in players.equivalents for players in roles.values())
+        if path in own or is_stand_in or not _commands_wheels(node, stage, lab, live):
             continue
         graph = next(graph_model for graph_model in stage.graphs if node in graph_model.nodes)
         if not any(is_same_graph(lab.graphs[name], graph, live) for name in own.values()):
@@ -211,11 +206,11 @@ def is_same_graph(spec: GraphSpec, graph: GraphModel, live: Nodes) -> bool:
     roles = match(spec, graph)
     if roles.extra or diagnose(spec, roles, live):
         return False
-    for role, asked in spec.nodes.items():
+    for role, demand in spec.nodes.items():
         node = roles.node_of[role]
-        if node is None or not all(target_matches(node, target) for target in asked.targets):
+        if node is None or not all(target_matches(node, target) for target in demand.targets):
             return False
-        values = ((setting, setting_value(live, node, setting.port)) for setting in asked.settings)
+        values = ((setting, setting_value(live, node, setting.port)) for setting in demand.settings)
         if not all(setting_matches(node, setting, value) for setting, value in values):
             return False
     return True
@@ -245,14 +240,14 @@ def joint_names(node: Node, port: str, live: Nodes) -> tuple[str, ...] | None:
     """Return the names that reach an input as a list, None where they are unknown."""
     made = list(live_sources(node, port, live))
     if len(made) == 1 and made[0][0].type is not None and made[0][0].type.dynamic is not None:
-        value = _array(made[0][0], live)
+        value = _array_of(made[0][0], live)
     else:
         value = effective_value(node, port, live)
     is_known = isinstance(value, tuple) and all(isinstance(item, str) for item in value)
     return tuple(map(str, value)) if is_known and isinstance(value, tuple) else None
 
 
-def _array(maker: Node, live: Nodes) -> Value | None:
+def _array_of(maker: Node, live: Nodes) -> Value | None:
     """Return the list that a node makes of its numbered inputs."""
     dynamic = None if maker.type is None else maker.type.dynamic
     count = None if dynamic is None else effective_value(maker, INPUT + dynamic.count, live)

@@ -14,6 +14,10 @@ from lab3_usd.spec.catalog import INPUT, OUTPUT
 
 _CONTEXT = "context"
 _DOMAIN, _FROM_ENVIRONMENT = "inputs:domain_id", "inputs:useDomainIDEnvVar"
+STAMP = "inputs:timeStamp"
+_SYSTEM, _RESET = "inputs:useSystemTime", "inputs:resetSimulationTimeOnStop"
+_READER_RESET = "inputs:resetOnStop"
+CLOCK = "rosgraph_msgs/msg/Clock"
 
 
 class ContextInput(Struct, frozen=True, eq=False):
@@ -30,13 +34,13 @@ def context_inputs(subject: LintSubject) -> Iterator[ContextInput]:
     port = INPUT + _CONTEXT
     for node in subject.live.values():
         if node.type is not None and port in node.type.ports:
-            made = tuple(source for source, _ in live_sources(node, port, subject.live))
-            yield ContextInput(node, port, made, bool(node.sources(port) or node.value(port)))
+            contexts = tuple(source for source, _ in live_sources(node, port, subject.live))
+            yield ContextInput(node, port, contexts, bool(node.sources(port) or node.value(port)))
 
 
 def domains(subject: LintSubject) -> dict[str, list[Node]]:
     """Return the contexts that a node uses by the domain they name, in words."""
-    found: dict[str, list[Node]] = {}
+    by_domain: dict[str, list[Node]] = {}
     used = {
         node.path: node
         for context_input in context_inputs(subject)
@@ -50,23 +54,17 @@ def domains(subject: LintSubject) -> dict[str, list[Node]]:
             words = f"the environment's domain, else domain {number}"
         else:
             words = f"domain {number}"
-        found.setdefault(words, []).append(node)
-    return found
+        by_domain.setdefault(words, []).append(node)
+    return by_domain
 
 
 def domain_of(node: Node, subject: LintSubject) -> str:
     """Return the domain in which a node talks, as far as the stage tells."""
-    made = [each for each, _ in live_sources(node, INPUT + _CONTEXT, subject.live)]
+    sources = [source for source, _ in live_sources(node, INPUT + _CONTEXT, subject.live)]
     for words, contexts in domains(subject).items():
-        if made and made[0] in contexts:
+        if sources and sources[0] in contexts:
             return words
     return ""
-
-
-STAMP = "inputs:timeStamp"
-_SYSTEM, _RESET = "inputs:useSystemTime", "inputs:resetSimulationTimeOnStop"
-_READER_RESET = "inputs:resetOnStop"
-CLOCK = "rosgraph_msgs/msg/Clock"
 
 
 class Stamp(Struct, frozen=True, eq=False):
@@ -87,12 +85,12 @@ def stamps(subject: LintSubject) -> Iterator[Stamp]:
     """Yield the clock of each topic that is published."""
     for endpoint in endpoints(subject.stage, subject.lab):
         if endpoint.runs and endpoint.direction == "publishes" and endpoint.topic:
-            stamp = _helper(endpoint, subject) or _publisher(endpoint, subject)
+            stamp = _stamp_of_helper(endpoint, subject) or _stamp_by_wire(endpoint, subject)
             if stamp is not None:
                 yield stamp
 
 
-def _helper(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
+def _stamp_of_helper(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
     """Return the clock of a node that reads the time by itself."""
     node, live = endpoint.node, subject.live
     if node.type is None or _SYSTEM not in node.type.ports:
@@ -105,7 +103,7 @@ def _helper(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
     return Stamp(node, topic, _RESET, "simulation", known, is_clock=False)
 
 
-def _publisher(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
+def _stamp_by_wire(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
     """Return the clock of a node whose time comes by a wire."""
     node = endpoint.node
     sources = list(live_sources(node, STAMP, subject.live))

@@ -18,7 +18,7 @@ from lab3_usd.check.ros.running import (
     signals_once,
 )
 from lab3_usd.model.stage import GraphModel, Node
-from lab3_usd.spec.catalog import INPUT, Port, Value
+from lab3_usd.spec.catalog import INPUT, Value
 from lab3_usd.spec.isaac import Need
 
 
@@ -26,29 +26,24 @@ def unmet_needs(node: Node, subject: LintSubject) -> Iterator[Need]:
     """Yield what a node needs by the catalog and does not get."""
     kind = node.type
     for need in subject.types.needs.get(kind.type, ()) if kind is not None else ():
-        known = [each for each in need.inputs if kind and INPUT + each in kind.ports]
-        if known and _is_asked(node, need) and not any(_is_met(node, each, need) for each in known):
+        if need.when and not (is_given(node, need.when) or _is_on(node, need.when)):
+            continue
+        if need.when_wired and not node.sources(INPUT + need.when_wired):
+            continue
+        if need.unless and _is_on(node, need.unless):
+            continue
+        names = [name for name in need.inputs if kind and INPUT + name in kind.ports]
+        if names and not any(_is_met(node, name, need) for name in names):
             yield need
 
 
-def _is_asked(node: Node, need: Need) -> bool:
-    if need.when and not (is_given(node, need.when) or _is_on(node, need.when)):
-        return False
-    if need.when_wired and not node.sources(INPUT + need.when_wired):
-        return False
-    return not (need.unless and _is_on(node, need.unless))
-
-
 def _is_met(node: Node, name: str, need: Need) -> bool:
-    return is_given(node, name) or _is_zero_on_purpose(node, name, need)
-
-
-def _is_zero_on_purpose(node: Node, name: str, need: Need) -> bool:
-    """Whether somebody wrote a zero that may be meant: it counts, or would be no error."""
+    """Whether an input is given, or somebody wrote a zero that counts or would be no error."""
+    if is_given(node, name):
+        return True
     state = node.state(INPUT + name)
-    if state is None or state.value in (None, ()):
-        return False
-    return need.zero_counts or need.severity == "warning"
+    is_zero_meant = need.zero_counts or need.severity == "warning"
+    return is_zero_meant and state is not None and state.value not in (None, ())
 
 
 def _is_on(node: Node, name: str) -> bool:
@@ -68,20 +63,16 @@ def is_given(node: Node, name: str) -> bool:
     value = None if state is None else state.value
     if value is None or is_nothing(value):
         return False
-    kind = None if node.type is None else node.type.port(port)
-    return kind is None or not _is_idle_default(value, kind)
+    known = None if node.type is None else node.type.port(port)
+    # The default of a quaternion, written down, says nothing.
+    return known is None or not isinstance(value, tuple) or value != known.default
 
 
 def is_nothing(value: Value) -> bool:
     """Whether a value is 0, false, an empty text or array, or made of zeros."""
     if isinstance(value, tuple):
-        return all(is_nothing(each) for each in value)
+        return all(is_nothing(item) for item in value)
     return not value
-
-
-def _is_idle_default(value: Value, port: Port) -> bool:
-    """Whether somebody wrote down a pose that says nothing: the default of a quaternion."""
-    return isinstance(value, tuple) and value == port.default
 
 
 class ArrayItems(Struct, frozen=True):
@@ -106,25 +97,25 @@ def array_items(node: Node) -> ArrayItems | None:
     count = node.value(count_port)
     if node.sources(count_port) or not isinstance(count, int) or isinstance(count, bool):
         return None
-    inside = [f"{INPUT}{dynamic.prefix}{number}" for number in range(min(count, len(node.ports)))]
-    filled = tuple(port for port in inside if _has_item(node, port))
     stem = INPUT + dynamic.prefix
-    others = (port for port in node.ports if port.startswith(stem) and port not in inside)
+    inside = [f"{stem}{number}" for number in range(min(count, len(node.ports)))]
+    states = {port: node.state(port) for port in inside}
+    # An element is wired or set: an empty text is none.
+    filled = tuple(
+        port
+        for port, state in states.items()
+        if state and (state.sources or state.value not in (None, ""))
+    )
+    outside = (port for port in node.ports if port.startswith(stem) and port not in inside)
     return ArrayItems(
         count_port=count_port,
         count=count,
         filled=filled,
         empty=tuple(port for port in inside if port not in filled),
         beyond=tuple(
-            port for port in others if port[len(stem) :].isdecimal() and node.sources(port)
+            port for port in outside if port[len(stem) :].isdecimal() and node.sources(port)
         ),
     )
-
-
-def _has_item(node: Node, port: str) -> bool:
-    """Whether an element of an array is wired or set: an empty text is no element."""
-    state = node.state(port)
-    return state is not None and (bool(state.sources) or state.value not in (None, ""))
 
 
 class Stop(Struct, frozen=True, eq=False):
@@ -145,10 +136,15 @@ class Stop(Struct, frozen=True, eq=False):
 def stops(graph: GraphModel, subject: LintSubject) -> Iterator[Stop]:
     """Yield the nodes of an evaluated graph that no signal reaches, each with those behind it.
 
-    A node that waits for one of those is not told again.
+    A node that waits for one of those is not listed again.
     """
     live = subject.live
-    idle = [node for node in graph.nodes if node.path in live and _is_idle(node, subject)]
+    idle = [
+        node
+        for node in graph.nodes
+        if node.path in live and node.type is not None and not subject.runs(node.path)
+        if event_of(node, subject.lab) is None and signal_inputs(node)
+    ]
     for node in idle:
         ahead = [source for source in signal_sources(node, live) if source.path != node.path]
         if any(not subject.runs(source.path) for source in ahead):
@@ -160,19 +156,12 @@ def stops(graph: GraphModel, subject: LintSubject) -> Iterator[Stop]:
             reason = "broken" if written else "unwired"
             yield Stop(node, port, reason, "", waiting)
         else:
-            reason, cause = _held_by(node, subject)
+            reason, cause = _obstacle(node, subject)
             yield Stop(node, port, reason, cause, waiting)
 
 
-def _is_idle(node: Node, subject: LintSubject) -> bool:
-    """Whether a node of a known type waits for a signal that never comes."""
-    if node.type is None or subject.runs(node.path) or event_of(node, subject.lab) is not None:
-        return False
-    return bool(signal_inputs(node))
-
-
-def _held_by(node: Node, subject: LintSubject) -> tuple[str, str]:
-    """Return why the signals of nodes that run do not reach this one, and which node is it."""
+def _obstacle(node: Node, subject: LintSubject) -> tuple[str, str]:
+    """Return why signals of running nodes do not reach this one, and the node that holds them."""
     live = subject.live
     for port in signal_inputs(node):
         for source, out in live_sources(node, port, live):
@@ -201,7 +190,7 @@ def _behind(first: Node, idle: list[Node], subject: LintSubject) -> Iterator[Nod
     return (node for node in idle if node.path in reached and node is not first)
 
 
-def has_job(node: Node) -> bool:
+def has_side_effects(node: Node) -> bool:
     """Whether a node talks to ROS or moves joints: it is there for a purpose of its own."""
     return node.type is not None and (bool(node.type.role) or node.type.drives is not None)
 
@@ -209,12 +198,14 @@ def has_job(node: Node) -> bool:
 def feeds(node: Node, subject: LintSubject) -> list[Node]:
     """Return the nodes into which something is wired from this one."""
     prefix = f"{node.path}."
-    found = []
-    for other in subject.live.values():
-        sources = (source for state in other.ports.values() for source in state.sources)
-        if other.path != node.path and any(each.startswith(prefix) for each in sources):
-            found.append(other)
-    return found
+    return [
+        target
+        for target in subject.live.values()
+        if target.path != node.path
+        and any(
+            source.startswith(prefix) for state in target.ports.values() for source in state.sources
+        )
+    ]
 
 
 def is_wired(node: Node, subject: LintSubject) -> bool:

@@ -55,10 +55,15 @@ def run_states(stage: StageModel, lab: Lab) -> dict[str, State]:
         if not nodes or not is_graph_evaluated(graph, stage, lab):
             continue
         computing.update(nodes)
-        if _takes_signals(graph, lab):
+        form = lab.catalog.graph.evaluation
+        if _attribute(graph, form.evaluator, lab) not in form.all_nodes:
             states.update(_starts(graph, nodes, lab))
-        else:
-            states.update(dict.fromkeys(nodes, _pace(graph, lab)))
+            continue
+        pace = _attribute(graph, form.stage, lab)
+        is_usual = pace in (lab.catalog.graph.value(form.stage), *form.on_demand)
+        # Isaac Sim should load no graph of an instance.
+        is_certain = is_usual and not graph.instanced
+        states.update(dict.fromkeys(nodes, "runs" if is_certain else "may run"))
     for followers in _followers(computing, lab):
         for state in _SUREST_FIRST:
             _spread(state, states, followers, live, lab)
@@ -99,23 +104,6 @@ def is_graph_evaluated(graph: GraphModel, stage: StageModel, lab: Lab) -> bool:
 def event_of(node: Node, lab: Lab) -> str | None:
     """Return the pipeline stage in which an event fires, '' for an unknown one, None for none."""
     return lab.catalog.events.get(lab.catalog.modern(node.type_name))
-
-
-def _takes_signals(graph: GraphModel, lab: Lab) -> bool:
-    form = lab.catalog.graph.evaluation
-    return _attribute(graph, form.evaluator, lab) not in form.all_nodes
-
-
-def _pace(graph: GraphModel, lab: Lab) -> State:
-    """Return how surely the nodes of an evaluated graph compute that wait for no signal.
-
-    Isaac Sim should load no graph of an instance.
-    """
-    form = lab.catalog.graph.evaluation
-    if graph.instanced:
-        return "may run"
-    known = (lab.catalog.graph.value(form.stage), *form.on_demand)
-    return "runs" if _attribute(graph, form.stage, lab) in known else "may run"
 
 
 def _starts(graph: GraphModel, nodes: Nodes, lab: Lab) -> Iterator[tuple[str, State]]:
@@ -281,9 +269,9 @@ def _rate(prim: Prim, lab: Lab) -> float:
     """Return the sensor's own rate: as written, else what its schema takes; 0 for every frame."""
     rate = prim.attributes.get(_RATE)
     for sensor in lab.sensors.values() if rate is None else ():
-        asked = sensor.attributes.get(_RATE)
-        if asked and asked.unset == "right" and sensor.required_api in prim.apis:
-            rate = asked.value
+        demand = sensor.attributes.get(_RATE)
+        if demand and demand.unset == "right" and sensor.required_api in prim.apis:
+            rate = demand.value
     return float(rate) if isinstance(rate, (int, float)) else 0.0
 
 

@@ -27,7 +27,7 @@ from lab3_usd.check.ros.running import (
     sensor_of,
 )
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
-from lab3_usd.spec.catalog import INPUT, NodeType, Value
+from lab3_usd.spec.catalog import INPUT, NodeType
 from lab3_usd.spec.graph import frame_ports, product_input, resolved_topic, topic_switch
 from lab3_usd.spec.lab import Lab
 
@@ -136,25 +136,23 @@ def qos_of(node: Node, live: Nodes, *, static: bool) -> Qos | None:
         return Qos(depth=1, durability="transient_local")
     maker = next((source for source, _ in live_sources(node, PROFILE, live)), None)
     if maker is not None and is_maker(maker):
-        return _made_by(maker, live)
+        preset = PRESETS.get(str(effective_value(maker, PRESET, live)))
+        return preset or _profile(
+            {name: effective_value(maker, INPUT + name, live) for name in FIELDS}
+        )
     text = effective_value(node, PROFILE, live)
     if text is None and node.has_port(PROFILE):
         return None
     if isinstance(text, str) and text:
         return decode(text)
-    return replace(_DEFAULT, depth=_whole(effective_value(node, QUEUE, live)))
+    depth = effective_value(node, QUEUE, live)
+    is_whole = isinstance(depth, int) and not isinstance(depth, bool)
+    return replace(_DEFAULT, depth=depth if is_whole else None)
 
 
 def is_maker(node: Node) -> bool:
     """Whether the node's inputs are the fields of a profile."""
     return node.type is not None and all(INPUT + name in node.type.ports for name in FIELDS)
-
-
-def _made_by(maker: Node, live: Nodes) -> Qos | None:
-    preset = PRESETS.get(str(effective_value(maker, PRESET, live)))
-    if preset is not None:
-        return preset
-    return _profile({name: effective_value(maker, INPUT + name, live) for name in FIELDS})
 
 
 def decode(text: str) -> Qos | None:
@@ -172,21 +170,17 @@ def decode(text: str) -> Qos | None:
 
 def _profile(data: Mapping[str, object]) -> Qos | None:
     values: dict[str, object] = {}
-    for name, ours in FIELDS.items():
+    for name, field in FIELDS.items():
         value = data.get(name)
         if name in _NUMBERS:
             if isinstance(value, bool) or not isinstance(value, (int, float)) or value < 0:
                 return None
-            values[ours] = int(value) if name == "depth" else float(value)
+            values[field] = int(value) if name == "depth" else float(value)
         elif value in WORDS[name]:
-            values[ours] = re.sub(r"([A-Z])", r"_\1", str(value)).lower()
+            values[field] = re.sub(r"([A-Z])", r"_\1", str(value)).lower()
         else:
             return None
-    return Qos(**values)  # type: ignore[arg-type]  # each was just checked
-
-
-def _whole(value: Value | None) -> int | None:
-    return value if isinstance(value, int) and not isinstance(value, bool) else None
+    return Qos(**values)  # type: ignore[arg-type]  # all were just checked
 
 
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
@@ -237,14 +231,16 @@ def resolve(namespace: str, written: str) -> str | None:
 def endpoints(stage: StageModel, lab: Lab) -> tuple[Endpoint, ...]:
     """Return every topic of every node in an active graph, in the order of topic and node."""
     live, running = live_nodes(stage, lab), running_nodes(stage, lab)
-    nodes = (live, running, _sure(running, stage, lab))
-    found = [
+    states = run_states(stage, lab)
+    certain = {path: node for path, node in running.items() if states[path] == "runs"}
+    nodes = (live, running, certain)
+    unordered = [
         _endpoint(node, port, stage, lab, nodes)
         for node in live.values()
         if node.type is not None and node.type.role in _DIRECTIONS
         for port in used_topics(node, node.type, live)
     ]
-    return tuple(sorted(found, key=lambda each: (each.topic or "", each.direction, each.node.path)))
+    return tuple(sorted(unordered, key=lambda end: (end.topic or "", end.direction, end.node.path)))
 
 
 def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:
@@ -252,9 +248,9 @@ def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:
 
     A topic that belongs to other kinds of messages than the node's is not in use.
     """
-    asked = effective_value(node, _KIND, live)
+    message_kind = effective_value(node, _KIND, live)
     for port in kind.topics:
-        if asked is not None and asked not in kind.only_of.get(port, (asked,)):
+        if message_kind is not None and message_kind not in kind.only_of.get(port, (message_kind,)):
             continue
         switch = kind.ports.get(topic_switch(port))
         if switch is None or effective_value(node, switch.name, live) is True:
@@ -266,14 +262,15 @@ def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:
 def _endpoint(
     node: Node, port: str, stage: StageModel, lab: Lab, nodes: tuple[Nodes, Nodes, Nodes]
 ) -> Endpoint:
-    live, running, sure = nodes
+    live, running, certain = nodes
     kind = node.type
     assert kind is not None  # noqa: S101 - endpoints() asks only nodes of a known type
     written = effective_value(node, port, live)
     queue = effective_value(node, QUEUE, live)
     switch = None if kind.tf is None else kind.tf.static
     static = switch is not None and effective_value(node, switch, live) is True
-    runs = [_is_at_work(node, port, live, each) for each in (running, sure)]
+    runs = [_is_at_work(node, port, live, computing) for computing in (running, certain)]
+    frames = (effective_value(node, name, live) for name in frame_ports(kind, port))
     return Endpoint(
         topic=resolve(namespace_of(node, stage, lab, live), written)
         if isinstance(written, str)
@@ -283,18 +280,13 @@ def _endpoint(
         direction=_DIRECTIONS[kind.role],
         node=node,
         port=port,
-        frames=tuple(_frames(node, port, live)),
+        frames=tuple("?" if frame is None else str(frame) for frame in frames),
         queue=queue if isinstance(queue, int) else None,
         qos=qos_of(node, live, static=static),
         rate=rate_source(node, stage, lab, running, static=static),
         runs=runs[0],
         sure=runs[1],
     )
-
-
-def _sure(running: Nodes, stage: StageModel, lab: Lab) -> Nodes:
-    states = run_states(stage, lab)
-    return {path: node for path, node in running.items() if states[path] == "runs"}
 
 
 def _is_at_work(node: Node, port: str, live: Nodes, running: Nodes) -> bool:
@@ -324,13 +316,14 @@ def namespace_of(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> str:
 
 def namespaces_above(path: str, stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
     """Return the prims at and above a path that carry a namespace, outermost first, with it."""
-    found: list[tuple[str, str]] = []
+    namespaces: list[tuple[str, str]] = []
     while path:
         prim = stage.prim(path)
         value = None if prim is None else prim.attributes.get(lab.policy.namespace_attribute)
-        found.extend([(path, value)] if isinstance(value, str) and value else [])
+        if isinstance(value, str) and value:
+            namespaces.append((path, value))
         path = path.rpartition("/")[0]
-    return found[::-1]
+    return namespaces[::-1]
 
 
 def moving_prims(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> list[tuple[str, str]]:
@@ -340,10 +333,10 @@ def moving_prims(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> list[t
     sensor = sensor_of(node, live)
     is_tf = node.type is not None and node.type.tf is not None
     graph = node.path.rpartition("/")[0]
-    found = namespaces_above(graph if is_tf or sensor is None else sensor, stage, lab)
+    prims = namespaces_above(graph if is_tf or sensor is None else sensor, stage, lab)
     if node.own_namespace and (is_tf or sensor is None):
-        found.append((node.path, node.own_namespace))
-    return found[:1] if is_tf else found
+        prims.append((node.path, node.own_namespace))
+    return prims[:1] if is_tf else prims
 
 
 def message_type(node: Node, kind: NodeType, port: str, live: Nodes) -> str | None:
@@ -361,11 +354,5 @@ def is_refused(node: Node, live: Nodes) -> bool:
     kind = node.type
     if kind is None or _KIND not in kind.ports or "" in kind.message:
         return False
-    asked = effective_value(node, _KIND, live)
-    return isinstance(asked, str) and asked not in kind.message
-
-
-def _frames(node: Node, port: str, live: Nodes) -> Iterator[str]:
-    for name in () if node.type is None else frame_ports(node.type, port):
-        value = effective_value(node, name, live)
-        yield "?" if value is None else str(value)
+    message_kind = effective_value(node, _KIND, live)
+    return isinstance(message_kind, str) and message_kind not in kind.message

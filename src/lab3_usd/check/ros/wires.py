@@ -64,21 +64,13 @@ def why_dead(wire: Connection, subject: LintSubject) -> str | None:
         return None
     if any(node.path == path for node in stage.orphans):
         return "stands outside every graph"
-    there = _in_graph(path, subject)
-    if there:
-        return there
-    return absence_reason(stage, path) if stage.prim(path) is None else "is no node"
-
-
-def _in_graph(path: str, subject: LintSubject) -> str:
-    """Say why a prim that is in a graph is no live node, nothing for one that is in none."""
-    for graph in subject.stage.graphs:
+    for graph in stage.graphs:
         if not graph.active and any(node.path == path for node in graph.nodes):
             return f"is in the graph {graph.path}, which is not in the scene"
         for absent in graph.absent:
             if absent.path == path:
                 return f"is {absent.reason}"
-    return ""
+    return absence_reason(stage, path) if stage.prim(path) is None else "is no node"
 
 
 Kind = Literal["execution", "data"]
@@ -115,11 +107,11 @@ def _cycles(kind: Kind, wires: list[Connection]) -> Iterator[WireCycle]:
         return
     import networkx as nx
 
-    graph, told = nx.DiGraph(pairs), set[str]()
+    graph, reported = nx.DiGraph(pairs), set[str]()
     for wire in wires:
         if not nx.has_path(graph, wire.node.path, wire.source_prim):
             continue
-        way = nx.shortest_path(graph, wire.node.path, wire.source_prim)
-        if told.isdisjoint(way):
-            told.update(way)
-            yield WireCycle(kind, wire.node, wire.port, tuple(way))
+        cycle = nx.shortest_path(graph, wire.node.path, wire.source_prim)
+        if reported.isdisjoint(cycle):
+            reported.update(cycle)
+            yield WireCycle(kind, wire.node, wire.port, tuple(cycle))

@@ -27,7 +27,7 @@ from lab3_usd.check.rules.sensors import (
 )
 from lab3_usd.model.changes import Restore
 from lab3_usd.model.finding import Problem, display
-from lab3_usd.model.stage import is_unresolved, same_value
+from lab3_usd.model.stage import same_value
 from lab3_usd.spec.scene import Plain, SensorSpec
 
 
@@ -73,10 +73,10 @@ def camera_type(subject: StageSubject) -> Iterator[Problem]:
 
 
 def _wrong(subject: StageSubject) -> Iterator[tuple[PresentSensor, PoseError | View]]:
-    for found in present_sensors(subject, CAMERA):
-        if not resets_xform_stack(found.prim):
-            for error in camera_misfits(subject, found.spec, found.place):
-                yield found, error
+    for camera in present_sensors(subject, CAMERA):
+        if not resets_xform_stack(camera.prim):
+            for error in camera_misfits(subject, camera.spec, camera.place):
+                yield camera, error
 
 
 @rule("C04", "camera-position", scope="stage", demands=sensor_demands(CAMERA, sensor_place))
@@ -93,9 +93,9 @@ def camera_position(subject: StageSubject) -> Iterator[Problem]:
     Example: `xformOp:translate` (0, 0, 0), where the Create menu puts it.
     """
     yield from left_behind_sensors(subject, CAMERA)
-    for found, wrong in _wrong(subject):
+    for camera, wrong in _wrong(subject):
         if isinstance(wrong, PoseError) and wrong.kind != "rotate":
-            yield pose_problem(found, wrong)
+            yield pose_problem(camera, wrong)
 
 
 @rule("C05", "camera-view", scope="stage")
@@ -110,21 +110,21 @@ def camera_view(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `xformOp:orient` (0.5, 0.5, 0.5, -0.5), from (90, 0, -90) typed into the Orient field.
     """
-    for found, wrong in _wrong(subject):
+    for camera, wrong in _wrong(subject):
         if isinstance(wrong, PoseError) and wrong.kind == "rotate":
-            yield pose_problem(found, wrong)
+            yield pose_problem(camera, wrong)
         if isinstance(wrong, View):
             yield Problem(
-                found.prim.path,
+                camera.prim.path,
                 wrong.message,
                 wrong.property,
                 wrong.expected,
                 wrong.actual,
-                found.spec.pose.handout,
-                found.place.related,
+                camera.spec.pose.handout,
+                camera.place.related,
                 hint=wrong.hint,
-                fix=(Restore(found.prim.path, wrong.property),),
-                unmet=(f"{found.group}/{ROTATION}",),
+                fix=(Restore(camera.prim.path, wrong.property),),
+                unmet=(f"{camera.group}/{ROTATION}",),
             )
 
 
@@ -155,18 +155,17 @@ def camera_rate(subject: StageSubject) -> Iterator[Problem]:
     Example: `omni:sensor:tickRate` 30.
     """
     yield from _attributes(subject, lambda required: required is not True)
-    for found in present_sensors(subject, CAMERA):
-        yield from _left_alone(subject, found)
+    for camera in present_sensors(subject, CAMERA):
+        yield from _left_alone(subject, camera)
 
 
-def _left_alone(subject: StageSubject, found: PresentSensor) -> Iterator[Problem]:
+def _left_alone(subject: StageSubject, camera: PresentSensor) -> Iterator[Problem]:
     """Yield rates that the camera has by a schema, and that nobody has set."""
-    spec, prim = found.spec, found.prim
+    spec, prim = camera.spec, camera.prim
     if spec.rate_api not in prim.apis:
         return
     for name, entry in spec.required.items():
-        is_rate = entry.required is not True and name not in prim.attributes
-        if is_rate and not is_unresolved(subject.stage, prim.path):
+        if entry.required is not True and name not in prim.attributes:
             expected = display(entry.value)
             message = (
                 f"{name} is not set, expected {expected}; {spec.rate_api} takes 0 then, which "
@@ -179,18 +178,19 @@ def _left_alone(subject: StageSubject, found: PresentSensor) -> Iterator[Problem
                 expected,
                 display(None),
                 entry.handout,
-                found.place.related,
+                camera.place.related,
                 severity="warning",
                 fix=(Restore(prim.path, name),),
-                unmet=(attribute_demand(found.group, name),),
+                unmet=(attribute_demand(camera.group, name),),
+                rests_on=subject.stage.unknown(prim.path),
             )
 
 
 def _attributes(subject: StageSubject, is_asked: Callable[[bool | str], bool]) -> Iterator[Problem]:
-    for found in present_sensors(subject, CAMERA):
-        required = found.spec.required.items()
-        asked = {name: entry for name, entry in required if is_asked(entry.required)}
-        yield from wrong_attributes(subject, found, asked)
+    for camera in present_sensors(subject, CAMERA):
+        required = camera.spec.required.items()
+        attributes = {name: entry for name, entry in required if is_asked(entry.required)}
+        yield from wrong_attributes(subject, camera, attributes)
 
 
 @rule("C08", "camera-aperture", scope="stage", severity="warning")
@@ -229,13 +229,13 @@ def _away_from_default(
         for name, default in usual(camera.spec).items():
             actual = prim.attributes.get(name)
             if actual is not None and not same_value(actual, default):
-                is_, expected = display(actual), display(default)
+                actual_text, expected = display(actual), display(default)
                 yield Problem(
                     prim.path,
-                    f"{name} is {is_}, the default is {expected}",
+                    f"{name} is {actual_text}, the default is {expected}",
                     name,
                     expected,
-                    is_,
+                    actual_text,
                     camera.spec.default_handout or camera.spec.handout,
                     camera.place.related,
                     fix=(Restore(prim.path, name),),

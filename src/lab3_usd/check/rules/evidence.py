@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
+from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import shortened
 from lab3_usd.model.dry_run import Check
@@ -88,9 +89,9 @@ def lifecycle_not_active(subject: EvidenceSubject) -> Iterator[Problem]:
             ) -> list[Problem]:
                 if shown.fact == wanted:
                     return []
-                said = shortened(shown.fact)
-                message = f"{node} is '{said}', expected '{wanted}'"
-                return [Problem(shown.file, message, node, wanted, said, handout)]
+                actual = shortened(shown.fact)
+                message = f"{node} is '{actual}', expected '{wanted}'"
+                return [Problem(shown.file, message, node, wanted, actual, handout)]
 
             yield from judge_best(subject.evidence.lifecycle.get(node, ()), judge)
 
@@ -202,8 +203,8 @@ def forbidden_transform_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     Example: `"world" -> "odom"` in frames.gv.
     """
     for shown in subject.evidence.view_frames.get("", ()):
-        for each in filter(subject.frames.is_forbidden, shown.fact):
-            edge = " -> ".join(each)
+        for pair in filter(subject.frames.is_forbidden, shown.fact):
+            edge = " -> ".join(pair)
             message = f"the TF tree contains {edge}"
             yield Problem(shown.file, message, edge)
 
@@ -338,17 +339,18 @@ def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
     for recording in subject.evidence.recordings:
         for check in recording.checks:
             by_name.setdefault(check.name, []).append((recording, check))
-    for name, found in by_name.items():
-        recording, check = found[-1]
-        if any(each.verdict != "bad" for _, each in found) or _reached(subject, name):
+    for name, results in by_name.items():
+        recording, check = results[-1]
+        if any(each.verdict != "bad" for _, each in results) or _reached(subject, name):
             continue
+        explained_by = explaining_rule(check)
         yield Problem(
             recording.file,
             shortened(check.message),
             name,
             handout="J1",
-            severity="error" if check.rule.startswith(_OF_EVIDENCE) else "warning",
-            hint=f"`lab3 rule {check.rule}` explains such faults; `lab3 bag` shows all of it",
+            severity="error" if explained_by.startswith(_OF_EVIDENCE) else "warning",
+            hint=f"`lab3 rule {explained_by}` explains such faults; `lab3 bag` shows all of it",
         )
 
 

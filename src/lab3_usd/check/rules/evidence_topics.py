@@ -168,9 +168,9 @@ def _differing(
     for path, wanted in expected.items():
         actual = shown.fact.get(path, wanted)
         if not same(actual, wanted):  # a map's resolution is a float32 in the message
-            said = shortened(actual)
-            message = f"{path} of {topic.name} is {said}, expected {wanted}"
-            yield Problem(shown.file, message, topic.name, str(wanted), said, topic.handout)
+            actual_text = shortened(actual)
+            message = f"{path} of {topic.name} is {actual_text}, expected {wanted}"
+            yield Problem(shown.file, message, topic.name, str(wanted), actual_text, topic.handout)
 
 
 @rule("E07", "qos-durability", scope="evidence")

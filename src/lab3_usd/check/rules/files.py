@@ -90,7 +90,7 @@ def muted_sublayer(subject: StageSubject) -> Iterator[Problem]:
 
 
 @rule("F06", "unused-ignore", scope="file", severity="warning")
-def unused_ignore(told: tuple[IgnoreNote, str]) -> Iterator[Problem]:
+def unused_ignore(unused: tuple[IgnoreNote, str]) -> Iterator[Problem]:
     """A note in the stage ignores a finding that is not there.
 
     Why: the fault is repaired, or the note is at another place or misspelt. A note that stays
@@ -102,10 +102,10 @@ def unused_ignore(told: tuple[IgnoreNote, str]) -> Iterator[Problem]:
 
     Example: `# lab3: ignore[P02]` at a value that is right.
     """
-    note, why = told
+    note, reason = unused
     yield Problem(
         note.prim or "/",
-        f"ignore[{note.rule}] ignores nothing: {why}",
+        f"ignore[{note.rule}] ignores nothing: {reason}",
         note.property,
         actual=note.rule or None,
     )

@@ -59,12 +59,12 @@ def two_parents(view: TfView) -> Iterator[Problem]:
         if not any(is_reported_elsewhere(edge, view) for edge in edges):
             site = _site(edges, view)
             clashes.setdefault(site.cause, []).append((site, edges))
-    for cause, found in clashes.items():
-        everything = [edge for _, edges in found for edge in edges]
-        sites = "; ".join(f"{site.parent} -> {site.child}" for site, _ in found)
-        names = ", ".join(f"'{site.child}'" for site, _ in found)
-        many = len(found) > 1
-        is_sure = any(_has_parents(certain_edges(edges)) for _, edges in found)
+    for cause, clashing in clashes.items():
+        everything = [edge for _, edges in clashing for edge in edges]
+        sites = "; ".join(f"{site.parent} -> {site.child}" for site, _ in clashing)
+        names = ", ".join(f"'{site.child}'" for site, _ in clashing)
+        many = len(clashing) > 1
+        is_sure = any(_has_parents(certain_edges(edges)) for _, edges in clashing)
         severity: Severity | None = None if is_sure else "warning"
         yield Problem(
             cause,
@@ -74,9 +74,10 @@ def two_parents(view: TfView) -> Iterator[Problem]:
             ),
             actual=sites,
             handout=view.subject.lab.frames.handout,
-            related=_others(everything, found[0][0]),
+            related=_others(everything, clashing[0][0]),
             severity=severity,
             fix=edits_of_harm(view.subject, cause, severity=severity),
+            frames=tuple(site.child for site, _ in clashing),
         )
 
 
@@ -95,7 +96,7 @@ def transform_published_twice(view: TfView) -> Iterator[Problem]:
     Fix: delete one of the publishers, most often a copy of the whole graph. If two target prims
     have one frame name, remove one of them.
 
-    Example: `{last_graph_name}` was copied to `/World`, and both publish `{root} -> {base}`.
+    Example: `{tree_graph_name}` was copied to `/World`, and both publish `{root} -> {base}`.
     """
     subject = view.subject
     twice: dict[str, list[tuple[Edge, list[Edge]]]] = {}
@@ -104,18 +105,18 @@ def transform_published_twice(view: TfView) -> Iterator[Problem]:
             site = _site(edges, view)
             twice.setdefault(site.publisher, []).append((site, edges))
     copies = repeating_graphs(subject)
-    for publisher, found in twice.items():
+    for publisher, clashing in twice.items():
         if publisher.rpartition("/")[0] in copies:
             continue  # the rule of topics says that the whole graph is there twice
-        sites = ", ".join(f"{site.parent} -> {site.child}" for site, _ in found)
-        is_sure = any(_has_publishers(certain_edges(edges)) for _, edges in found)
+        sites = ", ".join(f"{site.parent} -> {site.child}" for site, _ in clashing)
+        is_sure = any(_has_publishers(certain_edges(edges)) for _, edges in clashing)
         severity: Severity | None = None if is_sure else "warning"
         yield Problem(
             publisher,
             f"publishes {sites}, which another node publishes as well",
             actual=sites,
             handout=subject.lab.frames.handout,
-            related=_others([edge for _, edges in found for edge in edges], found[0][0]),
+            related=_others([edge for _, edges in clashing for edge in edges], clashing[0][0]),
             severity=severity,
             fix=edits_of_harm(subject, publisher, severity=severity),
         )
@@ -135,6 +136,7 @@ def _of_two_prims(edges: list[Edge], subject: StageSubject) -> Problem:
         handout=subject.lab.frames.handout,
         severity=severity,
         fix=edits_of_harm(subject, edges[0].cause, severity=severity),
+        frames=(edges[0].child,),
     )
 
 
@@ -143,10 +145,10 @@ def _has_publishers(edges: list[Edge]) -> bool:
 
 
 def _same_transforms(view: TfView) -> dict[tuple[str, str], list[Edge]]:
-    found: dict[tuple[str, str], list[Edge]] = {}
+    transforms: dict[tuple[str, str], list[Edge]] = {}
     for edge in _open_edges(view):
-        found.setdefault((edge.parent, edge.child), []).append(edge)
-    return found
+        transforms.setdefault((edge.parent, edge.child), []).append(edge)
+    return transforms
 
 
 @rule("T05", "frame-cycle", scope="frames", formerly="ring-of-frames")
@@ -199,9 +201,9 @@ def frames_not_connected(view: TfView) -> Iterator[Problem]:
     for edge in edges:
         if edge.parent not in reached and edge.child not in reached and edge.child not in ring:
             loose.setdefault(edge.cause, []).append(edge)
-    for cause, found in loose.items():
-        names = ", ".join(f"{edge.parent} -> {edge.child}" for edge in found)
-        severity: Severity | None = None if certain_edges(found) else "warning"
+    for cause, unconnected in loose.items():
+        names = ", ".join(f"{edge.parent} -> {edge.child}" for edge in unconnected)
+        severity: Severity | None = None if certain_edges(unconnected) else "warning"
         yield Problem(
             cause,
             f"publishes {names}, which is not connected with '{_tops(subject)[0]}'",
@@ -321,17 +323,18 @@ def _asked(placement: _Placement, view: TfView) -> tuple[str, str | None]:
 def _placed(placement: _Placement, view: TfView) -> Problem:
     frames = view.subject.lab.frames
     parent = "an unknown frame" if placement.parent is None else placement.parent
-    asked, hint = _asked(placement, view)
+    expected, hint = _asked(placement, view)
     may = f"only {frames.localization.by} may" if frames.localization else "nothing may"
     return Problem(
         placement.node,
         f"publishes {parent} -> {view.odom}{placement.unheard}; {may} place '{view.odom}'",
         property=placement.port,
-        expected=asked,
+        expected=expected,
         actual=f"{parent} -> {view.odom}",
         handout=frames.guard_handout,
         hint=hint,
         fix=edits_of_harm(view.subject, placement.node, placement.port),
+        frames=(view.odom,),
     )
 
 
@@ -395,12 +398,12 @@ def competes_with_localization(view: TfView) -> Iterator[Problem]:
     (parent, child), by = localization.edge, localization.by
     for placement in _placements(view):
         if placement.parent == parent:
-            asked, hint = _asked(placement, view)
+            expected, hint = _asked(placement, view)
             yield Problem(
                 placement.node,
                 f"publishes {parent} -> {child}, which {by} publishes",
                 property=placement.port,
-                expected=asked,
+                expected=expected,
                 actual=f"{parent} -> {child}",
                 handout=localization.handout,
                 hint=hint,

@@ -33,13 +33,11 @@ from lab3_usd.check.tf.targets import (
     tf_ports,
 )
 from lab3_usd.model.changes import ClearValue
-from lab3_usd.model.finding import Finding, Problem, Severity
+from lab3_usd.model.finding import Finding, Problem, Severity, display
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.graph import frame_ports
-
-_FAMILY = "T"
 
 
 @rule("T01", "missing-frame", scope="frames")
@@ -78,6 +76,7 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
             actual=frame_name(maker.prims[frame], stage),
             handout=maker.handout,
             fix=(ClearValue(maker.prims[frame], NAME_OVERRIDE),),
+            frames=(frame, frame_name(maker.prims[frame], stage)),
         )
     rest = [frame for frame in missing if frame not in renamed]
     why = _why_not_all(maker, rest, view)
@@ -94,6 +93,7 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
             handout=maker.handout,
             fix=edits_in_stage(view.subject, maker.node.path, maker.port),
             unknown_targets=tuple(strangers),
+            frames=tuple(frames),
         )
 
 
@@ -107,13 +107,9 @@ def _why_not_all(maker: FrameSource, missing: list[str], view: TfView) -> str:
     if not expands(robot, maker.node, view.subject.stage):
         lack = "links of Isaac Sim's robot schema" if ROBOT_API in prim.apis else ROBOT_API
         return f"; {robot} stands for itself, not for its links, for it has no {lack}"
-    links = [home for home in homes if is_at_or_below(home, robot) and _is_body(home, view)]
+    bodies = {body.path for body in view.subject.stage.with_api(BODY_API) if body.present}
+    links = [home for home in homes if is_at_or_below(home, robot) and home in bodies]
     return f"; {robot} does not give {', '.join(links)} without {LINK_API}" if links else ""
-
-
-def _is_body(path: str, view: TfView) -> bool:
-    prim = view.subject.stage.prim(path)
-    return prim is not None and BODY_API in prim.apis
 
 
 @rule("T02", "wrong-parent-frame", scope="frames")
@@ -178,6 +174,7 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
         handout=view.subject.lab.frames.handout,
         severity=severity,
         fix=fix,
+        frames=(actual, expected, *frames),
     )
 
 
@@ -192,33 +189,32 @@ def lost_frames(outcome: Outcome) -> Iterator[Problem]:
 
     Example: Isaac Compute Transform Tree is missing, and with it six frames.
     """
-    told = [finding for finding in outcome.findings if finding.severity != "note"]
+    faults = [finding for finding in outcome.findings if finding.severity != "note"]
     lost = [
         requirement.title.partition(" is ")[0]
         for requirement in outcome.requirements
         if requirement.kind == "frame"
         and not requirement.met
-        and not _is_named(requirement.id, told)
+        and not _is_named(requirement.id.rpartition("/")[2], faults)
     ]
     for path in _publishers(outcome) if lost else ():
-        faults = [finding.prim for finding in told if is_at_or_below(finding.prim, path)]
+        sites = [finding.prim for finding in faults if is_at_or_below(finding.prim, path)]
         yield Problem(
             path,
             f"through other faults, not published: {', '.join(lost)}",
             expected=", ".join(lost),
             handout=outcome.subject.lab.frames.handout,
-            related=tuple(dict.fromkeys(prim for prim in faults if prim != path)),
+            related=tuple(dict.fromkeys(prim for prim in sites if prim != path)),
         )
 
 
-def _is_named(requirement: str, told: list[Finding]) -> bool:
-    frame = requirement.rpartition("/")[2]
-    quoted = f"'{frame}'"
+def _is_named(frame: str, findings: list[Finding]) -> bool:
+    """Whether a finding is about the frame, its prim, or a setting that should name it."""
     return any(
         finding.prim.endswith(f"/{frame}")
-        or finding.expected == quoted
-        or (finding.rule[0] == _FAMILY and quoted in finding.message)
-        for finding in told
+        or finding.expected == display(frame)
+        or frame in finding.frames
+        for finding in findings
     )
 
 

@@ -28,8 +28,7 @@ from lab3_usd.check.rules.sensors import (
 from lab3_usd.model.changes import ApplySchema, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import is_unresolved, same_value
-from lab3_usd.spec.catalog import Value
+from lab3_usd.model.stage import same_value
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import ScanSpec, SensorAttribute, SensorSpec
 
@@ -107,25 +106,24 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
     """
     for sensor in present_sensors(subject, LIDAR):
         prim = sensor.prim
-        may_be_hidden = is_unresolved(subject.stage, prim.path)
         for name, entry in sensor.spec.required.items():
             actual = prim.attributes.get(name)
             has_api = sensor.spec.required_api in prim.apis
             unset = entry.unset if actual is None and has_api else ""
-            is_hidden = actual is None and may_be_hidden
-            if not same_value(actual, entry.value) and unset != "right" and not is_hidden:
-                expected, is_ = display(entry.value), display(actual)
+            if not same_value(actual, entry.value) and unset != "right":
+                expected, actual_text = display(entry.value), display(actual)
                 yield Problem(
                     prim.path,
-                    f"{name} is {is_}, expected {expected}",
+                    f"{name} is {actual_text}, expected {expected}",
                     name,
                     expected,
-                    is_,
+                    actual_text,
                     entry.handout,
                     sensor.place.related,
                     severity="warning" if unset else None,
                     fix=(Restore(prim.path, name),),
                     unmet=(attribute_demand(sensor.group, name),),
+                    rests_on=subject.stage.unknown_value(prim, name),
                 )
 
 
@@ -149,7 +147,7 @@ def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
     """
     for sensor in present_sensors(subject, LIDAR):
         prim, wanted = sensor.prim, sensor.spec.required_api
-        if wanted and wanted not in prim.apis and not is_unresolved(subject.stage, prim.path):
+        if wanted and wanted not in prim.apis:
             yield Problem(
                 prim.path,
                 f"lidar lacks {wanted}",
@@ -158,6 +156,7 @@ def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
                 related=sensor.place.related,
                 fix=(ApplySchema(prim.path, wanted),),
                 unmet=(f"{sensor.group}/schema",),
+                rests_on=subject.stage.unknown(prim.path),
             )
 
 
@@ -180,18 +179,18 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `/World/Example_Rotary_2D` beside `{lidar}`.
     """
-    found = [*present_sensors(subject, LIDAR)]
+    sensors = [*present_sensors(subject, LIDAR)]
     handout = subject.lab.scene.forbidden.lidar.handout
-    right = ", ".join(sensor.prim.path for sensor in found)
+    right = ", ".join(sensor.prim.path for sensor in sensors)
     for prim in second_lidars(subject):
         yield Problem(
             prim.path,
             f"{prim.path} is a second lidar beside {right}",
             actual=prim.type,
             handout=handout,
-            related=tuple(sensor.place.path for sensor in found),
+            related=tuple(sensor.place.path for sensor in sensors),
             fix=(RemovePrim(prim.path),),
-            unmet=tuple(f"{sensor.group}/only" for sensor in found),
+            unmet=tuple(f"{sensor.group}/only" for sensor in sensors),
         )
 
 
@@ -211,14 +210,14 @@ def _short(name: str) -> str:
 
 def _scanning(subject: StageSubject) -> Iterator[tuple[PresentSensor, ScanSpec]]:
     """Yield the lidars of which the lab says when they scan, and what it says of each."""
-    for found in present_sensors(subject, LIDAR):
-        if found.spec.scan is not None:
-            yield found, found.spec.scan
+    for lidar in present_sensors(subject, LIDAR):
+        if lidar.spec.scan is not None:
+            yield lidar, lidar.spec.scan
 
 
-def _problem(found: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
+def _problem(lidar: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
     name, message, expected = fault
-    path, actual = found.prim.path, display(found.prim.attributes.get(name))
+    path, actual = lidar.prim.path, display(lidar.prim.attributes.get(name))
     return Problem(
         path,
         message,
@@ -226,9 +225,9 @@ def _problem(found: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
         expected,
         actual,
         scan.handout,
-        found.place.related,
+        lidar.place.related,
         fix=(Restore(path, name),),
-        unmet=(f"{found.group}/schema",),
+        unmet=(f"{lidar.group}/schema",),
     )
 
 
@@ -244,36 +243,31 @@ def no_scan(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `omni:sensor:Core:patternFiringRateHz` 0.
     """
-    for found, scan in _scanning(subject):
-        prim, asked = found.prim, found.spec.required
-        for fault in (*_zeros(prim, scan), *_empty(prim, scan), *_falling(prim, scan, asked)):
-            yield _problem(found, scan, fault)
+    for lidar, scan in _scanning(subject):
+        for fault in _silencing_values(lidar.prim, scan, lidar.spec.required):
+            yield _problem(lidar, scan, fault)
 
 
-def _zeros(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+def _silencing_values(
+    prim: Prim, scan: ScanSpec, required: Mapping[str, SensorAttribute]
+) -> Iterator[_Fault]:
     for name in scan.above_zero:
-        value = _number(prim, name)
-        if value is not None and not value > 0:
-            yield name, f"{name} is {display(value)}, which gives no scan", "more than 0"
-
-
-def _empty(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+        rate = _number(prim, name)
+        if rate is not None and not rate > 0:
+            yield name, f"{name} is {display(rate)}, which gives no scan", "more than 0"
     for name, value in prim.attributes.items():
         if name.startswith(scan.emitters) and value == ():
             yield name, f"{name} is empty: the lidar has no emitter", "one entry for each emitter"
-
-
-def _falling(prim: Prim, scan: ScanSpec, asked: Mapping[str, SensorAttribute]) -> Iterator[_Fault]:
     for low, high in scan.rising:
-        # A wrong value of what the handout asks for is told by its own rule.
-        is_asked = low in asked
-        least = float(asked[low].value) if is_asked else _number(prim, low)
+        # L05 reports a wrong value of what the handout asks for.
+        is_required = low in required
+        least = float(required[low].value) if is_required else _number(prim, low)
         most = _number(prim, high)
         if least is not None and most is not None and most > 0 and not least < most:
             message = (
                 f"{low} is {display(least)} and {_short(high)} is {display(most)}, so no scan fits"
             )
-            yield high if is_asked else low, message, f"{_short(low)} below {_short(high)}"
+            yield high if is_required else low, message, f"{_short(low)} below {_short(high)}"
 
 
 @rule("L10", "other-scan", scope="stage", severity="warning")
@@ -288,13 +282,12 @@ def other_scan(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `omni:sensor:Core:validEndAzimuthDeg` 180.
     """
-    for found, scan in _scanning(subject):
-        prim = found.prim
-        for fault in (*_partial(prim, scan), *_tilted(prim, scan), *_changed(prim, scan)):
-            yield _problem(found, scan, fault)
+    for lidar, scan in _scanning(subject):
+        for fault in _unusual_values(lidar.prim, scan):
+            yield _problem(lidar, scan, fault)
 
 
-def _partial(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
+def _unusual_values(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
     limits = [_number(prim, name) for name in scan.circle]
     start, end = (
         usual if limit is None else limit
@@ -308,25 +301,16 @@ def _partial(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
             f"the lidar covers {covered:g} degrees of the circle, from azimuth {start:g} to {end:g}"
         )
         yield name, message, f"{_TURN:g} degrees"
-
-
-def _tilted(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
     for name, value in prim.attributes.items():
         if not (name.startswith(scan.emitters) and _short(name) == scan.elevation):
             continue
-        steepest = max(_degrees(value), key=abs, default=0.0)
+        items = value if isinstance(value, tuple) else (value,)
+        degrees = [float(item) for item in items if isinstance(item, (int, float))]
+        steepest = max(degrees, key=abs, default=0.0)
         if not abs(steepest) <= scan.level:
-            where = "up" if steepest > 0 else "down"
-            message = f"{name} reaches {steepest:g} degrees: the lidar looks {where}"
+            direction = "up" if steepest > 0 else "down"
+            message = f"{name} reaches {steepest:g} degrees: the lidar looks {direction}"
             yield name, message, "0 degrees"
-
-
-def _degrees(value: Value) -> list[float]:
-    items = value if isinstance(value, tuple) else (value,)
-    return [float(item) for item in items if isinstance(item, (int, float))]
-
-
-def _changed(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
     for name, kept in scan.keep.items():
         actual = prim.attributes.get(name)
         if actual is not None and not same_value(actual, kept.value):
@@ -348,20 +332,20 @@ def lidar_asset(subject: StageSubject) -> Iterator[Problem]:
     Example: a reference to `Example_Rotary.usda`, created with Example Rotary instead of Example
     Rotary 2D.
     """
-    for found in present_sensors(subject, LIDAR):
-        expected = _stem(found.spec.asset_suffix)
+    for lidar in present_sensors(subject, LIDAR):
+        expected = _stem(lidar.spec.asset_suffix)
         others = {*subject.lab.scene.forbidden.lidar.names} - {expected}
         for missing in subject.stage.unresolved:
             made_of = _stem(missing.asset)
-            if missing.prim == found.prim.path and made_of in others:
+            if missing.prim == lidar.prim.path and made_of in others:
                 yield Problem(
-                    found.prim.path,
+                    lidar.prim.path,
                     f"the lidar is made of {made_of}, expected {expected}",
                     None,
                     expected,
                     made_of,
-                    found.spec.handout,
-                    found.place.related,
+                    lidar.spec.handout,
+                    lidar.place.related,
                 )
 
 

@@ -42,14 +42,14 @@ def frame_of_two_parents(subject: LintSubject) -> Iterator[Problem]:
     Example: `odom -> base_link` and `base_footprint -> base_link`, by two graphs.
     """
     first: dict[str, Edge] = {}
-    told: set[tuple[str, str]] = set()
+    judged: set[tuple[str, str]] = set()
     rings = set(frames_in_cycles(all_edges(subject)))
     for edge in all_edges(subject):
         if edge.child == edge.parent or edge.child in rings:
             continue
         known = first.setdefault(edge.child, edge)
-        if known.parent != edge.parent and (edge.cause, edge.child) not in told:
-            told.add((edge.cause, edge.child))
+        if known.parent != edge.parent and (edge.cause, edge.child) not in judged:
+            judged.add((edge.cause, edge.child))
             yield Problem(
                 edge.cause,
                 f"publishes {edge.parent} -> {edge.child}, and {known.publisher} publishes "
@@ -71,10 +71,10 @@ def frame_below_itself(subject: LintSubject) -> Iterator[Problem]:
 
     Example: Parent Prim and Target Prims of Isaac Compute Transform Tree name the same link.
     """
-    told: set[tuple[str, str]] = set()
+    judged: set[tuple[str, str]] = set()
     for edge in all_edges(subject):
-        if edge.parent == edge.child and (edge.cause, edge.child) not in told:
-            told.add((edge.cause, edge.child))
+        if edge.parent == edge.child and (edge.cause, edge.child) not in judged:
+            judged.add((edge.cause, edge.child))
             yield Problem(
                 edge.cause,
                 f"publishes {edge.parent} -> {edge.child}: the frame is its own parent",
@@ -101,7 +101,7 @@ def frames_in_a_ring(subject: LintSubject) -> Iterator[Problem]:
         last = inside[-1]
         yield Problem(
             last.cause,
-            f"publishes {last.parent} -> {last.child}, which closes a ring of {', '.join(frames)}",
+            f"publishes {last.parent} -> {last.child}, which closes a cycle of {', '.join(frames)}",
             actual=f"{last.parent} -> {last.child}",
             related=tuple(dict.fromkeys(e.publisher for e in inside if e is not last)),
             severity=_grave(*inside),
@@ -126,8 +126,8 @@ def trees_apart(subject: LintSubject) -> Iterator[Problem]:
     for edges, frames in trees[1:]:
         yield Problem(
             edges[0].cause,
-            f"publishes the tree of {', '.join(sorted(frames))}, which nothing connects with that "
-            f"of {', '.join(sorted(trees[0][1]))}",
+            f"publishes the tree of {', '.join(sorted(frames))}, which is not connected to that of "
+            f"{', '.join(sorted(trees[0][1]))}",
             related=(trees[0][0][0].publisher,),
         )
 
@@ -205,7 +205,7 @@ def odometry_and_transform_differ(subject: LintSubject) -> Iterator[Problem]:
         if pair.message != pair.transform:
             yield Problem(
                 pair.publisher.path,
-                f"the message is of {' -> '.join(pair.message)}, and {pair.tree.path} publishes "
+                f"the message names {' -> '.join(pair.message)}, but {pair.tree.path} publishes "
                 f"{' -> '.join(pair.transform)}",
                 property=pair.port,
                 expected=" -> ".join(pair.transform),

@@ -26,7 +26,7 @@ from lab3_usd.check.ros.topics import did_you_mean, likely_name
 from lab3_usd.check.rules.limits import stopping_limits
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import number
-from lab3_usd.model.prims import Collider, Matrix, Prim
+from lab3_usd.model.prims import Matrix, Prim
 from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.model.transforms import Vector, distance, transform_point
 from lab3_usd.spec.isaac import NEWEST
@@ -51,10 +51,10 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
         is_by_path = command.port == command.ports.path
         if not command.robot or command.roots or not (is_there or is_by_path):
             continue  # of a target that is not there another rule speaks
-        what = "no articulation root is there or below" if is_there else "there is no such prim"
+        what = "no articulation root at or below it" if is_there else "no prim at that path"
         yield Problem(
             command.node.path,
-            f"{command.port} is {command.robot}, and {what}",
+            f"{command.port} is {command.robot}, but there is {what}",
             property=command.port,
             expected="a prim with an articulation root",
             actual=command.robot,
@@ -75,7 +75,8 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
     for command in commands(subject):
         known = joints_of(command, subject.stage) if command.roots else {}
         for name in command.names or () if known else ():
-            if name and name not in known and not _is_renamed(name, known):
+            overrides = [joint.attributes.get("isaac:nameOverride") for joint in known.values()]
+            if name and name not in known and name not in overrides:
                 yield Problem(
                     command.node.path,
                     f"the robot has no joint '{name}'{did_you_mean(likely_name(name, known))}",
@@ -85,11 +86,6 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
                     related=(command.robot,),
                     rests_on=command.unknown,
                 )
-
-
-def _is_renamed(name: str, known: dict[str, Prim]) -> bool:
-    """Whether a joint goes by another name than that of its prim."""
-    return any(joint.attributes.get("isaac:nameOverride") == name for joint in known.values())
 
 
 @rule("K62", "drive-ignores-velocity", scope="lint")
@@ -103,14 +99,14 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
 
     Example: an importer left `stiffness = 10000` on the wheel joints.
     """
-    told: set[str] = set()
+    judged: set[str] = set()
     for command in commands(subject):
         given = wired_commands(command)
         if given != [_VELOCITY] or not command.roots:
             continue
         for joint in told_joints(command, _VELOCITY, subject):
-            if joint.path not in told:
-                told |= set() if command.unknown else {joint.path}
+            if joint.path not in judged:
+                judged |= set() if command.unknown else {joint.path}
                 yield from _drive_problems(command, joint)
 
 
@@ -119,7 +115,7 @@ def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
     kind = next(iter(drives), "")
     wrong = _wrong_value(joint, f"drive:{kind.partition(':')[2]}:physics:", is_driven=bool(kind))
     if wrong is not None:
-        message = f"{wrong[0]}, and {command.node.path} tells it a velocity"
+        message = f"{wrong[0]}, but {command.node.path} commands a velocity"
         yield Problem(
             joint.path, message, *wrong[1:], related=(command.node.path,), rests_on=command.unknown
         )
@@ -136,7 +132,7 @@ def _wrong_value(
     if damping is None or damping <= 0.0:
         return "has a drive without damping", names[0], "damping above 0", None
     if stiffness is not None and stiffness > 0.0:
-        return f"has a drive of stiffness {stiffness:g}", names[1], "0", f"{stiffness:g}"
+        return f"has a drive with stiffness {stiffness:g}", names[1], "0", f"{stiffness:g}"
     if force is not None and force <= 0.0:
         return "has a drive without force", names[2], "above 0", f"{force:g}"
     return None
@@ -154,24 +150,24 @@ def no_body_to_follow(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:chassisPrim` names `/World/robot`, an Xform above the links.
     """
-    for found in followed_bodies(subject):
-        if not found.is_body:
+    for odometry in followed_bodies(subject):
+        if not odometry.is_body:
             yield Problem(
-                found.node.path,
-                f"{found.port} is {found.prim.path}, {_why_no_body(found)}",
-                property=found.port,
+                odometry.node.path,
+                f"{odometry.port} is {odometry.prim.path}, {_why_no_body(odometry)}",
+                property=odometry.port,
                 expected="a rigid body or an articulation root",
-                actual=found.prim.path,
-                rests_on=found.unknown,
+                actual=odometry.prim.path,
+                rests_on=odometry.unknown,
             )
 
 
-def _why_no_body(found: Followed) -> str:
-    if found.body is None:
-        return f"a robot that lists no link in {found.asked.links}"
-    what = "is no rigid body and no articulation root"
-    is_other = found.body.path != found.prim.path
-    return f"and its first link {found.body.path} {what}" if is_other else f"which {what}"
+def _why_no_body(odometry: Followed) -> str:
+    if odometry.body is None:
+        return f"which lists no link in {odometry.asked.links}"
+    fault = "is neither a rigid body nor an articulation root"
+    is_other = odometry.body.path != odometry.prim.path
+    return f"and its first link {odometry.body.path} {fault}" if is_other else f"which {fault}"
 
 
 @rule("K68", "command-count", scope="lint", formerly="number-of-commands")
@@ -204,9 +200,9 @@ def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
 def _has_gaps(command: Command, subject: LintSubject) -> bool:
     """Whether an array that comes in is not as long as it looks: another rule speaks of it."""
     ports = (command.ports.joints, *command.ports.commands)
-    made = (each for port in ports for each, _ in live_sources(command.node, port, subject.live))
-    found = (array_items(node) for node in made)
-    return any(items.beyond or items.empty for items in found if items is not None)
+    sources = (node for port in ports for node, _ in live_sources(command.node, port, subject.live))
+    arrays = (array_items(node) for node in sources)
+    return any(items.beyond or items.empty for items in arrays if items is not None)
 
 
 _BODIES = ("physics:body0", "physics:body1")
@@ -258,31 +254,25 @@ def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
     for command, controller, pair in _driven_pairs(subject):
         unit = unit_of(controller, _SPEED, subject)
         units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
+        is_metric = unit in {None, 1.0}
+        unit_text = "" if is_metric else f", and the velocity comes in units of {unit:g} m"
         radii = [_wheel_radius(joint, subject.stage) for joint in pair]
-        found = {_RADIUS: None if radii[0] != radii[1] else radii[0]}
-        found[_DISTANCE] = _wheel_distance(*pair, subject.stage)
-        for port, measured in found.items():
+        sizes = {_RADIUS: None if radii[0] != radii[1] else radii[0]}
+        sizes[_DISTANCE] = _wheel_distance(*pair, subject.stage)
+        for port, measured in sizes.items():
             value = number(effective_value(controller, port, subject.live))
-            if value and measured and not _fits(value, measured, units):
+            if not value or not measured:
+                continue
+            if not any(math.isclose(value * size, measured, rel_tol=_CLOSE) for size in units):
                 yield Problem(
                     controller.path,
-                    f"{port} is {value:g}, the wheels have {measured:.4g} m{_in_unit(unit)}",
+                    f"{port} is {value:g}, the wheels have {measured:.4g} m{unit_text}",
                     property=port,
                     expected=f"{measured / units[0]:.4g}",
                     actual=f"{value:g}",
                     related=tuple(joint.path for joint in pair),
                     rests_on=command.unknown,
                 )
-
-
-def _fits(value: float, measured: float, units: tuple[float, ...]) -> bool:
-    """Whether a value is what was measured, in one of these units."""
-    return any(math.isclose(value * unit, measured, rel_tol=_CLOSE) for unit in units)
-
-
-def _in_unit(unit: float | None) -> str:
-    """Return the end of a sentence about a velocity that is not in metres per second."""
-    return "" if unit in {None, 1.0} else f", and the velocity comes in units of {unit:g} m"
 
 
 def _driven_pairs(subject: LintSubject) -> Iterator[tuple[Command, Node, tuple[Prim, Prim]]]:
@@ -308,7 +298,7 @@ def joint_of_two_controllers(subject: LintSubject) -> Iterator[Problem]:
 
     Example: the menu's Differential Controller graph beside one's own on the same robot.
     """
-    running = [each for each in commands(subject) if subject.runs(each.node.path)]
+    running = [command for command in commands(subject) if subject.runs(command.node.path)]
     for index, command in enumerate(running):
         for other in running[:index]:
             shared = _shared(command, other, subject)
@@ -352,8 +342,8 @@ def left_and_right(subject: LintSubject) -> Iterator[Problem]:
         if says_so and is_so:
             yield Problem(
                 command.node.path,
-                f"the speeds of {controller.name} are those of the left and the right wheel, the "
-                f"names are {first.name}, {second.name}",
+                f"{controller.name} gives the speeds of the left and the right wheel, but the "
+                f"joint names are {first.name}, {second.name}",
                 property=command.ports.joints,
                 expected=f"{second.name}, {first.name}",
                 actual=f"{first.name}, {second.name}",
@@ -384,10 +374,8 @@ def _wheel_radius(joint: Prim, stage: StageModel) -> float | None:
     if wheel is None or wheel.world is None or not _is_square(wheel.world):
         return None
     boxes = list(stage.colliders.below(wheel.path))
-    return _radius(boxes) if boxes else None
-
-
-def _radius(boxes: list[Collider]) -> float | None:
+    if not boxes:
+        return None
     sides = sorted(
         max(box.high[axis] for box in boxes) - min(box.low[axis] for box in boxes)
         for axis in range(3)
@@ -408,7 +396,7 @@ def _anchor(joint: Prim, stage: StageModel) -> Vector | None:
     place = joint.attributes.get("physics:localPos0", (0.0, 0.0, 0.0))
     if base is None or not isinstance(place, tuple):
         return None
-    numbers = [float(each) for each in place if isinstance(each, (int, float))]
+    numbers = [float(part) for part in place if isinstance(part, (int, float))]
     return (numbers[0], numbers[1], numbers[2]) if len(numbers) == len("xyz") else None
 
 

@@ -11,7 +11,7 @@ from lab3_usd.check.ros.execution import (
     Stop,
     array_items,
     feeds,
-    has_job,
+    has_side_effects,
     is_wired,
     stops,
     unmet_needs,
@@ -28,9 +28,9 @@ from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import DEACTIVATED, OVER, nodes_outside_graphs
 
 _REASONS = {
-    "unwired": "nothing is wired into {port}",
-    "once": "its only signal comes from {cause}, a single time, which opens its topic and no more",
-    "off": "{cause}, which signals it, is switched off",
+    "unwired": "{port} is not connected",
+    "once": "its only signal comes once, from {cause}, which opens its topic and no more",
+    "off": "{cause}, which triggers it, is switched off",
 }
 
 
@@ -57,24 +57,24 @@ def never_computes(subject: LintSubject) -> Iterator[Problem]:
 def _matters(stop: Stop, subject: LintSubject) -> bool:
     """Whether a node with a job waits, or a node that runs takes data from one that does."""
     nodes = (stop.node, *stop.waiting)
-    if any(has_job(node) for node in nodes):
+    if any(has_side_effects(node) for node in nodes):
         return True
-    return any(subject.runs(other.path) for node in nodes for other in feeds(node, subject))
+    return any(subject.runs(target.path) for node in nodes for target in feeds(node, subject))
 
 
 def _stopped(stop: Stop, subject: LintSubject) -> Problem:
     reason = _REASONS[stop.reason].format(port=stop.port, cause=stop.cause)
     waiting = ", ".join(node.name for node in stop.waiting)
-    told = f"; with it wait {waiting}" if waiting else ""
-    switch = stop.reason == "off"
+    waiting_text = f"; waiting for it: {waiting}" if waiting else ""
+    is_off = stop.reason == "off"
     return Problem(
         stop.node.path,
-        f"{subject.title(stop.node)} never computes: {reason}{told}",
+        f"{subject.title(stop.node)} never executes: {reason}{waiting_text}",
         property=stop.port,
         expected="a wire from an event",
         related=tuple(node.path for node in stop.waiting),
-        hint=f"switch {stop.cause} on again" if switch else None,
-        severity="note" if switch else None,
+        hint=f"switch {stop.cause} on again" if is_off else None,
+        severity="note" if is_off else None,
         rests_on=subject.stage.unknown(stop.node.path),
     )
 
@@ -97,18 +97,18 @@ def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
             continue
         prim = subject.stage.prims.get(graph.path)
         is_over = prim is None or (prim.active and not prim.defined)
-        what = "is only an over without a def" if is_over else "is deactivated"
+        reason = "is only an over without a def" if is_over else "is deactivated"
         nodes = len(graph.nodes) + len(graph.absent)
         yield Problem(
             graph.path,
-            f"graph {what}: none of its {nodes} nodes computes",
+            f"graph {reason}: none of its {nodes} nodes executes",
             severity="error" if is_over else None,
             rests_on=subject.stage.unknown(graph.path) if is_over else None,
         )
     for path, nodes in _nodes_in_overs(subject).items():
         yield Problem(
             path,
-            f"holds {nodes} nodes and is only an over without a def: none of them computes",
+            f"holds {nodes} nodes and is only an over without a def: none of them executes",
             severity="error",
             rests_on=subject.stage.unknown(path),
         )
@@ -179,11 +179,12 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
                     yield Problem(
                         node.path,
                         f"{subject.title(node)} never fires in a graph of "
-                        f"{graph.attributes.get(form.stage, 'no pipeline stage')}, so that "
-                        f"{', '.join(other.name for other in waiting)} never compute",
+                        f"{graph.attributes.get(form.stage, 'no pipeline stage')}, so "
+                        f"{', '.join(target.name for target in waiting)} never "
+                        f"{'executes' if len(waiting) == 1 else 'execute'}",
                         expected=needed,
                         actual=str(graph.attributes.get(form.stage)),
-                        related=tuple(other.path for other in waiting),
+                        related=tuple(target.path for target in waiting),
                     )
 
 
@@ -203,13 +204,13 @@ def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
             continue
         yield Problem(
             node.path,
-            f"{subject.title(node)} stands outside every graph and never computes",
-            severity="error" if has_job(node) else None,
+            f"{subject.title(node)} is outside every graph and never executes",
+            severity="error" if has_side_effects(node) else None,
         )
     for graph in subject.graphs():
-        for there in graph.absent if graph.active else ():
-            if there.reason not in (DEACTIVATED, OVER) and there.type_name:
-                yield Problem(there.path, f"is no node but {there.reason}, and never computes")
+        for prim in graph.absent if graph.active else ():
+            if prim.reason not in (DEACTIVATED, OVER) and prim.type_name:
+                yield Problem(prim.path, f"is not a node but {prim.reason}, and never executes")
 
 
 @rule("K06", "switched-off", scope="lint", severity="note")
@@ -224,18 +225,18 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:enabled = 0` on a ROS2 Camera Helper.
     """
     for node in subject.live.values():
-        if has_job(node) and effective_value(node, ENABLED, subject.live) is False:
+        if has_side_effects(node) and effective_value(node, ENABLED, subject.live) is False:
             yield Problem(node.path, f"{subject.title(node)} is switched off", property=ENABLED)
         gate = shut_gate(node, subject.live, subject.lab)
         waiting = feeds(node, subject) if gate is not None else []
         if waiting:
             yield Problem(
                 node.path,
-                f"{gate} is 0: no signal gets to {', '.join(other.name for other in waiting)}",
+                f"{gate} is 0: no signal reaches {', '.join(target.name for target in waiting)}",
                 property=gate,
                 expected="1 or more",
                 actual="0",
-                related=tuple(other.path for other in waiting),
+                related=tuple(target.path for target in waiting),
                 severity="warning",
             )
 
@@ -253,7 +254,9 @@ def graph_in_instance(subject: LintSubject) -> Iterator[Problem]:
     """
     for graph in subject.graphs():
         if graph.active and graph.instanced:
-            yield Problem(graph.path, "graph is part of an instance, of which no graph is loaded")
+            yield Problem(
+                graph.path, "graph is part of an instance: Isaac Sim loads no graph of an instance"
+            )
 
 
 @rule("K10", "unset-input", scope="lint", formerly="works-on-zeros")
@@ -274,10 +277,12 @@ def works_on_zeros(subject: LintSubject) -> Iterator[Problem]:
         for need in unmet_needs(node, subject):
             known = [name for name in need.inputs if node.has_port(f"inputs:{name}")]
             names = " and ".join(f"inputs:{name}" for name in known)
-            verb = "are" if len(known) > 1 else "is"
+            is_unset = (
+                "are not connected and have" if len(known) > 1 else "is not connected and has"
+            )
             yield Problem(
                 node.path,
-                f"{names} {verb} neither wired nor set: {need.effect}",
+                f"{names} {is_unset} no value: {need.effect}",
                 property=f"inputs:{known[0]}",
                 expected="a wire or a value",
                 severity=need.severity if need.severity != "error" else None,
@@ -304,7 +309,7 @@ def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
             for port in items.empty:
                 yield Problem(
                     node.path,
-                    f"{port} is neither wired nor set, so that an element of the array is empty",
+                    f"{port} is not connected and has no value: an element of the array is empty",
                     property=port,
                     expected="a wire or a value",
                     rests_on=subject.stage.unknown(node.path),
@@ -312,7 +317,7 @@ def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
         for port in items.beyond:
             yield Problem(
                 node.path,
-                f"{port} is left out: {items.count_port} is {items.count}",
+                f"{port} is ignored: {items.count_port} is {items.count}",
                 property=items.count_port,
                 actual=str(items.count),
                 severity="warning",
@@ -332,16 +337,19 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
 
     Example: of four publishers one has no wire at `inputs:context`.
     """
-    wired = [found for found in context_inputs(subject) if found.contexts]
-    bare = [found for found in context_inputs(subject) if not found.is_set]
-    for found in bare if wired else ():
-        if has_job(found.node) and subject.runs(found.node.path):
+    connected = [entry for entry in context_inputs(subject) if entry.contexts]
+    unset = [entry for entry in context_inputs(subject) if not entry.is_set]
+    for entry in unset if connected else ():
+        if has_side_effects(entry.node) and subject.runs(entry.node.path):
+            context = connected[0].contexts[0].path
+            count = len(connected)
             yield Problem(
-                found.node.path,
-                f"{found.port} is not wired: the domain is the environment's, while "
-                f"{len(wired)} other nodes of the stage are in that of {wired[0].contexts[0].path}",
-                property=found.port,
-                expected=f"{wired[0].contexts[0].path}.outputs:context",
+                entry.node.path,
+                f"{entry.port} is not connected: the domain is that of the environment, while "
+                f"{count} other {'node takes its' if count == 1 else 'nodes take their'} domain "
+                f"from {context}",
+                property=entry.port,
+                expected=f"{context}.outputs:context",
             )
 
 
@@ -357,15 +365,15 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
 
     Example: one context has `domain_id = 5`, the other `domain_id = 0`.
     """
-    found = domains(subject)
-    if len(found) < 2:  # noqa: PLR2004 - the first is what the others differ from
+    contexts_of = domains(subject)
+    if len(contexts_of) < 2:  # noqa: PLR2004 - the first is what the others differ from
         return
-    (first, nodes), *others = found.items()
+    (first, nodes), *others = contexts_of.items()
     for domain, contexts in others:
         for context in contexts:
             yield Problem(
                 context.path,
-                f"context is of {domain}, that of {nodes[0].path} of {first}",
+                f"context names {domain}, {nodes[0].path} names {first}",
                 expected=first,
                 actual=domain,
                 related=tuple(node.path for node in nodes),

@@ -23,10 +23,10 @@ _PRODUCT = "inputs:renderProductPath"
 def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
     """Yield the nodes that publish a sensor, with what they ask of it and its path."""
     for node in subject.live.values():
-        asked = subject.types.sensors.get("" if node.type is None else node.type.type)
+        needed = subject.types.sensors.get("" if node.type is None else node.type.type)
         path = sensor_of(node, subject.live)
-        if asked is not None and path is not None:
-            yield node, asked, path
+        if needed is not None and path is not None:
+            yield node, needed, path
 
 
 @rule("K14", "unresolved-target", scope="lint", formerly="target-not-there")
@@ -72,16 +72,16 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 RTX Lidar Helper behind the render product of the camera.
     """
-    for node, asked, path in _read_sensors(subject):
+    for node, needed, path in _read_sensors(subject):
         prim = subject.stage.prim(path)
         if prim is None:
             continue
-        if prim.type not in asked.types and not set(prim.apis) & set(asked.schemas):
+        if prim.type not in needed.types and not set(prim.apis) & set(needed.schemas):
             yield Problem(
                 node.path,
-                f"reads {path}, which is of type {prim.type or 'nothing'}",
+                f"reads {path}, which has {f'type {prim.type}' if prim.type else 'no type'}",
                 property=_PRODUCT,
-                expected=" or ".join(asked.types),
+                expected=" or ".join(needed.types),
                 actual=prim.type,
                 related=(path,),
                 rests_on=None if prim.type else subject.stage.unknown(path),
@@ -98,17 +98,17 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
 
     Example: an `OmniLidar` without `OmniSensorGenericLidarCoreAPI`.
     """
-    for node, asked, path in _read_sensors(subject):
+    for node, needed, path in _read_sensors(subject):
         prim = subject.stage.prim(path)
-        if prim is None or not asked.needs:
+        if prim is None or not needed.needs:
             continue
-        if prim.type in asked.types and asked.needs not in prim.apis:
+        if prim.type in needed.types and needed.needs not in prim.apis:
             yield Problem(
                 path,
-                f"has no {asked.needs}, so that {node.path} refuses it",
-                expected=asked.needs,
+                f"has no {needed.needs}, so {node.path} refuses it",
+                expected=needed.needs,
                 related=(node.path,),
-                fix=(ApplySchema(path, asked.needs),),
+                fix=(ApplySchema(path, needed.needs),),
                 rests_on=subject.stage.unknown(path),
             )
 
@@ -142,7 +142,7 @@ def no_scan_from_this(subject: LintSubject) -> Iterator[Problem]:
 
 def _lidars(subject: LintSubject) -> list[Prim]:
     """Return the lidars that a node publishes."""
-    paths = dict.fromkeys(path for _, asked, path in _read_sensors(subject) if asked.needs)
+    paths = dict.fromkeys(path for _, needed, path in _read_sensors(subject) if needed.needs)
     return [prim for path in paths if (prim := subject.stage.prim(path)) is not None]
 
 
@@ -214,5 +214,5 @@ def script(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a Script Node that publishes a marker.
     """
-    for found in subject.stage.scripts:
-        yield Problem(found.prim, f"carries code ({found.carrier}), which is not judged")
+    for code in subject.stage.scripts:
+        yield Problem(code.prim, f"carries code ({code.carrier}), which is not judged")

@@ -117,7 +117,7 @@ def refused_profile(subject: LintSubject) -> Iterator[Problem]:
         if endpoint.qos is None and isinstance(written, str) and written and not is_wired:
             yield Problem(
                 endpoint.node.path,
-                f"{PROFILE} is no profile that Isaac Sim reads, so that {endpoint.topic} is not "
+                f"{PROFILE} is not a profile that Isaac Sim can read: {endpoint.topic} is not "
                 "opened",
                 property=PROFILE,
                 expected="JSON with all eight fields, or nothing",
@@ -140,11 +140,11 @@ def profiles_do_not_meet(subject: LintSubject) -> Iterator[Problem]:
     for taker in _running(subject, "subscribes"):
         for maker in publishers:
             if maker.topic == taker.topic and maker.qos is not None and taker.qos is not None:
-                why = _mismatch(maker.qos, taker.qos)
-                if why:
+                mismatch = _mismatch(maker.qos, taker.qos)
+                if mismatch:
                     yield Problem(
                         taker.node.path,
-                        f"{taker.topic} does not arrive: {why}",
+                        f"{taker.topic} does not arrive: {mismatch}",
                         property=PROFILE,
                         expected=str(maker.qos),
                         actual=str(taker.qos),
@@ -155,9 +155,9 @@ def profiles_do_not_meet(subject: LintSubject) -> Iterator[Problem]:
 
 def _mismatch(maker: Qos, taker: Qos) -> str:
     if taker.reliability == "reliable" and maker.reliability == "best_effort":
-        return "asked for is reliable, published is best effort"
+        return "the subscriber asks for reliable, the publisher offers best effort"
     if taker.durability == "transient_local" and maker.durability == "volatile":
-        return "asked for is transient local, published is volatile"
+        return "the subscriber asks for transient local, the publisher offers volatile"
     return ""
 
 
@@ -172,14 +172,14 @@ def two_clocks(subject: LintSubject) -> Iterator[Problem]:
 
     Example: two robots publish `/robot_1/clock` and `/robot_2/clock`.
     """
-    clocks = [each for each in _running(subject, "publishes") if each.type == CLOCK]
+    clocks = [end for end in _running(subject, "publishes") if end.type == CLOCK]
     topics = {clock.topic for clock in clocks}
     for endpoint in clocks if len(topics) > 1 else ():
         if endpoint.topic != "/clock":
             others = [clock for clock in clocks if clock.topic != endpoint.topic]
             yield Problem(
                 endpoint.node.path,
-                f"publishes a clock on {endpoint.topic}, another one is on {others[0].topic}",
+                f"publishes a clock on {endpoint.topic}; another clock is on {others[0].topic}",
                 property=endpoint.port,
                 expected="/clock",
                 actual=endpoint.topic,
@@ -198,14 +198,14 @@ def system_time(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:useSystemTime = 1` on a lidar helper, beside a `/clock` of simulation time.
     """
-    found = list(stamps(subject))
-    simulated = [each for each in found if each.clock == "simulation"]
-    for stamp in found if simulated else ():
+    every = list(stamps(subject))
+    simulated = [stamp for stamp in every if stamp.clock == "simulation"]
+    for stamp in every if simulated else ():
         if stamp.clock == "system":
             yield Problem(
                 stamp.node.path,
-                f"{stamp.topic} has the time of the computer, and {simulated[0].topic} that of the "
-                "simulation",
+                f"{stamp.topic} is stamped with system time, {simulated[0].topic} with simulation "
+                "time",
                 property=stamp.port,
                 expected="simulation time",
                 actual="system time",
@@ -225,21 +225,22 @@ def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `/clock` has `resetOnStop = 0` while the lidar helper keeps its default, which is on.
     """
-    found = [each for each in stamps(subject) if each.clock == "simulation"]
-    clock = next((each for each in found if each.is_clock), None)
-    first: Stamp | None = clock or (found[0] if found else None)
-    for stamp in found if first is not None else ():
+    simulated = [stamp for stamp in stamps(subject) if stamp.clock == "simulation"]
+    clock = next((stamp for stamp in simulated if stamp.is_clock), None)
+    first: Stamp | None = clock or (simulated[0] if simulated else None)
+    for stamp in simulated if first is not None else ():
         if first is not None and {stamp.restarts, first.restarts} == {True, False}:
             yield Problem(
                 stamp.node.path,
-                f"{stamp.topic} {_restarts(stamp)} on Stop, and {first.topic} {_restarts(first)}",
+                f"the time of {stamp.topic} {_restarts(stamp)} on Stop, that of {first.topic} "
+                f"{_restarts(first)}",
                 property=stamp.port,
                 related=(first.node.path,),
             )
 
 
 def _restarts(stamp: Stamp) -> str:
-    return "restarts" if stamp.restarts else "goes on"
+    return "restarts" if stamp.restarts else "continues"
 
 
 @rule("K34", "value-type", scope="lint", formerly="value-of-another-type")
@@ -261,7 +262,7 @@ def value_of_another_type(subject: LintSubject) -> Iterator[Problem]:
             if state.usd_type not in ("", port.usd_type, *_SAME.get(port.usd_type, ())):
                 yield Problem(
                     node.path,
-                    f"{name} is of type {state.usd_type}, expected {port.usd_type}",
+                    f"{name} has type {state.usd_type}, expected {port.usd_type}",
                     property=name,
                     expected=port.usd_type,
                     actual=state.usd_type,
@@ -337,14 +338,14 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
                 name.node.path,
                 f"{name.port} is {display(name.written)}, which ROS 2 refuses"
                 if name.written
-                else f"{name.port} is empty, so that there is no topic",
+                else f"{name.port} is empty: there is no topic",
                 property=name.port,
                 actual=name.written,
             )
         elif name.is_changed:
             yield Problem(
                 name.node.path,
-                f"{name.port} is {display(name.written)}, and the topic is {name.resolved}",
+                f"{name.port} is {display(name.written)}, but the topic becomes {name.resolved}",
                 property=name.port,
                 expected=name.resolved,
                 actual=name.written,
@@ -373,10 +374,10 @@ def frame_name(subject: LintSubject) -> Iterator[Problem]:
     for node, port, value in written_frames(subject):
         is_stripped = node.type is not None and node.type.tf is not None  # by tf2
         if not value or (value.startswith("/") and not is_stripped):
-            what = "is empty" if not value else f"is {display(value)}, with a slash first"
+            fault = "is empty" if not value else f"is {display(value)}, which begins with a slash"
             yield Problem(
                 node.path,
-                f"{port} {what}",
+                f"{port} {fault}",
                 property=port,
                 expected=value.lstrip("/") or "the name of a frame",
                 actual=value,

@@ -31,7 +31,7 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
             continue
         yield Problem(
             node.path,
-            f"'{node.type_name}' is no node type of Isaac Sim {subject.release}{of_release}"
+            f"'{node.type_name}' is not a node type of Isaac Sim {subject.release}{of_release}"
             f"{did_you_mean(likely)}",
             property=TYPE,
             expected=likely,
@@ -50,8 +50,8 @@ def _other_release(node: Node, subject: LintSubject) -> str | None:
     if subject.release in gone:
         return None
     if subject.types.is_later(name, subject.release):
-        return ", it came with a later one"
-    return f", and was one until {gone[-1]}" if gone else ""
+        return "; it came with a later release"
+    return f"; Isaac Sim {gone[-1]} was the last release with it" if gone else ""
 
 
 def _likely(node: Node, subject: LintSubject) -> str | None:
@@ -92,11 +92,11 @@ def old_names(subject: LintSubject) -> Iterator[Problem]:
         if old:
             now = subject.catalog.modern(old[0].type_name)
             count = (
-                "1 node carries a type name" if len(old) == 1 else f"{len(old)} nodes carry names"
+                "1 node has a type name" if len(old) == 1 else f"{len(old)} nodes have type names"
             )
             yield Problem(
                 graph.path,
-                f"{count} from before 4.5: {old[0].type_name}, now {now}",
+                f"{count} from before Isaac Sim 4.5: {old[0].type_name}, now {now}",
                 expected=now,
                 actual=old[0].type_name,
                 related=tuple(node.path for node in old),
@@ -115,16 +115,16 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
 
     Example: To String, a node of Kit's own.
     """
-    found: dict[str, list[str]] = {}
+    paths_by_type: dict[str, list[str]] = {}
     for node in _unknown(subject):
         of_release = _other_release(node, subject)
         if of_release is None or (_likely(node, subject) is None and not of_release):
-            found.setdefault(node.type_name, []).append(node.path)
-    for name, paths in found.items():
+            paths_by_type.setdefault(node.type_name, []).append(node.path)
+    for name, paths in paths_by_type.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
         yield Problem(
             paths[0],
-            f"not judged: nothing is known of the type '{name}' of this node{more}",
+            f"not judged: the type '{name}' of this node{more} is unknown",
             actual=name,
             related=tuple(paths[1:]),
         )
@@ -144,7 +144,8 @@ def newer_version(subject: LintSubject) -> Iterator[Problem]:
         if node.type is not None and node.version is not None and node.version > node.type.version:
             yield Problem(
                 node.path,
-                f"{subject.title(node)} is of version {node.version}, known is {node.type.version}",
+                f"{subject.title(node)} has version {node.version}; "
+                f"the newest known is {node.type.version}",
                 property=VERSION,
                 expected=str(node.type.version),
                 actual=str(node.version),
@@ -164,18 +165,18 @@ def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Camera Helper with `inputs:viewport`, a port of 5.1.
     """
-    found: list[tuple[Node, str, str]] = []
+    gone_ports: list[tuple[Node, str, str]] = []
     for node in subject.live.values():
         kind = node.type
         for port in node.ports if kind is not None and subject.release == NEWEST else ():
             releases = subject.types.releases_with(kind.type, port) if kind is not None else []
             if releases:
-                found.append((node, port, releases[-1]))
-    if found:
-        node, port, release = found[0]
+                gone_ports.append((node, port, releases[-1]))
+    if gone_ports:
+        node, port, release = gone_ports[0]
         yield Problem(
             node.path,
-            f"saved by Isaac Sim {release} or before: {port} is gone since",
+            f"saved by Isaac Sim {release} or earlier: {port} no longer exists",
             property=port,
-            related=tuple(dict.fromkeys(each.path for each, _, _ in found[1:])),
+            related=tuple(dict.fromkeys(later.path for later, _, _ in gone_ports[1:])),
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.execution import has_job, is_nothing
+from lab3_usd.check.ros.execution import has_side_effects, is_nothing
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.ros.topics import did_you_mean, likely_name
 from lab3_usd.check.ros.wires import Connection, connections, find_cycles, why_dead
@@ -28,24 +28,24 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
     for wire in connections(subject):
         if wire.source is not None:
             continue
-        why = why_dead(wire, subject) if wire.source_prim else "is a prim and no port"
+        reason = why_dead(wire, subject) if wire.source_prim else "is a prim, not a port"
         others = [source for source in wire.node.sources(wire.port) if source != wire.path]
-        is_fed = any(other.rpartition(".")[0] in subject.live for other in others)
+        is_fed = any(source.rpartition(".")[0] in subject.live for source in others)
         name = (wire.source_prim or wire.path).rpartition("/")[2]
-        if why is None:
-            message = f"the source of {wire.port} cannot be known: {wire.source_prim} may be in an "
+        if reason is None:
             yield Problem(
                 wire.node.path,
-                f"{message}asset that cannot be found",
+                f"the source of {wire.port} is unknown: {wire.source_prim} may be in an asset that "
+                "cannot be found",
                 property=wire.port,
                 actual=wire.path,
                 severity="note",
             )
             continue
-        left = "; another source feeds it" if is_fed else ""
         yield Problem(
             wire.node.path,
-            f"{wire.port} is wired from {name}, which {why}{left}",
+            f"{wire.port} is wired from {name}, which {reason}"
+            f"{'; another source feeds it' if is_fed else ''}",
             property=wire.port,
             actual=wire.path,
             severity="warning" if is_fed else None,
@@ -167,7 +167,7 @@ def ring_of_wires(subject: LintSubject) -> Iterator[Problem]:
     for ring in find_cycles(subject):
         yield Problem(
             ring.node.path,
-            f"{ring.kind} wires lead round: {' -> '.join(ring.names)}",
+            f"{ring.kind} wires form a cycle: {' -> '.join(ring.names)}",
             property=ring.port,
             related=ring.paths,
         )
@@ -236,19 +236,19 @@ def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Publish Odometry whose Exec In is wired from ROS2 Subscribe Twist.
     """
-    told: set[str] = set()
+    judged: set[str] = set()
     for wire in connections(subject):
         kind = None if wire.source is None else wire.source.type
         ends = wire.ports
-        if kind is None or ends is None or not ends[1].is_execution or wire.node.path in told:
+        if kind is None or ends is None or not ends[1].is_execution or wire.node.path in judged:
             continue
         if kind.role == "subscriber" and wire.source_port.startswith(OUTPUT) and _has_pace(wire):
             others = [source for source in wire.node.sources(wire.port) if source != wire.path]
             if not others:
-                told.add(wire.node.path)
+                judged.add(wire.node.path)
                 yield Problem(
                     wire.node.path,
-                    f"{subject.title(wire.node)} computes only when a message comes to "
+                    f"{subject.title(wire.node)} executes only when a message arrives at "
                     f"{wire.source_prim.rpartition('/')[2]}",
                     property=wire.port,
                     expected="a wire from On Playback Tick",
@@ -262,4 +262,6 @@ def _has_pace(wire: Connection) -> bool:
     if kind is None:
         return False
     limits = [wire.node.value(port) for port in kind.step_limits]
-    return (has_job(wire.node) and kind.role != "service" and not kind.drives) or any(limits)
+    return (has_side_effects(wire.node) and kind.role != "service" and not kind.drives) or any(
+        limits
+    )

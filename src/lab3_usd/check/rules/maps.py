@@ -175,8 +175,8 @@ def map_value(subject: MapSubject) -> Iterator[Problem]:
         if same(value, expected):
             continue
         given = name in subject.values or actual is not None
-        said = f"is {shortened(actual)}" if given else "is missing"
-        message = f"'{name}' {said}, expected {expected}"
+        fault = f"is {shortened(actual)}" if given else "is missing"
+        message = f"'{name}' {fault}, expected {expected}"
         message += f"; {REFUSED}" if value is None else ""
         actual_said = shortened(actual) if given else None
         yield Problem(subject.file, message, name, str(expected), actual_said)
@@ -197,13 +197,13 @@ def map_origin(subject: MapSubject) -> Iterator[Problem]:
         return
     expected = subject.facts.origin
     actual = subject.values.get("origin")
-    values = [number(each) for each in actual] if isinstance(actual, list) else []
+    values = [number(number_text) for number_text in actual] if isinstance(actual, list) else []
     if len(values) == len(expected) and all(map(same, values, expected)):
         return
-    said = shortened(actual)
-    message = f"'origin' is {said}, expected {_numbers(expected)}"
+    actual_text = shortened(actual)
+    message = f"'origin' is {actual_text}, expected {_numbers(expected)}"
     message += f"; {REFUSED}" if len(values) != len(expected) or None in values else ""
-    yield Problem(subject.file, message, "origin", _numbers(expected), said)
+    yield Problem(subject.file, message, "origin", _numbers(expected), actual_text)
 
 
 @rule("M08", "map-size", scope="maps")
@@ -239,7 +239,9 @@ def map_agreement(subject: MapSubject) -> Iterator[Problem]:
     if not subject.agreements:
         return
     closest = max(subject.agreements, key=lambda agreement: agreement.figure)
-    figures = ", ".join(f"{each.figure:.0%} {each.about}" for each in subject.agreements)
+    figures = ", ".join(
+        f"{agreement.figure:.0%} {agreement.about}" for agreement in subject.agreements
+    )
     yield Problem(
         subject.file,
         f"walls of the map and the stage agree to {figures}",
@@ -255,7 +257,7 @@ def map_not_given(subject: MapSubject) -> Iterator[Problem]:
 
     Fix: check the whole submission folder, or name the folder of the map with `--maps`.
 
-    Example: `lab3 check {last_stage}`.
+    Example: `lab3 check {map_stage}`.
     """
     if not subject.given:
         yield Problem(subject.file, "not handed in, so not checked")

@@ -84,8 +84,8 @@ def parameter_of_another_type(subject: NavigationSubject) -> Iterator[Problem]:
         kind, actual = declared.get(parameter.last), parameter.kind
         if not kind or not actual or actual == kind or parameter.site in refused:
             continue
-        said = shortened(parameter.value)
-        message = f"{parameter.name} is {said} ({_words(actual)}), expected {_words(kind)}"
+        value = shortened(parameter.value)
+        message = f"{parameter.name} is {value} ({_words(actual)}), expected {_words(kind)}"
         yield parameter_problem(subject, parameter, message, expected=kind)
 
 
@@ -127,21 +127,21 @@ def not_simulation_time(subject: NavigationSubject) -> Iterator[Problem]:
     Example: `amcl` without `use_sim_time`.
     """
     name = subject.navigation.parameters.sim_time
-    said = {p.node: p for p in subject.parameters if p.name == name}
-    other = [parameter for parameter in said.values() if parameter.value is not True]
-    if other:
-        actual = shortened(other[0].value)
-        kind = "the text " if isinstance(other[0].value, str) else ""
-        more = f" in {len(other)} nodes" if len(other) > 1 else ""
+    by_node = {p.node: p for p in subject.parameters if p.name == name}
+    replaced = [parameter for parameter in by_node.values() if parameter.value is not True]
+    if replaced:
+        actual = shortened(replaced[0].value)
+        kind = "the text " if isinstance(replaced[0].value, str) else ""
+        more = f" in {len(replaced)} nodes" if len(replaced) > 1 else ""
         message = (
-            f"line {other[0].line}: {name} is {kind}{actual}{more}; "
+            f"line {replaced[0].line}: {name} is {kind}{actual}{more}; "
             "right only where the launch replaces it by use_sim_time:=true"
         )
-        yield Problem(subject.file, message, other[0].site, "true", actual, severity="note")
-    if said.keys() & {"*", "**"}:
+        yield Problem(subject.file, message, replaced[0].site, "true", actual, severity="note")
+    if by_node.keys() & {"*", "**"}:
         return
     for node in dict.fromkeys(p.node for p in subject.parameters):
-        if _last(node) in subject.navigation.timed and node not in said:
+        if _last(node) in subject.navigation.timed and node not in by_node:
             message = f"{name} is absent in {node}, expected true; the launch cannot add it"
             yield Problem(subject.file, message, f"{node}.{name}", "true")
 
@@ -202,8 +202,10 @@ def wrong_scan_topic(subject: NavigationSubject) -> Iterator[Problem]:
         topic = _topic(parameter.value)
         if topic == navigation.scan_topic:
             continue
-        said = ", which the handout forbids" if topic == navigation.wrong_scan_topic else ""
-        message = f"{parameter.name} is {shortened(parameter.value)}{said}"
+        forbidden_text = (
+            ", which the handout forbids" if topic == navigation.wrong_scan_topic else ""
+        )
+        message = f"{parameter.name} is {shortened(parameter.value)}{forbidden_text}"
         yield parameter_problem(subject, parameter, message, expected=navigation.scan_topic)
 
 

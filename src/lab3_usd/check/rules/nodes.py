@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.hints import shown_graph, without_node
+from lab3_usd.check.hints import note_if_harmless, shown_graph
 from lab3_usd.check.match.diagnosis import absent_nodes, in_another_graph, missing_roles
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
@@ -55,21 +55,23 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
         missing = [node for node in missing if node.role in absent]
         missing = [node for node in missing if absent[node.role] not in overs]
     for spec in missing:
-        there = absent.get(spec.role) or in_another_graph(spec, subject)
-        why = "" if there is None else f": {there.path} is {there.reason}{_below(there, subject)}"
-        spared = without_node(subject, spec.role)
+        present = absent.get(spec.role) or in_another_graph(spec, subject)
+        reason = ""
+        if present is not None:
+            reason = f": {present.path} is {present.reason}{_below(present, subject)}"
+        harmless_note = note_if_harmless(subject, spec.role)
         fix: tuple[Edit, ...] = ()
-        if there is None:
+        if present is None:
             fix = (AddNode(f"{graph.path}/{spec.role}", subject.spec.name, spec.role),)
-        elif there.reason in {DEACTIVATED, OVER}:
-            fix = (Activate(there.path),)
+        elif present.reason in {DEACTIVATED, OVER}:
+            fix = (Activate(present.path),)
         yield Problem(
             prim=graph.path,
-            message=f"node {role_title(spec)} ({spec.role}) is missing{why}{spared}",
+            message=f"node {role_title(spec)} ({spec.role}) is missing{reason}{harmless_note}",
             expected=spec.type.type,
             handout=spec.handout,
-            related=() if there is None else (there.path,),
-            hint=_way_back(subject, spec, there),
+            related=() if present is None else (present.path,),
+            hint=_way_back(subject, spec, present),
             fix=fix,
         )
 
@@ -89,28 +91,28 @@ def _missing_with_asset(
     )
 
 
-def _below(there: AbsentPrim, subject: GraphSubject) -> str:
+def _below(prim: AbsentPrim, subject: GraphSubject) -> str:
     """Say which asset could have brought the node that only an over is left of."""
-    missing = subject.stage.unresolved_above(there.path) if there.reason == OVER else None
+    missing = subject.stage.unresolved_above(prim.path) if prim.reason == OVER else None
     return "" if missing is None else f", and {missing.asset} below it cannot be found"
 
 
-def _way_back(subject: GraphSubject, spec: NodeSpec, there: AbsentPrim | None) -> str:
+def _way_back(subject: GraphSubject, spec: NodeSpec, prim: AbsentPrim | None) -> str:
     """Return how to repair a missing node: one that is in the file already is not added again."""
     graph = subject.roles.graph
     name = subject.spec.name
     if graph is not None:
         name = shown_graph(graph.path, (graph_model.path for graph_model in subject.stage.graphs))
-    if there is None:
+    if prim is None:
         return f"add {role_title(spec)} to {name} and {_wiring(subject, spec)}"
-    if there.reason == DEACTIVATED:
-        return f"right-click {there.path} in the Stage panel and choose Activate"
-    if there.reason in {OUTSIDE, ELSEWHERE} and graph is not None:
-        return f"drag {there.path} back below {graph.path} in the Stage panel and check its wires"
-    define = "write def instead of over for" if there.reason == OVER else "delete"
-    otherwise = ", or delete it" if there.reason == OVER else ""
+    if prim.reason == DEACTIVATED:
+        return f"right-click {prim.path} in the Stage panel and choose Activate"
+    if prim.reason in {OUTSIDE, ELSEWHERE} and graph is not None:
+        return f"drag {prim.path} back below {graph.path} in the Stage panel and check its wires"
+    define = "write def instead of over for" if prim.reason == OVER else "delete"
+    otherwise = ", or delete it" if prim.reason == OVER else ""
     return (
-        f"{define} {there.path} in the file{otherwise}, "
+        f"{define} {prim.path} in the file{otherwise}, "
         f"add {role_title(spec)} to {name} and {_wiring(subject, spec)}"
     )
 
@@ -250,10 +252,10 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
     if not subject.roles.extra:
         return
     roles = {subject.spec.name: subject.roles}
-    told = [node for node, _ in second_commanders(subject.stage, subject.lab, roles)]
+    commanders = [node for node, _ in second_commanders(subject.stage, subject.lab, roles)]
     for node in subject.roles.extra:
-        is_told = _is_script(subject, node) or node in told
-        if not is_told and not _published_again(subject, node):
+        is_reported = _is_script(subject, node) or node in commanders
+        if not is_reported and not _published_again(subject, node):
             message = f"{node_title(node)} is not asked for in {subject.spec.name}"
             yield Problem(
                 node.path,

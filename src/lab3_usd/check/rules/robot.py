@@ -8,7 +8,7 @@ from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.axles import rest_frames
 from lab3_usd.check.robot.poses import UNSCALED, is_scaled, pose_property, scale_of, vector_text
-from lab3_usd.check.robot.wheels import could_hide_joints, has_no_joints, wheel_joints
+from lab3_usd.check.robot.wheels import has_no_joints, unknown_joints, wheel_joints
 from lab3_usd.check.rules.world import AT_REST
 from lab3_usd.model.changes import (
     Activate,
@@ -42,7 +42,7 @@ from lab3_usd.model.physics import (
     number,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import is_subtree_unresolved, is_unresolved
+from lab3_usd.model.stage import UnresolvedAsset
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import LinkSpec
 
@@ -70,7 +70,7 @@ def _links(subject: StageSubject) -> Iterator[tuple[Prim, LinkSpec]]:
     robot, stage = subject.lab.scene.robot, subject.stage
     for name, spec in robot.links.items():
         prim = stage.prims.get(f"{robot.path}/{name}")
-        if prim is not None and prim.active and (prim.defined or is_unresolved(stage, prim.path)):
+        if prim is not None and prim.active and (prim.defined or stage.unknown(prim.path)):
             yield prim, spec
 
 
@@ -92,20 +92,28 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
         if expected is None:
             continue
         actual = number(prim.attributes.get(MASS))
-        may_be_hidden = is_unresolved(subject.stage, prim.path)
-        has_api = MASS_API in prim.apis or may_be_hidden
-        if actual is None and may_be_hidden:
-            continue
+        asset = subject.stage.unknown(prim.path)
+        has_api = MASS_API in prim.apis or asset is not None
         if actual is not None and has_api and abs(actual - expected) <= tolerance * expected:
             continue
-        is_ = "not set" if actual is None else f"{actual:g} kg"
-        message, asked = f"mass is {is_}, expected {expected:g} kg", f"{expected:g} kg"
+        actual_text = "not set" if actual is None else f"{actual:g} kg"
+        expected_text = f"{expected:g} kg"
+        message = f"mass is {actual_text}, expected {expected_text}"
         fix: Edit = Restore(prim.path, MASS)
         if actual is not None and not has_api:
-            message, asked = f"mass counts for nothing: {MASS_API} was removed", MASS_API
+            message, expected_text = f"mass counts for nothing: {MASS_API} was removed", MASS_API
             fix = ApplySchema(prim.path, MASS_API)
-        unmet = (f"Scene/mass/{prim.name}",)
-        yield Problem(prim.path, message, MASS, asked, is_, spec.handout, fix=(fix,), unmet=unmet)
+        yield Problem(
+            prim.path,
+            message,
+            MASS,
+            expected_text,
+            actual_text,
+            spec.handout,
+            fix=(fix,),
+            unmet=(f"Scene/mass/{prim.name}",),
+            rests_on=asset if actual is None else None,
+        )
 
 
 @rule("S05", "rigid-body", scope="stage", demands=_link_bodies)
@@ -123,13 +131,18 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
     handout = subject.lab.scene.robot.handout
     for prim, _ in _links(subject):
         path, name, unmet = prim.path, BODY_ENABLED, (f"Scene/body/{prim.name}",)
-        fix: Edit = Restore(path, name)
+        fix = Restore(path, name)
         if BODY_API not in prim.apis:
-            if not is_unresolved(subject.stage, path):
-                message, fix = f"{prim.name} is no rigid body", ApplySchema(path, BODY_API)
-                yield Problem(
-                    path, message, name, BODY_API, handout=handout, fix=(fix,), unmet=unmet
-                )
+            yield Problem(
+                path,
+                f"{prim.name} is no rigid body",
+                name,
+                BODY_API,
+                handout=handout,
+                fix=(ApplySchema(path, BODY_API),),
+                unmet=unmet,
+                rests_on=subject.stage.unknown(path),
+            )
         elif is_switched_off(prim, name):
             message = f"{prim.name}'s rigid body is switched off"
             yield Problem(path, message, name, "True", "False", handout, fix=(fix,), unmet=unmet)
@@ -160,11 +173,10 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
         if any(map(collides, parts)):
             continue
         off = [part for part in parts if part.present]
-        if is_subtree_unresolved(stage, prim.path):
+        asset = stage.unknown_below(prim.path)
+        if asset is not None:
             below = stage.below(prim.path)
             off = [part for part in below if is_switched_off(part, COLLISION_ENABLED)]
-            if not off:
-                continue
         site = off[0].path if off else prim.path
         what = "collision is switched off" if off else "has no collision geometry"
         inactive = [part.path for part in stage.below(prim.path) if not part.active]
@@ -181,6 +193,7 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
             related=(prim.path,) if site != prim.path else (),
             fix=(fix,),
             unmet=(f"Scene/collision/{prim.name}",),
+            rests_on=None if off else asset,
         )
 
 
@@ -200,11 +213,13 @@ def link_scale(subject: StageSubject) -> Iterator[Problem]:
     handout = subject.lab.scene.robot.handout
     for prim, _ in _links(subject):
         if is_scaled(prim, tolerance):
-            is_, should = vector_text(scale_of(prim)), vector_text(UNSCALED)
-            message = f"{prim.name}'s scale is {is_}, expected {should}"
-            where = pose_property(prim, "scale")
-            fix, unmet = (Restore(prim.path, where),), (f"Scene/body/{prim.name}",)
-            yield Problem(prim.path, message, where, should, is_, handout, fix=fix, unmet=unmet)
+            actual, expected = vector_text(scale_of(prim)), vector_text(UNSCALED)
+            message = f"{prim.name}'s scale is {actual}, expected {expected}"
+            scale = pose_property(prim, "scale")
+            fix, unmet = (Restore(prim.path, scale),), (f"Scene/body/{prim.name}",)
+            yield Problem(
+                prim.path, message, scale, expected, actual, handout, fix=fix, unmet=unmet
+            )
 
 
 _ARTICULATED = "Scene/articulation"
@@ -239,18 +254,18 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
     base = subject.stage.prim(target)
     if root is None or base is None:
         return
-    found = [
+    roots = [
         prim
         for prim in subject.stage.with_api(ARTICULATION_API)
         if is_articulated(prim) and is_at_or_below(prim.path, root.path)
     ]
-    right = [prim for prim in (base, root) if prim in found]
-    for prim in found:
+    right = [prim for prim in (base, root) if prim in roots]
+    for prim in roots:
         if prim not in right[:1]:
-            what = f"a second articulation root, beside {right[0].path}" if right else "misplaced"
+            fault = f"a second articulation root, beside {right[0].path}" if right else "misplaced"
             yield Problem(
                 prim.path,
-                f"the articulation root on {prim.name} is {what}",
+                f"the articulation root on {prim.name} is {fault}",
                 expected=target,
                 actual=prim.path,
                 handout=spec.handout,
@@ -260,16 +275,17 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
             )
             if not right:
                 return
-    if not found and not is_unresolved(subject.stage, target):
+    if not roots:
         is_off = is_switched_off(base, ARTICULATION_ENABLED)
-        why = "is switched off" if is_off and ARTICULATION_API in base.apis else "is missing"
+        reason = "is switched off" if is_off and ARTICULATION_API in base.apis else "is missing"
         yield Problem(
             target,
-            f"the articulation root {why}, expected on {target}",
+            f"the articulation root {reason}, expected on {target}",
             expected=ARTICULATION_API,
             handout=spec.handout,
             fix=(ApplySchema(target, spec.api), ClearValue(target, spec.switch)),
             unmet=(_ARTICULATED,),
+            rests_on=subject.stage.unknown(target),
         )
 
 
@@ -303,15 +319,16 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
     base = robot.base
     if has_no_joints(subject) or base not in present:
         return
-    if could_hide_joints(subject):  # then only what a joint let go of is known to be loose
+    if unknown_joints(subject):  # then only what a joint let go of is known to be loose
         present = [base, *(path for path in present if path in _let_go(subject, links))]
     groups = _groups(subject, links)
     # A link that is held by the world is S21's.
-    told = [groups[base], *(groups[_link_of(body, links)] for body in _held_bodies(subject))]
+    held = [bodies(joint)[side] for joint, side, asset in _holds(subject) if asset is None]
+    judged = [groups[base], *(groups[_link_of(body, links)] for body in held)]
     for name, link in robot.links.items():
         path = f"{robot.path}/{name}"
-        if path in present and name not in wheels and groups[path] not in told:
-            told.append(groups[path])
+        if path in present and name not in wheels and groups[path] not in judged:
+            judged.append(groups[path])
             message, hint = f"no joint ties {name} to {robot.base_frame}", None
             off = _switched_off(subject, path)
             if off:
@@ -335,12 +352,17 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
 def _movable(subject: StageSubject, link: str, handout: str) -> Iterator[Problem]:
     """Say that a link with a place on the robot hangs on a joint that moves."""
     for joint in joints(subject.stage) if link not in rest_frames(subject) else ():
-        is_known = not is_unresolved(subject.stage, joint.path)
-        if link in bodies(joint) and joint.type != FIXED and is_known:
-            message = f"{joint.name} lets {link} move on the robot: it is a {joint.type}"
-            fix, unmet = (Restore(joint.path),), (f"Scene/joined/{link.rpartition('/')[2]}",)
+        if link in bodies(joint) and joint.type != FIXED:
             yield Problem(
-                joint.path, message, None, FIXED, joint.type, handout, (link,), fix=fix, unmet=unmet
+                joint.path,
+                f"{joint.name} lets {link} move on the robot: it is a {joint.type}",
+                expected=FIXED,
+                actual=joint.type,
+                handout=handout,
+                related=(link,),
+                fix=(Restore(joint.path),),
+                unmet=(f"Scene/joined/{link.rpartition('/')[2]}",),
+                rests_on=subject.stage.unknown(joint.path),
             )
 
 
@@ -361,26 +383,27 @@ def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
     section = subject.lab.handout.behind("S21", subject.lab.scene.robot.handout)
     if not subject.lab.scene.robot.wheels.joints:  # an arm may be bolted down
         return
-    for joint, side in _holds(subject):
+    for joint, side, asset in _holds(subject):
         ends = bodies(joint)
-        other = ends[1 - side]
-        message = f"{joint.name} ties {ends[side]} to {other or 'the world'}"
+        holder = ends[1 - side]
         yield Problem(
             joint.path,
-            message,
+            f"{joint.name} ties {ends[side]} to {holder or 'the world'}",
             BODIES[1 - side],
             "a link of the robot, or no such joint",
-            other or "no prim",
+            holder or "no prim",
             section,
             (robot,),
             fix=(RemovePrim(joint.path),),
             unmet=(AT_REST,),
+            rests_on=asset,
         )
 
 
-def _holds(subject: StageSubject) -> Iterator[tuple[Prim, int]]:
+def _holds(subject: StageSubject) -> Iterator[tuple[Prim, int, UnresolvedAsset | None]]:
     """Yield each joint with one body on the robot and one off it, and which one is on it.
 
+    The third is the missing asset that could name the other body, where the joint names none.
     Those of wheels have rules of their own.
     """
     stage = subject.stage
@@ -389,11 +412,11 @@ def _holds(subject: StageSubject) -> Iterator[tuple[Prim, int]]:
     for joint in joints(stage):
         ends = bodies(joint)
         on_robot = [_is_on_robot(end, subject) for end in ends]
-        may_be_tied = not all(ends) and is_unresolved(stage, joint.path)
         on_wheel = any(is_at_or_below(end, wheel.link) for end in ends for wheel in wheels)
         is_wheels = joint in own or on_wheel
-        if on_robot.count(True) == 1 and not is_wheels and not may_be_tied:
-            yield joint, on_robot.index(True)
+        if on_robot.count(True) == 1 and not is_wheels:
+            asset = None if all(ends) else stage.unknown(joint.path)
+            yield joint, on_robot.index(True), asset
 
 
 def _is_on_robot(body: str, subject: StageSubject) -> bool:
@@ -407,14 +430,10 @@ def _is_on_robot(body: str, subject: StageSubject) -> bool:
     return is_at_or_below(body, path) and (body != path or moves)
 
 
-def _held_bodies(subject: StageSubject) -> list[str]:
-    return [bodies(joint)[side] for joint, side in _holds(subject)]
-
-
 def _switched_off(subject: StageSubject, link: str) -> tuple[str, ...]:
     """Return the joints of the scene that would tie a link and are switched off."""
-    found = subject.stage.of_type(is_joint_type)
-    off = (prim for prim in found if prim.present and is_switched_off(prim, JOINT_ENABLED))
+    every_joint = subject.stage.of_type(is_joint_type)
+    off = (prim for prim in every_joint if prim.present and is_switched_off(prim, JOINT_ENABLED))
     return tuple(prim.path for prim in off if any(is_at_or_below(b, link) for b in bodies(prim)))
 
 

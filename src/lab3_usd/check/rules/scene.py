@@ -27,9 +27,8 @@ from lab3_usd.model.physics import bodies, bodies_below
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import (
     AnimatedAttribute,
+    UnresolvedAsset,
     absence_reason,
-    is_pose_unresolved,
-    is_unresolved,
     missing_graphs_text,
 )
 from lab3_usd.model.transforms import IDENTITY, Vector, decompose, relative_transform
@@ -64,63 +63,55 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
     """
     scene, stage = subject.lab.scene, subject.stage
     root = scene.robot
-    yield from _robot_elsewhere(subject)
-    wanted = {scene.world.graph_parent.path: scene.world.graph_parent.handout}
-    wanted[root.path] = root.handout
-    if stage.prim(root.path) is not None:
-        wanted |= dict.fromkeys(root.link_paths, root.handout)
-    told: list[str] = []
-    for path, handout in wanted.items():
-        is_told = any(is_at_or_below(path, above) for above in told)
-        if not is_told and stage.prim(path) is None and not is_unresolved(stage, path):
-            told.append(path)
-            why = absence_reason(stage, path)
-            others = _places(subject, path)
-            at, hint = "", None
-            fix: tuple[Edit, ...] = (Restore(path),)
-            if others:
-                at = f"; it seems to be the prim at {others[0]}"
-                hint = f"rename or drag {others[0]} back to {path} in the Stage panel"
-                fix = (MovePrim(others[0], path),) if len(others) == 1 else ()
-            yield Problem(
-                path,
-                f"{path} {why}{at}{missing_graphs_text(subject.missing_graphs, path)}",
-                expected=path,
-                actual=why,
-                handout=handout,
-                related=others,
-                hint=hint,
-                fix=fix,
-                absent=True,
-            )
-
-
-def _robot_elsewhere(subject: StageSubject) -> Iterator[Problem]:
-    """Yield that the robot has another name or parent; everything else is judged where it is."""
-    spec = subject.lab.scene.robot
     for expected, home in subject.relocations.items():
-        if home == spec.path:
-            gone = missing_graphs_text(subject.missing_graphs, home)
-            message = f"the robot is at {home}, expected at {expected}{gone}"
+        if home == root.path:  # everything else is judged where it is
             yield Problem(
                 home,
-                message,
+                f"the robot is at {home}, expected at {expected}"
+                f"{missing_graphs_text(subject.missing_graphs, home)}",
                 expected=expected,
                 actual=home,
-                handout=spec.handout,
+                handout=root.handout,
                 related=(expected,),
                 hint=f"rename or drag the robot in the Stage panel, back to {expected}",
                 fix=(MovePrim(home, expected),),
                 unmet=(_prim_demand(expected),),
             )
-
-
-def _places(subject: StageSubject, path: str) -> tuple[str, ...]:
-    """Return where a missing link could be meant to be."""
-    if path in subject.relocations:
-        return (subject.relocations[path],)
-    root, name = subject.lab.scene.robot.path, path.rpartition("/")[2]
-    return same_named_prims(subject.stage, root, name)
+    wanted = {scene.world.graph_parent.path: scene.world.graph_parent.handout}
+    wanted[root.path] = root.handout
+    if stage.prim(root.path) is not None:
+        wanted |= dict.fromkeys(root.link_paths, root.handout)
+    missing: list[str] = []
+    for path, handout in wanted.items():
+        if stage.prim(path) is not None or any(is_at_or_below(path, top) for top in missing):
+            continue
+        asset = stage.unknown(path)
+        if asset is None:
+            missing.append(path)
+        reason = absence_reason(stage, path)
+        places = (
+            (subject.relocations[path],)
+            if path in subject.relocations
+            else same_named_prims(stage, root.path, path.rpartition("/")[2])
+        )
+        place_text, hint = "", None
+        fix: tuple[Edit, ...] = (Restore(path),)
+        if places:
+            place_text = f"; it seems to be the prim at {places[0]}"
+            hint = f"rename or drag {places[0]} back to {path} in the Stage panel"
+            fix = (MovePrim(places[0], path),) if len(places) == 1 else ()
+        yield Problem(
+            path,
+            f"{path} {reason}{place_text}{missing_graphs_text(subject.missing_graphs, path)}",
+            expected=path,
+            actual=reason,
+            handout=handout,
+            related=places,
+            hint=hint,
+            fix=fix,
+            absent=True,
+            rests_on=asset,
+        )
 
 
 def _units(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
@@ -150,7 +141,7 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
     units, the finding is a warning.
     """
     wanted, stage = subject.lab.scene.stage, subject.stage
-    pairs = {
+    units = {
         "metersPerUnit": (stage.meters_per_unit, wanted.meters_per_unit),
         "kilogramsPerUnit": (stage.kilograms_per_unit, wanted.kilograms_per_unit),
     }
@@ -158,17 +149,17 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
     is_turned = stage.up_axis != wanted.up_axis
     wrong = [("upAxis", stage.up_axis, wanted.up_axis)] if is_turned else []
     wrong += [
-        (name, f"{actual:g}", f"{expected:g}")
-        for name, (actual, expected) in pairs.items()
-        if not abs(actual - expected) <= tolerance * expected
+        (name, f"{unit:g}", f"{right:g}")
+        for name, (unit, right) in units.items()
+        if not abs(unit - right) <= tolerance * right
     ]
-    for name, is_, should in wrong:
+    for name, actual, expected in wrong:
         yield Problem(
             "/",
-            f"{name} is {is_}, expected {should}",
+            f"{name} is {actual}, expected {expected}",
             name,
-            should,
-            is_,
+            expected,
+            actual,
             wanted.handout,
             fix=(Restore("/", name),),
             unmet=(f"Scene/stage/{name}",),
@@ -195,7 +186,7 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
     """
     spec, stage = subject.lab.scene.robot, subject.stage
     root = stage.prim(spec.path)
-    if root is None or (root.local is None and is_unresolved(stage, root.path)):
+    if root is None:
         return
     severity: Severity | None = None
     if subject.lab.is_after(subject.checkpoint.id, spec.pose_is_error_until):
@@ -213,6 +204,8 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
             hint=f"select the robot root and {wrong.hint}",
             fix=(Restore(root.path, wrong.property),),
             unmet=(part_of_pose(SCENE, wrong.kind),),
+            # An unset pose would be that of the origin.
+            rests_on=stage.unknown_pose(root),
         )
 
 
@@ -246,18 +239,19 @@ def scan_offset(subject: StageSubject) -> Iterator[Problem]:
             continue
         for place in _link_places(subject, prim):
             if not is_near(place.at, expected, scene.tolerance.link_position, units):
-                is_, should = vector_text(place.at), vector_text(units.shown(expected))
+                at_text, offset_text = vector_text(place.at), vector_text(units.shown(expected))
                 yield Problem(
                     place.prim,
-                    f"{name} {place.how} at {is_} on the robot, expected {should}",
+                    f"{name} {place.how} at {at_text} on the robot, expected {offset_text}",
                     place.property,
-                    should,
-                    is_,
+                    offset_text,
+                    at_text,
                     link.handout,
                     related=() if place.prim == prim.path else (prim.path,),
-                    hint=f"{place.hint} {should}",
+                    hint=f"{place.hint} {offset_text}",
                     fix=(Restore(place.prim, place.property),),
                     unmet=(f"Scene/{place.demand}/{name}",),
+                    rests_on=place.unknown,
                 )
 
 
@@ -265,6 +259,7 @@ class _LinkPlace(Struct, frozen=True):
     """Where a link is on the robot, which property says so, and how that is repaired.
 
     `demand` is what is unmet where that is elsewhere: the link's own place, or that it is held.
+    `unknown` is a missing asset that could put the link elsewhere.
     """
 
     prim: str
@@ -273,6 +268,7 @@ class _LinkPlace(Struct, frozen=True):
     how: str
     hint: str
     demand: str
+    unknown: UnresolvedAsset | None = None
 
 
 def _link_places(subject: StageSubject, link: Prim) -> Iterator[_LinkPlace]:
@@ -280,13 +276,13 @@ def _link_places(subject: StageSubject, link: Prim) -> Iterator[_LinkPlace]:
     robot = subject.lab.scene.robot
     root, base = subject.stage.prim(robot.path), robot.links.get(robot.base_frame)
     is_first = subject.checkpoint.id == subject.lab.first
-    if is_first and not is_pose_unresolved(subject.stage, link) and root is not None:
-        seen = root.world and link.world and relative_transform(link.world, root.world)
-        if seen:
-            hint = f"in the Property panel of {link.name}, set Translate to"
-            where = pose_property(link, "translate")
-            at = decompose(seen).translation
-            yield _LinkPlace(link.path, where, at, "sits", hint, "offset")
+    seen = root and root.world and link.world and relative_transform(link.world, root.world)
+    if is_first and seen:
+        hint = f"in the Property panel of {link.name}, set Translate to"
+        translate = pose_property(link, "translate")
+        at = decompose(seen).translation
+        unknown = subject.stage.unknown_pose(link)
+        yield _LinkPlace(link.path, translate, at, "sits", hint, "offset", unknown)
     joint = next((weld for weld in welds(subject) if link.path in bodies(weld)), None)
     rest = rest_frames(subject).get(link.path)
     if joint is not None and rest is not None and base is not None and base.offset is None:
@@ -345,7 +341,11 @@ def _severity(moving: AnimatedAttribute, subject: StageSubject) -> Severity | No
         return _severity_of_place(moving.prim, subject) if is_used else None
     if moving.property not in prim.attributes:
         return None
-    return "error" if moving.property in _rates(moving.prim, subject) else "warning"
+    is_rate = moving.property.startswith(_SENSOR) and any(
+        sensor.path == moving.prim and moving.property in sensor.required
+        for sensor in (subject.lab.sensors[name] for name in subject.checkpoint.sensors)
+    )
+    return "error" if is_rate else "warning"
 
 
 def _severity_of_place(path: str, subject: StageSubject) -> Severity | None:
@@ -357,18 +357,6 @@ def _severity_of_place(path: str, subject: StageSubject) -> Severity | None:
         return "error"
     is_solid = bool(bodies_below(stage, path)) or any(True for _ in stage.colliders.below(path))
     return "warning" if is_solid else None
-
-
-def _rates(path: str, subject: StageSubject) -> list[str]:
-    """Return the rates that the lab asks of the sensor at a path."""
-    found = (subject.lab.sensors[name] for name in subject.checkpoint.sensors)
-    return [
-        name
-        for sensor in found
-        if sensor.path == path
-        for name in sensor.required
-        if name.startswith(_SENSOR)
-    ]
 
 
 def _nothing_more(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
@@ -393,23 +381,16 @@ def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
         return
     spec = subject.lab.scene.forbidden.starter
     form = subject.lab.catalog.graph
-    told = [graph.path for graph in subject.lab.graphs.values()]
-    told = [path for path in told if (prim := subject.stage.prim(path)) and prim.type == form.type]
-    for path, kind in sorted(_prims_and_nodes(subject)):
+    graphs = [subject.stage.prim(graph.path) for graph in subject.lab.graphs.values()]
+    tops = [prim.path for prim in graphs if prim is not None and prim.type == form.type]
+    types = [(prim.path, prim.type) for prim in subject.stage.prims.values() if prim.present]
+    types += [(node.path, "") for node in subject.stage.nodes()]
+    for path, kind in sorted(types):
         is_sensor = any(kind == sensor.type for sensor in subject.lab.sensors.values())
         is_wrong = is_named(path.rpartition("/")[2], spec.names) or kind == form.type
         is_wrong = is_wrong or (path in spec.paths and not is_sensor)
-        if is_wrong and not any(is_at_or_below(path, top) for top in told):
-            told.append(path)
+        if is_wrong and not any(is_at_or_below(path, top) for top in tops):
+            tops.append(path)
             message = f"{path} is not part of the supplied scene; was this saved late?"
             fix, unmet = (RemovePrim(path),), (EMPTY,)
             yield Problem(path, message, actual=kind, handout=spec.handout, fix=fix, unmet=unmet)
-
-
-def _prims_and_nodes(subject: StageSubject) -> Iterator[tuple[str, str]]:
-    """Yield path and type of everything in the scene, nodes of graphs included."""
-    for prim in subject.stage.prims.values():
-        if prim.present:
-            yield prim.path, prim.type
-    for node in subject.stage.nodes():
-        yield node.path, ""

@@ -36,7 +36,7 @@ from lab3_usd.model.changes import ApplySchema, MovePrim, RemovePrim, RemoveSche
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import absence_reason, is_unresolved, missing_graphs_text, same_value
+from lab3_usd.model.stage import absence_reason, missing_graphs_text, same_value
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import PoseSpec, SensorAttribute, SensorSpec
 
@@ -124,15 +124,22 @@ def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     """Yield each sensor that is not in the scene; S01 reports a missing link."""
     stage = subject.stage
     for sensor in sensors_of(subject, kind):
-        found = find_sensor(subject.lab, stage, sensor)
-        if found.prim is not None or found.wrong_type_prim is not None:
+        location = find_sensor(subject.lab, stage, sensor)
+        if location.prim is not None or location.wrong_type_prim is not None:
             continue
-        path, link = found.path, found.path.rpartition("/")[0]
-        if stage.prim(link) is not None and not is_unresolved(stage, path):
-            why, handout = absence_reason(stage, path), subject.lab.sensors[sensor].handout
-            message = f"{path} {why}{missing_graphs_text(subject.missing_graphs, path)}"
-            fix = (Restore(path),)
-            yield Problem(path, message, None, path, why, handout, fix=fix, absent=True)
+        path, link = location.path, location.path.rpartition("/")[0]
+        if stage.prim(link) is not None:
+            reason = absence_reason(stage, path)
+            yield Problem(
+                path,
+                f"{path} {reason}{missing_graphs_text(subject.missing_graphs, path)}",
+                expected=path,
+                actual=reason,
+                handout=subject.lab.sensors[sensor].handout,
+                fix=(Restore(path),),
+                absent=True,
+                rests_on=stage.unknown(path),
+            )
 
 
 def misplaced_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
@@ -140,13 +147,13 @@ def misplaced_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     for sensor in present_sensors(subject, kind):
         prim, path = sensor.prim, sensor.place.path
         parent, _, name = path.rpartition("/")
-        what = [f"is named {prim.name}"] if prim.name != name else []
+        faults = [f"is named {prim.name}"] if prim.name != name else []
         if prim.parent != parent:
-            what.append(f"hangs below {prim.parent or 'the root'}")
-        if what:
+            faults.append(f"hangs below {prim.parent or 'the root'}")
+        if faults:
             yield Problem(
                 prim.path,
-                f"{name} {' and '.join(what)}, expected at {path}",
+                f"{name} {' and '.join(faults)}, expected at {path}",
                 expected=path,
                 actual=prim.path,
                 handout=sensor.spec.handout,
@@ -159,12 +166,12 @@ def misplaced_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
 def wrong_type_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     """Yield each prim of another type at a sensor's path, where the sensor is nowhere else."""
     for sensor in sensors_of(subject, kind):
-        found = find_sensor(subject.lab, subject.stage, sensor)
+        location = find_sensor(subject.lab, subject.stage, sensor)
         spec = subject.lab.sensors[sensor]
-        if found.prim is None and found.wrong_type_prim is not None:
-            actual = found.wrong_type_prim.type or "a prim without a type"
-            message = f"{found.path} is {actual}, expected {spec.type}"
-            fix, path = (Restore(found.path),), found.path
+        if location.prim is None and location.wrong_type_prim is not None:
+            actual = location.wrong_type_prim.type or "a prim without a type"
+            message = f"{location.path} is {actual}, expected {spec.type}"
+            fix, path = (Restore(location.path),), location.path
             yield Problem(
                 path, message, None, spec.type, actual, spec.handout, fix=fix, absent=True
             )
@@ -219,61 +226,61 @@ def misposed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     One below another parent is judged by the transform that fits best.
     """
     tolerance = sensor_tolerance(subject.lab.scene, subject.stage)
-    for found in present_sensors(subject, kind):
-        if not resets_xform_stack(found.prim):
-            transforms = candidate_transforms(subject.stage, found.place)
-            pose = found.spec.pose
+    for sensor in present_sensors(subject, kind):
+        if not resets_xform_stack(sensor.prim):
+            transforms = candidate_transforms(subject.stage, sensor.place)
+            pose = sensor.spec.pose
             judged = [
-                [*pose_errors(found.prim, transform, pose, tolerance)] for transform in transforms
+                [*pose_errors(sensor.prim, transform, pose, tolerance)] for transform in transforms
             ]
             for error in min(judged, key=len, default=[]):
-                yield pose_problem(found, error)
+                yield pose_problem(sensor, error)
 
 
-def pose_problem(found: PresentSensor, error: PoseError) -> Problem:
+def pose_problem(sensor: PresentSensor, error: PoseError) -> Problem:
     """Return one part of a sensor's pose that is wrong."""
-    is_only = found.name == found.spec.kind  # `the lidar`, where the lab calls it so
-    name, the = (found.name, "the ") if is_only else (found.prim.name, "")
+    is_only = sensor.name == sensor.spec.kind  # `the lidar`, where the lab calls it so
+    name, the = (sensor.name, "the ") if is_only else (sensor.prim.name, "")
     return Problem(
-        found.prim.path,
+        sensor.prim.path,
         f"{name}'s {error.message} relative to its link",
         error.property,
         error.expected,
         error.actual,
-        found.spec.pose.handout,
-        found.place.related,
+        sensor.spec.pose.handout,
+        sensor.place.related,
         hint=f"select {the}{name} and {error.hint}",
-        fix=(Restore(found.prim.path, error.property),),
-        unmet=(part_of_pose(found.group, error.kind),),
+        fix=(Restore(sensor.prim.path, error.property),),
+        unmet=(part_of_pose(sensor.group, error.kind),),
     )
 
 
 def wrong_attributes(
-    subject: StageSubject, found: PresentSensor, asked: Mapping[str, SensorAttribute]
+    subject: StageSubject, sensor: PresentSensor, required: Mapping[str, SensorAttribute]
 ) -> Iterator[Problem]:
     """Yield each attribute of a sensor with another value than the lab asks for.
 
     One that is asked only where it is written may be missing.
     """
-    prim, related = found.prim, found.place.related
-    for name, entry in asked.items():
+    prim, related = sensor.prim, sensor.place.related
+    for name, entry in required.items():
         actual, wanted = prim.attributes.get(name), entry.value
-        may_be_absent = entry.required is not True or is_unresolved(subject.stage, prim.path)
-        if same_value(actual, wanted) or (actual is None and may_be_absent):
+        if same_value(actual, wanted) or (actual is None and entry.required is not True):
             continue
-        expected, is_ = display(wanted), display(actual)
-        why = "" if actual is not None else ", which leaves USD's own default"
-        message = f"{name} is {is_}{why}, expected {expected}"
+        expected, actual_text = display(wanted), display(actual)
+        default_text = "" if actual is not None else ", which leaves USD's own default"
+        message = f"{name} is {actual_text}{default_text}, expected {expected}"
         yield Problem(
             prim.path,
             message,
             name,
             expected,
-            is_,
+            actual_text,
             entry.handout,
             related,
             fix=(Restore(prim.path, name),),
-            unmet=(attribute_demand(found.group, name),),
+            unmet=(attribute_demand(sensor.group, name),),
+            rests_on=subject.stage.unknown_value(prim, name),
         )
 
 
@@ -346,8 +353,8 @@ def sensor_attribute(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `sensorPeriod` 0.1 on an IMU that should measure at each physics step.
     """
-    for found in present_sensors(subject, OTHER):
-        yield from wrong_attributes(subject, found, found.spec.required)
+    for sensor in present_sensors(subject, OTHER):
+        yield from wrong_attributes(subject, sensor, sensor.spec.required)
 
 
 def _schemas(spec: SensorSpec, group: str) -> Iterator[Demand]:
@@ -370,7 +377,7 @@ def sensor_schema(subject: StageSubject) -> Iterator[Problem]:
     for sensor in present_sensors(subject, OTHER):
         prim = sensor.prim
         for wanted in sensor.spec.required_apis:
-            if wanted not in prim.apis and not is_unresolved(subject.stage, prim.path):
+            if wanted not in prim.apis:
                 yield Problem(
                     prim.path,
                     f"{prim.name} lacks {wanted}",
@@ -379,6 +386,7 @@ def sensor_schema(subject: StageSubject) -> Iterator[Problem]:
                     related=sensor.place.related,
                     fix=(ApplySchema(prim.path, wanted),),
                     unmet=(f"{sensor.group}/{wanted}",),
+                    rests_on=subject.stage.unknown(prim.path),
                 )
 
 
@@ -446,10 +454,10 @@ def early_sensor(subject: StageSubject) -> Iterator[Problem]:
 def _early_on_robot(subject: StageSubject, kind: str) -> Iterator[Problem]:
     """Yield each prim of the robot that looks like a sensor of a later checkpoint."""
     lab, stage = subject.lab, subject.stage
-    asked = [find_sensor(lab, stage, name) for name in subject.checkpoint.sensors]
+    places = [find_sensor(lab, stage, name) for name in subject.checkpoint.sensors]
     # What stands in the place of a sensor, or is one, is judged as that.
-    others = {place.path for place in asked}
-    others |= {place.prim.path for place in asked if place.prim is not None}
+    others = {place.path for place in places}
+    others |= {place.prim.path for place in places if place.prim is not None}
     candidates = {
         prim.path: prim
         for name in later_sensors(subject, kind)

@@ -124,14 +124,12 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
             continue
         if f"{node.path}.{port}" in strays:
             continue
-        what = display(found.value) if found.value is not None else _wired(found)
-        message = f"{port} is {what}, expected {display(found.setting.value)}"
+        actual = display(found.value)
+        if found.value is None:
+            actual = f"wired from {short_source(node.sources(port)[0])}"
+        message = f"{port} is {actual}, expected {display(found.setting.value)}"
         message += with_setting(subject, found.spec.role, found.setting, found.value)
         yield setting_problem(subject, found, message)
-
-
-def _wired(found: Found) -> str:
-    return f"wired from {short_source(found.node.sources(found.setting.port)[0])}"
 
 
 def _is_authored(node: Node, port: str) -> bool:

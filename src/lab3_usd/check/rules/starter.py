@@ -14,7 +14,6 @@ from lab3_usd.model.changes import (
     Edit,
     Kind,
     Restore,
-    Site,
     StarterSubject,
 )
 from lab3_usd.model.finding import Problem, Severity
@@ -36,14 +35,13 @@ def starter_prim_missing(subject: StarterSubject) -> Iterator[Problem]:
     Example: `/Environment/Walls/East` deleted.
     """
     for change in subject.changes:
-        if not change.absent or _is_told(change, subject):
+        if not change.absent or _is_absence_reported(change, subject):
             continue
         also = f", with {change.count - 1} prims below it" if change.count > 1 else ""
-        is_ = f"is {change.absent}"
         repair = Restore(change.prim) if change.absent == _MISSING else Activate(change.prim)
         yield Problem(
             change.prim,
-            f"{change.type or 'prim'} of the starter {is_}{also}",
+            f"{change.type or 'prim'} of the starter is {change.absent}{also}",
             expected=change.type or None,
             actual=change.absent,
             handout=subject.rules.handout,
@@ -63,7 +61,7 @@ def starter_prim_retyped(subject: StarterSubject) -> Iterator[Problem]:
 
     Example: `{joint}` changed to a `PhysicsFixedJoint`.
     """
-    yield from _told(subject, "type")
+    yield from _changed_prims(subject, "type")
 
 
 @rule("U03", "starter-schema-removed", scope="starter")
@@ -78,7 +76,7 @@ def starter_schema_removed(subject: StarterSubject) -> Iterator[Problem]:
 
     Example: the collision removed from `/Environment/GroundPlane/CollisionPlane`.
     """
-    yield from _told(subject, "schema")
+    yield from _changed_prims(subject, "schema")
 
 
 @rule("U04", "starter-physics-changed", scope="starter")
@@ -93,7 +91,7 @@ def starter_physics_changed(subject: StarterSubject) -> Iterator[Problem]:
 
     Example: `physics:staticFriction` of the tyres 0.1 instead of 1.0.
     """
-    yield from _told(subject, "physics")
+    yield from _changed_prims(subject, "physics")
 
 
 @rule("U05", "starter-prim-moved", scope="starter")
@@ -108,7 +106,7 @@ def starter_prim_moved(subject: StarterSubject) -> Iterator[Problem]:
 
     Example: `/Environment/Furniture/CrateA` dragged by half a metre with the gizmo.
     """
-    yield from _told(subject, "place")
+    yield from _changed_prims(subject, "place")
 
 
 @rule("U06", "starter-look-changed", scope="starter", severity="warning")
@@ -122,7 +120,7 @@ def starter_look_changed(subject: StarterSubject) -> Iterator[Problem]:
 
     Example: `visibility` of a wall set to `invisible`.
     """
-    yield from _told(subject, "look")
+    yield from _changed_prims(subject, "look")
 
 
 @rule("U07", "starter-physics-added", scope="starter", severity="warning")
@@ -136,16 +134,16 @@ def starter_physics_added(subject: StarterSubject) -> Iterator[Problem]:
 
     Example: `physxRigidBody:linearDamping` 50 on `{robot}/{link}`.
     """
-    yield from _told(subject, "added")
+    yield from _changed_prims(subject, "added")
 
 
-def _told(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
+def _changed_prims(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
     """Yield one problem for each prim whose gravest difference is of this kind."""
     for change in subject.changes:
-        left = _untold(change, subject)
+        left = _unreported(change, subject)
         if not left or left[0].kind != kind:
             continue
-        named = "; ".join(_says(difference) for difference in left[:_SHOWN])
+        named = "; ".join(_difference_text(difference) for difference in left[:_SHOWN])
         more = f"; and {len(left) - _SHOWN} more" if len(left) > _SHOWN else ""
         first = left[0]
         yield Problem(
@@ -171,7 +169,7 @@ def _repair(prim: str, difference: Difference, subject: StarterSubject) -> tuple
     return () if difference.kind == "added" else (Restore(prim),)
 
 
-def _says(difference: Difference) -> str:
+def _difference_text(difference: Difference) -> str:
     if difference.kind == "added":
         return difference.now
     if difference.kind == "schema":
@@ -189,7 +187,7 @@ def _severity(*, physics: bool) -> Severity:
     return "error" if physics else "warning"
 
 
-def _untold(change: Change, subject: StarterSubject) -> list[Difference]:
+def _unreported(change: Change, subject: StarterSubject) -> list[Difference]:
     """Return the differences of which no other rule has spoken, the gravest first."""
     sites = (change.prim, change.body)
     names = {name for prim, name in subject.faulty_sites if prim in sites}
@@ -199,32 +197,32 @@ def _untold(change: Change, subject: StarterSubject) -> list[Difference]:
     left = [
         difference
         for difference in change.differences
-        if not _is_silent(difference, names, subject)
+        if not _is_reported(difference, names, subject)
     ]
-    return sorted(left, key=lambda each: KINDS.index(each.kind))
+    return sorted(left, key=lambda difference: KINDS.index(difference.kind))
 
 
-def _is_silent(each: Difference, names: set[str | None], subject: StarterSubject) -> bool:
-    """Whether one of the `names` that were blamed at the prim and its body tells the difference."""
-    if each.kind in {"type", "schema", "added"}:
+def _is_reported(difference: Difference, names: set[str | None], subject: StarterSubject) -> bool:
+    """Whether a finding about one of these properties of the prim, or its body, explains it."""
+    if difference.kind in {"type", "schema", "added"}:
         return bool(names)
-    if each.kind == "place":
+    if difference.kind == "place":
         return any(name is None or name.startswith("xformOp") for name in names)
     # A joint that ties another body leaves loose the one it had, or the one it now ties to itself.
-    is_told = any((body, None) in subject.faulty_sites for body in (each.was, each.now))
-    return is_told or each.property in names
+    bodies = (difference.was, difference.now)
+    is_body_faulty = any((body, None) in subject.faulty_sites for body in bodies)
+    return is_body_faulty or difference.property in names
 
 
-def _is_told(change: Change, subject: StarterSubject) -> bool:
+def _is_absence_reported(change: Change, subject: StarterSubject) -> bool:
     """Whether another rule has missed this prim, what it holds, or what needs it."""
-    is_elsewhere = change.absent == _MISSING and change.prim in subject.related_prims
-    return is_elsewhere or any(_tells(site, change) for site in subject.faulty_sites)
-
-
-def _tells(site: Site, change: Change) -> bool:
-    prim, name = site
-    is_below = f"{prim}/".startswith(f"{change.prim}/")
-    is_above = f"{change.prim}/".startswith(f"{prim.rstrip('/')}/")
-    if is_below or (is_above and prim != "/" and (name is None or prim == change.body)):
+    if change.absent == _MISSING and change.prim in subject.related_prims:
         return True
-    return name is None and prim in change.related
+    for prim, name in subject.faulty_sites:
+        is_below = f"{prim}/".startswith(f"{change.prim}/")
+        is_above = f"{change.prim}/".startswith(f"{prim.rstrip('/')}/")
+        if is_below or (is_above and prim != "/" and (name is None or prim == change.body)):
+            return True
+        if name is None and prim in change.related:
+            return True
+    return False

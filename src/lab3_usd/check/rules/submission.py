@@ -211,7 +211,7 @@ def lost_work(subject: SubmissionSubject) -> Iterator[Problem]:
 
     Example: `{stage4}` was made from `{stage2}`: what `{stage3}` adds is missing.
     """
-    results = [each for each in subject.results.items() if each[1].verdict != "unreadable"]
+    results = [item for item in subject.results.items() if item[1].verdict != "unreadable"]
     for (before, earlier), (number, later) in pairwise(results):
         if subject.digests.get(before) == subject.digests.get(number):
             continue
@@ -219,9 +219,11 @@ def lost_work(subject: SubmissionSubject) -> Iterator[Problem]:
         if lost:
             path = subject.listing.stages[number].path
             message = f"checkpoint {before} had what is gone here: {_few(tuple(lost))}"
-            where = subject.listing.stages[before].path
+            earlier_path = subject.listing.stages[before].path
             handout = subject.spec.stages.handout
-            yield Problem(path, message, actual=str(len(lost)), handout=handout, related=(where,))
+            yield Problem(
+                path, message, actual=str(len(lost)), handout=handout, related=(earlier_path,)
+            )
 
 
 def _lost(earlier: StageResult, later: StageResult) -> list[str]:
@@ -248,8 +250,10 @@ def same_file_twice(subject: SubmissionSubject) -> Iterator[Problem]:
     for number, first in _copies(subject.digests, subject.spec.stages.differ).items():
         stages = subject.listing.stages
         message = f"the same file, to the byte, as checkpoint {first}"
-        handout, where = subject.spec.stages.handout, stages[first].path
-        yield Problem(stages[number].path, message, actual=where, handout=handout, related=(where,))
+        handout, first_path = subject.spec.stages.handout, stages[first].path
+        yield Problem(
+            stages[number].path, message, actual=first_path, handout=handout, related=(first_path,)
+        )
 
 
 def _copies(digests: Mapping[str, str], differ: tuple[str, ...]) -> dict[str, str]:

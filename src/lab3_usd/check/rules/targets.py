@@ -55,8 +55,10 @@ def _problem(subject: GraphSubject, node: Node, target: Target, message: str) ->
 def _awaits_its_sensor(subject: GraphSubject, node: Node, target: Target) -> bool:
     """Whether a relationship names where the lab has a sensor that stands elsewhere."""
     spec = subject.lab.graphs[subject.spec.name].nodes[subject.roles.role_of[node.path]]
-    named = [each.prims for each in spec.targets if each.port == target.port]
-    return named != [target.prims] and any(targets_prims(node, target, each) for each in named)
+    named = [candidate.prims for candidate in spec.targets if candidate.port == target.port]
+    return named != [target.prims] and any(
+        targets_prims(node, target, candidate) for candidate in named
+    )
 
 
 @rule("R01", "missing-target", scope="graph")
@@ -174,7 +176,7 @@ def frame_is_its_own_parent(view: TfView) -> Iterator[Problem]:
             severity = None if edge.sure else "warning"
             message = f"publishes '{edge.child}' as its own parent"
             fix = edits_of_harm(subject, edge.cause, severity=severity)
-            yield Problem(edge.cause, message, severity=severity, fix=fix)
+            yield Problem(edge.cause, message, severity=severity, fix=fix, frames=(edge.child,))
 
 
 def _own_parents(node: Node, view: TfView) -> Iterator[Problem]:
@@ -215,6 +217,7 @@ def _self_problem(node: Node, what: str, wanted: list[str], view: TfView) -> Pro
         expected=", ".join(dict.fromkeys([*wanted, *lost.values()])) or "the links as targets",
         actual=", ".join(listed_targets(node)),
         handout=view.subject.lab.frames.handout,
+        frames=tuple(lost),
     )
 
 
@@ -227,6 +230,7 @@ def _named_alike(node: Node, pair: Pair, view: TfView) -> Problem:
         actual=", ".join(listed_targets(node)),
         handout=view.subject.lab.frames.handout,
         hint=f"rename {pair.prim} or take it out of the target prims",
+        frames=(pair.child,),
     )
 
 
@@ -259,4 +263,5 @@ def robot_root_alone(view: TfView) -> Iterator[Problem]:
                 handout=maker.handout,
                 hint=f"add {homes} as a second target",
                 fix=edits_in_stage(view.subject, maker.node.path, maker.port),
+                frames=tuple(missing),
             )

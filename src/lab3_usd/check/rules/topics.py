@@ -31,17 +31,24 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
     """
     if not subject.checkpoint.graphs:
         return
-    told = tuple(prim.path for prim in second_lidars(subject))
+    lidar_paths = tuple(prim.path for prim in second_lidars(subject))
     again: dict[str, list[tuple[Endpoint, tuple[Endpoint, ...]]]] = {}
     for endpoint, others in repeated_publishers(subject):
-        if not any(is_at_or_below(endpoint.node.path, lidar) for lidar in told):
+        if not any(is_at_or_below(endpoint.node.path, lidar) for lidar in lidar_paths):
             again.setdefault(endpoint.node.path.rpartition("/")[0], []).append((endpoint, others))
-    for found in again.values():
-        first = found[0][0]
-        names = ", ".join(str(endpoint.topic) for endpoint, _ in found)
-        paths = [other.node.path for _, others in found for other in others]
+    for repeats in again.values():
+        first = repeats[0][0]
+        names = ", ".join(str(endpoint.topic) for endpoint, _ in repeats)
+        paths = [other.node.path for _, others in repeats for other in others]
         wanted = subject.lab.topics.get(str(first.topic))
-        severity: Severity | None = None if any(map(_is_sure, found)) else "warning"
+        severity: Severity | None = (
+            None
+            if any(
+                endpoint.sure and any(other.sure for other in others)
+                for endpoint, others in repeats
+            )
+            else "warning"
+        )
         yield Problem(
             first.node.path,
             f"publishes {names}, which another node publishes as well",
@@ -49,15 +56,10 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
             expected="one publisher",
             actual=names,
             handout=None if wanted is None else wanted.handout,
-            related=tuple(dict.fromkeys([*(e.node.path for e, _ in found[1:]), *paths])),
+            related=tuple(dict.fromkeys([*(e.node.path for e, _ in repeats[1:]), *paths])),
             severity=severity,
             fix=edits_of_harm(subject, first.node.path, first.port, severity),
         )
-
-
-def _is_sure(again: tuple[Endpoint, tuple[Endpoint, ...]]) -> bool:
-    endpoint, others = again
-    return endpoint.sure and any(other.sure for other in others)
 
 
 @rule("Q02", "wrong-topic-type", scope="stage", formerly="topic-of-another-type")
@@ -174,19 +176,19 @@ def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
     """
     played = role_specs(subject)
     takers = [e for e in endpoints(subject.stage, subject.lab) if e.direction == "subscribes"]
-    asked = {e.topic: e.node.path for e in takers if e.topic and e.node.path in played}
+    taken = {e.topic: e.node.path for e in takers if e.topic and e.node.path in played}
     lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
-    told = second_commanders(subject.stage, subject.lab, subject.roles)
-    lab_graphs |= {node.path.rpartition("/")[0] for node, _ in told}
+    commanders = second_commanders(subject.stage, subject.lab, subject.roles)
+    lab_graphs |= {node.path.rpartition("/")[0] for node, _ in commanders}
     for endpoint in takers:
         path = endpoint.node.path
-        if endpoint.runs and endpoint.topic in asked and path.rpartition("/")[0] not in lab_graphs:
+        if endpoint.runs and endpoint.topic in taken and path.rpartition("/")[0] not in lab_graphs:
             yield Problem(
                 path,
                 f"takes {endpoint.topic}, which another node takes for the lab",
                 property=endpoint.port,
                 actual=endpoint.topic,
-                related=(asked[endpoint.topic],),
+                related=(taken[endpoint.topic],),
                 fix=edits_in_stage(subject, path, endpoint.port),
             )
 
@@ -209,13 +211,13 @@ def topic_of_commands_published(subject: StageSubject) -> Iterator[Problem]:
     Example: a ROS2 Publisher publishes geometry_msgs/msg/Twist on `{commands}`.
     """
     played = role_specs(subject)
-    found = endpoints(subject.stage, subject.lab)
+    every_endpoint = endpoints(subject.stage, subject.lab)
     taken = {
         endpoint.topic: endpoint.node.path
-        for endpoint in found
+        for endpoint in every_endpoint
         if endpoint.topic and endpoint.direction == "subscribes" and endpoint.node.path in played
     }
-    for endpoint in found:
+    for endpoint in every_endpoint:
         if endpoint.runs and endpoint.direction == "publishes" and endpoint.topic in taken:
             yield Problem(
                 endpoint.node.path,

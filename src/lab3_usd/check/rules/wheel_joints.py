@@ -11,11 +11,11 @@ from lab3_usd.check.robot.poses import vector_text
 from lab3_usd.check.robot.wheels import (
     WheelJoint,
     base_side,
-    could_hide_joints,
     has_no_joints,
     is_stated,
     tied_joints,
     turning_joints,
+    unknown_joints,
     wheel_joints,
     wrong_ends,
 )
@@ -40,7 +40,7 @@ from lab3_usd.model.physics import (
     number,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import absence_reason, is_unresolved
+from lab3_usd.model.stage import absence_reason
 from lab3_usd.model.transforms import Vector, angle_between, distance, dot, scaled
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import WheelSpec
@@ -94,6 +94,7 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
         if subject.stage.prim(joint.link) is None:
             continue
         message = _why_useless(joint, subject)
+        is_gone = joint.prim is None or (joint.prim.active and not joint.prim.present)
         wrong = None if message or joint.live is None else _wrong_value(joint.live)
         if message is not None:
             fix: tuple[Edit, ...] = tuple(map(Restore, (joint.site, *joint.related)))
@@ -108,12 +109,13 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
                 fix=fix,
                 unmet=(f"Scene/joint/{joint.name}",),
                 absent=joint.live is None,
+                rests_on=unknown_joints(subject) if is_gone else None,
             )
         elif wrong is not None:
-            says, name, expected, actual = wrong
+            fault, name, expected, actual = wrong
             yield Problem(
                 joint.site,
-                f"{joint.name} {says}",
+                f"{joint.name} {fault}",
                 name,
                 expected,
                 actual,
@@ -167,9 +169,6 @@ def _no_joints(subject: StageSubject, handout: str) -> Problem:
 def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
     prim = joint.prim
     if prim is None or not prim.present:
-        is_gone = prim is None or prim.active
-        if is_gone and could_hide_joints(subject):
-            return None
         return f"{joint.name} {absence_reason(subject.stage, joint.site)}"
     if prim.type != REVOLUTE:
         return f"{joint.name} is a {prim.type or 'prim without a type'}, expected {REVOLUTE}"
@@ -193,8 +192,6 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
     section = lab.handout.behind("S08", lab.scene.robot.wheels.handout)
     for joint in turning_joints(subject):
         for name, actual in wrong_ends(joint, subject):
-            if not actual and is_unresolved(subject.stage, joint.site):
-                continue
             is_wheel = base_side(joint) is None
             expected = joint.link if is_wheel else "a link of the robot that is no wheel"
             message = f"{name} is {actual or 'the world'}, expected {expected}"
@@ -208,6 +205,7 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
                 joint.related,
                 fix=(Restore(joint.site, name),),
                 unmet=(f"Scene/bodies/{joint.name}",),
+                rests_on=None if actual else subject.stage.unknown(joint.site),
             )
 
 
@@ -229,11 +227,11 @@ def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     for joint in joints(subject.stage):
         tied = [] if joint in own else [wheel for wheel in wheels if _ties(joint, wheel)]
         for wheel in [wheel for wheel in tied if _may_turn(wheel, subject)][:1]:
-            other = next((end for end in bodies(joint) if not is_at_or_below(end, wheel.link)), "")
-            is_ = f"{joint.name} ties {wheel.link} to {other or 'the world'}"
+            holder = next((end for end in bodies(joint) if not is_at_or_below(end, wheel.link)), "")
+            tie_text = f"{joint.name} ties {wheel.link} to {holder or 'the world'}"
             yield Problem(
                 joint.path,
-                f"{is_}, beside {wheel.name}",
+                f"{tie_text}, beside {wheel.name}",
                 None,
                 f"{wheel.name} alone",
                 joint.type,
@@ -252,7 +250,7 @@ def _ties(joint: Prim, wheel: WheelJoint) -> bool:
 def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
     """Whether the wheel has its own joint, or may have it; S07 speaks of one that has none."""
     if wheel.prim is None:
-        return could_hide_joints(subject)
+        return unknown_joints(subject) is not None
     return wheel.live is not None and not is_switched_off(wheel.live, JOINT_ENABLED)
 
 
@@ -271,23 +269,23 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     scene = subject.lab.scene
     wheels, limit = scene.robot.wheels, scene.tolerance.link_position
     places = {
-        joint: found
+        joint: place
         for joint in tied_joints(subject)
         if is_stated(joint, subject, f"physics:localPos{base_side(joint)}")
-        and (found := anchor(joint, subject))
+        and (place := anchor(joint, subject))
     }
     if len(places) != len(wheels.joints) or len(places) != _PAIR:
         return
-    (first, one), (second, other) = places.items()
-    apart = distance(one, other)
+    (first, first_place), (second, second_place) = places.items()
+    apart = distance(first_place, second_place)
     units = subject.stage.meters_per_unit or 1.0  # a unit of nothing has a finding of its own
     if min(abs(apart - wheels.distance), abs(apart / units - wheels.distance)) <= limit:
         axles = [axle(joint, subject) for joint in places]
-        if all(found and dot(found, wheels.axle) > 0 for found in axles):  # else S09 speaks
+        if all(place and dot(place, wheels.axle) > 0 for place in axles):  # else S09 speaks
             yield from _exchanged(places, wheels)
         return
     half = wheels.distance / 2
-    is_first = abs(abs(one[1]) - half) >= abs(abs(other[1]) - half)
+    is_first = abs(abs(first_place[1]) - half) >= abs(abs(second_place[1]) - half)
     joint = first if is_first else second
     expected, actual = f"{wheels.distance:g} m", f"{apart:g} m"
     message = f"the wheel joints are {actual} apart, expected {expected}"
@@ -345,40 +343,40 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
     """
     scene = subject.lab.scene
     wanted, limit = scene.robot.wheels.axle, scene.tolerance.axle_angle
-    axles = {joint: found for joint in tied_joints(subject) if (found := axle(joint, subject))}
+    axles = {
+        joint: direction for joint in tied_joints(subject) if (direction := axle(joint, subject))
+    }
     wrong = {
-        joint: found for joint, found in axles.items() if not angle_between(found, wanted) <= limit
+        joint: direction
+        for joint, direction in axles.items()
+        if not angle_between(direction, wanted) <= limit
     }
     back = scaled(wanted, -1.0)
     is_all_back = len(wrong) == len(axles) > 1 and all(
-        angle_between(found, back) <= limit for found in wrong.values()
+        angle_between(direction, back) <= limit for direction in wrong.values()
     )
     severity: Severity | None = "warning" if is_all_back else None
     section = subject.lab.handout.behind("S09", scene.robot.wheels.handout)
-    for joint, found in wrong.items():
+    for joint, direction in wrong.items():
         if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
             continue
         name = _cause(joint, list(axles))
+        expected, actual = vector_text(wanted), vector_text(direction)
+        turn_text = f"about {actual} of the robot, expected {expected}"
+        if angle_between(direction, back) <= limit:
+            turn_text = "backward: its axis is inverted"
         yield Problem(
             joint.site,
-            f"{joint.name} {_says(found, wanted, limit)}",
+            f"{joint.name} turns its wheel {turn_text}",
             name,
-            vector_text(wanted),
-            vector_text(found),
+            expected,
+            actual,
             section,
             joint.related,
             severity,
             fix=_wheel_fix(joint, name),
             unmet=(f"Scene/axis/{joint.name}",),
         )
-
-
-def _says(found: Vector, wanted: Vector, limit: float) -> str:
-    if angle_between(found, scaled(wanted, -1.0)) <= limit:
-        return "turns its wheel backward: its axis is inverted"
-    return (
-        f"turns its wheel about {vector_text(found)} of the robot, expected {vector_text(wanted)}"
-    )
 
 
 def _cause(joint: WheelJoint, others: list[WheelJoint]) -> str:
@@ -411,8 +409,8 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
         prim = joint.prim
         if prim is None:
             continue
-        may_be_hidden = is_unresolved(subject.stage, prim.path)
-        if DRIVE_API not in prim.apis and not may_be_hidden:
+        asset = subject.stage.unknown(prim.path)
+        if DRIVE_API not in prim.apis:
             yield Problem(
                 prim.path,
                 f"{joint.name} has no angular drive",
@@ -422,14 +420,16 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
                 related=joint.related,
                 fix=(ApplySchema(prim.path, DRIVE_API),),
                 unmet=(f"Scene/damping/{joint.name}",),
+                rests_on=asset,
             )
-            continue
+            if asset is None:
+                continue
         stiffness = number(prim.attributes.get(STIFFNESS, 0.0))
         if stiffness != 0:
-            is_ = "no number" if stiffness is None else f"{stiffness:g}"
+            actual = "no number" if stiffness is None else f"{stiffness:g}"
             yield Problem(
                 prim.path,
-                f"stiffness is {is_}, expected 0",
+                f"stiffness is {actual}, expected 0",
                 STIFFNESS,
                 "0",
                 f"{stiffness}",
@@ -438,8 +438,7 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
                 fix=(Restore(prim.path, STIFFNESS),),
                 unmet=(f"Scene/stiffness/{joint.name}",),
             )
-        hidden = None if may_be_hidden else 0.0
-        for name, unset in ((DAMPING, hidden), (MAX_FORCE, None)):
+        for name, unset in ((DAMPING, 0.0), (MAX_FORCE, None)):
             value = number(prim.attributes.get(name, unset))
             if value is not None and not value > 0:
                 yield Problem(
@@ -452,4 +451,5 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
                     joint.related,
                     fix=(Restore(prim.path, name),),
                     unmet=(f"Scene/damping/{joint.name}",),
+                    rests_on=subject.stage.unknown_value(prim, name),
                 )

@@ -167,15 +167,17 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: `differential_controller.inputs:maxLinearSpeed` connected to a constant.
     """
     # A wire that makes a value wrong, or reaches what must keep its default, is told as that.
-    told = {
+    reported = {
         (setting.node.path, setting.setting.port)
         for setting in settings_of(subject)
         if not setting.met
     }
-    told.update(stopping_inputs(subject))
+    reported.update(stopping_inputs(subject))
     kept = subject.lab.policy.keep_default
     for fault in _faults(subject, "unasked"):
-        if (fault.node.path, fault.port) not in told and fault.port.partition(":")[2] not in kept:
+        if (fault.node.path, fault.port) not in reported and fault.port.partition(":")[
+            2
+        ] not in kept:
             message = (
                 f"{fault.port} is wired from {_source_shown(fault)}, which the handout does not ask"
             )

@@ -41,13 +41,8 @@ from lab3_usd.model.physics import (
     SCENE,
     collides,
 )
-from lab3_usd.model.prims import Collider, Matrix, Prim, is_at_or_below
-from lab3_usd.model.stage import (
-    StageModel,
-    absence_reason,
-    has_unresolved_outside,
-    is_pose_unresolved,
-)
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import UnresolvedAsset, absence_reason
 from lab3_usd.model.transforms import (
     IDENTITY,
     Pose,
@@ -93,19 +88,46 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the collision plane below `/Environment` deactivated.
     """
-    asked = _asked(subject, subject.lab.scene.world.ground)
-    if asked is None or has_ground(subject) or _is_elsewhere(subject):
+    part = _asked(subject, subject.lab.scene.world.ground)
+    if part is None or has_ground(subject):
         return
+    asset = _missing_environment(subject)
     falling = falling_ground(subject)
-    if falling is not None:
-        yield _falls(asked, *falling)
-        return
     steep = next(steep_planes(subject.stage, subject.lab.scene.robot.path), None)
-    if steep is not None:
-        yield _faces_elsewhere(asked, steep)
-        return
     off = _silent_ground(subject)
-    if off is not None:
+    if falling is not None:
+        plane, body = falling
+        falls = f"falls with {body.name}, which is" if body != plane else "falls as"
+        yield Problem(
+            body.path,
+            f"the ground does not carry the robot: {plane.name} {falls} a rigid body",
+            BODY_ENABLED,
+            "no rigid body",
+            BODY_API,
+            part.handout,
+            related=tuple(sorted({part.usual, plane.path} - {body.path})),
+            hint=f"remove Rigid Body from {body.name} in the Property panel",
+            fix=(RemoveSchema(body.path, BODY_API),),
+            rests_on=asset,
+        )
+    elif steep is not None:
+        faces, up = vector_text(facing(steep) or UP), vector_text(UP)
+        is_turned = steep.attributes.get(AXIS, "Z") == "Z"
+        name = pose_property(steep, "rotate") if is_turned else AXIS
+        yield Problem(
+            steep.path,
+            f"the ground does not carry the robot: {steep.name} faces {faces}, expected {up}",
+            name,
+            up,
+            faces,
+            part.handout,
+            related=(part.usual,),
+            hint=f"turn {steep.name}, or the prim that holds it, so that its front faces up",
+            fix=(Restore(steep.path, name),),
+            unmet=(_GROUND,),
+            rests_on=asset,
+        )
+    elif off is not None:
         has_api = COLLISION_API in off.apis
         what = "is switched off" if has_api else "was removed"
         message = f"the ground does not carry the robot: the collision of {off.name} {what}"
@@ -115,47 +137,15 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
             message,
             COLLISION_ENABLED,
             expected="True" if has_api else COLLISION_API,
-            handout=asked.handout,
-            related=(asked.usual,),
+            handout=part.handout,
+            related=(part.usual,),
             fix=(restored if has_api else ApplySchema(off.path, COLLISION_API),),
             unmet=(_GROUND,),
+            rests_on=asset,
         )
-        return
-    planes = subject.stage.of_type(PLANE)
-    yield _missing(subject, asked, "a ground with collision", planes, _GROUND)
-
-
-def _falls(asked: WorldPart, ground: Prim, body: Prim) -> Problem:
-    falls = f"falls with {body.name}, which is" if body != ground else "falls as"
-    return Problem(
-        body.path,
-        f"the ground does not carry the robot: {ground.name} {falls} a rigid body",
-        BODY_ENABLED,
-        "no rigid body",
-        BODY_API,
-        asked.handout,
-        related=tuple(sorted({asked.usual, ground.path} - {body.path})),
-        hint=f"remove Rigid Body from {body.name} in the Property panel",
-        fix=(RemoveSchema(body.path, BODY_API),),
-    )
-
-
-def _faces_elsewhere(asked: WorldPart, plane: Prim) -> Problem:
-    faces, up = vector_text(facing(plane) or UP), vector_text(UP)
-    is_turned = plane.attributes.get(AXIS, "Z") == "Z"
-    name = pose_property(plane, "rotate") if is_turned else AXIS
-    return Problem(
-        plane.path,
-        f"the ground does not carry the robot: {plane.name} faces {faces}, expected {up}",
-        name,
-        up,
-        faces,
-        asked.handout,
-        related=(asked.usual,),
-        hint=f"turn {plane.name}, or the prim that holds it, so that its front faces up",
-        fix=(Restore(plane.path, name),),
-        unmet=(_GROUND,),
-    )
+    else:
+        planes = subject.stage.of_type(PLANE)
+        yield _missing(subject, part, "a ground with collision", planes, _GROUND)
 
 
 def _silent_ground(subject: StageSubject) -> Prim | None:
@@ -177,12 +167,12 @@ def light(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the only DistantLight deactivated.
     """
-    found = list(lights(subject.stage))
-    asked = _asked(subject, subject.lab.scene.world.light)
-    if asked is None or any(prim.present for prim in found):
+    prims = list(lights(subject.stage))
+    part = _asked(subject, subject.lab.scene.world.light)
+    if part is None or any(prim.present for prim in prims):
         return
-    if not _is_elsewhere(subject) and not _is_told_by_ground(subject, asked):
-        yield _missing(subject, asked, "a light", found, _LIGHT)
+    if not _is_lost_with_ground(subject, part):
+        yield _missing(subject, part, "a light", prims, _LIGHT)
 
 
 @rule("S15", "physics-scene", scope="stage", demands=_HAS_SCENE)
@@ -197,22 +187,22 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `/physicsScene` deleted, or `physics:gravityMagnitude` 0 on it.
     """
-    found = list(subject.stage.of_type(SCENE))
-    asked = _asked(subject, subject.lab.scene.world.physics_scene)
-    if asked is None:
+    scenes = list(subject.stage.of_type(SCENE))
+    part = _asked(subject, subject.lab.scene.world.physics_scene)
+    if part is None:
         return
     for wrong in gravity_faults(subject):
-        usual = (asked.usual,) if wrong.prim != asked.usual else ()
+        usual = (part.usual,) if wrong.prim != part.usual else ()
         sites = (f"{wrong.prim}.{wrong.property}", *wrong.related)
         yield replace(
             wrong,
-            handout=asked.handout,
+            handout=part.handout,
             related=(*usual, *wrong.related),
             fix=tuple(Restore(*site.split(".")) for site in sites),
             unmet=(_SCENE,),
         )
-    if not any(prim.present for prim in found) and not _is_elsewhere(subject):
-        yield _missing(subject, asked, "a physics scene", found, _SCENE)
+    if not any(prim.present for prim in scenes):
+        yield _missing(subject, part, "a physics scene", scenes, _SCENE)
 
 
 @rule("S16", "observation-camera", scope="stage", severity="warning")
@@ -227,19 +217,19 @@ def observation_camera(subject: StageSubject) -> Iterator[Problem]:
     Example: the world's camera dragged onto `{base}` and renamed.
     """
     robot, world = subject.lab.scene.robot.path, subject.lab.scene.world
-    asked = world.observation_camera
+    part = world.observation_camera
     is_gone = subject.stage.prim(world.graph_parent.path) is None  # which is S01's
-    if asked is None or is_gone or _is_elsewhere(subject):
+    if part is None or is_gone:
         return
-    typed = subject.stage.of_type(asked.type)
+    typed = subject.stage.of_type(part.type)
     cameras = [prim for prim in typed if not is_at_or_below(prim.path, robot)]
     if not any(prim.present for prim in cameras):
-        yield _missing(subject, asked, "an observation camera", cameras)
+        yield _missing(subject, part, "an observation camera", cameras)
 
 
-def _is_elsewhere(subject: StageSubject) -> bool:
-    """Whether an asset of the environment is missing, which could hold it."""
-    return has_unresolved_outside(subject.stage, subject.lab.scene.robot.path)
+def _missing_environment(subject: StageSubject) -> UnresolvedAsset | None:
+    """Return a missing asset that could hold parts of the world."""
+    return subject.stage.unknown_outside(subject.lab.scene.robot.path)
 
 
 def _asked(subject: StageSubject, part: WorldPart | None) -> WorldPart | None:
@@ -249,7 +239,7 @@ def _asked(subject: StageSubject, part: WorldPart | None) -> WorldPart | None:
     return None if part is None or (is_gone and is_at_or_below(part.usual, above)) else part
 
 
-def _is_told_by_ground(subject: StageSubject, light: WorldPart) -> bool:
+def _is_lost_with_ground(subject: StageSubject, light: WorldPart) -> bool:
     """Whether ground and light are gone because one prim that holds both is switched off."""
     ground = _asked(subject, subject.lab.scene.world.ground)
     if ground is None or ground.usual != light.usual:
@@ -259,23 +249,28 @@ def _is_told_by_ground(subject: StageSubject, light: WorldPart) -> bool:
 
 
 def _missing(
-    subject: StageSubject, asked: WorldPart, title: str, parts: Iterable[Prim], *unmet: str
+    subject: StageSubject, part: WorldPart, title: str, parts: Iterable[Prim], *unmet: str
 ) -> Problem:
     """Say that a part is missing: at the prim that is switched off, else where it usually is."""
-    usual = asked.usual
+    usual = part.usual
     off = [prim.path for prim in parts if not prim.present]
     top = subject.stage.prims.get(usual)
     if top is not None and not top.present:
         off = [usual]
     site = min(off, default=usual)
-    why = f": {site} {absence_reason(subject.stage, site)}" if off else ""
+    reason = f": {site} {absence_reason(subject.stage, site)}" if off else ""
     related = (usual,) if site != usual else ()
-    message = f"the scene has no {title.split(' ', 1)[1]}{why}"
-    fix = tuple(map(Restore, (site, *related)))
-    return Problem(site, message, None, title, None, asked.handout, related, fix=fix, unmet=unmet)
-
-
-_UP = (0.0, 0.0, 1.0)
+    message = f"the scene has no {title.split(' ', 1)[1]}{reason}"
+    return Problem(
+        site,
+        message,
+        expected=title,
+        handout=part.handout,
+        related=related,
+        fix=tuple(map(Restore, (site, *related))),
+        unmet=unmet,
+        rests_on=_missing_environment(subject),
+    )
 
 
 AT_REST = "Scene/rest"
@@ -305,10 +300,10 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
     """
     if subject.lab.scene.world.ground is None or not _root_stands_right(subject):
         return
-    found = highest_ground(subject)
-    if found is None:
+    highest = highest_ground(subject)
+    if highest is None:
         return
-    height, ground = found
+    height, ground = highest
     lows = {body: low - height for body, low in _lows(subject).items()}
     spec = subject.lab.scene.robot
     wheels = [f"{spec.path}/{name}" for name in spec.wheels.joints.values()]
@@ -323,12 +318,12 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
     severity: Severity | None = "warning" if later else None
     section = subject.lab.handout.behind("S19", spec.handout)
     for body, low in off.items():
-        where = "above" if low > 0 else "below"
+        side = "above" if low > 0 else "below"
         part = body.rpartition("/")[2]
         basis = ground if body == spec.path else spec.path
         yield Problem(
             body,
-            f"{part} is {abs(low):.3g} m {where} the ground",
+            f"{part} is {abs(low):.3g} m {side} the ground",
             expected="on the ground",
             actual=f"{low:.3g} m",
             handout=section,
@@ -343,9 +338,9 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
 
 def _is_lowered(subject: StageSubject, body: str, ground: str) -> bool:
     """Whether the ground below the whole robot is displaced by a prim above it."""
-    found = subject.stage.prim(ground)
+    prim = subject.stage.prim(ground)
     is_whole = body == subject.lab.scene.robot.path
-    return is_whole and (found is None or ORDER not in found.attributes)
+    return is_whole and (prim is None or ORDER not in prim.attributes)
 
 
 def _upward(path: str) -> Iterator[str]:
@@ -380,20 +375,16 @@ def _lows(subject: StageSubject) -> dict[str, float]:
     lows: dict[str, float] = {}
     for name, link in spec.links.items():
         path = f"{spec.path}/{name}"
-        shapes = [box.low[2] for box in stage.colliders.below(path) if _is_on(box, stage)]
+        boxes = [(stage.prim(box.path), box.low[2]) for box in stage.colliders.below(path)]
+        shapes = [low for part, low in boxes if part is not None and collides(part)]
         prim = stage.prim(path)
-        if prim is not None and (is_pose_unresolved(stage, prim) or is_scaled(prim, size)):
+        if prim is not None and (stage.unknown_pose(prim) or is_scaled(prim, size)):
             continue  # what is scaled S24 tells
         if shapes:
             lows[path] = min(shapes)
         elif link.offset is not None and prim is not None and prim.world:
             lows[path] = prim.world[14] * stage.meters_per_unit
     return lows
-
-
-def _is_on(box: Collider, stage: StageModel) -> bool:
-    prim = stage.prim(box.path)
-    return prim is not None and collides(prim)
 
 
 @rule("S22", "starts-elsewhere", scope="stage", severity="note")
@@ -411,17 +402,14 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
     robot, stage = subject.lab.scene.robot, subject.stage
     root = stage.prim(robot.path)
     base = stage.prim(robot.base)
-    if (
-        root is None
-        or base is None
-        or robot.base_frame not in robot.links
-        or is_pose_unresolved(stage, root)
-        or is_pose_unresolved(stage, base)
-    ):
+    if root is None or base is None or robot.base_frame not in robot.links:
         return
     if root.world is None or base.world is None:
         return
-    start, expected = decompose(base.world), _base_pose(subject, root.world)
+    offset = robot.links[robot.base_frame].offset or (0.0, 0.0, 0.0)
+    on_root = scaled(offset, 1.0 / (stage.meters_per_unit or 1.0))
+    start = decompose(base.world)
+    expected = replace(decompose(root.world), translation=transform_point(on_root, root.world))
     limits = root_tolerance(subject.lab.scene, stage)
     away = distance(start.translation, expected.translation) * stage.meters_per_unit
     turn = rotation_difference(start.rotation, expected.rotation)
@@ -429,23 +417,16 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
         return
     at, root_at = (_start(pose, stage.meters_per_unit) for pose in (start, expected))
     message = f"the robot starts {at}; its root has it {root_at}"
-    where = pose_property(base, "translate")
-    yield Problem(base.path, message, where, root_at, at, robot.pose.handout)
-
-
-def _base_pose(subject: StageSubject, root: Matrix) -> Pose:
-    """Return the pose of the robot's base where it is at its place on the root."""
-    robot, units = subject.lab.scene.robot, subject.stage.meters_per_unit or 1.0
-    pose = decompose(root)
-    offset = robot.links[robot.base_frame].offset or (0.0, 0.0, 0.0)
-    return replace(pose, translation=transform_point(scaled(offset, 1.0 / units), root))
+    translate = pose_property(base, "translate")
+    unknown = stage.unknown_pose(root, base)
+    yield Problem(base.path, message, translate, root_at, at, robot.pose.handout, rests_on=unknown)
 
 
 def _start(pose: Pose, metres: float) -> str:
     """Say where a robot with this pose starts, and how it stands there."""
     ahead = pose.rotation[0]
     facing = round(math.degrees(math.atan2(ahead[1], ahead[0])), 1) + 0.0
-    tilt = angle_between(pose.rotation[2], _UP)
+    tilt = angle_between(pose.rotation[2], UP)
     tipped = f", tipped by {tilt:.3g} degrees" if tilt >= 1 else ""
     at = vector_text([round(part, 4) for part in scaled(pose.translation, metres)])
     return f"at {at} m, facing {facing:g} degrees{tipped}"

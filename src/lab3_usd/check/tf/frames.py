@@ -32,7 +32,7 @@ from lab3_usd.check.tf.targets import (
     unresolved_frames_of,
 )
 from lab3_usd.model.stage import Node, StageModel, is_acyclic, once_per_stage
-from lab3_usd.spec.catalog import NodeType, TfPorts
+from lab3_usd.spec.catalog import TfPorts
 from lab3_usd.spec.lab import Lab
 
 
@@ -110,7 +110,7 @@ def published_transforms(stage: StageModel, lab: Lab) -> tuple[PublishedTransfor
     is that of the nodes and their targets.
     """
     scene = _Scene(stage, lab, live_nodes(stage, lab), running_nodes(stage, lab))
-    return tuple(_sent(node, topic, scene) for node, topic in _tree_publishers(scene))
+    return tuple(_published_by(node, topic, scene) for node, topic in _tree_publishers(scene))
 
 
 def published_edges(stage: StageModel, lab: Lab) -> tuple[Edge, ...]:
@@ -144,18 +144,16 @@ def _tree_publishers(scene: _Scene) -> Iterator[tuple[Node, str]]:
         written = effective_value(node, kind.topics[0], scene.live_nodes)
         space = namespace_of(node, scene.stage, scene.lab, scene.live_nodes)
         topic = resolve(space, written) if isinstance(written, str) else None
-        if topic in scene.lab.policy.tree_topics and _sends_transforms(node, kind, scene):
+        if topic not in scene.lab.policy.tree_topics:
+            continue
+        types = scene.lab.catalog.types.values()
+        if kind.tf is not None or message_type(node, kind, kind.topics[0], scene.live_nodes) in {
+            publisher.message[""] for publisher in types if publisher.tf and publisher.role
+        }:
             yield node, str(topic)
 
 
-def _sends_transforms(node: Node, kind: NodeType, scene: _Scene) -> bool:
-    if kind.tf is not None:
-        return True
-    known = {t.message[""] for t in scene.lab.catalog.types.values() if t.tf and t.role}
-    return message_type(node, kind, kind.topics[0], scene.live_nodes) in known
-
-
-def _sent(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
+def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
     ports = tf_ports(node)
     static = (
         ports.static is not None and effective_value(node, ports.static, scene.live_nodes) is True
@@ -170,13 +168,19 @@ def _sent(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
     arrays = _arrays(node, ports, scene) if ports.prims else None
     if arrays is None:
         return PublishedTransforms(node, None)
-    is_sure = _is_sure(scene, node, arrays.maker)
-    made = Edge("", "", node.path, arrays.maker.path, topic, static, sure=is_sure)
-    return PublishedTransforms(
-        node,
-        tuple(_edge_of(pair, made, arrays.order) for pair in arrays.pairs),
-        tuple(_hidden_of(arrays.maker, made, scene)) if arrays.is_filled else (),
+    maker = arrays.maker
+    is_sure = _is_sure(scene, node, maker)
+    edges = []
+    for pair in arrays.pairs:
+        parent, child = ((pair.parent, pair.child)[place] for place in arrays.order)
+        edge = Edge(parent, child, node.path, maker.path, topic, static, pair.target, pair.prim)
+        edges.append(replace(edge, expanded=pair.expanded, sure=is_sure))
+    top = parent_frame(maker, scene.stage, scene.lab)
+    hidden = tuple(
+        replace(frames, parent=top, publisher=node.path, cause=maker.path, topic=topic)
+        for frames in (unresolved_frames_of(maker, scene.stage) if arrays.is_filled else ())
     )
+    return PublishedTransforms(node, tuple(edges), hidden)
 
 
 def _is_sure(scene: _Scene, *nodes: Node) -> bool:
@@ -199,14 +203,27 @@ def _arrays(node: Node, ports: TfPorts, scene: _Scene) -> _Arrays | None:
     """Return what fills the arrays of a publisher, None where it is unknown.
 
     All of them must be as long as its array of parents: an array that is left alone is empty, and
-    then nothing is sent. Without parents it looks at its own targets.
+    then nothing is sent. Without parents it looks at its own targets, and sends nothing at all if
+    one of them does not exist.
     """
-    every = {} if node.type is None else node.type.ports
-    arrays = [port.name for port in every.values() if port.usd_type.endswith("[]")]
-    makers = {port: list(_filled(node, port, scene)) for port in arrays}
+    stage = scene.stage
+    inputs = {} if node.type is None else node.type.ports
+    # A node that waits for a signal in vain leaves the arrays that it feeds empty.
+    makers = {
+        port.name: [
+            (source, out)
+            for source, out in live_sources(node, port.name, scene.live_nodes)
+            if source.path in scene.running or not any(signal_inputs(source))
+        ]
+        for port in inputs.values()
+        if port.usd_type.endswith("[]")
+    }
     first = makers.get(ports.arrays[0]) if ports.arrays else []
     if not first:
-        return _own_targets(node, scene)
+        targets = listed_targets(node)
+        if any(not stage.prim(path) and not unknown_target(path, stage) for path in targets):
+            return _Arrays(node, is_filled=False)
+        return _Arrays(node, computed_pairs(node, stage, scene.lab))
     if not all(makers.values()):
         return _Arrays(node, is_filled=False)
     maker = first[0][0]
@@ -214,37 +231,5 @@ def _arrays(node: Node, ports: TfPorts, scene: _Scene) -> _Arrays | None:
     sources = [makers[port][0] for port in ports.arrays]
     if not gives or any(source.path != maker.path or out not in gives for source, out in sources):
         return None
-    pairs = computed_pairs(maker, scene.stage, scene.lab)
+    pairs = computed_pairs(maker, stage, scene.lab)
     return _Arrays(maker, pairs, tuple(gives.index(out) for _, out in sources))
-
-
-def _filled(node: Node, port: str, scene: _Scene) -> Iterator[tuple[Node, str]]:
-    """Yield what feeds an array: a node that waits for a signal in vain leaves it empty."""
-    for source, out in live_sources(node, port, scene.live_nodes):
-        if source.path in scene.running or not any(signal_inputs(source)):
-            yield source, out
-
-
-def _own_targets(node: Node, scene: _Scene) -> _Arrays:
-    """Return what a publisher finds at prims of its own: nothing at all if one is not there."""
-    stage = scene.stage
-    targets = listed_targets(node)
-    if any(not stage.prim(path) and not unknown_target(path, stage) for path in targets):
-        return _Arrays(node, is_filled=False)
-    return _Arrays(node, computed_pairs(node, stage, scene.lab))
-
-
-def _edge_of(pair: Pair, made: Edge, order: Sequence[int]) -> Edge:
-    parent, child = ((pair.parent, pair.child)[place] for place in order)
-    return replace(
-        made, parent=parent, child=child, target=pair.target, prim=pair.prim, expanded=pair.expanded
-    )
-
-
-def _hidden_of(maker: Node, made: Edge, scene: _Scene) -> Iterator[UnresolvedFrames]:
-    stage = scene.stage
-    top = parent_frame(maker, stage, scene.lab)
-    for hidden in unresolved_frames_of(maker, stage):
-        yield replace(
-            hidden, parent=top, publisher=made.publisher, cause=made.cause, topic=made.topic
-        )

@@ -1,7 +1,4 @@
-"""What the rules about frames and topics ask of a stage.
-
-What the lab wants, and what other rules report.
-"""
+"""The topics and frames that the lab requires beside those of a stage, and who reports them."""
 
 from __future__ import annotations
 
@@ -67,7 +64,7 @@ def repeated_publishers(subject: StageSubject) -> Iterator[tuple[Endpoint, tuple
     of settings says so) and an extra node in a graph of the lab (the rule of extra nodes does).
     """
     played = role_specs(subject)
-    asked = required_topics(subject)
+    required_by_lab = required_topics(subject)
     lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
     together: dict[str, list[Endpoint]] = {}
     for endpoint in endpoints(subject.stage, subject.lab):
@@ -80,13 +77,13 @@ def repeated_publishers(subject: StageSubject) -> Iterator[tuple[Endpoint, tuple
             continue
         owner = next((endpoint for endpoint in group if endpoint.node.path in played), group[0])
         for endpoint in group:
-            is_lab_graph = _graph_of(endpoint) in lab_graphs and topic in asked
+            is_lab_graph = _graph_of(endpoint) in lab_graphs and topic in required_by_lab
             if (
                 endpoint is not owner
                 and not is_lab_graph
                 and endpoint.node.path not in subject.faulty_prims
             ):
-                yield endpoint, tuple(other for other in group if other is not endpoint)
+                yield endpoint, tuple(rival for rival in group if rival is not endpoint)
 
 
 def _graph_of(endpoint: Endpoint) -> str:
@@ -116,10 +113,10 @@ class TfView(Struct, frozen=True):
     @property
     def children(self) -> dict[str, list[Edge]]:
         """The edges by the frame that they place."""
-        found: dict[str, list[Edge]] = {}
+        children: dict[str, list[Edge]] = {}
         for edge in self.edges:
-            found.setdefault(edge.child, []).append(edge)
-        return found
+            children.setdefault(edge.child, []).append(edge)
+        return children
 
     @property
     def odom(self) -> str:

@@ -1,6 +1,4 @@
-"""The frames that target prims give, as Isaac Sim 6.0.1 works them out.
-
-Names, links, and unknown ones.
+"""The frames that target prims give, as Isaac Sim 6.0.1 works them out: names, links, unknown ones.
 
 Isaac Compute Transform Tree goes by schemas and by the namespace. The joints say only below
 which link another one hangs; what a robot lists as its links plays no part.
@@ -108,45 +106,48 @@ def expansion(target: Prim, stage: StageModel, parent: str) -> Links | None:
         bodies = bodies_below(stage, target.path)
         if bodies:
             return {path: above(path, bodies) for path in bodies}
-    links = _robot(target, stage) if ROBOT_API in target.apis else {}
-    return {path: links[path] for path in links if path != parent} if links else None
-
-
-def _robot(robot: Prim, stage: StageModel) -> Links:
-    parents = joint_parents(robot, stage)
+    if ROBOT_API not in target.apis:
+        return None
+    parents = joint_parents(target, stage)
     links = {prim.path for prim in stage.with_api(LINK_API) if prim.present}
-    return {
+    frames = {
         prim.path: parents.get(prim.path, "") if prim.path in links else above(prim.path, links)
         for prim in stage.with_api(FRAME_APIS.__contains__)
-        if prim.present and is_at_or_below(prim.path, robot.path)
+        if prim.present and is_at_or_below(prim.path, target.path)
         if not _NO_FRAMES & set(prim.apis)
     }
+    return {path: frames[path] for path in frames if path != parent} if frames else None
 
 
 def joint_parents(robot: Prim, stage: StageModel) -> Links:
     """Map each link to the one on which the robot's joints hang it; the last joint counts."""
-    found: Links = {}
+    parents: Links = {}
     for path in robot.relationships.get(_ROBOT_JOINTS, ()):
         joint = stage.prims.get(path)  # a joint that is deactivated is still read
         if joint is None or not is_joint(joint) or is_excluded(joint):
             continue
         parent, child = (joint.relationships.get(name, ()) for name in BODIES)
         if parent and child:
-            found[child[0]] = parent[0]
-    return found
+            parents[child[0]] = parent[0]
+    return parents
 
 
 def above(path: str, paths: Iterable[str]) -> str:
     """Return the nearest prim above `path` that is one of `paths`, '' for none."""
-    found = (each for each in paths if path.startswith(f"{each}/"))
-    return max(found, key=len, default="")
+    ancestors = (candidate for candidate in paths if path.startswith(f"{candidate}/"))
+    return max(ancestors, key=len, default="")
 
 
 def articulation_links(root: Prim, stage: StageModel) -> Links | None:
     """Return the links that joints tie to an articulation root, parents first; None for no root."""
     if ARTICULATION_API not in root.apis:
         return None
-    parents = _parents_by_joints(stage)
+    parents: Links = {}
+    for joint in stage.of_type(is_joint_type):
+        if joint.present:
+            parent_body, body = (joint.relationships.get(name, ()) for name in BODIES)
+            if parent_body and body and stage.prim(parent_body[0]) and stage.prim(body[0]):
+                parents.setdefault(body[0], parent_body[0])
     children: dict[str, list[str]] = {}
     for child, parent in parents.items():
         children.setdefault(parent, []).append(child)
@@ -169,17 +170,6 @@ def _topmost(path: str, parents: Links) -> str:
     return path
 
 
-def _parents_by_joints(stage: StageModel) -> Links:
-    """Map each body to the one its joint hangs it on."""
-    found: Links = {}
-    for joint in stage.of_type(is_joint_type):
-        if joint.present:
-            parent, child = (joint.relationships.get(name, ()) for name in BODIES)
-            if parent and child and stage.prim(parent[0]) and stage.prim(child[0]):
-                found.setdefault(child[0], parent[0])
-    return found
-
-
 class Pair(Struct, frozen=True):
     """A parent and a child frame that a list of target prims gives.
 
@@ -196,8 +186,8 @@ class Pair(Struct, frozen=True):
 
 def tf_ports(node: Node) -> TfPorts:
     """Return the ports of a node that carry frames; none for a node of another kind."""
-    found = None if node.type is None else node.type.tf
-    return TfPorts() if found is None else found
+    ports = None if node.type is None else node.type.tf
+    return TfPorts() if ports is None else ports
 
 
 def computes(node: Node) -> bool:
@@ -229,7 +219,7 @@ def computed_pairs(node: Node, stage: StageModel, lab: Lab) -> list[Pair]:
     Targets that do not exist, and those of which a missing asset holds what they stand for, give
     none.
     """
-    found: list[tuple[str, str]] = []  # target prim, prim of the frame
+    sources: list[tuple[str, str]] = []  # target prim, prim of the frame
     links: Links = {}
     expanded: set[str] = set()
     targets = listed_targets(node)
@@ -239,17 +229,28 @@ def computed_pairs(node: Node, stage: StageModel, lab: Lab) -> list[Pair]:
         made = _frames_of(target, node, stage)
         if made != {target: ""}:
             expanded.add(target)
-        found.extend((target, path) for path in made)
+        sources.extend((target, path) for path in made)
         links.update(made)
-    paths = [path for _, path in found]
-    names = _names(paths, node, stage)
+    paths = [path for _, path in sources]
+    if computes(node):
+        names = unique_names(paths, stage)
+    else:
+        first = [parent_prim(node)] if parent_prim(node) else []
+        names = names_in_turn([*first, *paths], stage)[len(first) :]
     frames = {**_bodies_above(paths, node, stage), **dict(zip(paths, names, strict=True))}
     top = parent_frame(node, stage, lab)
     pairs = [
         Pair(frames.get(links[path], top), name, target, path, target in expanded)
-        for (target, path), name in zip(found, names, strict=True)
+        for (target, path), name in zip(sources, names, strict=True)
     ]
-    return [pair for pair in pairs if not _is_left_out(pair, node, stage)]
+    if computes(node):
+        return pairs
+    # The old way of a publisher leaves out a body that would be its own parent.
+    return [
+        pair
+        for pair in pairs
+        if pair.parent != pair.child or BODY_API not in stage.prims[pair.prim].apis
+    ]
 
 
 def _frames_of(target: str, node: Node, stage: StageModel) -> Links:
@@ -279,13 +280,6 @@ def unresolved_frames_of(node: Node, stage: StageModel) -> Iterator[UnresolvedFr
         yield from unresolved_frames_at(target, stage, expands=expands(target, node, stage))
 
 
-def _names(paths: Sequence[str], node: Node, stage: StageModel) -> list[str]:
-    if computes(node):
-        return unique_names(paths, stage)
-    first = [parent_prim(node)] if parent_prim(node) else []
-    return names_in_turn([*first, *paths], stage)[len(first) :]
-
-
 def _bodies_above(paths: Sequence[str], node: Node, stage: StageModel) -> dict[str, str]:
     """Return the frames of bodies that are no targets themselves, but stand above targets.
 
@@ -296,14 +290,8 @@ def _bodies_above(paths: Sequence[str], node: Node, stage: StageModel) -> dict[s
         return {}
     bodies = set(bodies_below(stage, "/"))
     still = (path for path in (*paths, parent_prim(node)) if path not in bodies)
-    found = (above(path, bodies) for path in still)
-    return {path: frame_name(path, stage) for path in found if path}
-
-
-def _is_left_out(pair: Pair, node: Node, stage: StageModel) -> bool:
-    """Whether the old way of a publisher leaves a body out that would be its own parent."""
-    prim = stage.prims[pair.prim]
-    return not computes(node) and pair.parent == pair.child and BODY_API in prim.apis
+    nearest = (above(path, bodies) for path in still)
+    return {path: frame_name(path, stage) for path in nearest if path}
 
 
 _SAYS_NOTHING = frozenset({"", "Xform", "Scope"})  # types that a robot may have
@@ -331,15 +319,11 @@ class UnresolvedFrames(Struct, frozen=True):
 
     def may_be(self, frame: str) -> bool:
         """Whether a frame of this name could be among them."""
-        return self.links or _name(self.prim) == frame
+        return self.links or _leaf(self.prim) == frame
 
     def may_give(self, prim: str) -> bool:
         """Whether the frame of this prim could be among them."""
-        return is_at_or_below(prim, self.prim) or _name(prim) == _name(self.prim)
-
-
-def _name(path: str) -> str:
-    return path.rpartition("/")[2]
+        return is_at_or_below(prim, self.prim) or _leaf(prim) == _leaf(self.prim)
 
 
 def unknown_target(target: str, stage: StageModel) -> UnresolvedAsset | None:
@@ -351,11 +335,8 @@ def unknown_target(target: str, stage: StageModel) -> UnresolvedAsset | None:
     if asset is None or prim is None:
         return asset
     carries_asset = any(missing.prim == target for missing in stage.unresolved)
-    return asset if carries_asset and not _says_what_it_is(prim) else None
-
-
-def _says_what_it_is(prim: Prim) -> bool:
-    return prim.type not in _SAYS_NOTHING or bool(set(prim.apis) & {BODY_API, *FRAME_APIS})
+    is_defined = prim.type not in _SAYS_NOTHING or set(prim.apis) & {BODY_API, *FRAME_APIS}
+    return asset if carries_asset and not is_defined else None
 
 
 def unresolved_frames_at(

@@ -19,6 +19,7 @@ from lab3_usd.check.tf.frames import (
 from lab3_usd.check.tf.targets import tf_ports
 from lab3_usd.model.stage import Node
 
+_POSE = ("inputs:position", "inputs:translation")
 _WHOLE = re.compile(r"^/?([A-Za-z0-9].*[A-Za-z0-9]|[A-Za-z0-9])$")
 
 
@@ -64,17 +65,14 @@ def written_frames(subject: LintSubject) -> Iterator[tuple[Node, str, str]]:
 
 def refused_namespaces(subject: LintSubject) -> Iterator[tuple[Node, str]]:
     """Yield each namespace that ROS 2 refuses, with the first node whose topics are in it."""
-    told: set[str] = set()
+    refused: set[str] = set()
     for node in subject.live.values():
         if node.type is None or not node.type.role:
             continue
         namespace = namespace_of(node, subject.stage, subject.lab, subject.live)
-        if namespace and namespace not in told and resolve(namespace, "topic") is None:
-            told.add(namespace)
+        if namespace and namespace not in refused and resolve(namespace, "topic") is None:
+            refused.add(namespace)
             yield node, namespace
-
-
-_POSE = ("inputs:position", "inputs:translation")
 
 
 def all_edges(subject: LintSubject) -> tuple[Edge, ...]:
@@ -100,15 +98,15 @@ def is_tree_known(subject: LintSubject) -> bool:
 
 def frame_sets(subject: LintSubject) -> list[tuple[list[Edge], frozenset[str]]]:
     """Return the trees that nothing connects: their transforms and frames, the largest first."""
-    sets: list[tuple[list[Edge], set[str]]] = []
+    trees: list[tuple[list[Edge], set[str]]] = []
     for edge in all_edges(subject):
-        touched = [each for each in sets if {edge.parent, edge.child} & each[1]]
+        touched = [tree for tree in trees if {edge.parent, edge.child} & tree[1]]
         joined = ([edge], {edge.parent, edge.child})
-        for each in touched:
-            sets.remove(each)
-            joined = (each[0] + joined[0], each[1] | joined[1])
-        sets.append(joined)
-    ordered = sorted(sets, key=lambda each: -len(each[1]))
+        for tree in touched:
+            trees.remove(tree)
+            joined = (tree[0] + joined[0], tree[1] | joined[1])
+        trees.append(joined)
+    ordered = sorted(trees, key=lambda tree: -len(tree[1]))
     return [(edges, frozenset(frames)) for edges, frames in ordered]
 
 
@@ -129,8 +127,8 @@ class OdometryPair(Struct, frozen=True, eq=False):
     transform: tuple[str, str]
 
 
-class _Told(Struct, frozen=True, eq=False):
-    """A node that tells a pose: by which port it names the child, between which frames, of whom."""
+class _SentPose(Struct, frozen=True, eq=False):
+    """A pose that a node sends: the port that names the child, both frames, and who computes it."""
 
     node: Node
     port: str
@@ -141,15 +139,20 @@ class _Told(Struct, frozen=True, eq=False):
 
 def odometry_pairs(subject: LintSubject) -> Iterator[OdometryPair]:
     """Yield messages and transforms whose pose comes from one node."""
-    told = [each for node in subject.live.values() if (each := _told(node, subject)) is not None]
-    for one in told:
-        for other in told:
-            if one.maker == other.maker and other.is_transform and not one.is_transform:
-                yield OdometryPair(one.node, one.port, one.frames, other.node, other.frames)
+    poses = [pose for node in subject.live.values() if (pose := _sent_pose(node, subject))]
+    for message in poses:
+        for transform in poses:
+            if message.maker != transform.maker:
+                continue
+            if transform.is_transform and not message.is_transform:
+                yield OdometryPair(
+                    message.node, message.port, message.frames, transform.node, transform.frames
+                )
 
 
-def _told(node: Node, subject: LintSubject) -> _Told | None:
-    maker = _maker(node, subject)
+def _sent_pose(node: Node, subject: LintSubject) -> _SentPose | None:
+    sources = (source for port in _POSE for source, _ in live_sources(node, port, subject.live))
+    maker = next(sources, None)
     if node.type is None or maker is None or not subject.runs(node.path):
         return None
     names = tf_ports(node).names
@@ -159,12 +162,4 @@ def _told(node: Node, subject: LintSubject) -> _Told | None:
     if len(texts) != len(_POSE) or len(ports) != len(_POSE):
         return None
     frames = (tf2_name(texts[0]), tf2_name(texts[1])) if names else (texts[0], texts[1])
-    return _Told(node, ports[1], frames, maker, bool(names))
-
-
-def _maker(node: Node, subject: LintSubject) -> str | None:
-    """Return the path of what computes the pose that a node sends."""
-    for port in _POSE:
-        for source, _ in live_sources(node, port, subject.live):
-            return source.path
-    return None
+    return _SentPose(node, ports[1], frames, maker.path, bool(names))

@@ -52,7 +52,7 @@ class Compared(NamedTuple):
 
 def write_baseline(report: Report, path: Path) -> int:
     """Write every finding of a report as known, and return how many there are."""
-    known = [finding for finding, _ in _known_findings(report, path)]
+    known = [known_finding for known_finding, _ in _known_findings(report, path)]
     content = {
         "version": VERSION,
         "tool": {"name": NAME, "version": tool_version()},
@@ -69,16 +69,16 @@ def read_baseline(path: Path) -> Baseline:
         UsageError: it cannot be read, or is none.
     """
     try:
-        found = msgspec.json.decode(path.read_bytes(), type=Baseline)
+        baseline = msgspec.json.decode(path.read_bytes(), type=Baseline)
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
     except (msgspec.MsgspecError, UnicodeError) as error:
         raise UsageError(
             f"{path}: is no baseline; lab3 check --write-baseline writes one"
         ) from error
-    if found.version != VERSION:
-        raise UsageError(f"{path}: is a baseline of version {found.version}, expected {VERSION}")
-    return found
+    if baseline.version != VERSION:
+        raise UsageError(f"{path}: is a baseline of version {baseline.version}, expected {VERSION}")
+    return baseline
 
 
 def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Compared:
@@ -104,18 +104,16 @@ def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Com
 
     paths = [result.path for result in report.results]
     paths += [submission.path for submission in report.submissions]
-    here = {_from(path, file) for file in paths}
+    files = {_from(path, file) for file in paths}
     gone = tuple(
         known_finding
         for key, group in known.items()
         for known_finding in group
-        if known_finding.file in here
+        if known_finding.file in files
         and not _is_among(known_finding, group, present.get(key, []))
         and chosen(known_finding.rule, options["select"], options["ignore"])
     )
-    results = tuple(
-        with_findings(stage_result, new(stage_result.findings)) for stage_result in report.results
-    )
+    results = tuple(with_findings(result, new(result.findings)) for result in report.results)
     submissions = tuple(
         replace(submission, findings=new(submission.findings)) for submission in report.submissions
     )
@@ -135,14 +133,14 @@ def _grouped(findings: Iterable[KnownFinding]) -> dict[tuple[str, str], list[Kno
 
 
 def _is_among(
-    finding: KnownFinding, own: Sequence[KnownFinding], others: Sequence[KnownFinding]
+    finding: KnownFinding, own: Sequence[KnownFinding], group: Sequence[KnownFinding]
 ) -> bool:
     """Whether a finding of one group is in another group of the same rule and place.
 
     A lone one is, whatever it says now; of several the message tells which is which.
     """
-    is_lone = len(own) == len(others) == 1
-    return is_lone or any(other.message == finding.message for other in others)
+    is_lone = len(own) == len(group) == 1
+    return is_lone or any(known.message == finding.message for known in group)
 
 
 def _known_findings(report: Report, path: Path) -> list[tuple[KnownFinding, Finding]]:

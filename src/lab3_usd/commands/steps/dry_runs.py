@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
+from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.check.registry import all_rules
 from lab3_usd.judge.results import unreadable, with_findings
-from lab3_usd.model.dry_run import Behaviour
 from lab3_usd.model.finding import Finding, StageResult
 from lab3_usd.report.behaviour.page import DryRunSummary, dry_run_summary
 from lab3_usd.sim.dry_run import dry_run
@@ -27,18 +26,17 @@ def with_dry_run(result: StageResult, shown: dict[str, DryRunSummary]) -> StageR
     drawn = dry_run_summary(run.behaviour, run.replay)
     if drawn is not None:
         shown[result.path] = drawn
-    return with_findings(result, (*result.findings, *_notes(run.behaviour)))
-
-
-def _notes(found: Behaviour) -> Iterator[Finding]:
     rules = all_rules()
-    for check in found.checks:
-        if check.verdict == "bad":
-            yield Finding(
-                check.rule,
-                rules[check.rule].name,
-                "note",
-                check.prim or "/",
-                f"in a dry run ({check.name}): {check.text}",
-                hint="lab3 sim plays the stage and shows what it does",
-            )
+    wrong = [check for check in run.behaviour.checks if check.verdict == "bad"]
+    notes = (
+        Finding(
+            rule,
+            rules[rule].name,
+            "note",
+            check.prim or "/",
+            f"in a dry run ({check.name}): {check.text}",
+            hint="lab3 sim plays the stage and shows what it does",
+        )
+        for check, rule in ((check, explaining_rule(check)) for check in wrong)
+    )
+    return with_findings(result, (*result.findings, *notes))

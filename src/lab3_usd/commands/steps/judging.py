@@ -40,7 +40,12 @@ def imported_while_opening(*modules: str) -> Iterator[None]:
     """
     from lab3_usd.stage.read.opening import opener
 
-    importing = Thread(target=_import, args=modules)
+    def import_all() -> None:
+        for module in modules:
+            with suppress(Exception):
+                importlib.import_module(module)
+
+    importing = Thread(target=import_all)
     open_only = opener.get()
 
     def open_and_import(path: Path) -> Any:
@@ -57,12 +62,6 @@ def imported_while_opening(*modules: str) -> Iterator[None]:
         yield
     finally:
         opener.reset(before)
-
-
-def _import(*modules: str) -> None:
-    for module in modules:
-        with suppress(Exception):
-            importlib.import_module(module)
 
 
 AFTER_OPENING = (
@@ -94,7 +93,17 @@ def run(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
     """
     options = {**options, "dry_runs": {}}
     if options["watch"]:
-        return _watch(paths, judge, options)
+        from lab3_usd.commands.steps.watching import Watched, prepare, watch
+
+        prepare(options)
+        watched = Watched(
+            names=lambda: [entry.path for path in paths for entry in judge.find(path)],
+            judge=lambda name: _judged([*judge.find(name)], judge, options),
+            render=lambda report: rendered(report, options),
+            shared=judge.shared,
+            renew=judge.renew,
+        )
+        return watch(paths, watched, options)
     entries = [entry for path in paths for entry in judge.find(path)]
     from lab3_usd.stage.read.opening import kept_open
 
@@ -106,41 +115,20 @@ def run(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
     return exit_code(report, options)
 
 
-def _watch(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
-    from lab3_usd.commands.steps.watching import (
-        Watched,
-        prepare,
-        watch,
-    )
-
-    prepare(options)
-    watched = Watched(
-        names=lambda: [entry.path for path in paths for entry in judge.find(path)],
-        judge=lambda name: _judged([*judge.find(name)], judge, options),
-        render=lambda report: rendered(report, options),
-        shared=judge.shared,
-        renew=judge.renew,
-    )
-    return watch(paths, watched, options)
-
-
 def _judged(entries: list[Entry], judge: Judge, options: Mapping[str, Any]) -> Report:
     """Judge all entries, and keep the findings that are asked for."""
     results: list[StageResult] = []
     submissions: list[Submission] = []
     judged = judge.judge(entries, options["jobs"])
     with closing(judged), _progress(judged, len(entries), options) as bar:
-        for stages, about in bar:
+        for stages, folders in bar:
             results += (
-                with_findings(
-                    stage_result,
-                    selected_findings(stage_result.findings, stage_result.path, options),
-                )
-                for stage_result in _played(stages, options)
+                with_findings(result, selected_findings(result.findings, result.path, options))
+                for result in _played(stages, options)
             )
             submissions += (
-                replace(part, findings=selected_findings(part.findings, part.path, options))
-                for part in about
+                replace(folder, findings=selected_findings(folder.findings, folder.path, options))
+                for folder in folders
             )
     return without_baseline(Report(tuple(results), tuple(submissions)), options)
 

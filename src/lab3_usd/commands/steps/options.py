@@ -143,15 +143,15 @@ def checkpoint_number(given: str, known: Collection[str]) -> str:
     Raises:
         UsageError: there is no such checkpoint; the line lists those there are.
     """
-    alike = (checkpoint for checkpoint in known if _is_same_number(checkpoint, given))
+    alike = (
+        checkpoint
+        for checkpoint in known
+        if checkpoint.isdecimal() and given.isdecimal() and int(checkpoint) == int(given)
+    )
     number = given if given in known else next(alike, given)
     if number not in known:
         raise UsageError(f"there is no checkpoint '{given}'; known are {', '.join(known)}")
     return number
-
-
-def _is_same_number(one: str, other: str) -> bool:
-    return one.isdecimal() and other.isdecimal() and int(one) == int(other)
 
 
 def chosen(rule: str, select: tuple[str, ...], ignore: tuple[str, ...]) -> bool:
@@ -189,11 +189,7 @@ def with_config(paths: Iterable[str], options: Mapping[str, Any]) -> dict[str, A
     Raises:
         UsageError: the configuration is wrong, or names of rules are.
     """
-    from lab3_usd.config.settings import (
-        Config,
-        config_for,
-        load_config,
-    )
+    from lab3_usd.config.settings import Config, config_for, load_config
 
     if options["isolated"]:
         config = Config()

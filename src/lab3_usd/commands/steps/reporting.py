@@ -50,18 +50,16 @@ def wants_native(options: Mapping[str, Any]) -> bool:
     Raises:
         UsageError: they are, and the installed usd-core has none.
     """
-    if not options["native"] and not any(map(_is_native, options["select"])):
+    if not (options["native"] or options["select"]):
+        return False
+    from lab3_usd.model.native import FAMILY
+
+    if not options["native"] and FAMILY not in map(family_of, options["select"]):
         return False
     from lab3_usd.judge.native import require_native
 
     require_native()
     return True
-
-
-def _is_native(rule: str) -> bool:
-    from lab3_usd.model.native import FAMILY
-
-    return family_of(rule) == FAMILY
 
 
 def selected_findings(
@@ -73,12 +71,12 @@ def selected_findings(
     """
     every = tuple(findings)
     unread = [finding for finding in every if finding.unopened == "stage"]
-    others = (finding for finding in every if finding.unopened != "stage")
-    kept = with_config_applied(others, path, options["config"])
-    asked = (
+    readable = (finding for finding in every if finding.unopened != "stage")
+    kept = with_config_applied(readable, path, options["config"])
+    selected = (
         finding for finding in kept if chosen(finding.rule, options["select"], options["ignore"])
     )
-    return (*unread, *asked)
+    return (*unread, *selected)
 
 
 def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
@@ -90,20 +88,17 @@ def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
     written, given = options["write_baseline"], options["baseline"]
     if written is None and given is None:
         return report
-    from lab3_usd.commands.steps.baseline import (
-        without_known,
-        write_baseline,
-    )
+    from lab3_usd.commands.steps.baseline import without_known, write_baseline
 
     if written is not None:
         count = write_baseline(report, written)
         click.echo(f"lab3: {count} finding{'s' * (count != 1)} written to {written}", err=True)
-    found = without_known(report, written or given, options)
-    if found.gone:
-        click.echo(f"lab3: {len(found.gone)} of {given} found no longer:", err=True)
-    for finding in found.gone:
+    compared = without_known(report, written or given, options)
+    if compared.gone:
+        click.echo(f"lab3: {len(compared.gone)} of {given} found no longer:", err=True)
+    for finding in compared.gone:
         click.echo(f"  {finding.file}: {finding.rule} {finding.site}", err=True)
-    return found.report
+    return compared.report
 
 
 def rendered(report: Report, options: Mapping[str, Any]) -> str:
@@ -114,6 +109,11 @@ def rendered(report: Report, options: Mapping[str, Any]) -> str:
         from lab3_usd.check.manual import rules_in
 
         rules = rules_in(load_lab())
+    changes: Changes = {}
+    if form.changes:
+        from lab3_usd.fix.repairing import text_changes
+
+        changes = text_changes(report, load_lab(), options.get("starter"))
     to_terminal = options["output"] is None
     render_options = Options(
         color=to_terminal and wants_color(),
@@ -124,15 +124,9 @@ def rendered(report: Report, options: Mapping[str, Any]) -> str:
         each=options["each"],
         points=_points(report) if options["form"] == "text" else {},
         dry_runs=options["dry_runs"],
-        changes=_changes(report, options) if form.changes else {},
+        changes=changes,
     )
     return render(options["form"], report, rules, render_options)
-
-
-def _changes(report: Report, options: Mapping[str, Any]) -> Changes:
-    from lab3_usd.fix.repairing import text_changes
-
-    return text_changes(report, load_lab(), options.get("starter"))
 
 
 def _points(report: Report) -> dict[str, float]:
@@ -165,12 +159,10 @@ def write_report(text: str, output: str | None) -> None:
 def exit_code(report: Report, options: Mapping[str, Any]) -> int:
     """Return the exit code of a run, which a crash of ours decides before anything else."""
     judged: list[StageResult | Submission] = [*report.results, *report.submissions]
-    if any(stage_result.crashes for stage_result in judged):
+    if any(result.crashes for result in judged):
         return EXIT_CRASH
     if options["exit_zero"]:
         return 0
     bad = ("error", "warning") if options["fail_on"] == "warning" else ("error",)
-    found = any(
-        finding.severity in bad for stage_result in judged for finding in stage_result.findings
-    )
-    return EXIT_FOUND if found else 0
+    is_bad = any(finding.severity in bad for result in judged for finding in result.findings)
+    return EXIT_FOUND if is_bad else 0

@@ -39,20 +39,20 @@ def saves(folders: Iterable[str]) -> Iterator[frozenset[str]]:
 
 def folders_of(files: Iterable[str]) -> set[str]:
     """Return the folders of files, and of folders all that are in them."""
-    found: set[str] = set()
+    folders: set[str] = set()
     for path in map(os.path.realpath, files):
         inside = (folder for folder, _, _ in os.walk(path))
-        found.update(inside if Path(path).is_dir() else [str(Path(path).parent)])
-    return {folder for folder in found if Path(folder).is_dir()}
+        folders.update(inside if Path(path).is_dir() else [str(Path(path).parent)])
+    return {folder for folder in folders if Path(folder).is_dir()}
 
 
 def stamp(path: Path) -> Stamp | None:
     """Return what changes when a file is written; None where there is none."""
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return None
-    return found.st_mtime_ns, found.st_size, found.st_ino
+    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 def holds(top: str, changed: Iterable[str]) -> bool:
@@ -84,7 +84,7 @@ def changes_between(before: Report, after: Report) -> ReportChanges:
     repaired = list(_surplus(old, +known))
     changed = []
     for entry in list(added):
-        twin = next((other for other in repaired if _place(other) == _place(entry)), None)
+        twin = next((known for known in repaired if _place(known) == _place(entry)), None)
         if twin is not None:
             added.remove(entry)
             repaired.remove(twin)
@@ -105,10 +105,10 @@ def _site_and_message(entry: Entry) -> tuple[_Place, str]:
     return _place(entry), entry.finding.message
 
 
-def _surplus(told: list[Entry], more: Counter[tuple[_Place, str]]) -> Iterator[Entry]:
+def _surplus(reported: list[Entry], more: Counter[tuple[_Place, str]]) -> Iterator[Entry]:
     """Yield as many entries as one report has more than the other."""
     left = Counter(more)
-    for entry in told:
+    for entry in reported:
         if left[_site_and_message(entry)] > 0:
             left[_site_and_message(entry)] -= 1
             yield entry
@@ -179,9 +179,7 @@ def prepare(options: Mapping[str, Any]) -> None:
 
 def watch(paths: Iterable[str], watched: Watched, options: Mapping[str, Any]) -> int:
     """Judge, report, and do both again after each save; return the exit code after Ctrl-C."""
-    from lab3_usd.stage.read.watched_files import (
-        text_in_memory,
-    )
+    from lab3_usd.stage.read.watched_files import text_in_memory
 
     given = [*paths, *watched.shared]
     session = _Session(watched, options)
@@ -214,7 +212,7 @@ class _Session:
         names = self._watched.names()
         for name in names:
             self._judge(name)
-        self._tell([f"{clock()}  watching, Ctrl-C ends"])
+        self._show([f"{clock()}  watching, Ctrl-C ends"])
 
     def judge_until_others_count(self, given: Iterable[str]) -> None:
         """Judge what is saved, until files in other folders count than at first."""
@@ -231,9 +229,7 @@ class _Session:
 
     def _used_by_shared(self) -> frozenset[str]:
         """Return the layers of the stages that all are judged with, of the starter."""
-        from lab3_usd.stage.read.watched_files import (
-            used_files,
-        )
+        from lab3_usd.stage.read.watched_files import used_files
 
         files = (Path(path) for path in self._watched.shared if not Path(path).is_dir())
         return frozenset().union(*map(used_files, files))
@@ -247,8 +243,18 @@ class _Session:
             self._watched.renew()
             _forget(changed)
             self._shared_files |= self._used_by_shared()  # a damaged layer counts on
-        names = self._names()
-        touched = [name for name in names if is_shared or self._is_touched(name, changed)]
+        try:
+            names = self._watched.names()
+        except Lab3Error:  # a file that is being saved under a name of its own
+            names = [name for name in self._reports if Path(name).exists()]
+        touched = [
+            name
+            for name in names
+            if is_shared
+            or name not in self._reports
+            or changed & self._files[name]
+            or holds(name, changed)
+        ]
         gone = self._reports.keys() - set(names)
         if not touched and not gone:
             return
@@ -264,14 +270,12 @@ class _Session:
             return
         saved = ", ".join(touched or sorted(gone))
         after = self._whole()
-        self._tell(change_lines(saved, changes_between(before, after), after))
+        self._show(change_lines(saved, changes_between(before, after), after))
 
     def close(self) -> None:
         """Leave a page that is a report like any other."""
         if self._is_page and self._version:
-            from lab3_usd.report.html.templates import (
-                version_file,
-            )
+            from lab3_usd.report.html.templates import version_file
 
             write_report(self._watched.render(self._whole()), self._options["output"])
             version_file(Path(self._options["output"])).unlink(missing_ok=True)
@@ -280,21 +284,8 @@ class _Session:
     def _is_page(self) -> bool:
         return self._options["form"] == "html" and self._options["output"] is not None
 
-    def _names(self) -> list[str]:
-        try:
-            return self._watched.names()
-        except Lab3Error:  # a file that is being saved under a name of its own
-            return [name for name in self._reports if Path(name).exists()]
-
-    def _is_touched(self, name: str, changed: frozenset[str]) -> bool:
-        if name not in self._reports or changed & self._files[name]:
-            return True
-        return holds(name, changed)
-
     def _judge(self, name: str) -> None:
-        from lab3_usd.stage.read.watched_files import (
-            may_be_whole,
-        )
+        from lab3_usd.stage.read.watched_files import may_be_whole
 
         path = Path(name)
         until = time.monotonic() + PATIENCE
@@ -303,7 +294,9 @@ class _Session:
             report = None
             if is_over or path.is_dir() or may_be_whole(path):
                 report = self._judged_once(name, is_over=is_over)
-            is_whole = report is not None and (is_over or not _is_unreadable(report))
+            is_whole = report is not None and (
+                is_over or all(result.verdict != "unreadable" for result in report.results)
+            )
             if report is not None and is_whole and stamp(path) == before:
                 self._reports[name] = report
                 self._stamps[str(path.resolve())] = before
@@ -312,7 +305,7 @@ class _Session:
             _forget([str(path.resolve())])
 
     def _judged_once(self, name: str, *, is_over: bool) -> Report | None:
-        """Return what is said of a stage or folder; None while the starter is being written."""
+        """Return the report of a stage or folder; None while the starter is being written."""
         from lab3_usd.stage.read.opening import kept_open
         from lab3_usd.stage.read.watched_files import used_files
 
@@ -334,7 +327,7 @@ class _Session:
             tuple(submission for report in reports for submission in report.submissions),
         )
 
-    def _tell(self, lines: Iterable[str]) -> None:
+    def _show(self, lines: Iterable[str]) -> None:
         """Show what is new first, then the report."""
         self._version += 1
         output, form = self._options["output"], self._options["form"]
@@ -342,7 +335,11 @@ class _Session:
             click.clear()
         text = self._watched.render(self._whole())
         if self._is_page:
-            self._write_page(text)
+            from lab3_usd.report.html.templates import live_page, version_file, version_script
+
+            page = Path(output)
+            write_report(live_page(text, page, self._version), str(page))
+            write_report(version_script(self._version), str(version_file(page)))
         elif output is not None:
             write_report(text, output)
         is_data = output is None and form != "text"
@@ -350,21 +347,6 @@ class _Session:
         if output is None:
             click.echo("", err=is_data)
             write_report(text, None)
-
-    def _write_page(self, text: str) -> None:
-        from lab3_usd.report.html.templates import (
-            live_page,
-            version_file,
-            version_script,
-        )
-
-        path = Path(self._options["output"])
-        write_report(live_page(text, path, self._version), str(path))
-        write_report(version_script(self._version), str(version_file(path)))
-
-
-def _is_unreadable(report: Report) -> bool:
-    return any(result.verdict == "unreadable" for result in report.results)
 
 
 def _forget(paths: Iterable[str]) -> None:

@@ -14,7 +14,7 @@ import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import IO, BinaryIO, cast
+from typing import BinaryIO, cast
 
 from lab3_usd.errors import Lab3Error
 from lab3_usd.grade.intake.submission_copy import (
@@ -66,24 +66,20 @@ def _unpack_nested(stream: BinaryIO, size: int, name: str, copy: SubmissionCopy)
     if size > copy.limits.file_size:
         copy.refuse(name, f"it is larger than {copy.limits.file_size >> 20} MB; not opened")
         return
+    endings = (*ZIP_ENDINGS, *TAR_ENDINGS)  # which tell what kind of archive it is
+    ending = next(ending for ending in endings if name.lower().endswith(ending))
     with tempfile.TemporaryDirectory(prefix="lab3-nested-") as folder:
-        inner = Path(folder, f"archive{_ending(name)}")
+        inner = Path(folder, f"archive{ending}")
         with inner.open("wb") as file:
             shutil.copyfileobj(stream, file)
-        folder_of_it, slash, _ = name.rpartition("/")
+        parent, slash, _ = name.rpartition("/")
         copy.is_nested = True
         try:
-            unpack(inner, folder_of_it + slash, copy)
+            unpack(inner, parent + slash, copy)
         except ArchiveError as error:
             copy.refuse(name, str(error).partition(": ")[2])
         finally:
             copy.is_nested = False
-
-
-def _ending(name: str) -> str:
-    """Return the ending that tells what kind of archive it is."""
-    known = (*ZIP_ENDINGS, *TAR_ENDINGS)
-    return next(ending for ending in known if name.lower().endswith(ending))
 
 
 def unpack(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
@@ -95,7 +91,10 @@ def unpack(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
         ArchiveError: it cannot be read, is damaged from the start, or is of no kind that is known.
         TooLargeError: it holds too many files or too much in them.
     """
-    _make_sure_of(archive)
+    try:
+        archive.open("rb").close()
+    except OSError as error:  # which is not the fault of the archive
+        raise ArchiveError(f"{archive.name}: cannot be read ({error.strerror})") from error
     reader = _from_zip if archive.name.lower().endswith(ZIP_ENDINGS) else _from_tar
     taken = len(copy.digests)
     try:
@@ -109,14 +108,6 @@ def unpack(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
                 f"{archive.name}: is damaged or no such archive; pack it again"
             ) from error
         copy.refuse(archive.name, "the archive is damaged; what follows in it is lost")
-
-
-def _make_sure_of(archive: Path) -> None:
-    """Raise ArchiveError where an archive cannot be read, which is not its own fault."""
-    try:
-        archive.open("rb").close()
-    except OSError as error:
-        raise ArchiveError(f"{archive.name}: cannot be read ({error.strerror})") from error
 
 
 def _from_zip(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
@@ -140,24 +131,23 @@ def _zip_entry(
     if reason:
         copy.refuse(name, reason)
         return
+    # A file of which the name alone counts is not opened: it may be of any kind.
+    is_opened = not only_name_counts(entry.filename, entry.file_size)
     try:
-        with _stream_of(packed, entry) as stream:
+        with packed.open(entry) if is_opened else io.BytesIO() as opened:
+            stream = cast("BinaryIO", opened)
             if _is_nested(name, copy):
-                _unpack_nested(cast("BinaryIO", stream), entry.file_size, name, copy)
+                _unpack_nested(stream, entry.file_size, name, copy)
             else:
-                copy.take(name, entry.file_size, cast("BinaryIO", stream))
+                copy.take(name, entry.file_size, stream)
     except _DAMAGED as error:
         if is_no_room(error):
             raise
         copy.forget(name, "it is damaged in the archive")
 
 
-def _stream_of(packed: zipfile.ZipFile, entry: zipfile.ZipInfo) -> IO[bytes]:
-    """Open a file in an archive, unless its name alone counts: it may be of any kind then."""
-    return io.BytesIO() if only_name_counts(entry.filename, entry.file_size) else packed.open(entry)
-
-
 def _zip_fault(entry: zipfile.ZipInfo, ratio: int) -> str:
+    """Say why a file in an archive is not taken in, '' for one that is fine."""
     kind = stat.S_IFMT(entry.external_attr >> 16)
     if kind not in {0, stat.S_IFREG}:
         return "it is a link, pipe or device; not unpacked"
@@ -165,18 +155,20 @@ def _zip_fault(entry: zipfile.ZipInfo, ratio: int) -> str:
         return ""
     if entry.flag_bits & _ENCRYPTED:
         return "it is encrypted; hand in an archive without a password"
-    if _is_bomb(entry.file_size, entry.compress_size, ratio):
+    if entry.file_size > max(_SMALL, ratio * max(entry.compress_size, 1)):
         return f"it would grow to more than {ratio} times its packed size; not unpacked"
     return ""
 
 
-def _is_bomb(size: int, packed: int, ratio: int) -> bool:
-    return size > _SMALL and size > ratio * max(packed, 1)
-
-
 def _from_tar(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
     """Read the archive twice: the names first, so that its single folder is known."""
-    top = "" if copy.archives else _common_top(_tar_names(archive, copy))
+    names: list[str] = []
+    if not copy.archives:
+        with contextlib.suppress(*_DAMAGED):  # the names up to where it is damaged
+            for name, member, _ in _tar_entries(archive, copy):
+                if not member.isdir():
+                    names.append(name)
+    top = _common_top(names)
     for name, member, packed in _tar_entries(archive, copy):
         inside = prefix + name.removeprefix(top)
         if member.isdir():
@@ -190,16 +182,6 @@ def _from_tar(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
             _unpack_nested(stream, member.size, inside, copy)
         else:
             copy.take(inside, member.size, stream)
-
-
-def _tar_names(archive: Path, copy: SubmissionCopy) -> list[str]:
-    """Return the names up to the end of the archive, or to where it is damaged."""
-    names = []
-    with contextlib.suppress(*_DAMAGED):
-        for name, member, _ in _tar_entries(archive, copy):
-            if not member.isdir():
-                names.append(name)
-    return names
 
 
 def _tar_entries(

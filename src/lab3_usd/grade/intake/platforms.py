@@ -83,11 +83,11 @@ def file_owners(names: Iterable[str]) -> dict[str, FileOwner]:
 
     The names of a class are read together, because one alone may be ambiguous.
     """
-    known = [name for name in names if len(name) <= _LONGEST_NAME]
-    found: dict[str, FileOwner] = {}
+    readable = [name for name in names if len(name) <= _LONGEST_NAME]
+    owners: dict[str, FileOwner] = {}
     for reader in (_brightspace, _blackboard, _moodle, _canvas):
-        found.update(reader([name for name in known if name not in found]))
-    return found
+        owners.update(reader([name for name in readable if name not in owners]))
+    return owners
 
 
 def _number(digits: str) -> int:
@@ -125,30 +125,28 @@ def _canvas(names: Iterable[str]) -> dict[str, FileOwner]:
     """Read the names of Canvas; numbers of uploads never repeat in a class."""
     readings: dict[str, list[FileOwner]] = {}
     for name in names:
+        possible = list(_canvas_readings(name))
         anonymous = _CANVAS_ANONYMOUS.match(name)
-        every = [_anonymous(anonymous)] if anonymous else list(_canvas_readings(name))
-        late = [owner for owner in every if owner.late]
-        if every:
-            readings[name] = late or every
+        if anonymous:
+            page = anonymous["page"]
+            owner = FileOwner(
+                student=anonymous["id"],
+                name=anonymous["id"],
+                file=f"{page}.html" if page else _AGAIN.sub("", anonymous["file"]),
+                late=anonymous["late"] is not None,
+                upload=0 if page else _number(anonymous["upload"]),
+            )
+            possible = [owner]
+        if possible:
+            readings[name] = [owner for owner in possible if owner.late] or possible
     certain = {
-        (reading[0].student, reading[0].name) for reading in readings.values() if len(reading) == 1
+        (owners[0].student, owners[0].name) for owners in readings.values() if len(owners) == 1
     }
     used = [
-        Counter(reading[min(rank, len(reading) - 1)].upload for reading in readings.values())
+        Counter(owners[min(rank, len(owners) - 1)].upload for owners in readings.values())
         for rank in range(2)
     ]
-    return {name: _likeliest(every, certain, used) for name, every in readings.items()}
-
-
-def _anonymous(found: re.Match[str]) -> FileOwner:
-    page = found["page"]
-    return FileOwner(
-        student=found["id"],
-        name=found["id"],
-        file=f"{page}.html" if page else _AGAIN.sub("", found["file"]),
-        late=found["late"] is not None,
-        upload=0 if page else _number(found["upload"]),
-    )
+    return {name: _likeliest(owners, certain, used) for name, owners in readings.items()}
 
 
 def _likeliest(
@@ -159,35 +157,35 @@ def _likeliest(
         return readings[0]
     known = [reading for reading in readings if (reading.student, reading.name) in certain]
     possible = [
-        owner
-        for rank, owner in enumerate(readings)
-        if not owner.upload or used[rank][owner.upload] == 1
+        reading
+        for rank, reading in enumerate(readings)
+        if not reading.upload or used[rank][reading.upload] == 1
     ]
-    for some in (known, possible):
-        if len(some) == 1:
-            return some[0]
+    for candidates in (known, possible):
+        if len(candidates) == 1:
+            return candidates[0]
     longest = max(readings, key=lambda reading: (len(str(reading.upload)), len(reading.student)))
-    (other, *_) = (file_owner for file_owner in readings if file_owner is not longest)
-    return replace(longest, doubt=f"{other.name} ({other.student})")
+    (rival, *_) = (reading for reading in readings if reading is not longest)
+    return replace(longest, doubt=f"{rival.name} ({rival.student})")
 
 
 def _moodle(names: Iterable[str]) -> dict[str, FileOwner]:
-    found = {name: match for name in names if (match := _MOODLE.match(name))}
+    matches = {name: match for name in names if (match := _MOODLE.match(name))}
     return {
         name: FileOwner(match["id"] or match["name"], match["name"], match["file"] or "")
-        for name, match in found.items()
+        for name, match in matches.items()
     }
 
 
 def _brightspace(names: Iterable[str]) -> dict[str, FileOwner]:
-    found = {name: match for name in names if (match := _BRIGHTSPACE.match(name))}
+    matches = {name: match for name in names if (match := _BRIGHTSPACE.match(name))}
     # One of the two numbers is that of the assignment's folder, the same for the whole class.
-    ours = "first" if len({match["first"] for match in found.values()}) > 1 else "second"
+    ours = "first" if len({match["first"] for match in matches.values()}) > 1 else "second"
     return {
         name: FileOwner(
             match[ours], match["name"], match["file"] or "", upload=_minutes(match["date"])
         )
-        for name, match in found.items()
+        for name, match in matches.items()
     }
 
 
@@ -207,8 +205,8 @@ def _minutes(date: str) -> int:
 
 
 def _blackboard(names: Iterable[str]) -> dict[str, FileOwner]:
-    found = {name: match for name in names if (match := _BLACKBOARD.match(name))}
-    users = _users({match["head"] for match in found.values()})
+    matches = {name: match for name in names if (match := _BLACKBOARD.match(name))}
+    users = _users({match["head"] for match in matches.values()})
     return {
         name: FileOwner(
             users[match["head"]],
@@ -216,7 +214,7 @@ def _blackboard(names: Iterable[str]) -> dict[str, FileOwner]:
             match["file"] or name,
             upload=_number(match["date"].replace("-", "")),
         )
-        for name, match in found.items()
+        for name, match in matches.items()
     }
 
 
@@ -275,26 +273,23 @@ def names_in(data: bytes | str) -> StudentNames:
     """Return who is who from the bytes of the file; a text says why there are none."""
     if isinstance(data, str):
         return StudentNames({}, data)
-    found: dict[str, tuple[str, str]] = {}
+    names: dict[str, tuple[str, str]] = {}
     fault = ""
     for document in _documents(data):
         if isinstance(document, str):
             fault = fault or document
             continue
         for folder, entry in document.items():
-            who = _people(entry)
-            if isinstance(folder, str) and who:
-                found.setdefault(folder, _who(who, folder))
-    return StudentNames(found, fault)
-
-
-def _people(entry: Any) -> list[dict[Any, Any]]:
-    people = entry.get(":submitters") if isinstance(entry, dict) else None
-    return (
-        [person for person in people if isinstance(person, dict)]
-        if isinstance(people, list)
-        else []
-    )
+            submitters = entry.get(":submitters") if isinstance(entry, dict) else None
+            if not isinstance(folder, str) or not isinstance(submitters, list):
+                continue
+            people = [person for person in submitters if isinstance(person, dict)]
+            if people:
+                numbers = [_text(person, ":sid") or _text(person, ":email") for person in people]
+                student = "+".join(filter(None, numbers)) or folder
+                called = ", ".join(filter(None, (_text(person, ":name") for person in people)))
+                names.setdefault(folder, (student, called or folder))
+    return StudentNames(names, fault)
 
 
 class _Fault(Struct, frozen=True):
@@ -311,7 +306,7 @@ def _documents(data: bytes) -> Iterator[dict[Any, Any] | str]:
         yield whole
         return
     yield whole.text
-    begins = [found.start() for found in _TOP.finditer(data)]
+    begins = [entry.start() for entry in _TOP.finditer(data)]
     for start, end in zip(begins, [*begins, len(data)][1:], strict=True):
         piece = data[start:end]
         part = _loaded(piece)
@@ -324,21 +319,14 @@ def _documents(data: bytes) -> Iterator[dict[Any, Any] | str]:
 def _loaded(data: bytes) -> dict[Any, Any] | _Fault:
     try:
         refuse_deep(data)
-        found = yaml.load(data, Loader=_AsText)  # noqa: S506 - a safe loader
+        document = yaml.load(data, Loader=_AsText)  # noqa: S506 - a safe loader
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         problem = getattr(error, "problem", None) or "is no YAML"
         mark = getattr(error, "problem_mark", None)
         if mark is None:
             return _Fault(problem)
         return _Fault(f"line {mark.line + 1}: {problem}", mark.line)
-    return found if isinstance(found, dict) else _Fault("it is no mapping")
-
-
-def _who(people: list[dict[Any, Any]], folder: str) -> tuple[str, str]:
-    numbers = [_text(person, ":sid") or _text(person, ":email") for person in people]
-    names = [_text(person, ":name") for person in people]
-    student = "+".join(filter(None, numbers))
-    return student or folder, ", ".join(filter(None, names)) or folder
+    return document if isinstance(document, dict) else _Fault("it is no mapping")
 
 
 def _text(person: dict[Any, Any], key: str) -> str:
@@ -400,15 +388,15 @@ def looks_like_submission(entries: Iterable[Entry]) -> bool:
     known = list(entries)
     numbered = [name for name, _ in known if checkpoint_of(name, lab)]
     return len(numbered) > 1 or any(
-        is_number and name.lower() == stages for name, is_number in known
+        is_folder and name.lower() == stages for name, is_folder in known
     )
 
 
 def parts_of(entries: Iterable[Entry], known: StudentsByFolder) -> Iterator[SubmissionPart]:
     """Yield whose each entry is; `known` are the numbers and names of students by their folders."""
-    every = list(entries)
-    owners = file_owners(name for name, _ in every)
-    for name, is_folder in every:
+    class_entries = list(entries)
+    owners = file_owners(name for name, _ in class_entries)
+    for name, is_folder in class_entries:
         owner = owners.get(name)
         if is_folder and name in known:
             student, called = known[name]
@@ -419,17 +407,13 @@ def parts_of(entries: Iterable[Entry], known: StudentsByFolder) -> Iterator[Subm
             yield SubmissionPart(
                 owner.student, owner.name, source, owner.late, owner.upload, doubt=owner.doubt
             )
+        elif is_folder:
+            yield SubmissionPart(name, name, Source(Path(name)))
         else:
-            yield _of_folder(Path(name)) if is_folder else _of_file(Path(name))
-
-
-def _of_folder(path: Path) -> SubmissionPart:
-    return SubmissionPart(path.name, path.name, Source(path))
-
-
-def _of_file(path: Path) -> SubmissionPart:
-    named = after_a_student(load_lab().files).match(path.name)
-    if named is not None and path.name.lower().endswith(_STAGE):
-        return SubmissionPart(named["name"], named["name"], Source(path, named["file"]))
-    student = ARCHIVE_END.sub("", path.name) or path.name
-    return SubmissionPart(student, student, Source(path, path.name))
+            stage = after_a_student(load_lab().files).match(name)
+            if stage is not None and name.lower().endswith(_STAGE):
+                source = Source(Path(name), stage["file"])
+                yield SubmissionPart(stage["name"], stage["name"], source)
+            else:
+                student = ARCHIVE_END.sub("", name) or name
+                yield SubmissionPart(student, student, Source(Path(name), name))

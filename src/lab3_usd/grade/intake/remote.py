@@ -60,17 +60,18 @@ def fetch(storage: Any, root: str, target: Path, bounds: FetchLimits) -> Fetched
         FetchError: something cannot be read.
     """
     try:
-        found = storage.find(root, detail=True)
+        listing = storage.find(root, detail=True)
     except Exception as error:
         raise FetchError(f"cannot be listed ({reason_of(error)})") from error
-    plain, left_out = _sorted_out(found, root, bounds.limits)
+    plain, left_out = _sorted_out(listing, root, bounds.limits)
     if list(plain) != [""]:
         target.mkdir(parents=True, exist_ok=True)
     room = bounds.limits.total_size
     for inside, (path, size) in plain.items():
         place = target / inside if inside else target
         try:
-            _make_room_for(place)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.open("xb").close()
         except OSError:
             reason = "a file and a folder have the same name, or the name is too long"
             left_out.append(RefusedFile(inside, reason))
@@ -83,27 +84,25 @@ def fetch(storage: Any, root: str, target: Path, bounds: FetchLimits) -> Fetched
 
 
 def _sorted_out(
-    found: dict[str, Any], root: str, limits: Limits
+    listing: dict[str, Any], root: str, limits: Limits
 ) -> tuple[dict[str, tuple[str, int | None]], list[RefusedFile]]:
     """Return plain files and their sizes by their names below `root`, and what is left out."""
     plain: dict[str, tuple[str, int | None]] = {}
     left_out = []
     total = 0
-    for path in sorted(found):
+    for path in sorted(listing):
+        details = listing[path]
         inside = path[len(root) :].strip("/")
-        if (
-            path.endswith("/")
-            or found[path]["type"] == "directory"
-            or is_hidden(path_parts(inside))
-        ):
+        is_folder = path.endswith("/") or details["type"] == "directory"
+        if is_folder or is_hidden(path_parts(inside)):
             continue
         fault = name_fault(inside, limits) if inside else ""
-        if found[path]["type"] != "file" or found[path].get("islink"):
+        if details["type"] != "file" or details.get("islink"):
             fault = "it is a link, pipe or device; not fetched"
         if fault:
             left_out.append(RefusedFile(inside or path.rpartition("/")[2], fault))
             continue
-        size = found[path].get("size")
+        size = details.get("size")
         plain[inside] = (path, size)
         total += 0 if size is None or _is_unread(path, inside, size, limits) else size
     limits.check_count(len(plain) + len(left_out))
@@ -119,18 +118,13 @@ def _is_unread(path: str, inside: str, size: int, limits: Limits) -> bool:
     return not is_read(name, size, limits)
 
 
-def _make_room_for(place: Path) -> None:
-    place.parent.mkdir(parents=True, exist_ok=True)
-    place.open("xb").close()
-
-
 def _copy(storage: Any, path: str, place: Path, room: int, bounds: FetchLimits) -> int:
     copied = 0
     try:
         with storage.open(path, "rb") as stream, place.open("wb") as file:
             while data := stream.read(_CHUNK):
                 copied += len(data)
-                _check(copied, room, bounds)
+                _check_progress(copied, room, bounds)
                 file.write(data)
     except Lab3Error:
         raise
@@ -143,7 +137,7 @@ def _copy(storage: Any, path: str, place: Path, room: int, bounds: FetchLimits) 
     return copied
 
 
-def _check(copied: int, room: int, bounds: FetchLimits) -> None:
+def _check_progress(copied: int, room: int, bounds: FetchLimits) -> None:
     bounds.limits.check_size(bounds.limits.total_size - room + copied)
     if bounds.stopped.is_set():
         raise FetchError("took too long")
@@ -174,9 +168,9 @@ def local_path(place: Path | str) -> Path | str:
     """
     if isinstance(place, Path):
         return place
-    at = _storage(place)
+    location = _storage(place)
     local: type = importlib.import_module("fsspec.implementations.local").LocalFileSystem
-    return Path(at.root) if isinstance(at.storage, local) else place
+    return Path(location.root) if isinstance(location.storage, local) else place
 
 
 def entries_at(address: str) -> list[tuple[str, bool]]:
@@ -185,23 +179,23 @@ def entries_at(address: str) -> list[tuple[str, bool]]:
     Raises:
         UsageError: fsspec is not installed, knows no such address, or cannot list it.
     """
-    at = _storage(address)
+    location = _storage(address)
     try:
-        found = at.storage.ls(at.root, detail=True)
+        listing = location.storage.ls(location.root, detail=True)
     except Exception as error:
         raise UsageError(
             f"{address}: cannot be listed ({type(error).__name__}: {error})"
         ) from error
-    names = [(_name(entry["name"]), entry["type"] == "directory") for entry in found]
+    names = [(_name(entry["name"]), entry["type"] == "directory") for entry in listing]
     return sorted((name, is_folder) for name, is_folder in names if name)
 
 
 def read_at(address: str, name: str) -> bytes | str:
     """Return a file's bytes, or a few words about why it cannot be read."""
-    at = _storage(address)
-    path = f"{at.root.rstrip('/')}/{name}"
+    location = _storage(address)
+    path = f"{location.root.rstrip('/')}/{name}"
     try:
-        with at.storage.open(path, "rb") as stream:
+        with location.storage.open(path, "rb") as stream:
             data: bytes = stream.read(LARGEST + 1)
     except Exception as error:  # noqa: BLE001 - a storage may raise anything
         return f"it cannot be read: {reason_of(error)}"
@@ -209,24 +203,26 @@ def read_at(address: str, name: str) -> bytes | str:
 
 
 def archive_at(address: str, scratch: Path, limits: Limits) -> Path | None:
-    """Fetch the archive of a class that lies at an address; None where a folder lies there.
+    """Fetch the archive of a class that lies location an address; None where a folder lies there.
 
     Raises:
         UsageError: it cannot be fetched, or what lies there is neither.
     """
-    at = _storage(address)
-    name = _name(at.root)
+    location = _storage(address)
+    name = _name(location.root)
     try:
-        is_file = bool(at.storage.isfile(at.root))
+        is_file = bool(location.storage.isfile(location.root))
     except Exception as error:
-        raise UsageError(f"{address}: cannot be looked at ({reason_of(error)})") from error
+        raise UsageError(f"{address}: cannot be looked location ({reason_of(error)})") from error
     if not is_file:
         return None
     if not is_archive(name):
         raise UsageError(f"{address}: is neither a folder nor an archive of submissions")
     bounds = FetchLimits(limits, threading.Event(), whole=True)
     try:
-        within(_HOUR, lambda: fetch(at.storage, at.root, scratch / name, bounds), bounds)
+        within(
+            _HOUR, lambda: fetch(location.storage, location.root, scratch / name, bounds), bounds
+        )
     except (FetchError, TooLargeError) as error:
         raise UsageError(f"{address}: {error}") from error
     return scratch / name

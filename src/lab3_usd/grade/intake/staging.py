@@ -12,7 +12,6 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from types import ModuleType
 from typing import BinaryIO
 
 from msgspec import Struct
@@ -80,19 +79,20 @@ def _abandoned() -> Iterator[Path]:
                 continue
             with contextlib.suppress(FileNotFoundError):
                 status = entry.stat(follow_symlinks=False)
-                old = time.time() - status.st_mtime > _SECONDS_TO_LOCK
-                if stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid() and old:
+                is_old = time.time() - status.st_mtime > _SECONDS_TO_LOCK
+                if stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid() and is_old:
                     yield Path(entry.path)
 
 
 def _locked(folder: Path) -> int | None:
-    """Lock a folder and return what holds the lock; None where another process has it."""
-    locks = _locks()
-    if locks is None:
-        return None
+    """Lock a folder and return what holds the lock; None where another process has it.
+
+    None too on platforms whose files cannot be locked.
+    """
     try:
+        locks = importlib.import_module("fcntl")
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    except OSError:
+    except (ImportError, OSError):
         return None
     try:
         locks.flock(handle, locks.LOCK_EX | locks.LOCK_NB)
@@ -100,14 +100,6 @@ def _locked(folder: Path) -> int | None:
         os.close(handle)
         return None
     return handle
-
-
-def _locks() -> ModuleType | None:
-    """Return the module that locks files, None on platforms without it."""
-    try:
-        return importlib.import_module("fcntl")
-    except ImportError:
-        return None
 
 
 _DEEPEST = 4
@@ -149,17 +141,26 @@ def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) ->
         ArchiveError: the one archive that it consists of cannot be unpacked, or nothing in it read.
     """
     copy = SubmissionCopy(target, limits)
-    every = list(sources)
-    for source in every:
-        _take(source, copy, alone=len(every) == 1)
+    taken = list(sources)
+    for source in taken:
+        if source.fault:
+            raise ArchiveError(f"{source.name or source.path.name}: {source.fault}")
+        for file in source.left_out:
+            copy.refuse(file.path, file.reason)
+        if os.path.isdir(source.path) and not source.path.is_symlink():  # noqa: PTH112 - never raises
+            root = source.path.resolve()
+            for path, name in _files_below(root, copy):
+                _take_file(path, source.name + name, copy, root=root)
+        else:
+            name = source.name or source.path.name
+            _take_file(source.path, name, copy, alone=len(taken) == 1)
     unread = [file for file in copy.refused if file.reason.startswith(_UNREAD)]
     if unread and not copy.digests:
         raise ArchiveError(f"{unread[0].path}: {unread[0].reason.removeprefix('it ')}")
     folder = _submission_in(target)
     inside = folder.relative_to(target).as_posix()
     refused = tuple(
-        RefusedFile(refused_file.path.removeprefix(f"{inside}/"), refused_file.reason)
-        for refused_file in copy.refused
+        RefusedFile(file.path.removeprefix(f"{inside}/"), file.reason) for file in copy.refused
     )
     start = f"{folder}{os.sep}"
     digests = {
@@ -168,23 +169,6 @@ def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) ->
         if path.startswith(start)
     }
     return StagedSubmission(folder, copy.digest(), refused, digests)
-
-
-def _take(source: Source, copy: SubmissionCopy, *, alone: bool) -> None:
-    if source.fault:
-        raise ArchiveError(f"{source.name or source.path.name}: {source.fault}")
-    for file in source.left_out:
-        copy.refuse(file.path, file.reason)
-    if os.path.isdir(source.path) and not source.path.is_symlink():  # noqa: PTH112 - never raises
-        _take_folder(source, copy)
-    else:
-        _take_file(source.path, source.name or source.path.name, copy, alone=alone)
-
-
-def _take_folder(source: Source, copy: SubmissionCopy) -> None:
-    root = source.path.resolve()
-    for path, name in _files_below(root, copy):
-        _take_file(path, source.name + name, copy, root=root)
 
 
 def _files_below(root: Path, copy: SubmissionCopy) -> Iterator[tuple[Path, str]]:
@@ -213,7 +197,7 @@ def _take_file(
 ) -> None:
     """Take in one file; an archive at the top of a submission is unpacked."""
     if path.is_symlink():
-        inside = _inside(path, root)
+        inside = _target_inside(path, root)
         if inside is None:
             copy.refuse(name, "it is a link that leads out of the submission; not opened")
             return
@@ -226,7 +210,7 @@ def _take_file(
         _copy(path, name, copy)
 
 
-def _inside(link: Path, root: Path | None) -> Path | None:
+def _target_inside(link: Path, root: Path | None) -> Path | None:
     """Return what a link leads to when that is in the submission."""
     try:
         target = link.resolve(strict=True)

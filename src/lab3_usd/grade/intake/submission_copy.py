@@ -163,10 +163,7 @@ class SubmissionCopy:
     def refuse(self, name: str, reason: str) -> None:
         """Record that a file is not taken in."""
         self.refused.append(RefusedFile(name.encode("utf-8", "backslashreplace").decode(), reason))
-        self._check_count()
-
-    def _check_count(self, more: int = 0) -> None:
-        self.limits.check_count(len(self.digests) + len(self.refused) + more)
+        self.limits.check_count(len(self.digests) + len(self.refused))
 
     def place(self, name: str) -> Path | None:
         """Return where a file of this name goes; None for leftovers and names that are refused."""
@@ -193,7 +190,7 @@ class SubmissionCopy:
         if str(path) in self.digests:
             self.refuse(name, "it is there twice; the other one counts")
             return
-        self._check_count(1)
+        self.limits.check_count(len(self.digests) + len(self.refused) + 1)
         if only_name_counts(name, size):
             self._keep_name(name, path, size)
             return

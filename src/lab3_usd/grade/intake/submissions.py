@@ -41,115 +41,6 @@ from lab3_usd.judge.folder import is_submission
 _CLASS = Limits(files=200_000, total_size=16 << 30, file_size=1 << 30)
 _PASSED_OVER = "its name begins with a dot"
 _LeftOut = list[tuple[tuple[str, ...], str]]  # parts of a path, and why it was not unpacked
-
-
-@contextmanager
-def submissions_in(place: Path | str) -> Iterator[ClassLocation]:
-    """Yield where the submissions lie; an archive of a whole class is unpacked first.
-
-    Raises:
-        UsageError: there is no such place, or the archive is damaged or too large.
-    """
-    with scratch_folder("lab3-class-") as scratch:
-        path = place if isinstance(place, Path) else archive_at(place, scratch, _CLASS)
-        if path is None:
-            yield ClassLocation(place, str(place))
-        elif stat.S_ISDIR(_mode(path, str(place))):
-            yield ClassLocation(path, str(place))
-        else:
-            yield _unpacked(path, str(place), scratch)
-
-
-def _mode(path: Path, given: str) -> int:
-    try:
-        return path.stat().st_mode
-    except (FileNotFoundError, NotADirectoryError) as error:
-        raise UsageError(f"{given}: there is no such folder or archive of submissions") from error
-    except OSError as error:
-        raise UsageError(f"{given}: cannot be read ({error.strerror})") from error
-
-
-def _unpacked(archive: Path, given: str, scratch: Path) -> ClassLocation:
-    if not archive.is_file() or not is_archive(archive.name):
-        raise UsageError(f"{given}: is neither a folder nor an archive of submissions")
-    folder, empty_folder = scratch / "class", scratch / "empty_folder"
-    for path in (folder, empty_folder):
-        path.mkdir()
-    copy = SubmissionCopy(folder, _CLASS, archives=True)
-    try:
-        unpack(archive, "", copy)
-    except (ArchiveError, TooLargeError) as error:
-        raise UsageError(f"{given}: {str(error).removeprefix(f'{archive.name}: ')}") from error
-    left_out = _left_out(copy)
-    _make_folders(folder, left_out)
-    wrapper = _wrapper(folder, left_out)
-    entries = tuple(_entries(left_out, wrapper))
-    name = ARCHIVE_END.sub("", archive.name) or archive.name
-    return ClassLocation(folder / wrapper, given, name, entries, empty_folder)
-
-
-def _left_out(copy: SubmissionCopy) -> _LeftOut:
-    """Return what was not unpacked, by what its path would be inside the archive.
-
-    The last part is that of a file, and empty for a folder.
-    """
-    found = []
-    for path, reason in [
-        *((file.path, file.reason) for file in copy.refused),
-        *((path, _PASSED_OVER) for path in copy.hidden),
-    ]:
-        parts = path.replace("\\", "/").split("/")
-        if len(parts[0]) > 1 and parts[0][1] == ":":
-            parts = parts[1:]
-        own = [part for part in parts if part not in {"", ".", ".."}]
-        if path.endswith("/"):
-            own.append("")
-        if any(own) and not is_leftover(own[0]):
-            found.append((tuple(own), reason))
-    return found
-
-
-def _entries(left_out: _LeftOut, wrapper: str) -> Iterator[tuple[Entry, RefusedFile]]:
-    """Yield which entry of the class each of them belongs to, and what to say of it."""
-    for parts, reason in left_out:
-        inside = parts[1:] if wrapper and parts[0] == wrapper and len(parts) > 1 else parts
-        entry = (inside[0], len(inside) > 1)
-        # What is passed over without a word in a student's folder is so in an archive too.
-        if inside[0] and (reason != _PASSED_OVER or inside[0].startswith(".")):
-            name = "/".join(inside[1:]) or inside[0]
-            yield entry, RefusedFile(name.encode("utf-8", "backslashreplace").decode(), reason)
-
-
-def _make_folders(place: Path, left_out: _LeftOut) -> None:
-    """Make the folders of students of whom nothing was unpacked, and of what they lie in."""
-    for parts, _ in left_out:
-        with contextlib.suppress(OSError, ValueError):  # names that no file system takes
-            place.joinpath(*parts[:-1][:2]).mkdir(parents=True, exist_ok=True)
-
-
-def _wrapper(place: Path, left_out: _LeftOut) -> str:
-    """Return the one folder that an archive wraps its students' folders in, '' for none."""
-    tops = {name for name, is_folder in entries_in(place) if is_submission_part((name, is_folder))}
-    tops |= {parts[0] for parts, _ in left_out if is_submission_part((parts[0], len(parts) > 1))}
-    if len(tops) != 1:
-        return ""
-    (top,) = tops
-    inside = place / top
-    if not inside.is_dir() or is_submission(inside):
-        return ""
-    students = {name for name, is_folder in entries_in(inside) if _is_student(name, is_folder)}
-    students |= {
-        parts[1]
-        for parts, _ in left_out
-        if parts[0] == top and len(parts) > 1 and _is_student(parts[1], bool(parts[2:]))
-    }
-    return top if len(students) > 1 else ""
-
-
-def _is_student(name: str, is_folder: bool) -> bool:  # noqa: FBT001 - an entry's two halves
-    return is_submission_part((name, is_folder)) and (is_folder or is_archive(name))
-
-
 _SLUG = re.compile(r"[^A-Za-z0-9._-]+")
 _LONGEST_SLUG = 80
 _MOST_NAMED = 5
@@ -186,12 +77,107 @@ class ClassLocation(Struct, frozen=True):
     empty_folder: Path = Path()
 
 
-def _quiet(_line: str) -> None:
-    """Say nothing."""
+@contextmanager
+def submissions_in(place: Path | str) -> Iterator[ClassLocation]:
+    """Yield where the submissions lie; an archive of a whole class is unpacked first.
+
+    Raises:
+        UsageError: there is no such place, or the archive is damaged or too large.
+    """
+    with scratch_folder("lab3-class-") as scratch:
+        path = place if isinstance(place, Path) else archive_at(place, scratch, _CLASS)
+        try:
+            is_folder = path is not None and stat.S_ISDIR(path.stat().st_mode)
+        except (FileNotFoundError, NotADirectoryError) as error:
+            raise UsageError(
+                f"{place}: there is no such folder or archive of submissions"
+            ) from error
+        except OSError as error:
+            raise UsageError(f"{place}: cannot be read ({error.strerror})") from error
+        if path is None or is_folder:
+            yield ClassLocation(place if path is None else path, str(place))
+        else:
+            yield _unpacked(path, str(place), scratch)
+
+
+def _unpacked(archive: Path, given: str, scratch: Path) -> ClassLocation:
+    if not archive.is_file() or not is_archive(archive.name):
+        raise UsageError(f"{given}: is neither a folder nor an archive of submissions")
+    folder, empty_folder = scratch / "class", scratch / "empty_folder"
+    for path in (folder, empty_folder):
+        path.mkdir()
+    copy = SubmissionCopy(folder, _CLASS, archives=True)
+    try:
+        unpack(archive, "", copy)
+    except (ArchiveError, TooLargeError) as error:
+        raise UsageError(f"{given}: {str(error).removeprefix(f'{archive.name}: ')}") from error
+    left_out = _left_out(copy)
+    for parts, _ in left_out:  # the folders of students of whom nothing was unpacked
+        with contextlib.suppress(OSError, ValueError):  # names that no file system takes
+            folder.joinpath(*parts[:-1][:2]).mkdir(parents=True, exist_ok=True)
+    wrapper = _wrapper(folder, left_out)
+    entries = tuple(_entries(left_out, wrapper))
+    name = ARCHIVE_END.sub("", archive.name) or archive.name
+    return ClassLocation(folder / wrapper, given, name, entries, empty_folder)
+
+
+def _left_out(copy: SubmissionCopy) -> _LeftOut:
+    """Return what was not unpacked, by what its path would be inside the archive.
+
+    The last part is that of a file, and empty for a folder.
+    """
+    left_out = []
+    for path, reason in [
+        *((file.path, file.reason) for file in copy.refused),
+        *((path, _PASSED_OVER) for path in copy.hidden),
+    ]:
+        parts = path.replace("\\", "/").split("/")
+        if len(parts[0]) > 1 and parts[0][1] == ":":
+            parts = parts[1:]
+        own = [part for part in parts if part not in {"", ".", ".."}]
+        if path.endswith("/"):
+            own.append("")
+        if any(own) and not is_leftover(own[0]):
+            left_out.append((tuple(own), reason))
+    return left_out
+
+
+def _entries(left_out: _LeftOut, wrapper: str) -> Iterator[tuple[Entry, RefusedFile]]:
+    """Yield which entry of the class each of them belongs to, and what to say of it."""
+    for parts, reason in left_out:
+        inside = parts[1:] if wrapper and parts[0] == wrapper and len(parts) > 1 else parts
+        entry = (inside[0], len(inside) > 1)
+        # What is passed over without a word in a student's folder is so in an archive too.
+        if inside[0] and (reason != _PASSED_OVER or inside[0].startswith(".")):
+            name = "/".join(inside[1:]) or inside[0]
+            yield entry, RefusedFile(name.encode("utf-8", "backslashreplace").decode(), reason)
+
+
+def _wrapper(place: Path, left_out: _LeftOut) -> str:
+    """Return the one folder that an archive wraps its students' folders in, '' for none."""
+    tops = {name for name, is_folder in entries_in(place) if is_submission_part((name, is_folder))}
+    tops |= {parts[0] for parts, _ in left_out if is_submission_part((parts[0], len(parts) > 1))}
+    if len(tops) != 1:
+        return ""
+    (top,) = tops
+    inside = place / top
+    if not inside.is_dir() or is_submission(inside):
+        return ""
+    students = {name for name, is_folder in entries_in(inside) if _is_student(name, is_folder)}
+    students |= {
+        parts[1]
+        for parts, _ in left_out
+        if parts[0] == top and len(parts) > 1 and _is_student(parts[1], bool(parts[2:]))
+    }
+    return top if len(students) > 1 else ""
+
+
+def _is_student(name: str, is_folder: bool) -> bool:  # noqa: FBT001 - an entry's two halves
+    return is_submission_part((name, is_folder)) and (is_folder or is_archive(name))
 
 
 def find_submissions(
-    place: ClassLocation | Path | str, notify: Notify = _quiet
+    place: ClassLocation | Path | str, notify: Notify = lambda _line: None
 ) -> tuple[StudentSubmission, ...]:
     """Return every student's submission in a folder, in the order of the students.
 
@@ -201,18 +187,18 @@ def find_submissions(
     Raises:
         UsageError: there is no such folder, it cannot be read, or nothing in it is a submission.
     """
-    at = place if isinstance(place, ClassLocation) else ClassLocation(place, str(place))
+    location = place if isinstance(place, ClassLocation) else ClassLocation(place, str(place))
     parts = (
-        _at_address(at, at.where, notify)
-        if isinstance(at.where, str)
-        else _in(at, at.where, notify)
+        _at_address(location, location.where, notify)
+        if isinstance(location.where, str)
+        else _in_folder(location, location.where, notify)
     )
     if not parts:
-        raise UsageError(f"{at.given}: holds no submission: no folder, archive or stage")
+        raise UsageError(f"{location.given}: holds no submission: no folder, archive or stage")
     return tuple(_joined(parts))
 
 
-def _at_address(at: ClassLocation, address: str, notify: Notify) -> list[SubmissionPart]:
+def _at_address(location: ClassLocation, address: str, notify: Notify) -> list[SubmissionPart]:
     entries = entries_at(address)
     name = address.rstrip("/").rpartition("/")[2]
     if looks_like_submission(entries):
@@ -220,87 +206,73 @@ def _at_address(at: ClassLocation, address: str, notify: Notify) -> list[Submiss
     names = StudentNames({}, "")
     if (METADATA, False) in entries:
         names = names_in(read_at(address, METADATA))
-    return [
-        replace(part, source=_elsewhere(part.source, address))
-        for part in _parts(at, entries, names, notify)
-    ]
+    parts = []
+    for part in _parts(location, entries, names, notify):
+        source = replace(part.source, address=f"{address.rstrip('/')}/{part.source.path}")
+        if "::" in source.path.name:  # fsspec would read it as an address of its own
+            fault = "its name holds '::' and is no part of an address"
+            source = replace(part.source, fault=fault)
+        parts.append(replace(part, source=source))
+    return parts
 
 
-def _elsewhere(source: Source, address: str) -> Source:
-    if "::" in source.path.name:  # fsspec would read it as an address of its own
-        return replace(source, fault="its name holds '::' and is no part of an address")
-    return replace(source, address=f"{address.rstrip('/')}/{source.path}")
-
-
-def _in(at: ClassLocation, folder: Path, notify: Notify) -> list[SubmissionPart]:
+def _in_folder(location: ClassLocation, folder: Path, notify: Notify) -> list[SubmissionPart]:
     if not folder.is_dir():
-        raise UsageError(f"{at.given}: there is no such folder or archive of submissions")
+        raise UsageError(f"{location.given}: there is no such folder or archive of submissions")
     try:
         entries = entries_in(folder)
     except OSError as error:
-        raise UsageError(f"{at.given}: cannot be read ({error.strerror})") from error
+        raise UsageError(f"{location.given}: cannot be read ({error.strerror})") from error
     if is_submission(folder):
-        name = at.name or folder.resolve().name or "submission"
-        missing = tuple(_below(entry, refused) for entry, refused in at.left_out)
+        name = location.name or folder.resolve().name or "submission"
+        missing = tuple(
+            replace(refused, path=f"{entry}/{refused.path}") if is_folder else refused
+            for (entry, is_folder), refused in location.left_out
+        )
         return [SubmissionPart(name, name, Source(folder.resolve(), left_out=missing))]
     names = StudentNames({}, "")
     if (METADATA, False) in entries:
         names = read_metadata(folder / METADATA)
     left_out: dict[str, list[RefusedFile]] = {}
-    for (entry, _), refused in at.left_out:
+    for (entry, _), refused in location.left_out:
         left_out.setdefault(entry, []).append(refused)
-    return [
-        _placed(part, at, folder, left_out.get(part.source.path.name, []))
-        for part in _parts(at, entries, names, notify)
-    ]
-
-
-def _below(entry: Entry, refused: RefusedFile) -> RefusedFile:
-    name, is_folder = entry
-    return RefusedFile(f"{name}/{refused.path}", refused.reason) if is_folder else refused
-
-
-def _placed(
-    part: SubmissionPart, at: ClassLocation, folder: Path, left_out: list[RefusedFile]
-) -> SubmissionPart:
-    """Say where a part lies, and what of it is not there."""
-    path = folder / part.source.path.name
-    if not os.path.lexists(path):
-        path = at.empty_folder
-    return replace(part, source=replace(part.source, path=path, left_out=tuple(left_out)))
-
-
-def _parts(
-    at: ClassLocation, entries: list[Entry], names: StudentNames, notify: Notify
-) -> list[SubmissionPart]:
-    """Tell by their names whose the entries of a folder are."""
-    here = {name for name, _ in entries}
-    missing = dict.fromkeys(entry for entry, _ in at.left_out if entry[0] not in here)
-    every = sorted({name: (name, is_folder) for name, is_folder in missing}.values()) + entries
-    _notify_passed_over(at, every, notify)
-    ours = (entry for entry in sorted(every) if is_submission_part(entry))
-    parts = list(parts_of(ours, names.by_folder))
-    _notify_doubts(parts, notify)
-    if METADATA in here:
-        _notify_unnamed(every, names.by_folder, names.fault, notify)
+    parts = []
+    for part in _parts(location, entries, names, notify):
+        entry = part.source.path.name
+        path = folder / entry
+        if not os.path.lexists(path):
+            path = location.empty_folder
+        missing = tuple(left_out.get(entry, ()))
+        parts.append(replace(part, source=replace(part.source, path=path, left_out=missing)))
     return parts
 
 
-def _notify_passed_over(at: ClassLocation, entries: list[Entry], notify: Notify) -> None:
-    names = [
+def _parts(
+    location: ClassLocation, entries: list[Entry], names: StudentNames, notify: Notify
+) -> list[SubmissionPart]:
+    """Tell by their names whose the entries of a folder are, and notify of what is not clear."""
+    present = {name for name, _ in entries}
+    missing = dict.fromkeys(entry for entry, _ in location.left_out if entry[0] not in present)
+    all_entries = (
+        sorted({name: (name, is_folder) for name, is_folder in missing}.values()) + entries
+    )
+    passed_over = [
         name
-        for name, is_folder in sorted(entries)
+        for name, is_folder in sorted(all_entries)
         if not is_submission_part((name, is_folder)) and not is_leftover(name) and name != METADATA
     ]
-    if names:
-        notify(f"{at.given}: passed over, as nobody's submission: {_listed(names)}")
-
-
-def _notify_doubts(parts: list[SubmissionPart], notify: Notify) -> None:
+    if passed_over:
+        listed = _listed(passed_over)
+        notify(f"{location.given}: passed over, as nobody's submission: {listed}")
+    ours = (entry for entry in sorted(all_entries) if is_submission_part(entry))
+    parts = list(parts_of(ours, names.by_folder))
     for part in parts:
         if part.doubt:
             file = _listed([part.source.path.name])
             notify(f"{file}: taken as of {part.name} ({part.student}); may be of {part.doubt}")
+    if METADATA in present:
+        _notify_unnamed(all_entries, names.by_folder, names.fault, notify)
+    return parts
 
 
 def _notify_unnamed(

@@ -8,7 +8,7 @@ import importlib
 import os
 import threading
 import time
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable
 from concurrent.futures import CancelledError
 from functools import partial
 from pathlib import Path
@@ -51,6 +51,7 @@ def packed(settings: PoolSettings) -> Shipment:
     if settings.starter is None:
         raise UsageError("--cluster needs a starter")
     starter = settings.starter.resolve()
+    lab_files = [] if settings.lab is None else sorted(settings.lab.glob("*.yaml"))
     paths = sorted({Path(path.partition("[")[0]) for path in files_of(starter)})
     root = Path(os.path.commonpath([starter.parent, *(path.parent for path in paths)]))
     shipment = Shipment(
@@ -58,34 +59,21 @@ def packed(settings: PoolSettings) -> Shipment:
         files=tuple((path.relative_to(root).as_posix(), path.read_bytes()) for path in paths),
         starter=starter.relative_to(root).as_posix(),
         rubric=None if settings.rubric is None else settings.rubric.read_bytes(),
-        lab=tuple(_lab_files(settings)),
+        lab=tuple((path.name, path.read_bytes()) for path in lab_files),
         settings=replace(settings, readable=tuple(path.absolute() for path in settings.readable)),
     )
     with scratch_folder("lab3-starter-") as folder:
-        there = unpacked(shipment, folder).starter
-        found = len(files_of(there)) if there is not None else 0
-        if found < len(files_of(starter)) or not _all_below(folder, there):
+        copy = unpacked(shipment, folder).starter
+        copied: frozenset[str] = frozenset() if copy is None else files_of(copy)
+        real = folder.resolve()
+        if len(copied) < len(files_of(starter)) or not all(
+            Path(file).is_relative_to(real) for file in copied
+        ):
             raise UsageError(
                 f"{settings.starter}: refers to files in a way that other machines cannot follow; "
                 "use paths relative to the starter, and no links"
             )
     return shipment
-
-
-def _lab_files(settings: PoolSettings) -> Iterator[tuple[str, bytes]]:
-    if settings.lab is not None:
-        for path in sorted(settings.lab.glob("*.yaml")):
-            yield path.name, path.read_bytes()
-
-
-def _all_below(folder: Path, starter: Path | None) -> bool:
-    """Whether a starter in a folder consists of files of that folder alone."""
-    from lab3_usd.stage.fence import files_of
-
-    real = folder.resolve()
-    return starter is not None and all(
-        Path(file).is_relative_to(real) for file in files_of(starter)
-    )
 
 
 def unpacked(shipment: Shipment, folder: Path) -> PoolSettings:

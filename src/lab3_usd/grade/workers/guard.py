@@ -92,25 +92,21 @@ def _depth(data: bytes) -> int:
 def _check_crate(data: bytes, limits: Limits) -> None:
     """Read the table of contents: each section lies in the file, and none is absurdly large."""
     try:
-        _, _, start = _BOOTSTRAP.unpack_from(data)
-        (count,) = struct.unpack_from("<Q", data, start)
-        if start < _BOOTSTRAP.size or count > _MOST_SECTIONS:
+        _, _, contents = _BOOTSTRAP.unpack_from(data)
+        (sections,) = struct.unpack_from("<Q", data, contents)
+        if contents < _BOOTSTRAP.size or sections > _MOST_SECTIONS:
             _refuse(_DAMAGED)
-        for index in range(count):
-            entry = _SECTION.unpack_from(data, start + 8 + index * _SECTION.size)
-            _check_section(data, entry, limits)
+        for index in range(sections):
+            entry = _SECTION.unpack_from(data, contents + 8 + index * _SECTION.size)
+            name, start, size = entry[0].rstrip(b"\0"), entry[1], entry[2]
+            if start < 0 or size < 0 or start + size > len(data):
+                _refuse(_DAMAGED)
+            if name in _COUNTED:
+                (count,) = struct.unpack_from("<Q", data, start)
+                if count > limits.prims * _PER_PRIM:
+                    _refuse(f"holds {count} {_COUNTED[name]}; not opened")
     except struct.error:
         _refuse(_DAMAGED)
-
-
-def _check_section(data: bytes, entry: tuple[bytes, int, int], limits: Limits) -> None:
-    name, start, size = entry[0].rstrip(b"\0"), entry[1], entry[2]
-    if start < 0 or size < 0 or start + size > len(data):
-        _refuse(_DAMAGED)
-    if name in _COUNTED:
-        (count,) = struct.unpack_from("<Q", data, start)
-        if count > limits.prims * _PER_PRIM:
-            _refuse(f"holds {count} {_COUNTED[name]}; not opened")
 
 
 def _check_package(path: Path, limits: Limits) -> None:

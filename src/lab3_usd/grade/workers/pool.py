@@ -60,10 +60,12 @@ class WorkerSlot:
         folder = worker.scratch / "fetched"
         try:
             sources = fetched(task.sources, folder, self.settings.limits, stopped)
-            here = replace(task, sources=sources)
-            found = ask(worker, here, stopped, seconds) | _unconfined(worker)
+            answer = ask(worker, replace(task, sources=sources), stopped, seconds)
+            missing = sorted(name for name, held in worker.confined.items() if not held)
+            if missing:  # what the worker could not give up, for the record
+                answer |= {"unconfined": missing}
         except TooLargeError as error:
-            found = {"failed": f"{TOO_LARGE}: {error}"}
+            answer = {"failed": f"{TOO_LARGE}: {error}"}
         except WorkerDiedError:
             self.stop()
             raise
@@ -72,7 +74,7 @@ class WorkerSlot:
         self.judged += 1
         if self.judged % _TASKS_OF_A_WORKER == 0:
             self.stop()
-        return found
+        return answer
 
     def _new(self, stopped: Callable[[], bool]) -> Worker:
         """Start a worker, again where it ends before it is ready."""
@@ -88,12 +90,6 @@ class WorkerSlot:
         if self.worker is not None:
             end_worker(self.worker)
             self.worker = None
-
-
-def _unconfined(worker: Worker) -> Json:
-    """Return what a worker could not give up, for the record; nothing where it gave up all."""
-    missing = sorted(name for name, held in worker.confined.items() if not held)
-    return {"unconfined": missing} if missing else {}
 
 
 def judge_in(slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never_stopped) -> Answer:
@@ -253,9 +249,9 @@ def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[_Interrupt]:
     handlers = {}
     if threading.current_thread() is threading.main_thread():
         numbers = {getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP")}
-        found = {number: signal.getsignal(number) for number in numbers if number is not None}
+        present = {number: signal.getsignal(number) for number in numbers if number is not None}
         ours = (signal.SIG_DFL, signal.default_int_handler)
-        handlers = {number: handler for number, handler in found.items() if handler in ours}
+        handlers = {number: handler for number, handler in present.items() if handler in ours}
 
     def handle(_number: int, _frame: FrameType | None) -> None:
         stop()

@@ -80,17 +80,16 @@ def _address_space() -> int:
 def give_up_privileges() -> dict[str, bool]:
     """Give up the network, and what privileges there are or could be; say which of it worked."""
     network = _no_network()
-    given_up = _die_with_parent() and _no_new_privileges() and _no_capabilities()
+    libc = _libc()
+    dies_with_parent = (
+        libc is not None and libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0) == 0
+    )
+    given_up = dies_with_parent and _no_new_privileges() and _no_capabilities()
     return {"privileges": given_up, "network": network}
 
 
 def _libc() -> ctypes.CDLL | None:
     return ctypes.CDLL(None, use_errno=True) if sys.platform == "linux" else None
-
-
-def _die_with_parent() -> bool:
-    libc = _libc()
-    return libc is not None and libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0) == 0
 
 
 def _no_new_privileges() -> bool:

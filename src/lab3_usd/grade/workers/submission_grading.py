@@ -24,7 +24,7 @@ from lab3_usd.grade.workers.messages import Json, Task, status_of
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.judge.results import with_findings
 from lab3_usd.judge.starter import Starter
-from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission, ordered
+from lab3_usd.model.finding import Crash, Finding, Report, Submission, ordered
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.fence import BlockedAsset, Fence, fenced
@@ -72,29 +72,34 @@ def grade_submission(
         settings = FolderSettings(
             starter=setup.starter, may_open=partial(_may_open, fence), digests=staged.digests
         )
-        found = check_folder(Path(), settings)
-        found = _without_repairs(found)
-        found = _with_fence(found, task.student, staged.refused, fence.found.values())
-        points = _points(setup, found, late=task.late)
-        fence.closed = _not_pictured(found.results)
-        report = Report(found.results, (found.submission,))
+        judged = _without_repairs(check_folder(Path(), settings))
+        judged = _with_fence(judged, task.student, staged.refused, fence.found.values())
+        checklist = judged.submission.checklist
+        points = grade(setup.rubric, judged.results, checklist, late=task.late)
+        # Stages without faults are not pictured, but for the last: its pictures show what they do.
+        fence.closed = {
+            result.path
+            for result in judged.results[:-1]
+            if all(finding.severity == "note" for finding in result.findings)
+        }
+        report = Report(judged.results, (judged.submission,))
         reports = write_reports(report, setup.rubric, points, task.name)
     return {
-        **_record(points, _status(found, task.broken, staged.refused)),
+        **_record(points, _status(judged, task.broken, staged.refused)),
         "digest": staged.digest,
-        "verdicts": {result.checkpoint: result.verdict for result in found.results},
-        "crashes": [crash.rule for crash in _crashes(found)],
+        "verdicts": {result.checkpoint: result.verdict for result in judged.results},
+        "crashes": [crash.rule for crash in _crashes(judged)],
         "reports": reports,
     }
 
 
-def _without_repairs(found: FolderResult) -> FolderResult:
+def _without_repairs(judged: FolderResult) -> FolderResult:
     """Let reports to students say what is wrong, and not how a program would change it."""
     results = (
-        replace(result, findings=tuple(replace(one, fix=None) for one in result.findings))
-        for result in found.results
+        replace(result, findings=tuple(replace(finding, fix=None) for finding in result.findings))
+        for result in judged.results
     )
-    return replace(found, results=tuple(results))
+    return replace(judged, results=tuple(results))
 
 
 def _may_open(fence: Fence, name: str) -> str:
@@ -111,15 +116,6 @@ def _inside(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.chdir(before)
-
-
-def _not_pictured(results: Sequence[StageResult]) -> set[str]:
-    """Name the stages without faults, but for the last: its pictures show what they show."""
-    return {
-        result.path
-        for result in results[:-1]
-        if all(finding.severity == "note" for finding in result.findings)
-    }
 
 
 def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name: str = "") -> Json:
@@ -141,19 +137,15 @@ def _record(points: Grade, status: tuple[str, str]) -> Json:
     return {"status": status[0], "reason": status[1], **record}
 
 
-def _points(setup: GradingSetup, found: FolderResult, *, late: bool) -> Grade:
-    return grade(setup.rubric, found.results, found.submission.checklist, late=late)
-
-
 def _status(
-    found: FolderResult, broken: Mapping[str, str], refused: Sequence[RefusedFile]
+    judged: FolderResult, broken: Mapping[str, str], refused: Sequence[RefusedFile]
 ) -> tuple[str, str]:
     for path, how in broken.items():
         return status_of(how), f"{path}: {how}"
-    if not found.results:
+    if not judged.results:
         because = "; ".join(f"{file.path}: {file.reason}" for file in refused[:1])
         return "empty", because or "holds no stage of a checkpoint"
-    crashes = _crashes(found)
+    crashes = _crashes(judged)
     if any(crash.error.startswith(MemoryError.__name__) for crash in crashes):
         raise MemoryError  # in a rule, which is not at fault
     if crashes:
@@ -161,13 +153,13 @@ def _status(
     return "graded", ""
 
 
-def _crashes(found: FolderResult) -> Sequence[Crash]:
-    crashes = [crash for result in found.results for crash in result.crashes]
-    return [*crashes, *found.submission.crashes]
+def _crashes(judged: FolderResult) -> Sequence[Crash]:
+    crashes = [crash for result in judged.results for crash in result.crashes]
+    return [*crashes, *judged.submission.crashes]
 
 
 def _with_fence(
-    found: FolderResult,
+    judged: FolderResult,
     student: str,
     refused: Iterable[RefusedFile],
     blocked: Iterable[BlockedAsset],
@@ -184,10 +176,10 @@ def _with_fence(
         with_findings(result, (*result.findings, *grave[result.path]))
         if result.path in grave
         else result
-        for result in found.results
+        for result in judged.results
     )
-    findings = ordered((*found.submission.findings, *files))
-    return FolderResult(results, replace(found.submission, path=student, findings=findings))
+    findings = ordered((*judged.submission.findings, *files))
+    return FolderResult(results, replace(judged.submission, path=student, findings=findings))
 
 
 def _finding(rule: Rule, *arguments: str) -> Finding:

@@ -73,7 +73,10 @@ def _serve(start: Start, tasks: BinaryIO, answers: BinaryIO) -> None:
     confined = give_up_privileges()
     setup = load_setup(settings)
     confined["limits"] = limit_resources(settings.limits)
-    readable = [*settings.readable, *map(Path, (*setup.allowed, *_python(), *_NEEDED))]
+    # The folders of modules and data are still read while submissions are judged.
+    ours = [lab_folder(), *map(data_folder, _OURS)]
+    python = [sys.prefix, sys.base_prefix, sys.exec_prefix, *filter(None, sys.path)]
+    readable = [*settings.readable, *ours, *map(Path, (*setup.allowed, *python, *_NEEDED))]
     confined["files"] = fence_files(readable, [scratch, Path(os.devnull)])
     send(encode(Ready(confined, _most_memory())))
     for line in tasks:
@@ -100,12 +103,6 @@ def _most_memory() -> int:
     return most if sys.platform == "darwin" else most * 1024
 
 
-def _python() -> list[str]:
-    """Name the folders of modules and data, which are still read while submissions are judged."""
-    ours = [str(lab_folder()), *(str(data_folder(name)) for name in _OURS)]
-    return [*ours, sys.prefix, sys.base_prefix, sys.exec_prefix, *filter(None, sys.path)]
-
-
 def load_setup(settings: PoolSettings) -> GradingSetup:
     """Load what every submission is judged with."""
     # Imported here so that importing it is over before the files are fenced.
@@ -129,12 +126,12 @@ def answer(setup: GradingSetup, task: Task, scratch: Path, announce: Callable[[s
     except MemoryError:
         return {"died": OUT_OF_MEMORY}
     except Exception as error:  # noqa: BLE001 - our own failure is recorded, and never a grade
-        return {"died": _how(error, folder)}
+        return {"died": _failure_text(error, folder)}
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _how(error: Exception, folder: Path) -> str:
+def _failure_text(error: Exception, folder: Path) -> str:
     """Tell what usd-core raises over a damaged file from a failure of our own.
 
     Files are named by their place in the submission, not by where the copy of it lies.

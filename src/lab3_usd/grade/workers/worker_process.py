@@ -246,7 +246,13 @@ def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never_sto
         WorkerError: it does not get ready, or `stopped` became true.
     """
     scratch = make_scratch("lab3-grade-")
-    command = [sys.executable, "-I", "-B", "-c", _MAIN.format(path=_module_path())]
+    # Where the worker finds this package, and what this process finds beside it.
+    package = str(PACKAGE.parent)
+    path = [
+        package,
+        *(name for name in sys.path if name and name != package and Path(name).is_dir()),
+    ]
+    command = [sys.executable, "-I", "-B", "-c", _MAIN.format(path=path)]
     log = scratch / "stderr.txt"
     with log.open("wb") as errors:
         process = subprocess.Popen(  # noqa: S603 - our own module
@@ -269,12 +275,6 @@ def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never_sto
         end_worker(worker)
         raise WorkerError(f"a worker does not start: {last[-1] if last else error}") from error
     return worker
-
-
-def _module_path() -> list[str]:
-    """Return where a worker finds this package, and what this process finds beside it."""
-    ours = str(PACKAGE.parent)
-    return [ours, *(path for path in sys.path if path and path != ours and Path(path).is_dir())]
 
 
 def environment(scratch: Path, lab: Path | None = None) -> dict[str, str]:

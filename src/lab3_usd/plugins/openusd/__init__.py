@@ -10,7 +10,6 @@ from typing import Any
 
 from pxr import Usd, UsdValidation
 
-from lab3_usd.model.finding import Finding
 from lab3_usd.plugins.findings import findings_of, text_of
 
 NAME = f"{__name__}:IsaacGraphValidator"
@@ -23,24 +22,18 @@ _KINDS = {
 
 def check(stage: Usd.Stage, _time: Any) -> list[UsdValidation.ValidationError]:
     """Return what the linter finds, each with its prim or property."""
-    root = stage.GetRootLayer()
-    return [
-        UsdValidation.ValidationError(
-            finding.rule,
-            _KINDS[finding.severity],
-            [UsdValidation.ValidationErrorSite(stage, _path(stage, finding))]
-            if stage.GetPrimAtPath(finding.prim)
-            else [UsdValidation.ValidationErrorSite(root, "/")],
-            text_of(finding),
-        )
-        for finding in findings_of(stage)
-    ]
-
-
-def _path(stage: Usd.Stage, finding: Finding) -> str:
-    """Return the path of the property at fault, of its prim where no file declares it."""
-    path = f"{finding.prim}.{finding.property}"
-    return path if finding.property and stage.GetPropertyAtPath(path) else finding.prim
+    errors = []
+    for finding in findings_of(stage):
+        path = f"{finding.prim}.{finding.property}"
+        if not (finding.property and stage.GetPropertyAtPath(path)):
+            path = finding.prim  # no file declares the property
+        if stage.GetPrimAtPath(finding.prim):
+            site = UsdValidation.ValidationErrorSite(stage, path)
+        else:
+            site = UsdValidation.ValidationErrorSite(stage.GetRootLayer(), "/")
+        kind = _KINDS[finding.severity]
+        errors.append(UsdValidation.ValidationError(finding.rule, kind, [site], text_of(finding)))
+    return errors
 
 
 def register() -> None:

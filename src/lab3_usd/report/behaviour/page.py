@@ -13,6 +13,7 @@ from pathlib import Path, PurePath
 from markupsafe import Markup
 from msgspec import Struct
 
+from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.errors import Lab3Error
 from lab3_usd.model.dry_run import Behaviour, Check, Frame, Moment, Place, Replay, Segment
 from lab3_usd.report.behaviour.text import LOOKS, WHAT_IT_IS, leg_text, rate, sum_text
@@ -24,7 +25,7 @@ from lab3_usd.report.html.templates import (
     text_of,
 )
 from lab3_usd.report.options import NAME, tool_version
-from lab3_usd.report.picture.model import Box, Picture
+from lab3_usd.report.picture.model import Box
 from lab3_usd.report.picture.svg import stylesheet, svg
 from lab3_usd.report.pictures.graph_picture import stage_pictures
 from lab3_usd.spec.lab import Lab
@@ -43,12 +44,12 @@ def chart_svg(moments: Sequence[Moment]) -> str:
     parts = [_legs(moments, end)]
     for number, (name, unit) in enumerate(_NAMES):
         moved = [(moment.seconds, _value(moment.robot, start, number)) for moment in moments]
-        told = [
+        odometry = [
             (moment.seconds, _value(moment.odometry, start, number))
             for moment in moments
             if moment.odometry is not None
         ]
-        parts += _row(number, f"{name}, {unit}", moved, told, end)
+        parts += _row(number, f"{name}, {unit}", moved, odometry, end)
     tall = TOP + 3 * ROW + 8
     label = "x, y and heading over time; odometry as dots"
     head = f'<svg class="chart" role="img" aria-label="{label}" viewBox="0 0 {WIDTH:g} {tall:g}">'
@@ -64,10 +65,10 @@ def _row(
     number: int,
     name: str,
     moved: Sequence[tuple[float, float]],
-    told: Sequence[tuple[float, float]],
+    odometry: Sequence[tuple[float, float]],
     end: float,
 ) -> list[str]:
-    values = [value for _, value in (*moved, *told)]
+    values = [value for _, value in (*moved, *odometry)]
     low, high = min(values), max(values)
     more = max(0.0, _LEAST[number] - (high - low)) / 2
     low, high = low - more, high + more
@@ -83,21 +84,21 @@ def _row(
         f'<text x="4" y="{bottom - tall / 2 + 4:.1f}">{name}</text>',
         _label(bottom + 4, low, number),
         _label(bottom - tall + 4, high, number),
-        f'<path class="path" d="M{"L".join(point(*each) for each in moved)}"/>',
-        f'<path class="told" d="{"".join(f"M{point(*each)}h0" for each in told)}"/>',
+        f'<path class="path" d="M{"L".join(point(*point_at) for point_at in moved)}"/>',
+        f'<path class="told" d="{"".join(f"M{point(*point_at)}h0" for point_at in odometry)}"/>',
     ]
 
 
 def _label(y: float, value: float, number: int) -> str:
-    said = f"{round(value, _DIGITS[number]) + 0.0:.{_DIGITS[number]}f}"
-    return f'<text class="end" x="{LEFT - 6:g}" y="{y:.1f}">{said}</text>'
+    text = f"{round(value, _DIGITS[number]) + 0.0:.{_DIGITS[number]}f}"
+    return f'<text class="end" x="{LEFT - 6:g}" y="{y:.1f}">{text}</text>'
 
 
 def _legs(moments: Sequence[Moment], end: float) -> str:
     """Return the names of the legs above, as far as there is room, and lines between them."""
     parts, before = [], 0.0
     scale = (WIDTH - LEFT - RIGHT) / end
-    for name, group in groupby(moments, key=lambda each: each.leg):
+    for name, group in groupby(moments, key=lambda moment: moment.leg):
         last = [*group][-1].seconds
         x = LEFT + scale * before
         parts.append(f'<path class="grid" d="M{x:.1f} {TOP - 6:g}V{TOP + 3 * ROW:g}"/>')
@@ -117,60 +118,57 @@ LINES = 12  # of the grid, at most
 Extent = tuple[float, float, float, float]
 
 
-def room_svg(found: Replay, *, still: bool = False) -> str:
+def room_svg(replay: Replay, *, still: bool = False) -> str:
     """Return the room with the robot and what its lidar sees, moment by moment or at one."""
-    start = found.moments[0].robot
-    walls = [wall for wall in found.walls if _near(wall[:2], start) and _near(wall[2:], start)]
+    start = replay.moments[0].robot
+    walls = [wall for wall in replay.walls if _near(wall[:2], start) and _near(wall[2:], start)]
     ends = [point for a, b, c, d in walls for point in ((a, b), (c, d))]
-    seen = [point for moment in found.moments for point in moment.points if _near(point, start)]
-    box = _box([*ends, *seen, *_path(found)], least=2.0)
+    seen = [point for moment in replay.moments for point in moment.points if _near(point, start)]
+    box = _box([*ends, *seen, *_path(replay)], least=2.0)
     parts = [
         _grid(box),
         f'<path class="wall" d="{_segments_path(walls)}"/>',
-        f'<path class="path" d="{_line_path(_path(found))}"/>',
-        _moments_svg(found.moments, found.radius, furthest(found), scan=True, still=still),
+        f'<path class="path" d="{_line_path(_path(replay))}"/>',
+        _moments_svg(replay.moments, replay.radius, furthest(replay), scan=True, still=still),
     ]
     return _svg_element(box, "The room, the walls, the path and the scan", "room", parts)
 
 
-def near_svg(found: Replay, *, still: bool = False) -> str:
+def near_svg(replay: Replay, *, still: bool = False) -> str:
     """Return the path from near, with what odometry says of it."""
-    told = [moment.odometry for moment in found.moments if moment.odometry is not None]
-    start, edge = found.moments[0].robot, min(found.radius, FAR)
-    says = [(x, y) for x, y, _ in told if _near((x, y), start)]
-    ends = [(x + dx, y + dy) for x, y in (*_path(found), *says) for dx, dy in _around(edge)]
+    odometry = [moment.odometry for moment in replay.moments if moment.odometry is not None]
+    start, edge = replay.moments[0].robot, min(replay.radius, FAR)
+    estimates = [(x, y) for x, y, _ in odometry if _near((x, y), start)]
+    corners = ((edge, edge), (-edge, -edge))
+    ends = [(x + dx, y + dy) for x, y in (*_path(replay), *estimates) for dx, dy in corners]
     box = _box(ends, least=0.8, edge=0.05)
     parts = [
         _grid(box),
-        f'<path class="wall" d="{_segments_path(found.walls)}"/>',
-        f'<g class="start">{_robot_svg(found.moments[0].robot, found.radius)}</g>',
-        f'<path class="path" d="{_line_path(_path(found))}"/>',
-        f'<path class="told" d="{_dots_path(says)}"/>' if says else "",
-        _moments_svg(found.moments, found.radius, furthest(found), scan=False, still=still),
+        f'<path class="wall" d="{_segments_path(replay.walls)}"/>',
+        f'<g class="start">{_robot_svg(replay.moments[0].robot, replay.radius)}</g>',
+        f'<path class="path" d="{_line_path(_path(replay))}"/>',
+        f'<path class="told" d="{_dots_path(estimates)}"/>' if estimates else "",
+        _moments_svg(replay.moments, replay.radius, furthest(replay), scan=False, still=still),
     ]
     return _svg_element(box, "The path of the robot, and odometry as dots", "near", parts)
 
 
-def furthest(found: Replay) -> int:
+def furthest(replay: Replay) -> int:
     """Return the number of the moment to show first: when the robot has gone furthest."""
-    x, y, _ = found.moments[0].robot
-    ways = [(moment.robot[0] - x) ** 2 + (moment.robot[1] - y) ** 2 for moment in found.moments]
+    x, y, _ = replay.moments[0].robot
+    ways = [(moment.robot[0] - x) ** 2 + (moment.robot[1] - y) ** 2 for moment in replay.moments]
     return ways.index(max(ways))
 
 
-def _path(found: Replay) -> list[tuple[float, float]]:
-    start = found.moments[0].robot
+def _path(replay: Replay) -> list[tuple[float, float]]:
+    start = replay.moments[0].robot
     return [
-        (x, y) for x, y, _ in (moment.robot for moment in found.moments) if _near((x, y), start)
+        (x, y) for x, y, _ in (moment.robot for moment in replay.moments) if _near((x, y), start)
     ]
 
 
 def _near(point: Sequence[float], start: Sequence[float]) -> bool:
     return math.hypot(point[0] - start[0], point[1] - start[1]) < FAR
-
-
-def _around(edge: float) -> Iterator[tuple[float, float]]:
-    yield from ((edge, edge), (-edge, -edge))
 
 
 def _box(points: Iterable[tuple[float, float]], least: float, edge: float = EDGE) -> Extent:
@@ -188,7 +186,7 @@ def _box(points: Iterable[tuple[float, float]], least: float, edge: float = EDGE
 def _grid(box: Extent) -> str:
     """Return lines a round number of metres apart, with that number at the lower edge."""
     left, bottom, wide, tall = box
-    step = next(each for each in STEPS if max(wide, tall) / each <= LINES)
+    step = next(width for width in STEPS if max(wide, tall) / width <= LINES)
     lines = [(x, bottom, x, bottom + tall) for x in _rounds(left, wide, step)]
     lines += [(left, y, left + wide, y) for y in _rounds(bottom, tall, step)]
     size = max(wide, tall)
@@ -274,16 +272,16 @@ class DryRunSummary(Struct, frozen=True):
     near: Markup
 
 
-def dry_run_summary(found: Behaviour, seen: Replay | None) -> DryRunSummary | None:
+def dry_run_summary(behaviour: Behaviour, replay: Replay | None) -> DryRunSummary | None:
     """Return what a report shows, None where nothing was played."""
-    if seen is None or not seen.moments:
+    if replay is None or not replay.moments:
         return None
     return DryRunSummary(
-        sum_text(found),
-        tuple(map(leg_text, found.legs)),
-        tuple(check for check in found.checks if check.verdict != "ok"),
-        Markup(room_svg(seen, still=True)),  # noqa: S704 - no name of the stage is in it
-        Markup(near_svg(seen, still=True)),  # noqa: S704
+        sum_text(behaviour),
+        tuple(map(leg_text, behaviour.legs)),
+        tuple(check for check in behaviour.checks if check.verdict != "ok"),
+        Markup(room_svg(replay, still=True)),  # noqa: S704 - no name of the stage is in it
+        Markup(near_svg(replay, still=True)),  # noqa: S704
     )
 
 
@@ -292,14 +290,13 @@ _ABOVE = 6  # pixels between a node and its count
 MARKS = {"ok": "ok", "bad": "bad", "not-simulated": "not simulated"}
 
 
-def render(found: Behaviour, seen: Replay | None, lab: Lab) -> str:
+def render(behaviour: Behaviour, replay: Replay | None, lab: Lab) -> str:
     """Return the page; without a replay it says why there is none."""
     style = palette_style() + text_of("sim.css") + text_of("maps.css") + stylesheet()
     script = text_of("sim.js")
-    has_moments = seen is not None and bool(seen.moments)
-    shown = furthest(seen) if seen is not None and has_moments else 0
-    computed = seen.computed if seen is not None else {}
-    graphs = _graph_drawings(Path(found.stage), lab, computed)
+    computed = replay.computed if replay is not None else {}
+    replay = replay if replay is not None and replay.moments else None
+    graphs = _graph_drawings(Path(behaviour.stage), lab, computed)
     return (
         environment()
         .get_template("sim.html.j2")
@@ -307,21 +304,22 @@ def render(found: Behaviour, seen: Replay | None, lab: Lab) -> str:
             style=own_markup(style),
             script=own_markup(script),
             policy=content_policy(style, script),
-            found=found,
+            behaviour=behaviour,
             what=WHAT_IT_IS,
-            name=PurePath(found.stage).name,
+            name=PurePath(behaviour.stage).name,
             looks=LOOKS,
             marks=MARKS,
+            rule_of=explaining_rule,
             rate=rate,
             leg_text=leg_text,
-            summary=sum_text(found),
-            seen=seen if has_moments else None,
-            shown=shown,
-            moments=seen.moments if seen is not None else (),
-            room=own_markup(room_svg(seen)) if seen is not None and has_moments else "",
-            near=own_markup(near_svg(seen)) if seen is not None and has_moments else "",
-            chart=own_markup(chart_svg(seen.moments)) if seen is not None and has_moments else "",
-            tree=list(tree_lines(found.frames)),
+            summary=sum_text(behaviour),
+            replay=replay,
+            shown=furthest(replay) if replay is not None else 0,
+            moments=replay.moments if replay is not None else (),
+            room=own_markup(room_svg(replay)) if replay is not None else "",
+            near=own_markup(near_svg(replay)) if replay is not None else "",
+            chart=own_markup(chart_svg(replay.moments)) if replay is not None else "",
+            tree=list(tree_lines(behaviour.frames)),
             graphs=[(title, own_markup(drawn)) for title, drawn in graphs],
             tool=f"{NAME} {tool_version()}",
         )
@@ -334,7 +332,7 @@ def tree_lines(frames: Sequence[Frame]) -> Iterator[str]:
     for frame in frames:
         below.setdefault(frame.parent, []).append(frame)
     children = {frame.child for frame in frames}
-    roots = [each for each in below if each not in children] or [*below][:1]
+    roots = [parent for parent in below if parent not in children] or [*below][:1]
     for root in roots:
         yield root
         yield from _branches(root, below, "", {root})
@@ -364,17 +362,13 @@ def _graph_drawings(path: Path, lab: Lab, computed: Mapping[str, int]) -> Iterat
         return
     for number, picture in enumerate(pictures):
         if picture.kind == "graph":
-            yield picture.title, _counted(picture, computed, f"g{number}-")
+            counts = "".join(_count_svg(box, computed.get(box.key)) for box in picture.boxes)
+            drawing = svg(picture, f"g{number}-").removesuffix("</svg>")
+            yield picture.title, f"{drawing}{counts}</svg>"
 
 
-def _counted(picture: Picture, computed: Mapping[str, int], ids: str) -> str:
-    counts = "".join(_count(box, computed.get(box.key)) for box in picture.boxes)
-    drawn = svg(picture, ids)
-    return drawn.removesuffix("</svg>") + counts + "</svg>"
-
-
-def _count(box: Box, times: int | None) -> str:
-    said = "not simulated" if times is None else f"{times} times" if times else "never"
+def _count_svg(box: Box, times: int | None) -> str:
+    text = "not simulated" if times is None else f"{times} times" if times else "never"
     kind = "fired" if times else "fired none"
     x, y = box.x + box.w, box.y - _ABOVE
-    return f'<text class="{kind}" text-anchor="end" x="{x:.0f}" y="{y:.0f}">{said}</text>'
+    return f'<text class="{kind}" text-anchor="end" x="{x:.0f}" y="{y:.0f}">{text}</text>'

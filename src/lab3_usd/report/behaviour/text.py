@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import textwrap
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from msgspec.structs import asdict
 
+from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.model.dry_run import Behaviour, Check, Leg, Topic
 from lab3_usd.report.options import NAME, tool_version
 from lab3_usd.report.safe_text import paint, printable, truncated_values
@@ -56,21 +57,21 @@ def rate(hz: float) -> str:
 
 
 def leg_text(leg: Leg) -> str:
-    """Return what was told and done in one leg."""
+    """Return what was commanded and driven in one leg."""
     parts = []
-    if leg.told[0]:
-        parts.append(f"{leg.done[0]:+.2f} m of {leg.told[0]:+.2f}")
-    if leg.told[1]:
-        parts.append(f"{leg.done[1]:+.0f} degrees of {leg.told[1]:+.0f}")
-    return f"{leg.name} {' and '.join(parts) or f'{leg.done[0]:.2f} m'}"
+    if leg.commanded[0]:
+        parts.append(f"{leg.driven[0]:+.2f} m of {leg.commanded[0]:+.2f}")
+    if leg.commanded[1]:
+        parts.append(f"{leg.driven[1]:+.0f} degrees of {leg.commanded[1]:+.0f}")
+    return f"{leg.name} {' and '.join(parts) or f'{leg.driven[0]:.2f} m'}"
 
 
-def sum_text(found: Behaviour) -> str:
+def sum_text(behaviour: Behaviour) -> str:
     """Return how the checks came out."""
-    verdicts = [check.verdict for check in found.checks]
+    verdicts = [check.verdict for check in behaviour.checks]
     bad, unsure = verdicts.count("bad"), verdicts.count("not-simulated")
-    said = f"{len(verdicts)} checks: {verdicts.count('ok')} ok, {bad} bad"
-    return f"{said}, {unsure} not simulated" if unsure else said
+    counts = f"{len(verdicts)} checks: {verdicts.count('ok')} ok, {bad} bad"
+    return f"{counts}, {unsure} not simulated" if unsure else counts
 
 
 _COLOURS = {"ok": "met", "bad": "error", "not-simulated": "warning"}
@@ -78,120 +79,118 @@ _SHORT = {"ok": "ok", "bad": "bad", "not-simulated": "?"}
 _NAME = 15
 
 
-def render(found: Behaviour, width: int, *, color: bool) -> str:
+def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
     """Return the behaviour as text."""
-    what = WHAT_A_RECORDING_IS if found.recording else WHAT_IT_IS
-    name = printable(found.recording or found.stage)
+    what = WHAT_A_RECORDING_IS if behaviour.recording else WHAT_IT_IS
+    name = printable(behaviour.recording or behaviour.stage)
     lines = [f"{paint(name, 'heading', color=color)}: {what}"]
-    if found.verdict == "unreadable":
-        lines += [f"  {printable(unknown.reason)}" for unknown in found.not_simulated]
+    if behaviour.verdict == "unreadable":
+        lines += [f"  {printable(unknown.reason)}" for unknown in behaviour.not_simulated]
         return "\n".join(lines) + "\n"
-    lines += ["", *_topics(found), ""]
-    looks = LOOKS_OF_A_RECORDING if found.recording else LOOKS
-    for check in found.checks:
+    lines += ["", *_topics(behaviour), ""]
+    looks = LOOKS_OF_A_RECORDING if behaviour.recording else LOOKS
+    for check in behaviour.checks:
         lines += _check(check, looks, width, color=color)
-    lines += ["", *_drive(found, width), *_others(found, width), sum_text(found)]
+    legs = "; ".join(map(leg_text, behaviour.legs)) or "no command is asked for"
+    remarks = (f"drive: {behaviour.seconds:.1f} s; {legs}", *map(printable, _remarks(behaviour)))
+    lines.append("")
+    for remark in remarks:
+        lines += textwrap.wrap(remark, max(width, 40), subsequent_indent="  ")
+    lines.append(sum_text(behaviour))
     return "\n".join(lines) + "\n"
 
 
-def _topics(found: Behaviour) -> Iterator[str]:
+def _topics(behaviour: Behaviour) -> Iterator[str]:
     rows: list[tuple[str, ...]] = [("topic", "type", "rate", "frame")]
-    rows += [(topic.name, topic.type, rate(topic.hz), topic.frame) for topic in found.topics]
-    if found.recording:
-        more = [("arrival", "QoS"), *(_as_offered(topic) for topic in found.topics)]
-        rows = [(*row, *cells) for row, cells in zip(rows, more, strict=True)]
-    yield from _table([tuple(map(printable, row)) for row in rows])
-    if not found.topics:
-        yield "nothing is published"
-
-
-def _as_offered(topic: Topic) -> tuple[str, str]:
-    """Return at what rate a topic arrived, and how it was offered."""
-    counted = Counter(topic.qos)
-    qos = (f"{number} x {said}" if number > 1 else said for said, number in counted.items())
-    return rate(topic.arrival_hz or 0.0), "; ".join(qos)
-
-
-def _table(rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    rows += [(topic.name, topic.type, rate(topic.hz), topic.frame) for topic in behaviour.topics]
+    if behaviour.recording:
+        offers = [("arrival", "QoS"), *map(_offer, behaviour.topics)]
+        rows = [(*row, *offer) for row, offer in zip(rows, offers, strict=True)]
+    rows = [tuple(map(printable, row)) for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = (cell.ljust(wide) for cell, wide in zip(row, widths, strict=True))
         yield "  ".join(cells).rstrip()
+    if not behaviour.topics:
+        yield "nothing is published"
+
+
+def _offer(topic: Topic) -> tuple[str, str]:
+    """Return at what rate a topic arrived, and how it was offered."""
+    counted = Counter(topic.qos)
+    qos = (
+        f"{number} x {profile}" if number > 1 else profile for profile, number in counted.items()
+    )
+    return rate(topic.arrival_hz or 0.0), "; ".join(qos)
 
 
 def _check(check: Check, looks: Mapping[str, str], width: int, *, color: bool) -> Iterator[str]:
     mark = paint(_SHORT[check.verdict].ljust(4), _COLOURS[check.verdict], color=color)
-    said = looks[check.name] if check.verdict == "ok" else printable(check.message)
-    first, *more = textwrap.wrap(said, max(width - _NAME - 4, 30)) or [""]
+    text = looks[check.name] if check.verdict == "ok" else printable(check.message)
+    first, *more = textwrap.wrap(text, max(width - _NAME - 4, 30)) or [""]
     yield f"{mark}{check.name.ljust(_NAME)}{first}"
     lead = " " * (_NAME + 4)
-    yield from (lead + each for each in more)
-    if check.verdict != "ok" and (check.prim or check.rule):
-        see = f" (lab3 rule {check.rule})" if check.rule else ""
-        named = ": ".join(printable(each) for each in (check.prim, check.cause) if each)
+    yield from (lead + line for line in more)
+    rule = explaining_rule(check)
+    if check.verdict != "ok" and (check.prim or rule):
+        see = f" (lab3 rule {rule})" if rule else ""
+        named = ": ".join(printable(part) for part in (check.prim, check.cause) if part)
         yield f"{lead}{named}{see}".rstrip()
 
 
-def _drive(found: Behaviour, width: int) -> Iterator[str]:
-    said = "; ".join(map(leg_text, found.legs)) or "no command is asked for"
-    text = f"drive: {found.seconds:.1f} s; {said}"
-    yield from textwrap.wrap(text, max(width, 40), subsequent_indent="  ")
-
-
-def _others(found: Behaviour, width: int) -> Iterator[str]:
-    said = [f"not simulated: {unknown.prim}: {unknown.reason}" for unknown in found.not_simulated]
-    if found.differences is not None:
-        said += [
-            f"unlike the dry run: {difference.name} {difference.message}"
-            for difference in found.differences
-        ]
-        said += [] if found.differences else ["topics and frames are those of the dry run"]
-    for remark in (*found.remarks, *said):
-        yield from textwrap.wrap(printable(remark), max(width, 40), subsequent_indent="  ")
+def _remarks(behaviour: Behaviour) -> Iterator[str]:
+    yield from behaviour.remarks
+    for unknown in behaviour.not_simulated:
+        yield f"not simulated: {unknown.prim}: {unknown.reason}"
+    if behaviour.differences is not None:
+        for difference in behaviour.differences:
+            yield f"unlike the dry run: {difference.name} {difference.message}"
+        if not behaviour.differences:
+            yield "topics and frames are those of the dry run"
 
 
 VERSION = 1
 
 
-def render_json(found: Behaviour) -> str:
+def render_json(behaviour: Behaviour) -> str:
     """Return the behaviour as JSON text in ASCII."""
-    return json.dumps(truncated_values(behaviour_json(found)), indent=1) + "\n"
+    return json.dumps(truncated_values(behaviour_json(behaviour)), indent=1) + "\n"
 
 
-def behaviour_json(found: Behaviour) -> dict[str, Any]:
+def behaviour_json(behaviour: Behaviour) -> dict[str, Any]:
     """Return the behaviour as plain data, keys in the order of the schema."""
-    more = (
-        []
-        if found.differences is None
-        else [asdict(difference) for difference in found.differences]
-    )
-    return {
+    document = {
         "version": VERSION,
         "tool": {"name": NAME, "version": tool_version()},
-        **({"recording": found.recording} if found.recording else {"stage": found.stage}),
-        "seconds": round(found.seconds, 3),
-        "verdict": found.verdict,
-        "topics": [_topic(topic) for topic in found.topics],
-        "frames": [asdict(frame) for frame in found.frames],
-        "checks": [_check_json(check) for check in found.checks],
-        "path": [list(each) for each in found.path],
-        "not_simulated": [asdict(unknown) for unknown in found.not_simulated],
-        **({} if found.differences is None else {"differences": more}),
+        **(
+            {"recording": behaviour.recording}
+            if behaviour.recording
+            else {"stage": behaviour.stage}
+        ),
+        "seconds": round(behaviour.seconds, 3),
+        "verdict": behaviour.verdict,
+        "topics": [_topic_json(topic) for topic in behaviour.topics],
+        "frames": [asdict(frame) for frame in behaviour.frames],
+        "checks": [
+            {
+                "name": check.name,
+                "verdict": check.verdict,
+                "prim": check.prim,
+                "message": check.text,
+                "rule": explaining_rule(check),
+            }
+            for check in behaviour.checks
+        ],
+        "path": [list(row) for row in behaviour.path],
+        "not_simulated": [asdict(unknown) for unknown in behaviour.not_simulated],
     }
+    if behaviour.differences is not None:
+        document["differences"] = [asdict(difference) for difference in behaviour.differences]
+    return document
 
 
-def _topic(topic: Topic) -> dict[str, Any]:
+def _topic_json(topic: Topic) -> dict[str, Any]:
     """Return a topic; only a recording has a rate of arrival and QoS."""
-    said = asdict(topic)
-    arrival, qos = said.pop("arrival_hz"), said.pop("qos")
-    return said if arrival is None else {**said, "arrival_hz": arrival, "qos": list(qos)}
-
-
-def _check_json(check: Check) -> dict[str, str]:
-    return {
-        "name": check.name,
-        "verdict": check.verdict,
-        "prim": check.prim,
-        "message": check.text,
-        "rule": check.rule,
-    }
+    fields = asdict(topic)
+    arrival, qos = fields.pop("arrival_hz"), fields.pop("qos")
+    return fields if arrival is None else {**fields, "arrival_hz": arrival, "qos": list(qos)}

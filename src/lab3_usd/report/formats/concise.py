@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lab3_usd.model.finding import Report
-from lab3_usd.report.entries import Entry, crashes, entries, site
+from lab3_usd.report.entries import crashes, entries, site
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
@@ -11,12 +11,10 @@ from lab3_usd.report.safe_text import visible
 def render(report: Report, rules: Rules | None, options: Options) -> str:
     """Return the findings; one without a known line stands at the start of its file."""
     del rules, options
-    lines = [_line(entry) for entry in entries(report)]
+    lines = []
+    for entry in entries(report):
+        finding = entry.finding
+        place = f"{entry.file}:{finding.line or 1}:{finding.column or 1}"
+        lines.append(f"{place}: {finding.rule} {finding.message} ({site(finding)})")
     lines += [f"{path}:1:1: {crash.rule} crashed: {crash.error}" for path, crash in crashes(report)]
     return "".join(visible(line) + "\n" for line in lines)
-
-
-def _line(entry: Entry) -> str:
-    finding = entry.finding
-    place = f"{entry.file}:{finding.line or 1}:{finding.column or 1}"
-    return f"{place}: {finding.rule} {finding.message} ({site(finding)})"

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
 
 from lab3_usd.model.finding import Report
-from lab3_usd.report.entries import Entry, crashes, entries
+from lab3_usd.report.entries import crashes, entries
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import safe_cell
 
@@ -34,25 +33,19 @@ COLUMNS = (
 def render(report: Report, rules: Rules | None, options: Options) -> str:
     """Return the table with its heading; lines end in CR LF."""
     del rules, options
+    rows: list[dict[str, str]] = []
+    for entry in entries(report):
+        row = {"path": entry.path, "checkpoint": entry.checkpoint or ""}
+        for column in COLUMNS[2:-1]:
+            value = getattr(entry.finding, column)
+            row[column] = "" if value is None else str(value)
+        rows.append(row | {"related": " ".join(entry.finding.related)})
+    rows += [
+        {"path": path, "rule": crash.rule, "severity": "crash", "message": crash.error}
+        for path, crash in crashes(report)
+    ]
     table = io.StringIO(newline="")
     writer = csv.DictWriter(table, COLUMNS)
     writer.writeheader()
-    for row in _rows(report):
-        writer.writerow({column: safe_cell(text) for column, text in row.items()})
+    writer.writerows({name: safe_cell(text) for name, text in row.items()} for row in rows)
     return table.getvalue()
-
-
-def _rows(report: Report) -> Iterator[dict[str, str]]:
-    for entry in entries(report):
-        yield _row(entry)
-    for path, crash in crashes(report):
-        yield {"path": path, "rule": crash.rule, "severity": "crash", "message": crash.error}
-
-
-def _row(entry: Entry) -> dict[str, str]:
-    row = {"path": entry.path, "checkpoint": entry.checkpoint or ""}
-    for column in COLUMNS[2:-1]:
-        value = getattr(entry.finding, column)
-        row[column] = "" if value is None else str(value)
-    row["related"] = " ".join(entry.finding.related)
-    return row

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from lab3_usd.model.finding import Crash, Finding, Report, Severity
-from lab3_usd.report.entries import Entry, crashes, entries, relative_path, site
+from lab3_usd.model.finding import Report, Severity
+from lab3_usd.report.entries import crashes, entries, relative_path, site
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
@@ -13,8 +13,26 @@ COMMANDS: dict[Severity, str] = {"error": "error", "warning": "warning", "note":
 def render(report: Report, rules: Rules | None, options: Options) -> str:
     """Return one workflow command a line."""
     del rules
-    lines = [_annotation(entry, options.root) for entry in entries(report)]
-    lines += [_crash(path, crash, options.root) for path, crash in crashes(report)]
+    lines = []
+    for entry in entries(report):
+        finding = entry.finding
+        properties = {"file": relative_path(entry.file, options.root)}
+        if finding.line:
+            properties["line"] = str(finding.line)
+            if finding.column:
+                properties["col"] = str(finding.column)
+        properties["title"] = f"{finding.rule} {finding.name}"
+        texts = [site(finding), finding.message]
+        if finding.hint:
+            texts.append(finding.hint)
+        if finding.handout:
+            texts.append(f"handout {finding.handout}")
+        message = "\n".join(map(visible, texts))
+        lines.append(_command(COMMANDS[finding.severity], properties, message))
+    for path, crash in crashes(report):
+        file = relative_path(path, options.root)
+        properties = {"file": file, "title": f"{crash.rule} crashed"}
+        lines.append(_command("error", properties, visible(crash.error)))
     return "".join(line + "\n" for line in lines)
 
 
@@ -26,31 +44,6 @@ def escape_data(text: str) -> str:
 def escape_property(text: str) -> str:
     """Escape the value of a property, which ends with a comma or two colons."""
     return escape_data(visible(text)).replace(":", "%3A").replace(",", "%2C")
-
-
-def _annotation(entry: Entry, root: str | None) -> str:
-    finding = entry.finding
-    properties = {"file": relative_path(entry.file, root)}
-    if finding.line:
-        properties["line"] = str(finding.line)
-        if finding.column:
-            properties["col"] = str(finding.column)
-    properties["title"] = f"{finding.rule} {finding.name}"
-    return _command(COMMANDS[finding.severity], properties, _message(finding))
-
-
-def _crash(path: str, crash: Crash, root: str | None) -> str:
-    properties = {"file": relative_path(path, root), "title": f"{crash.rule} crashed"}
-    return _command("error", properties, visible(crash.error))
-
-
-def _message(finding: Finding) -> str:
-    lines = [site(finding), finding.message]
-    if finding.hint:
-        lines.append(finding.hint)
-    if finding.handout:
-        lines.append(f"handout {finding.handout}")
-    return "\n".join(visible(line) for line in lines)
 
 
 def _command(name: str, properties: dict[str, str], message: str) -> str:

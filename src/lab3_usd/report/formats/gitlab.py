@@ -5,22 +5,30 @@ from __future__ import annotations
 import json
 
 from lab3_usd.model.finding import Report, Severity
-from lab3_usd.report.entries import Entry, crashes, fingerprint, fingerprinted, relative_path, site
+from lab3_usd.report.entries import crashes, fingerprint, fingerprinted, relative_path, site
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
 # Of GitLab's five; `blocker` is left to a rule that failed itself.
 SEVERITY_NAMES: dict[Severity, str] = {"error": "major", "warning": "minor", "note": "info"}
-Issue = dict[str, object]
 
 
 def render(report: Report, rules: Rules | None, options: Options) -> str:
     """Return the array of issues; GitLab shows one of several that share a fingerprint."""
     del rules
-    issues = [
-        _issue(entry, fingerprint_text, options.root)
-        for entry, fingerprint_text in fingerprinted(report)
-    ]
+    issues: list[dict[str, object]] = []
+    for entry, fingerprint_text in fingerprinted(report):
+        finding = entry.finding
+        file = relative_path(entry.file, options.root)
+        issues.append(
+            {
+                "description": visible(f"{site(finding)}: {finding.message}"),
+                "check_name": finding.rule,
+                "fingerprint": fingerprint(entry.path, fingerprint_text),
+                "severity": SEVERITY_NAMES[finding.severity],
+                "location": {"path": file, "lines": {"begin": finding.line or 1}},
+            }
+        )
     for path, crash in crashes(report):
         file = relative_path(path, options.root)
         issues.append(
@@ -33,15 +41,3 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
             }
         )
     return json.dumps(issues, indent=2) + "\n"
-
-
-def _issue(entry: Entry, fingerprint_text: str, root: str | None) -> Issue:
-    finding = entry.finding
-    file = relative_path(entry.file, root)
-    return {
-        "description": visible(f"{site(finding)}: {finding.message}"),
-        "check_name": finding.rule,
-        "fingerprint": fingerprint(entry.path, fingerprint_text),
-        "severity": SEVERITY_NAMES[finding.severity],
-        "location": {"path": file, "lines": {"begin": finding.line or 1}},
-    }

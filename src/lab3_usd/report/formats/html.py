@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 
-from lab3_usd.check.registry import Rule
-from lab3_usd.model.finding import SEVERITIES, ChecklistItem, Crash, Report
+from lab3_usd.model.finding import SEVERITIES, ChecklistItem, Report
 from lab3_usd.report.blocks import Block, blocks, faults
 from lab3_usd.report.entries import plural
 from lab3_usd.report.html.model import BlockView, ChecklistSection, cards, ranks, read_content
@@ -18,7 +17,6 @@ from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 
 HEADINGS = ("Why", "Fix", "Example")
-Manual = tuple[str, tuple[tuple[str, str], ...]]
 
 
 def render(report: Report, rules: Rules | None, options: Options) -> str:
@@ -30,8 +28,10 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     """
     summary = options.grade
     lab = load_lab()
-    found = blocks(report, lab, graded=summary is not None)
-    views = tuple(_view(block, lab, graded=summary is not None) for block in found)
+    graded = summary is not None
+    views = tuple(_view(block, lab, graded=graded) for block in blocks(report, lab, graded=graded))
+    names = {card.fault.finding.rule for view in views for card in view.cards}
+    quoted = [rules[name] for name in sorted(names) if name in rules] if rules else []
     return fill(
         "report.html.j2",
         more_style="maps.css" if options.dry_runs else "",
@@ -39,7 +39,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         views=views,
         lab_title=lab.title,
         summary=summary,
-        rules=_manuals(views, rules or {}),
+        rules={rule.id: (rule.name, tuple(_paragraphs(rule.manual))) for rule in quoted},
         severities=SEVERITIES,
         states=STATES,
         columns=COLUMNS,
@@ -49,48 +49,29 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
 
 
 def _view(block: Block, lab: Lab, *, graded: bool) -> BlockView:
-    found = faults(block, graded=graded)
-    read = {stage.index: read_content(stage.result, lab) for stage in block.stages}
-    contents = {index: content for index, content in read.items() if content is not None}
-    shown = gallery(block, contents, found)
+    block_faults = faults(block, graded=graded)
+    models = {stage.index: read_content(stage.result, lab) for stage in block.stages}
+    contents = {index: content for index, content in models.items() if content is not None}
+    shown = gallery(block, contents, block_faults)
+    crashes = [(stage.file, crash) for stage in block.stages for crash in stage.result.crashes]
+    sections: dict[str, list[ChecklistItem]] = {}
+    if block.submission is not None:
+        crashes += [(block.path, crash) for crash in block.submission.crashes]
+        for item in block.submission.checklist:
+            sections.setdefault(item.section, []).append(item)
     return BlockView(
         block=block,
-        ranks=ranks(list(cards(block, found, shown.links)), lab),
+        ranks=ranks(list(cards(block, block_faults, shown.links)), lab),
         graphs=tuple(picture for picture in shown.pictures if picture.kind == "graph"),
-        trees=tuple(
-            page_picture for page_picture in shown.pictures if page_picture.kind == "frames"
-        ),
+        trees=tuple(picture for picture in shown.pictures if picture.kind == "frames"),
         topics=topics(contents),
-        checks=tuple(
-            _checklist_sections(() if block.submission is None else block.submission.checklist)
-        ),
-        crashes=tuple(_crashes(block)),
+        checks=tuple(ChecklistSection(name, tuple(items)) for name, items in sections.items()),
+        crashes=tuple(crashes),
     )
 
 
-def _checklist_sections(items: Iterable[ChecklistItem]) -> Iterator[ChecklistSection]:
-    sections: dict[str, list[ChecklistItem]] = {}
-    for item in items:
-        sections.setdefault(item.section, []).append(item)
-    for name, inside in sections.items():
-        yield ChecklistSection(name, tuple(inside))
-
-
-def _crashes(block: Block) -> Iterator[tuple[str, Crash]]:
-    for stage in block.stages:
-        yield from ((stage.file, crash) for crash in stage.result.crashes)
-    if block.submission is not None:
-        yield from ((block.path, crash) for crash in block.submission.crashes)
-
-
-def _manuals(views: Iterable[BlockView], rules: Mapping[str, Rule]) -> dict[str, Manual]:
-    """Return the rules that found something: the name and the manual's paragraphs by heading."""
-    names = {card.fault.finding.rule for view in views for card in view.cards}
-    found = [rules[name] for name in sorted(names) if name in rules]
-    return {rule.id: (rule.name, tuple(_paragraphs(rule.manual))) for rule in found}
-
-
 def _paragraphs(manual: str) -> Iterator[tuple[str, str]]:
+    """Yield the paragraphs of a rule's manual, each with its heading, '' for none."""
     for part in manual.split("\n\n"):
         text = " ".join(part.split())
         heading = next((word for word in HEADINGS if text.startswith(f"{word}: ")), "")

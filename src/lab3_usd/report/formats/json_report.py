@@ -8,7 +8,7 @@ from typing import Any, Literal
 from msgspec import to_builtins
 from msgspec.structs import asdict
 
-from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
+from lab3_usd.model.finding import Crash, Finding, Report
 from lab3_usd.report.entries import Summary, fault_id, summarize
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import truncated_values
@@ -35,10 +35,33 @@ def dump(document: Json) -> str:
 def report_json(report: Report, *, requirements: bool = False) -> Json:
     """Return the report as plain data, keys in the order of the schema."""
     document = _head()
-    document["results"] = [_result(result, requirements=requirements) for result in report.results]
+    document["results"] = []
+    for result in report.results:
+        entry: Json = {
+            "path": result.path,
+            "checkpoint": result.checkpoint,
+            "verdict": result.verdict,
+            "score": {
+                "earned": float(result.score.earned),
+                "possible": float(result.score.possible),
+            },
+            "findings": [finding_json(finding) for finding in result.findings],
+        }
+        if requirements:
+            entry["requirements"] = [asdict(requirement) for requirement in result.requirements]
+        _add_crashes(entry, result.crashes)
+        document["results"].append(entry)
     if report.submissions:
-        document["submissions"] = [_submission(found) for found in report.submissions]
-    document["summary"] = _summary(summarize(report))
+        document["submissions"] = []
+    for submission in report.submissions:
+        entry = {
+            "path": submission.path,
+            "findings": [finding_json(finding) for finding in submission.findings],
+            "checklist": [asdict(item) for item in submission.checklist],
+        }
+        _add_crashes(entry, submission.crashes)
+        document["submissions"].append(entry)
+    document["summary"] = asdict(summarize(report))
     return document
 
 
@@ -46,7 +69,7 @@ def error_report(message: str, kind: Literal["usage", "crash"]) -> Json:
     """Return the report of a run that came to nothing: wrong usage, or the tool itself failed."""
     document = _head()
     document["results"] = []
-    document["summary"] = _summary(Summary(0, 0, 0, 0, 0))
+    document["summary"] = asdict(Summary(0, 0, 0, 0, 0))
     document["error"] = {"kind": kind, "message": message}
     return document
 
@@ -79,37 +102,6 @@ def _head() -> Json:
     return {"version": VERSION, "tool": {"name": NAME, "version": tool_version()}}
 
 
-def _result(result: StageResult, *, requirements: bool) -> Json:
-    document: Json = {
-        "path": result.path,
-        "checkpoint": result.checkpoint,
-        "verdict": result.verdict,
-        "score": {
-            "earned": float(result.score.earned),
-            "possible": float(result.score.possible),
-        },
-        "findings": [finding_json(finding) for finding in result.findings],
-    }
-    if requirements:
-        document["requirements"] = [asdict(requirement) for requirement in result.requirements]
-    _add_crashes(document, result.crashes)
-    return document
-
-
-def _submission(submission: Submission) -> Json:
-    document: Json = {
-        "path": submission.path,
-        "findings": [finding_json(finding) for finding in submission.findings],
-        "checklist": [asdict(item) for item in submission.checklist],
-    }
-    _add_crashes(document, submission.crashes)
-    return document
-
-
 def _add_crashes(document: Json, crashes: tuple[Crash, ...]) -> None:
     if crashes:
         document["crashes"] = [{"rule": crash.rule, "error": crash.error} for crash in crashes]
-
-
-def _summary(summary: Summary) -> Json:
-    return asdict(summary)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
-from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
+from lab3_usd.model.finding import Finding, Report, Requirement, StageResult, Submission
 from lab3_usd.report.entries import site
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
@@ -24,41 +24,29 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     del rules, options
     suites = ET.Element("testsuites", name="lab3")
     for result in report.results:
-        suites.append(_stage_suite(result))
+        suites.append(_suite(result, result.requirements))
     for submission in report.submissions:
-        suites.append(_submission_suite(submission))
+        suites.append(_suite(submission))
     _count(suites, ".//")
     ET.indent(suites)
     return DECLARATION + ET.tostring(suites, encoding="unicode") + "\n"
 
 
-def _stage_suite(result: StageResult) -> ET.Element:
-    suite = _suite(result.path)
+def _suite(
+    result: StageResult | Submission, requirements: Iterable[Requirement] = ()
+) -> ET.Element:
+    suite = ET.Element("testsuite", name=visible(result.path), time="0")
     classname = _classname(result.path)
-    for requirement in result.requirements:
+    for requirement in requirements:
         case = _case(suite, f"{classname}.{requirement.group}", requirement.id)
         if not requirement.met:
             _outcome(case, "failure", requirement.kind, f"not met: {requirement.title}", [])
-    _add_findings(suite, classname, result.findings)
-    _add_crashes(suite, classname, result.crashes)
-    return _counted(suite, classname)
-
-
-def _submission_suite(submission: Submission) -> ET.Element:
-    suite = _suite(submission.path)
-    classname = _classname(submission.path)
-    _add_findings(suite, classname, submission.findings)
-    _add_crashes(suite, classname, submission.crashes)
-    return _counted(suite, classname)
-
-
-def _suite(path: str) -> ET.Element:
-    return ET.Element("testsuite", name=visible(path), time="0")
-
-
-def _counted(suite: ET.Element, classname: str) -> ET.Element:
-    # Jenkins takes a suite without cases for a run that broke off.
+    _add_findings(suite, f"{classname}.rules", result.findings)
+    for crash in result.crashes:
+        case = _case(suite, f"{classname}.rules", f"{crash.rule} crashed")
+        _outcome(case, "error", crash.rule, crash.error, [])
     if len(suite) == 0:
+        # Jenkins takes a suite without cases for a run that broke off.
         _case(suite, f"{classname}.rules", "no findings")
     _count(suite, "./")
     return suite
@@ -84,23 +72,17 @@ def _add_findings(suite: ET.Element, classname: str, findings: Iterable[Finding]
     by_rule: dict[tuple[str, str], list[Finding]] = {}
     for finding in findings:
         by_rule.setdefault((finding.rule, finding.name), []).append(finding)
-    for (rule_id, name), found in by_rule.items():
-        case = _case(suite, f"{classname}.rules", f"{rule_id} {name}")
-        errors = [finding for finding in found if finding.severity == "error"]
-        others = [finding for finding in found if finding.severity != "error"]
+    for (rule_id, name), members in by_rule.items():
+        case = _case(suite, classname, f"{rule_id} {name}")
+        errors = [finding for finding in members if finding.severity == "error"]
+        milder = [finding for finding in members if finding.severity != "error"]
         if errors:
             # One element for all: Jenkins keeps a single failure of a case.
-            text = [line for finding in errors for line in _lines(finding)]
-            _outcome(case, "failure", rule_id, errors[0].message, text)
-        if others:
-            lines = [line for finding in others for line in _lines(finding)]
+            lines = [line for finding in errors for line in _lines(finding)]
+            _outcome(case, "failure", rule_id, errors[0].message, lines)
+        if milder:
+            lines = [line for finding in milder for line in _lines(finding)]
             ET.SubElement(case, "system-out").text = _text(lines)
-
-
-def _add_crashes(suite: ET.Element, classname: str, crashes: Iterable[Crash]) -> None:
-    for crash in crashes:
-        case = _case(suite, f"{classname}.rules", f"{crash.rule} crashed")
-        _outcome(case, "error", crash.rule, crash.error, [])
 
 
 def _outcome(case: ET.Element, tag: str, kind: str, message: str, lines: list[str]) -> None:

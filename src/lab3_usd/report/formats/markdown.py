@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
+from lab3_usd.model.finding import Crash, Finding, Report
 from lab3_usd.report.entries import site, summarize, summary_line
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
@@ -21,9 +21,27 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     del rules, options
     blocks = [f"# {load_lab().title} check"]
     for result in report.results:
-        blocks += _stage(result)
+        score = f"{result.score.earned:g} of {result.score.possible:g} met"
+        blocks.append(f"## {code(result.path)}")
+        blocks.append(
+            f"Checkpoint {text(result.checkpoint)}: **{text(result.verdict)}**, {text(score)}"
+            if result.checkpoint
+            else f"**{text(result.verdict)}**"
+        )
+        if result.findings:
+            blocks.append(findings_table(result.findings))
+        blocks += _crashes(result.crashes)
     for submission in report.submissions:
-        blocks += _submission(submission)
+        blocks.append(f"## {code(submission.path)}")
+        if submission.findings:
+            blocks.append(findings_table(submission.findings))
+        if submission.checklist:
+            rows = (
+                (text(item.section), text(item.text), text(item.state), text(item.because))
+                for item in submission.checklist
+            )
+            blocks.append(table(("Handout", "Item", "State", "Because"), rows))
+        blocks += _crashes(submission.crashes)
     blocks.append(text(summary_line(summarize(report))))
     return "\n\n".join(blocks) + "\n"
 
@@ -50,44 +68,18 @@ def table(heading: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 def findings_table(findings: Iterable[Finding]) -> str:
     """Return the table of findings."""
-    return table(HEADING, (_row(finding) for finding in findings))
-
-
-def _stage(result: StageResult) -> list[str]:
-    score = f"{result.score.earned:g} of {result.score.possible:g} met"
-    blocks = [
-        f"## {code(result.path)}",
-        f"Checkpoint {text(result.checkpoint)}: **{text(result.verdict)}**, {text(score)}"
-        if result.checkpoint
-        else f"**{text(result.verdict)}**",
-    ]
-    if result.findings:
-        blocks.append(findings_table(result.findings))
-    return blocks + _crashes(result.crashes)
-
-
-def _submission(submission: Submission) -> list[str]:
-    blocks = [f"## {code(submission.path)}"]
-    if submission.findings:
-        blocks.append(findings_table(submission.findings))
-    if submission.checklist:
-        rows = (
-            (text(item.section), text(item.text), text(item.state), text(item.because))
-            for item in submission.checklist
+    rows = (
+        (
+            text(finding.severity),
+            text(f"{finding.rule} {finding.name}"),
+            code(site(finding)),
+            text(finding.message),
+            text(finding.hint or ""),
+            text(finding.handout or ""),
         )
-        blocks.append(table(("Handout", "Item", "State", "Because"), rows))
-    return blocks + _crashes(submission.crashes)
-
-
-def _row(finding: Finding) -> list[str]:
-    return [
-        text(finding.severity),
-        text(f"{finding.rule} {finding.name}"),
-        code(site(finding)),
-        text(finding.message),
-        text(finding.hint or ""),
-        text(finding.handout or ""),
-    ]
+        for finding in findings
+    )
+    return table(HEADING, rows)
 
 
 def _crashes(crashes: Iterable[Crash]) -> list[str]:

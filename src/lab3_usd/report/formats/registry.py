@@ -47,10 +47,10 @@ def format_named(name: str) -> Format:
     Raises:
         UsageError: there is no such format; the message lists those there are.
     """
-    found = FORMATS.get(name)
-    if found is None:
+    entry = FORMATS.get(name)
+    if entry is None:
         raise UsageError(f"there is no format '{name}'; the formats are {', '.join(FORMATS)}")
-    return found
+    return entry
 
 
 def module_of(name: str) -> str:

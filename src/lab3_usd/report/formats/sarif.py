@@ -9,8 +9,7 @@ from typing import Any
 from urllib.parse import quote
 
 from lab3_usd.check.registry import Rule
-from lab3_usd.model.changes import TextChange
-from lab3_usd.model.finding import Finding, Report, site_of
+from lab3_usd.model.finding import Report, site_of
 from lab3_usd.report.entries import Entry, crashes, entries, fingerprinted, relative_path, site
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import visible
@@ -31,6 +30,18 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     names = dict(sorted(names.items()))
     index = {rule_id: position for position, rule_id in enumerate(names)}
     known = rules or {}
+    notifications = [
+        {
+            "level": "error",
+            "message": message(f"rule {crash.rule} crashed: {crash.error}"),
+            "associatedRule": {"id": crash.rule},
+            "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, options.root)}}],
+        }
+        for path, crash in crashes(report)
+    ]
+    invocation: Json = {"executionSuccessful": not notifications}
+    if notifications:
+        invocation["toolExecutionNotifications"] = notifications
     driver = {
         "name": NAME,
         "version": tool_version(),
@@ -40,7 +51,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     }
     run = {
         "tool": {"driver": driver},
-        "invocations": [_invocation(report, options.root)],
+        "invocations": [invocation],
         "columnKind": "unicodeCodePoints",
         "results": [
             {
@@ -86,16 +97,21 @@ def _descriptor(rule_id: str, name: str, rule: Rule | None) -> Json:
 def _result(entry: Entry, fingerprint_text: str, root: str | None) -> Json:
     finding = entry.finding
     text = f"{finding.message}. {finding.hint}" if finding.hint else finding.message
+    physical: Json = {"artifactLocation": file_uri(entry.file, root)}
+    if finding.line:
+        physical["region"] = {"startLine": finding.line}
+        if finding.column:
+            physical["region"]["startColumn"] = finding.column
+    logical = {
+        "name": finding.property or finding.prim.rpartition("/")[2],
+        "fullyQualifiedName": site(finding),
+        "kind": "property" if finding.property else "object",
+    }
     result = {
         "ruleId": finding.rule,
         "level": finding.severity,
         "message": message(text),
-        "locations": [
-            {
-                "physicalLocation": _physical(entry, root),
-                "logicalLocations": [_logical(finding)],
-            }
-        ],
+        "locations": [{"physicalLocation": physical, "logicalLocations": [logical]}],
         "partialFingerprints": {FINGERPRINT: fingerprint_text},
     }
     if finding.related:
@@ -103,75 +119,35 @@ def _result(entry: Entry, fingerprint_text: str, root: str | None) -> Json:
             {"logicalLocations": [{"fullyQualifiedName": prim, "kind": "object"}]}
             for prim in dict.fromkeys(finding.related)
         ]
-    properties = _properties(entry)
-    return {**result, "properties": properties} if properties else result
-
-
-def _fixes(entry: Entry, options: Options) -> Json:
-    """Return the lines that the repair changes, file by file; nothing where there is none."""
-    lines = options.changes.get((entry.path, site_of(entry.finding)))
-    if not lines or entry.finding.fix is None:
-        return {}
-    changes = [
-        {
-            "artifactLocation": file_uri(file, options.root),
-            "replacements": [_replacement(line) for line in lines if line.file == file],
-        }
-        for file in dict.fromkeys(change.file for change in lines)
-    ]
-    return {
-        "fixes": [{"description": message(entry.finding.fix.title), "artifactChanges": changes}]
-    }
-
-
-def _replacement(change: TextChange) -> Json:
-    region = {
-        "startLine": change.first + 1,
-        "startColumn": 1,
-        "endLine": change.last + 1,
-        "endColumn": 1,
-    }
-    return {"deletedRegion": region, "insertedContent": {"text": change.text}}
-
-
-def _physical(entry: Entry, root: str | None) -> Json:
-    place: Json = {"artifactLocation": file_uri(entry.file, root)}
-    finding = entry.finding
-    if finding.line:
-        place["region"] = {"startLine": finding.line}
-        if finding.column:
-            place["region"]["startColumn"] = finding.column
-    return place
-
-
-def _logical(finding: Finding) -> Json:
-    name = finding.property or finding.prim.rpartition("/")[2]
-    kind = "property" if finding.property else "object"
-    return {"name": name, "fullyQualifiedName": site(finding), "kind": kind}
-
-
-def _properties(entry: Entry) -> Json:
-    finding = entry.finding
-    known = {
+    properties = {
         "checkpoint": entry.checkpoint,
         "expected": finding.expected,
         "actual": finding.actual,
         "handout": finding.handout,
     }
-    return {key: value for key, value in known.items() if value is not None}
+    known = {key: value for key, value in properties.items() if value is not None}
+    return {**result, "properties": known} if known else result
 
 
-def _invocation(report: Report, root: str | None) -> Json:
-    notifications = [
-        {
-            "level": "error",
-            "message": message(f"rule {crash.rule} crashed: {crash.error}"),
-            "associatedRule": {"id": crash.rule},
-            "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, root)}}],
+def _fixes(entry: Entry, options: Options) -> Json:
+    """Return the lines that the repair changes, file by file; nothing where there is none."""
+    changes = options.changes.get((entry.path, site_of(entry.finding)))
+    if not changes or entry.finding.fix is None:
+        return {}
+    replacements: dict[str, list[Json]] = {}
+    for change in changes:
+        region = {
+            "startLine": change.first + 1,
+            "startColumn": 1,
+            "endLine": change.last + 1,
+            "endColumn": 1,
         }
-        for path, crash in crashes(report)
+        replacement = {"deletedRegion": region, "insertedContent": {"text": change.text}}
+        replacements.setdefault(change.file, []).append(replacement)
+    artifacts = [
+        {"artifactLocation": file_uri(file, options.root), "replacements": lines}
+        for file, lines in replacements.items()
     ]
-    invocation: Json = {"executionSuccessful": not notifications}
-    if notifications:
-        invocation["toolExecutionNotifications"] = notifications
-    return invocation
+    return {
+        "fixes": [{"description": message(entry.finding.fix.title), "artifactChanges": artifacts}]
+    }

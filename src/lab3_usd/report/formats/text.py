@@ -11,7 +11,14 @@ from lab3_usd.report.blocks import Block, blocks
 from lab3_usd.report.entries import entries, plural, statistics_table, summarize, summary_line
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import paint, read_excerpts, visible
-from lab3_usd.report.text import REPAIRABLE, Page, checklist_lines, finding_blocks, is_repairable
+from lab3_usd.report.text import (
+    REPAIRABLE,
+    Page,
+    checklist_lines,
+    fault_lines,
+    finding_blocks,
+    is_repairable,
+)
 from lab3_usd.spec.load.loader import load_lab
 
 
@@ -23,21 +30,30 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     a line. verbose: all in full, with what each rule's fault does on the robot, and the whole
     checklist.
     """
+    quiet = options.verbosity == "quiet"
+    findings = [entry.finding for entry in entries(report)]
     shows_source = options.source == "always" or (
         options.source == "auto" and len(report.results) == 1 and not report.submissions
     )
-    found = [entry.finding for entry in entries(report)] if shows_source else []
-    quiet = options.verbosity == "quiet"
-    page = Page(options, rules or {}, read_excerpts(() if quiet else found), shows_source)
+    excerpts = read_excerpts(findings if shows_source and not quiet else ())
+    page = Page(options, rules or {}, excerpts, shows_source)
     sections = [section for block in _blocks(report) for section in _sections(block, page)]
     if options.statistics:
         sections.append(statistics_table(report))
-    lines = [*_spaced(sections), summary_line(summarize(report))]
-    count = sum(is_repairable(entry.finding) for entry in entries(report))
+    lines: list[str] = []
+    for section in sections:
+        # Files without findings stand close together, so that the others stand out.
+        if len(section) > 1 and lines and lines[-1]:
+            lines.append("")
+        lines += section
+        if len(section) > 1:
+            lines.append("")
+    lines.append(summary_line(summarize(report)))
+    count = sum(map(is_repairable, findings))
     if count and not quiet:
         lints = all(result.checkpoint is None for result in report.results)
-        by = "lab3 fix --lint" if lints else "lab3 fix"
-        lines.append(f"{REPAIRABLE} {plural(count, 'finding')} can be repaired with {by}")
+        command = "lab3 fix --lint" if lints else "lab3 fix"
+        lines.append(f"{REPAIRABLE} {plural(count, 'finding')} can be repaired with {command}")
     return "\n".join(lines) + "\n"
 
 
@@ -54,28 +70,27 @@ def _blocks(report: Report) -> Iterator[Block]:
 
 
 def _sections(block: Block, page: Page) -> Iterator[list[str]]:
+    """Yield the lines of a block: of all stages together, or of each and of the submission."""
+    quiet = page.options.verbosity == "quiet"
     if not page.options.each and block.is_one_student:
-        lines = _together(block, page)
-        yield from [[line] for line in lines] if page.options.verbosity == "quiet" else [lines]
+        lines = _student_lines(block, page)
+        yield from [[line] for line in lines] if quiet else [lines]
         return
-    yield from (_stage_section(stage.result, page) for stage in block.stages)
+    for result in (stage.result for stage in block.stages):
+        lines = [_stage_heading(result, page), *_crash_lines(result.crashes, page)]
+        if not quiet:
+            lines += finding_blocks(((finding, "") for finding in result.findings), page)
+        yield [*lines, *_not_judged_line([result], page)]
     if block.submission is not None:
-        yield _submission_section(block.submission, page)
+        lines = [*_submission_heading(block.submission, page)]
+        if not quiet:
+            findings = ((finding, "") for finding in block.submission.findings)
+            lines += finding_blocks(findings, page)
+            lines += checklist_lines(block.submission.checklist, page.options, page.width)
+        yield lines
 
 
-def _spaced(sections: list[list[str]]) -> list[str]:
-    # Files without findings stand close together, so that the others stand out.
-    lines: list[str] = []
-    for section in sections:
-        if len(section) > 1 and lines and lines[-1]:
-            lines.append("")
-        lines += section
-        if len(section) > 1:
-            lines.append("")
-    return lines
-
-
-def _together(block: Block, page: Page) -> list[str]:
+def _student_lines(block: Block, page: Page) -> list[str]:
     """Return the lines of stages that were saved one after the other."""
     lines = [_stage_heading(stage.result, page) for stage in block.stages]
     for stage in block.stages:
@@ -84,27 +99,10 @@ def _together(block: Block, page: Page) -> list[str]:
         lines += _submission_heading(block.submission, page)
     if page.options.verbosity == "quiet":
         return lines
-    from lab3_usd.report.text import fault_lines
-
     lines += fault_lines(block, page)
     lines += _not_judged_line([stage.result for stage in block.stages], page)
     if block.submission is not None:
         lines += checklist_lines(block.submission.checklist, page.options, page.width)
-    return lines
-
-
-def _stage_section(result: StageResult, page: Page) -> list[str]:
-    lines = [_stage_heading(result, page), *_crash_lines(result.crashes, page)]
-    if page.options.verbosity != "quiet":
-        lines += finding_blocks(((finding, "") for finding in result.findings), page)
-    return [*lines, *_not_judged_line([result], page)]
-
-
-def _submission_section(submission: Submission, page: Page) -> list[str]:
-    lines = [*_submission_heading(submission, page)]
-    if page.options.verbosity != "quiet":
-        lines += finding_blocks(((finding, "") for finding in submission.findings), page)
-        lines += checklist_lines(submission.checklist, page.options, page.width)
     return lines
 
 
@@ -117,8 +115,8 @@ def _submission_heading(submission: Submission, page: Page) -> Iterator[str]:
 def _stage_heading(result: StageResult, page: Page) -> str:
     path = paint(visible(result.path), "heading", color=page.color)
     verdict = paint(result.verdict, result.verdict, color=page.color)
-    at = f"checkpoint {visible(result.checkpoint)}, " if result.checkpoint else ""
-    heading = f"{path}: {at}{verdict}"
+    checkpoint = f"checkpoint {visible(result.checkpoint)}, " if result.checkpoint else ""
+    heading = f"{path}: {checkpoint}{verdict}"
     if result.score.possible:
         heading = f"{heading}, {result.score.earned:g} of {result.score.possible:g} met"
     return heading + _counts(result.findings)

@@ -101,8 +101,8 @@ def losses(rows: Iterable[Row]) -> Losses:
 
 def hardest(lost: Losses) -> list[Hard]:
     """Return the requirements that most students lost, the most frequent first."""
-    asked = [(name, count) for name, count in lost.items() if "/" in name[0]]
-    ordered = sorted(asked, key=lambda pair: (-pair[1], pair[0]))
+    requirements = [(name, count) for name, count in lost.items() if "/" in name[0]]
+    ordered = sorted(requirements, key=lambda pair: (-pair[1], pair[0]))
     return [
         Hard(title, name.partition("/")[0], count) for (name, title), count in ordered[:_HARDEST]
     ]

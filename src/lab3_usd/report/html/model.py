@@ -11,12 +11,11 @@ from msgspec import Struct
 from lab3_usd.check.ros.topics import endpoints
 from lab3_usd.check.tf.frames import published_edges, unknown_publishers, unresolved_frames
 from lab3_usd.errors import Lab3Error, StageError
-from lab3_usd.model.finding import ChecklistItem, Crash, Finding, Severity, StageResult, section_key
-from lab3_usd.model.stage import StageModel
+from lab3_usd.model.finding import ChecklistItem, Crash, Severity, StageResult, section_key
 from lab3_usd.report.blocks import Block, Fault, Stages
 from lab3_usd.report.picture.model import Picture
 from lab3_usd.report.pictures.graph_picture import stage_pictures
-from lab3_usd.report.safe_text import Excerpt, excerpt_lines, read_excerpts
+from lab3_usd.report.safe_text import excerpt_lines, read_excerpts
 from lab3_usd.report.tf_tree import TreeReport, as_text
 from lab3_usd.report.topic_table import TopicReport, cells
 from lab3_usd.spec.lab import Lab
@@ -32,36 +31,27 @@ class StageContent(Struct, frozen=True):
 
 def read_content(result: StageResult, lab: Lab) -> StageContent | None:
     """Return the content of the stage of a result, None if it cannot be read."""
-    model = _read(result, lab)
-    try:
-        return None if model is None else _content(result, model, lab)
-    except StageError:  # it is damaged where no rule has looked
-        return None
-
-
-def _read(result: StageResult, lab: Lab) -> StageModel | None:
     if result.verdict == "unreadable":
         return None
     from lab3_usd.stage.read.reader import read_stage
 
     try:
-        return read_stage(Path(result.path), lab)
+        model = read_stage(Path(result.path), lab)
     except (Lab3Error, OSError, ValueError):
         return None
-
-
-def _content(result: StageResult, model: StageModel, lab: Lab) -> StageContent:
     checkpoint = lab.checkpoints.get(result.checkpoint or "")
-    edges, hidden = published_edges(model, lab), unresolved_frames(model, lab)
-    tree = TreeReport(
-        result.path, edges, unknown_publishers(model, lab), lab.frames.reserved, hidden
-    )
-    topics = TopicReport(result.path, endpoints(model, lab), edges, hidden)
-    return StageContent(
-        pictures=tuple(stage_pictures(lab, checkpoint, model, result.findings)),
-        tree=tuple(as_text(tree)),
-        topics=tuple(tuple(cells(endpoint, topics)) for endpoint in topics.endpoints),
-    )
+    try:
+        edges, hidden = published_edges(model, lab), unresolved_frames(model, lab)
+        unknown = unknown_publishers(model, lab)
+        tree = TreeReport(result.path, edges, unknown, lab.frames.reserved, hidden)
+        topics = TopicReport(result.path, endpoints(model, lab), edges, hidden)
+        return StageContent(
+            pictures=tuple(stage_pictures(lab, checkpoint, model, result.findings)),
+            tree=tuple(as_text(tree)),
+            topics=tuple(tuple(cells(endpoint, topics)) for endpoint in topics.endpoints),
+        )
+    except StageError:  # it is damaged where no rule has looked
+        return None
 
 
 class GradeItem(Struct, frozen=True):
@@ -207,64 +197,54 @@ class BlockView(Struct, frozen=True):
         return sum(card.fault.finding.severity == severity for card in self.cards)
 
 
-Excerpts = dict[tuple[str, int], Excerpt]
-
-
 EXCERPT_WIDTH = 96
 MOST_EXCERPTS = 80  # in one block: a page stays small whatever a stage holds
 
 
 def cards(
-    block: Block, found: Iterable[Fault], links: Mapping[str, tuple[Link, ...]]
+    block: Block, faults: Sequence[Fault], links: Mapping[str, tuple[Link, ...]]
 ) -> Iterator[Card]:
     """Yield a card for each fault, with the lines of its file where those can be read."""
-    all_faults = list(found)
-    excerpts = read_excerpts(fault.finding for fault in all_faults[:MOST_EXCERPTS])
-    for fault in all_faults:
-        frame = tuple(_excerpt(fault.finding, excerpts))
-        yield Card(fault, block.span(fault.stages), frame, links.get(fault.id, ()))
+    excerpts = read_excerpts(fault.finding for fault in faults[:MOST_EXCERPTS])
+    for fault in faults:
+        frame: list[ExcerptLine] = []
+        finding = fault.finding
+        excerpt = excerpts.get((finding.layer or "", finding.line or 0))
+        if excerpt is not None and finding.line:
+            for row in excerpt_lines(excerpt, finding.line, finding.column, EXCERPT_WIDTH):
+                gutter, bar, text = row.partition(" |")
+                frame.append(ExcerptLine(gutter + bar, text, is_hit=row.startswith(">")))
+        yield Card(fault, block.span(fault.stages), tuple(frame), links.get(fault.id, ()))
 
 
-def _excerpt(finding: Finding, excerpts: Excerpts) -> Iterator[ExcerptLine]:
-    if not finding.layer or not finding.line:
-        return
-    excerpt = excerpts.get((finding.layer, finding.line))
-    if excerpt is None:
-        return
-    for row in excerpt_lines(excerpt, finding.line, finding.column, EXCERPT_WIDTH):
-        gutter, bar, text = row.partition(" |")
-        yield ExcerptLine(gutter + bar, text, is_hit=row.startswith(">"))
-
-
-def ranks(found: Sequence[Card], lab: Lab) -> tuple[Rank, ...]:
+def ranks(page_cards: Sequence[Card], lab: Lab) -> tuple[Rank, ...]:
     """Group cards, which are in order already, by severity, part and section of the handout."""
     titles: dict[str, list[str]] = {}
     for checkpoint in lab.checkpoints.values():
         titles.setdefault(checkpoint.part, []).append(checkpoint.title)
+
+    def severity_of(card: Card) -> Severity | None:
+        return None if card.fault.is_cause else card.fault.finding.severity
+
     return tuple(
-        Rank(severity, tuple(_chapters(list(inside), titles)))
-        for severity, inside in groupby(found, key=_severity)
+        Rank(severity, tuple(_chapters(members, titles)))
+        for severity, members in groupby(page_cards, key=severity_of)
     )
 
 
-def _severity(card: Card) -> Severity | None:
-    return None if card.fault.is_cause else card.fault.finding.severity
-
-
-def _chapters(found: Iterable[Card], titles: Mapping[str, list[str]]) -> Iterator[Chapter]:
+def _chapters(members: Iterable[Card], titles: Mapping[str, list[str]]) -> Iterator[Chapter]:
     parts: dict[str, dict[str, list[Card]]] = {}
-    for card in found:
+    for card in members:
         name = card.fault.finding.handout or ""
-        title = "Not opened" if card.fault.is_cause else _chapter(name, titles)
+        title = "Not opened" if card.fault.is_cause else _chapter_title(name, titles)
         parts.setdefault(title, {}).setdefault(name, []).append(card)
     for title, sections in parts.items():
-        inside = (Section(name, tuple(cards)) for name, cards in sections.items())
-        yield Chapter(title, tuple(inside))
+        yield Chapter(title, tuple(Section(name, tuple(own)) for name, own in sections.items()))
 
 
-def _chapter(section: str, titles: Mapping[str, list[str]]) -> str:
+def _chapter_title(section: str, titles: Mapping[str, list[str]]) -> str:
     """Name the part of the handout that a section is in, by the checkpoint of that part."""
-    part = max((title for title in titles if _is_in(section, title)), key=len, default="")
+    part = max((title for title in titles if _is_in_part(section, title)), key=len, default="")
     _, letter, number, _, _ = section_key(section)
     if part:
         name = f"Part {part}" if len(part) == 1 else part
@@ -274,7 +254,7 @@ def _chapter(section: str, titles: Mapping[str, list[str]]) -> str:
     return f"Section {number}" if number else section or "Beside the handout"
 
 
-def _is_in(section: str, part: str) -> bool:
+def _is_in_part(section: str, part: str) -> bool:
     """Whether a section is of a part: A5 of A, 4.5 of 4, Ex 3.2 of Ex 3, but Ex 31 is not."""
     if not part or not section.startswith(part):
         return False

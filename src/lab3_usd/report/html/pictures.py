@@ -6,7 +6,8 @@ A link leads to the element of a picture that shows a fault, and to the view aro
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 
 from msgspec import Struct, field
 
@@ -62,57 +63,67 @@ def gallery(
     Among the others, later checkpoints come first, because they include the earlier ones.
     """
     all_shared = list(_shared_pictures(block, contents))
-    targets = {shared.id: _targets(shared, block_faults) for shared in all_shared}
+    targets: dict[str, dict[str, _PictureTarget]] = {}  # of each picture, by the id of the fault
+    for shared in all_shared:
+        targets[shared.id] = {}
+        for fault in block_faults:
+            target = _target_of(fault.finding, shared.picture)
+            if target is not None and set(fault.stages) & set(shared.stages):
+                targets[shared.id][fault.id] = target
+    faults_and_topics = CHARACTERS_PER_FAULT * len(block_faults) + CHARACTERS_PER_TOPIC * len(
+        topics(contents)
+    )
+    characters_left = max(PICTURE_CHARACTERS - faults_and_topics, LEAST_CHARACTERS)
     drawn: dict[str, str] = {}
-    characters_left = _characters_left(contents, block_faults)
-    for shared in sorted(all_shared, key=lambda one: (not targets[one.id], -one.stages[-1])):
+
+    def order(shared: _SharedPicture) -> tuple[bool, int]:
+        return not targets[shared.id], -shared.stages[-1]
+
+    for shared in sorted(all_shared, key=order):
         text = _svg(shared, targets[shared.id], block_faults)
         if len(text) <= characters_left:
             characters_left -= len(text)
             drawn[shared.id] = text
     links: dict[str, list[Link]] = {}
+    pictures: list[PagePicture] = []
     for shared in all_shared:
-        for name, target in targets[shared.id].items():
-            if shared.id in drawn:
-                links.setdefault(name, []).append(_link(shared, target))
-    pictures = tuple(
-        _page_picture(shared, targets[shared.id], drawn.get(shared.id)) for shared in all_shared
+        picture = shared.picture
+        pictures.append(
+            PagePicture(
+                id=shared.id,
+                title=picture.title,
+                kind=picture.kind,
+                stages=shared.stages,
+                size=(picture.width, picture.height),
+                faults=len(targets[shared.id]),
+                svg=drawn.get(shared.id),
+                lines=shared.lines,
+            )
+        )
+        for name, target in targets[shared.id].items() if shared.id in drawn else ():
+            element = f"{shared.id}-{target.id}"
+            link = Link(element, shared.id, picture.title, shared.stages, target.view)
+            links.setdefault(name, []).append(link)
+    return Gallery(
+        tuple(pictures), {name: tuple(ways[:MOST_LINKS]) for name, ways in links.items()}
     )
-    return Gallery(pictures, {name: tuple(ways[:MOST_LINKS]) for name, ways in links.items()})
-
-
-def _characters_left(contents: Mapping[int, StageContent], block_faults: Sequence[Fault]) -> int:
-    """Return the characters left for pictures beside the faults and the topics."""
-    beside = CHARACTERS_PER_FAULT * len(block_faults) + CHARACTERS_PER_TOPIC * len(topics(contents))
-    return max(PICTURE_CHARACTERS - beside, LEAST_CHARACTERS)
 
 
 def _shared_pictures(
     block: Block, contents: Mapping[int, StageContent]
-) -> Iterable[_SharedPicture]:
+) -> Iterator[_SharedPicture]:
     """Yield each different picture with its stages: graph by graph, in the order of the lab."""
     stages: dict[Picture, list[int]] = {}
-    names: dict[tuple[str, str], list[Picture]] = {}
+    versions: dict[tuple[str, str], list[Picture]] = {}
     for index in sorted(contents):
         for picture in contents[index].pictures:
+            if picture not in stages:
+                versions.setdefault((picture.kind, picture.title), []).append(picture)
             stages.setdefault(picture, []).append(index)
-            same = names.setdefault((picture.kind, picture.title), [])
-            same += [] if picture in same else [picture]
-    every = [picture for same in names.values() for picture in same]
-    for number, picture in enumerate(every):
-        shows = tuple(stages[picture])
-        lines = contents[shows[0]].tree if picture.kind == "frames" else ()
-        yield _SharedPicture(f"{block.id}-g{number}", picture, shows, lines)
-
-
-def _targets(shared: _SharedPicture, block_faults: Sequence[Fault]) -> dict[str, _PictureTarget]:
-    """Return where in the picture each fault is, by the id of the fault."""
-    targets = {}
-    for fault in block_faults:
-        target = _target_of(fault.finding, shared.picture)
-        if target is not None and set(fault.stages) & set(shared.stages):
-            targets[fault.id] = target
-    return targets
+    for number, picture in enumerate(chain.from_iterable(versions.values())):
+        shown = tuple(stages[picture])
+        lines = contents[shown[0]].tree if picture.kind == "frames" else ()
+        yield _SharedPicture(f"{block.id}-g{number}", picture, shown, lines)
 
 
 def _svg(
@@ -131,39 +142,13 @@ def _svg(
     return text.replace("<svg ", f'<svg id="{shared.id}" ', 1).replace('role="img"', role, 1)
 
 
-def _link(shared: _SharedPicture, target: _PictureTarget) -> Link:
-    return Link(
-        target=f"{shared.id}-{target.id}",
-        picture=shared.id,
-        title=shared.picture.title,
-        stages=shared.stages,
-        view=target.view,
-    )
-
-
-def _page_picture(
-    shared: _SharedPicture, targets: Mapping[str, _PictureTarget], text: str | None
-) -> PagePicture:
-    picture = shared.picture
-    return PagePicture(
-        id=shared.id,
-        title=picture.title,
-        kind=picture.kind,
-        stages=shared.stages,
-        size=(picture.width, picture.height),
-        faults=len(targets),
-        svg=text,
-        lines=shared.lines,
-    )
-
-
 def topics(contents: Mapping[int, StageContent]) -> tuple[Topic, ...]:
     """Return the rows of the topic table, each once, with the stages that have it."""
     stages: dict[tuple[str, ...], list[int]] = {}
     for index in sorted(contents):
         for cells in contents[index].topics:
             stages.setdefault(cells, []).append(index)
-    return tuple(Topic(cells, tuple(dict.fromkeys(shows))) for cells, shows in stages.items())
+    return tuple(Topic(cells, tuple(dict.fromkeys(indexes))) for cells, indexes in stages.items())
 
 
 def _target_of(finding: Finding, picture: Picture) -> _PictureTarget | None:

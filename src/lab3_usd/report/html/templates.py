@@ -38,7 +38,8 @@ def fill(template: str, more_style: str = "", **values: object) -> str:
 @lru_cache(maxsize=2)
 def _common_values(more_style: str) -> Mapping[str, object]:
     """Return the values of every page: style, script, and the policy that allows them."""
-    style = _style() + (text_of(more_style) if more_style else "")
+    style = palette_style() + text_of("report.css") + stylesheet()
+    style += text_of(more_style) if more_style else ""
     script = text_of("report.js")
     return {
         "style": own_markup(style),
@@ -49,10 +50,21 @@ def _common_values(more_style: str) -> Mapping[str, object]:
 
 @lru_cache(maxsize=1)
 def environment() -> jinja2.Environment:
-    """Return the templates: every value is escaped, for HTML and where it does not print."""
+    """Return the templates: every value is escaped, for HTML and where it does not print.
+
+    A wheel carries the templates compiled, as modules; else they are those of the checkout.
+    """
+    loader: jinja2.BaseLoader = jinja2.FileSystemLoader(FOLDER, encoding="utf-8")
+    cache = None
+    if COMPILED.is_dir():
+        loader = jinja2.ModuleLoader(COMPILED)
+    elif not sys.dont_write_bytecode and os.access(FOLDER, os.W_OK):
+        cache_folder = FOLDER / "__pycache__"
+        cache_folder.mkdir(exist_ok=True)
+        cache = jinja2.FileSystemBytecodeCache(str(cache_folder))
     environment = jinja2.Environment(
-        loader=_loader(),
-        bytecode_cache=_bytecode_cache(),
+        loader=loader,
+        bytecode_cache=cache,
         undefined=jinja2.StrictUndefined,
         autoescape=True,
         trim_blocks=True,
@@ -66,21 +78,6 @@ def environment() -> jinja2.Environment:
 def text_of(name: str) -> str:
     """Return a style or script of the pages."""
     return (FOLDER / name).read_text(encoding="utf-8")
-
-
-def _loader() -> jinja2.BaseLoader:
-    """Return the templates as a wheel carries them, as modules; else those of the checkout."""
-    if COMPILED.is_dir():
-        return jinja2.ModuleLoader(COMPILED)
-    return jinja2.FileSystemLoader(FOLDER, encoding="utf-8")
-
-
-def _bytecode_cache() -> jinja2.BytecodeCache | None:
-    if COMPILED.is_dir() or sys.dont_write_bytecode or not os.access(FOLDER, os.W_OK):
-        return None
-    folder = FOLDER / "__pycache__"
-    folder.mkdir(exist_ok=True)
-    return jinja2.FileSystemBytecodeCache(str(folder))
 
 
 def compile_templates(target: Path) -> None:
@@ -119,10 +116,6 @@ def palette_style() -> str:
         for theme in ("light", "dark")
     )
     return f":root{{{light}}}@media (prefers-color-scheme:dark){{:root{{{dark}}}}}\n"
-
-
-def _style() -> str:
-    return palette_style() + text_of("report.css") + stylesheet()
 
 
 def content_policy(style: str, script: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations
 
 from msgspec.structs import replace
 
@@ -34,8 +35,16 @@ def at_editor_positions(boxes: Sequence[Box], curves: Sequence[Curve]) -> Placed
     """
     if len(boxes) > MOST_BOXES or any(box.at is None for box in boxes):
         return None
-    placed = _apart(boxes)
-    if placed is None:
+    stretches = [(across, down) for across in FACTORS for down in FACTORS]
+    for across, down in sorted(stretches, key=lambda pair: (pair[0] * pair[1], pair)):
+        placed = tuple(
+            replace(box, x=float(round(left * across)), y=float(round(top * down)))
+            for box in boxes
+            for left, top in [box.at or (0.0, 0.0)]
+        )
+        if not any(_too_close(first, second) for first, second in combinations(placed, 2)):
+            break
+    else:
         return None
     paths = routed(placed, curves)
     if paths is None:
@@ -44,35 +53,12 @@ def at_editor_positions(boxes: Sequence[Box], curves: Sequence[Curve]) -> Placed
     return placed, drawn
 
 
-def _apart(boxes: Sequence[Box]) -> tuple[Box, ...] | None:
-    for across, down in sorted(_stretches(), key=lambda pair: (pair[0] * pair[1], pair)):
-        placed = tuple(_at(box, across, down) for box in boxes)
-        if not any(_too_close(one, other) for one, other in _pairs(placed)):
-            return placed
-    return None
-
-
-def _stretches() -> Iterator[tuple[float, float]]:
-    return ((across, down) for across in FACTORS for down in FACTORS)
-
-
-def _at(box: Box, across: float, down: float) -> Box:
-    left, top = box.at or (0.0, 0.0)
-    return replace(box, x=float(round(left * across)), y=float(round(top * down)))
-
-
-def _pairs(boxes: Sequence[Box]) -> Iterator[tuple[Box, Box]]:
-    for place, one in enumerate(boxes):
-        for other in boxes[place + 1 :]:
-            yield one, other
-
-
-def _too_close(one: Box, other: Box) -> bool:
+def _too_close(first: Box, second: Box) -> bool:
     return (
-        one.x < other.x + other.w + ASIDE
-        and other.x < one.x + one.w + ASIDE
-        and one.y < other.y + other.h + ABOVE
-        and other.y < one.y + one.h + ABOVE
+        first.x < second.x + second.w + ASIDE
+        and second.x < first.x + first.w + ASIDE
+        and first.y < second.y + second.h + ABOVE
+        and second.y < first.y + first.h + ABOVE
     )
 
 
@@ -98,7 +84,7 @@ def position_missing(
     for box in boxes:
         if box.key not in places and places:
             wanted = _wanted_position(box, curves, places, spec_positions)
-            places[box.key] = _below_others(replace(box, at=wanted), list(places.values()))
+            places[box.key] = _below_placed(replace(box, at=wanted), places.values())
     return tuple(places.get(box.key, box) for box in boxes)
 
 
@@ -111,7 +97,10 @@ def _wanted_position(
     if box.key in spec_positions:
         near = [key for key in _neighbours(box, curves) if key in places and key in spec_positions]
         near = near or [key for key in places if key in spec_positions]
-        moves = [_move(spec_positions[key], places[key]) for key in near]
+        moves = []
+        for key in near:
+            left, top = places[key].at or spec_positions[key]
+            moves.append((left - spec_positions[key][0], top - spec_positions[key][1]))
         if moves:
             return (
                 spec_positions[box.key][0] + sum(move[0] for move in moves) / len(moves),
@@ -130,19 +119,14 @@ def _neighbours(box: Box, curves: Sequence[Curve]) -> Iterator[str]:
             yield curve.source.key
 
 
-def _move(spec_positions: Point, place: Box) -> Point:
-    left, top = place.at or spec_positions
-    return (left - spec_positions[0], top - spec_positions[1])
-
-
-def _below_others(box: Box, others: Sequence[Box]) -> Box:
-    """Return the box moved down until it meets no other."""
+def _below_placed(box: Box, placed: Iterable[Box]) -> Box:
+    """Return the box moved down until it overlaps none that is placed."""
     left, top = box.at or (0.0, 0.0)
-    for other in sorted(others, key=lambda one: (one.at or (0.0, 0.0))[1]):
-        x, y = other.at or (0.0, 0.0)
-        beside = left < x + other.w + ABOVE and x < left + box.w + ABOVE
-        if beside and top < y + other.h + ABOVE and y < top + box.h + ABOVE:
-            top = y + other.h + ABOVE
+    for obstacle in sorted(placed, key=lambda box: (box.at or (0.0, 0.0))[1]):
+        x, y = obstacle.at or (0.0, 0.0)
+        beside = left < x + obstacle.w + ABOVE and x < left + box.w + ABOVE
+        if beside and top < y + obstacle.h + ABOVE and y < top + box.h + ABOVE:
+            top = y + obstacle.h + ABOVE
     return replace(box, at=(left, top))
 
 
@@ -185,9 +169,15 @@ DIFF_ENTRIES = {
 
 def on_canvas(picture: Picture) -> Picture:
     """Return the picture moved to its position on the canvas, with legend and size."""
-    low, high = _extent(picture.boxes, picture.curves)
+    corners = [(box.x, box.y) for box in picture.boxes]
+    corners += [(box.x + box.w, box.y + box.h) for box in picture.boxes]
+    corners += [point for curve in picture.curves for point in points(curve.path)]
+    xs, ys = zip(*(corners or [(0.0, 0.0)]), strict=True)
+    low, high = (min(xs), min(ys)), (max(xs), max(ys))
     head = HEAD + REMARK_LINE * len(picture.remarks)
-    width = max(high[0] - low[0] + 2 * MARGIN, _text_width(picture), SMALLEST)
+    texts = [text_width(picture.title, TITLE_SIZE, bold=True), text_width(picture.subtitle, 12.0)]
+    texts += [ENTRY_TEXT + text_width(remark.text, 12.0, bold=True) for remark in picture.remarks]
+    width = max(high[0] - low[0] + 2 * MARGIN, max(texts) + 2 * MARGIN, SMALLEST)
     # A drawing narrower than its title is centred.
     across = (width - (high[0] - low[0])) / 2 - low[0]
     down = head - low[1]
@@ -204,28 +194,12 @@ def on_canvas(picture: Picture) -> Picture:
     )
 
 
-def _extent(boxes: Iterable[Box], curves: Iterable[Curve]) -> tuple[Point, Point]:
-    corners = [(box.x, box.y) for box in boxes]
-    corners += [(box.x + box.w, box.y + box.h) for box in boxes]
-    corners += [point for curve in curves for point in points(curve.path)]
-    corners = corners or [(0.0, 0.0)]
-    xs, ys = [point[0] for point in corners], [point[1] for point in corners]
-    return (min(xs), min(ys)), (max(xs), max(ys))
-
-
-def _text_width(picture: Picture) -> float:
-    lines = [text_width(picture.title, TITLE_SIZE, bold=True), text_width(picture.subtitle, 12.0)]
-    lines += [ENTRY_TEXT + text_width(remark.text, 12.0, bold=True) for remark in picture.remarks]
-    return max(lines) + 2 * MARGIN
-
-
 def _moved(curve: Curve, across: float, down: float) -> Curve:
-    return replace(curve, path=tuple(_shifted(piece, across, down) for piece in curve.path))
-
-
-def _shifted(piece: Bezier, across: float, down: float) -> Bezier:
-    start, first, second, end = ((x + across, y + down) for x, y in piece)
-    return (start, first, second, end)
+    path: list[Bezier] = []
+    for piece in curve.path:
+        start, first, second, end = ((x + across, y + down) for x, y in piece)
+        path.append((start, first, second, end))
+    return replace(curve, path=tuple(path))
 
 
 def _legend_entries(picture: Picture) -> Iterator[LegendEntry]:

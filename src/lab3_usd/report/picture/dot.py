@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from lab3_usd.report.picture.model import Box, Curve, Picture, Row, State
+from lab3_usd.report.picture.model import Box, Picture, Row, State
 from lab3_usd.report.safe_text import dot_string, printable
 
 COLOURS: dict[State, str] = {
@@ -21,22 +19,37 @@ def dot(picture: Picture) -> str:
     Dashed edges carry execution; missing parts are dotted and red.
     """
     names = {box.key: f"n{place}" for place, box in enumerate(picture.boxes)}
+    cells: dict[tuple[str, str], str] = {}
+    for box in picture.boxes:
+        for place, row in enumerate(box.rows):
+            cells.setdefault((box.key, row.port), f":p{place}")
     lines = [
         f"digraph {dot_string(picture.title)} {{",
         f"  graph [rankdir=LR, label={dot_string(f'{picture.title}: {picture.subtitle}')}];",
         '  node [shape=record, fontname="sans-serif", fontsize=11];',
         '  edge [fontname="sans-serif", fontsize=10];',
-        *(_node(box, names[box.key]) for box in picture.boxes),
-        *(_edge(curve, picture, names) for curve in picture.curves),
-        "}",
     ]
-    return "\n".join(lines) + "\n"
-
-
-def _node(box: Box, name: str) -> str:
-    style = ', style="dashed"' if box.state == "missing" else ""
-    colour = COLOURS[box.state]
-    return f'  {name} [label="{_record(box)}", color="{colour}", fontcolor="{colour}"{style}];'
+    for box in picture.boxes:
+        style = ', style="dashed"' if box.state == "missing" else ""
+        colour = COLOURS[box.state]
+        lines.append(
+            f'  {names[box.key]} [label="{_record(box)}",'
+            f' color="{colour}", fontcolor="{colour}"{style}];'
+        )
+    for curve in picture.curves:
+        source, target = (
+            names[end.key] + cells.get((end.key, end.port), "")
+            for end in (curve.source, curve.target)
+        )
+        looks = f'color="{COLOURS[curve.state]}"'
+        if curve.state == "missing":
+            looks += ", style=dotted"
+        elif curve.dashed:
+            looks += ", style=dashed"
+        if curve.state != "ok":
+            looks += f', penwidth=2, label="{curve.state}"'
+        lines.append(f"  {source} -> {target} [{looks}];")
+    return "\n".join([*lines, "}"]) + "\n"
 
 
 def _record(box: Box) -> str:
@@ -54,34 +67,8 @@ def _record(box: Box) -> str:
 
 def _cell(row: Row, places: dict[str, int]) -> str:
     value = f" = {', '.join(row.value)}" if row.value else ""
-    should = f" (should be {', '.join(row.expected)})" if row.expected else ""
-    return f"<p{places[row.port]}> {celled(row.label + value + should)}"
-
-
-def _edge(curve: Curve, picture: Picture, names: dict[str, str]) -> str:
-    boxes = {box.key: box for box in picture.boxes}
-    ends = [
-        names[end.key] + _place(boxes[end.key], end.port) for end in (curve.source, curve.target)
-    ]
-    looks = [f'color="{COLOURS[curve.state]}"', *_looks(curve)]
-    return f"  {ends[0]} -> {ends[1]} [{', '.join(looks)}];"
-
-
-def _place(box: Box, port: str) -> str:
-    for place, row in enumerate(box.rows):
-        if row.port == port:
-            return f":p{place}"
-    return ""
-
-
-def _looks(curve: Curve) -> Iterator[str]:
-    if curve.state == "missing":
-        yield "style=dotted"
-    elif curve.dashed:
-        yield "style=dashed"
-    if curve.state != "ok":
-        yield "penwidth=2"
-        yield f'label="{curve.state}"'
+    expected = f" (expected be {', '.join(row.expected)})" if row.expected else ""
+    return f"<p{places[row.port]}> {celled(row.label + value + expected)}"
 
 
 def celled(text: str) -> str:

@@ -26,38 +26,29 @@ def backward(keys: Sequence[str], edges: Sequence[Edge]) -> frozenset[int]:
     outgoing: dict[str, list[int]] = {key: [] for key in keys}
     for place, (source, _) in enumerate(edges):
         outgoing[source].append(place)
-    found: set[int] = set()
+    closing: set[int] = set()
     done: set[str] = set()
-    for key in keys:
-        if key not in done:
-            _walk(key, outgoing, edges, (done, found))
-    return frozenset(found)
-
-
-def _walk(
-    start: str,
-    outgoing: dict[str, list[int]],
-    edges: Sequence[Edge],
-    result: tuple[set[str], set[int]],
-) -> None:
-    # An own stack instead of recursion: a damaged file may hold a chain of thousands of nodes.
-    done, found = result
-    open_keys = {start}
-    stack: list[tuple[str, Iterator[int]]] = [(start, iter(outgoing[start]))]
-    while stack:
-        key, places = stack[-1]
-        place = next(places, None)
-        if place is None:
-            stack.pop()
-            open_keys.discard(key)
-            done.add(key)
+    for start in keys:
+        if start in done:
             continue
-        target = edges[place][1]
-        if target in open_keys:
-            found.add(place)
-        elif target not in done:
-            open_keys.add(target)
-            stack.append((target, iter(outgoing[target])))
+        # An own stack instead of recursion: a damaged file may hold a chain of thousands of nodes.
+        open_keys = {start}
+        stack = [(start, iter(outgoing[start]))]
+        while stack:
+            key, places = stack[-1]
+            following = next(places, None)
+            if following is None:
+                stack.pop()
+                open_keys.discard(key)
+                done.add(key)
+                continue
+            target = edges[following][1]
+            if target in open_keys:
+                closing.add(following)
+            elif target not in done:
+                open_keys.add(target)
+                stack.append((target, iter(outgoing[target])))
+    return frozenset(closing)
 
 
 def ranks(keys: Sequence[str], edges: Sequence[Edge]) -> dict[str, int]:
@@ -71,21 +62,20 @@ def ranks(keys: Sequence[str], edges: Sequence[Edge]) -> dict[str, int]:
     for source, target in edges:
         sorter.add(target, source)
         following[source].append(target)
-    rank = {key: column for column, group in enumerate(_generations(sorter)) for key in group}
+    rank: dict[str, int] = {}
+    sorter.prepare()
+    column = 0
+    while sorter.is_active():
+        # The keys that nothing feeds, then those that only these feed, and so on.
+        ready = sorter.get_ready()
+        rank.update(dict.fromkeys(ready, column))
+        sorter.done(*ready)
+        column += 1
     for key in reversed(rank):
         if following[key]:
-            rank[key] = min(rank[other] for other in following[key]) - 1
+            rank[key] = min(rank[target] for target in following[key]) - 1
     first = min(rank.values(), default=0)
     return {key: rank[key] - first for key in keys}
-
-
-def _generations(sorter: TopologicalSorter[str]) -> Iterator[tuple[str, ...]]:
-    """Yield the keys that nothing feeds, then those that only these feed, and so on."""
-    sorter.prepare()
-    while sorter.is_active():
-        ready = sorter.get_ready()
-        yield ready
-        sorter.done(*ready)
 
 
 SWEEPS = 16
@@ -166,21 +156,7 @@ def _packed(column: Sequence[Slot]) -> dict[SlotKey, float]:
 
 
 def _swept(columns: Columns, links: Sequence[Link], *, rightward: bool) -> Columns:
-    result = list(columns)
-    order = range(1, len(columns)) if rightward else range(len(columns) - 2, -1, -1)
-    pulls = _pulls(links, rightward=rightward)
-    heights = _heights(columns)
-    for rank in order:
-        wishes = {slot.key: _wish(slot, pulls, heights) for slot in result[rank]}
-        result[rank] = tuple(sorted(result[rank], key=lambda slot: wishes[slot.key]))
-        heights.update(_packed(result[rank]))
-    return tuple(result)
-
-
-Pulls = Mapping[SlotKey, Sequence[tuple[SlotKey, float, float]]]
-
-
-def _pulls(links: Sequence[Link], *, rightward: bool) -> Pulls:
+    """Return the columns, each sorted so that the wires from the one before run straight."""
     pulls: dict[SlotKey, list[tuple[SlotKey, float, float]]] = {}
     for link in links:
         if rightward:
@@ -189,17 +165,24 @@ def _pulls(links: Sequence[Link], *, rightward: bool) -> Pulls:
         else:
             pull = (link.right, link.right_height, link.left_height)
             pulls.setdefault(link.left, []).append(pull)
-    return pulls
-
-
-def _wish(slot: Slot, pulls: Pulls, heights: Mapping[SlotKey, float]) -> float:
-    """Return where the middle of the slot would have to be for its wires to run straight."""
-    here = heights[slot.key] + slot.height / 2
-    wishes = [
-        heights[other] + there - own + slot.height / 2
-        for other, there, own in pulls.get(slot.key, ())
-    ]
-    return sum(wishes) / len(wishes) if wishes else here
+    sorted_columns = list(columns)
+    heights = _heights(columns)
+    order = range(1, len(columns)) if rightward else range(len(columns) - 2, -1, -1)
+    for rank in order:
+        wishes: dict[SlotKey, float] = {}
+        for slot in sorted_columns[rank]:
+            # Where the middle of the slot would have to be for its wires to run straight.
+            middles = [
+                heights[neighbour] + leaving - arriving + slot.height / 2
+                for neighbour, leaving, arriving in pulls.get(slot.key, ())
+            ]
+            wishes[slot.key] = (
+                sum(middles) / len(middles) if middles else heights[slot.key] + slot.height / 2
+            )
+        column = tuple(sorted(sorted_columns[rank], key=lambda slot: wishes[slot.key]))
+        sorted_columns[rank] = column
+        heights.update(_packed(column))
+    return tuple(sorted_columns)
 
 
 STACKING_SWEEPS = 12
@@ -208,7 +191,6 @@ WEAK = 0.001
 
 Wish = tuple[float, float]  # a height and how much it matters
 Pull = tuple[SlotKey, float, float]
-StackingPulls = Mapping[SlotKey, Sequence[Pull]]
 
 
 def stacked(columns: Columns, links: Sequence[Link], gap: float) -> dict[SlotKey, float]:
@@ -226,13 +208,22 @@ def stacked(columns: Columns, links: Sequence[Link], gap: float) -> dict[SlotKey
     for sweep in range(STACKING_SWEEPS):
         order = columns if sweep % 2 == 0 else tuple(reversed(columns))
         for column in order:
-            wishes = {slot.key: _wishes(slot.key, pulls, tops) for slot in column}
+            wishes = {
+                slot.key: [
+                    *(
+                        (tops[end] + lower, weight)
+                        for end, lower, weight in pulls.get(slot.key, ())
+                    ),
+                    (tops[slot.key], WEAK),  # a slot that nothing pulls stays where it is
+                ]
+                for slot in column
+            }
             tops.update(_settled(column, wishes, gap))
     lowest = min(tops.values(), default=0.0)
     return {key: float(round(top - lowest)) for key, top in tops.items()}
 
 
-def _stacking_pulls(columns: Columns, links: Sequence[Link]) -> StackingPulls:
+def _stacking_pulls(columns: Columns, links: Sequence[Link]) -> Mapping[SlotKey, Sequence[Pull]]:
     """Return, per slot, what it is wired to: that slot, how much lower it stands, the weight."""
     lanes = {slot.key for column in columns for slot in column if slot.lane}
     pulls: dict[SlotKey, list[Pull]] = {}
@@ -242,11 +233,6 @@ def _stacking_pulls(columns: Columns, links: Sequence[Link]) -> StackingPulls:
         pulls.setdefault(link.right, []).append((link.left, lower, weight))
         pulls.setdefault(link.left, []).append((link.right, -lower, weight))
     return pulls
-
-
-def _wishes(key: SlotKey, pulls: StackingPulls, tops: Mapping[SlotKey, float]) -> list[Wish]:
-    wishes = [(tops[other] + lower, weight) for other, lower, weight in pulls.get(key, ())]
-    return [*wishes, (tops[key], WEAK)]  # a slot that nothing pulls stays where it is
 
 
 def _settled(
@@ -259,9 +245,9 @@ def _settled(
     offsets = _offsets(column, gap)
     blocks: list[tuple[float, float, int]] = []  # weighted sum, weight, number of slots
     for slot, offset in zip(column, offsets, strict=True):
-        asked = wishes[slot.key]
-        weight = sum(weight for _, weight in asked)
-        blocks.append((sum((height - offset) * pull for height, pull in asked), weight, 1))
+        slot_wishes = wishes[slot.key]
+        weight = sum(weight for _, weight in slot_wishes)
+        blocks.append((sum((height - offset) * pull for height, pull in slot_wishes), weight, 1))
         while len(blocks) > 1 and blocks[-1][0] * blocks[-2][1] < blocks[-2][0] * blocks[-1][1]:
             below, above = blocks.pop(), blocks.pop()
             blocks.append((above[0] + below[0], above[1] + below[1], above[2] + below[2]))
@@ -278,8 +264,8 @@ def _offsets(column: Sequence[Slot], gap: float) -> list[float]:
     for number, slot in enumerate(column):
         offsets.append(top)
         following = column[number + 1] if number + 1 < len(column) else None
-        both = slot.lane and following is not None and following.lane
-        top += slot.height + (0.0 if both else gap)
+        both_lanes = slot.lane and following is not None and following.lane
+        top += slot.height + (0.0 if both_lanes else gap)
     return offsets
 
 
@@ -311,7 +297,10 @@ def layered(boxes: Sequence[Box], curves: Sequence[Curve]) -> Placed:
     forward = [edge for place, edge in enumerate(edges) if place not in against]
     rank = ranks(keys, forward)
     onward = [curve for place, curve in enumerate(curves) if place not in against]
-    lasts = _last_ranks(onward, rank)
+    lasts: dict[End, int] = {}  # the column of the farthest box that each output feeds
+    for curve in onward:
+        column = rank[curve.target.key]
+        lasts[curve.source] = max(column, lasts.get(curve.source, column))
     slots = [Slot((box.key,), rank[box.key], box.h) for box in boxes]
     slots += [
         Slot(_lane(end, column), column, LANE, lane=True)
@@ -322,25 +311,23 @@ def layered(boxes: Sequence[Box], curves: Sequence[Curve]) -> Placed:
     links = list(_links(onward, lasts, by_key, rank))
     columns = ordered(slots, links)
     grid = _grid(columns, links, by_key, rank)
-    placed = {box.key: _placed(box, grid) for box in boxes}
-    back = [curves[place] for place in sorted(against)]
-    lanes = _return_lanes(back, placed, grid)
-    drawn = tuple(
-        replace(curve, path=_back(curve, placed, lanes[curve.source]))
-        if place in against
-        else replace(curve, path=_along(curve, placed, grid))
-        for place, curve in enumerate(curves)
-    )
-    return tuple(placed.values()), drawn
-
-
-def _last_ranks(curves: Sequence[Curve], rank: Mapping[str, int]) -> dict[End, int]:
-    """Return, per output, the column of the farthest box that it feeds."""
-    lasts: dict[End, int] = {}
-    for curve in curves:
-        column = rank[curve.target.key]
-        lasts[curve.source] = max(column, lasts.get(curve.source, column))
-    return lasts
+    placed: dict[str, Box] = {}
+    for box in boxes:
+        left, width = grid.lefts[rank[box.key]], grid.widths[rank[box.key]]
+        placed[box.key] = replace(box, x=left, y=grid.tops[(box.key,)], w=width)
+    # The height below everything at which each output's wires run backward.
+    lowest = max((box.y + box.h for box in placed.values()), default=0.0)
+    lowest = max([lowest, *grid.tops.values()])
+    returning = dict.fromkeys(curves[place].source for place in sorted(against))
+    lanes = {end: lowest + BELOW + LANE * number for number, end in enumerate(returning)}
+    drawn = []
+    for place, curve in enumerate(curves):
+        if place in against:
+            path = around(*_ends(curve, placed), lanes[curve.source], BULGE)
+        else:
+            path = _forward_path(curve, placed, grid)
+        drawn.append(replace(curve, path=path))
+    return tuple(placed.values()), tuple(drawn)
 
 
 def _lane(end: End, column: int) -> SlotKey:
@@ -393,12 +380,7 @@ def _grid(
     return Grid(tuple(lefts), widths, stacked(columns, links, GAP), rank)
 
 
-def _placed(box: Box, grid: Grid) -> Box:
-    column = grid.rank[box.key]
-    return replace(box, x=grid.lefts[column], y=grid.tops[(box.key,)], w=grid.widths[column])
-
-
-def _along(curve: Curve, boxes: Mapping[str, Box], grid: Grid) -> tuple[Bezier, ...]:
+def _forward_path(curve: Curve, boxes: Mapping[str, Box], grid: Grid) -> tuple[Bezier, ...]:
     """Return the way rightward: from column to column, and along its lane through each."""
     start, end = _ends(curve, boxes)
     way: list[Point] = [start]
@@ -407,21 +389,6 @@ def _along(curve: Curve, boxes: Mapping[str, Box], grid: Grid) -> tuple[Bezier, 
         left = grid.lefts[column]
         way += [(left, height), (left + grid.widths[column], height)]
     return through([*way, end])
-
-
-def _return_lanes(
-    curves: Sequence[Curve], boxes: Mapping[str, Box], grid: Grid
-) -> dict[End, float]:
-    """Return the height below everything at which each output's wires run backward."""
-    lowest = max((box.y + box.h for box in boxes.values()), default=0.0)
-    lowest = max([lowest, *grid.tops.values()])
-    outputs = list({curve.source: None for curve in curves})
-    return {end: lowest + BELOW + LANE * number for number, end in enumerate(outputs)}
-
-
-def _back(curve: Curve, boxes: Mapping[str, Box], lane: float) -> tuple[Bezier, ...]:
-    start, end = _ends(curve, boxes)
-    return around(start, end, lane, BULGE)
 
 
 def _ends(curve: Curve, boxes: Mapping[str, Box]) -> tuple[Point, Point]:

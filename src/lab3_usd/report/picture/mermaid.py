@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from lab3_usd.report.picture.model import Box, Curve, Picture, Row
+from lab3_usd.report.picture.model import Box, Picture
 from lab3_usd.report.safe_text import visible
 
 # Named once, given to nodes by `class` and to wires by `linkStyle`.
@@ -23,44 +21,31 @@ def mermaid(picture: Picture) -> str:
     it holds anything but letters, digits and harmless signs.
     """
     names = {box.key: f"n{place}" for place, box in enumerate(picture.boxes)}
-    lines = [
-        f"%% {_comment(picture.title)}: {_comment(picture.subtitle)}",
-        "flowchart LR",
-        *(f'  {names[box.key]}["{_label(box)}"]' for box in picture.boxes),
-        *(_arrow(curve, names) for curve in picture.curves),
-        *_styles(picture, names),
-    ]
+    lines = [f"%% {visible(picture.title)}: {visible(picture.subtitle)}", "flowchart LR"]
+    lines += [f'  {names[box.key]}["{_label(box)}"]' for box in picture.boxes]
+    for curve in picture.curves:
+        arrow = "-.->" if curve.dashed else "-->"
+        ports = (end.port.partition(":")[2] or end.port for end in (curve.source, curve.target))
+        label = " → ".join(coded(port) for port in ports if port)
+        text = f'|"{label}"|' if label else ""
+        lines.append(f"  {names[curve.source.key]} {arrow}{text} {names[curve.target.key]}")
+    for state, style in STYLES.items():
+        boxes = [names[box.key] for box in picture.boxes if box.state == state]
+        wires = [str(place) for place, curve in enumerate(picture.curves) if curve.state == state]
+        if boxes:
+            lines += [f"  classDef {state} {style}", f"  class {','.join(boxes)} {state}"]
+        if wires:
+            lines.append(f"  linkStyle {','.join(wires)} {style}")
     return "\n".join(lines) + "\n"
 
 
 def _label(box: Box) -> str:
     parts = [f"<b>{coded(box.title)}</b>", coded(box.subtitle)]
-    parts += [_setting(row) for row in box.settings if row.value or row.expected]
+    for row in box.settings:
+        if row.value or row.expected:
+            expected = f", should be {coded(', '.join(row.expected))}" if row.expected else ""
+            parts.append(f"{coded(row.label)} = {coded(', '.join(row.value))}{expected}")
     return "<br/>".join(part for part in parts if part)
-
-
-def _setting(row: Row) -> str:
-    should = f", should be {coded(', '.join(row.expected))}" if row.expected else ""
-    return f"{coded(row.label)} = {coded(', '.join(row.value))}{should}"
-
-
-def _arrow(curve: Curve, names: dict[str, str]) -> str:
-    arrow = "-.->" if curve.dashed else "-->"
-    ports = [_short(curve.source.port), _short(curve.target.port)]
-    label = " → ".join(coded(port) for port in ports if port)
-    text = f'|"{label}"|' if label else ""
-    return f"  {names[curve.source.key]} {arrow}{text} {names[curve.target.key]}"
-
-
-def _styles(picture: Picture, names: dict[str, str]) -> Iterator[str]:
-    for state, style in STYLES.items():
-        boxes = [names[box.key] for box in picture.boxes if box.state == state]
-        curves = [str(place) for place, curve in enumerate(picture.curves) if curve.state == state]
-        if boxes:
-            yield f"  classDef {state} {style}"
-            yield f"  class {','.join(boxes)} {state}"
-        if curves:
-            yield f"  linkStyle {','.join(curves)} {style}"
 
 
 def coded(text: str) -> str:
@@ -68,11 +53,3 @@ def coded(text: str) -> str:
     return "".join(
         sign if sign.isalnum() or sign in PLAIN else f"#{ord(sign)};" for sign in visible(text)
     )
-
-
-def _comment(text: str) -> str:
-    return visible(text)
-
-
-def _short(port: str) -> str:
-    return port.partition(":")[2] or port

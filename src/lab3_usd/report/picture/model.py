@@ -281,27 +281,24 @@ def _width(box: Box) -> float:
     title = text_width(box.title, TITLE_SIZE, bold=True) + 2 * PAD
     if box.state != "ok":
         title += BADGE
-    left = max((_label(row) for row in box.inputs), default=0.0)
-    right = max((_label(row) for row in box.outputs), default=0.0)
-    widest = max(
+    left = max((_label_width(row) for row in box.inputs), default=0.0)
+    right = max((_label_width(row) for row in box.outputs), default=0.0)
+    widths = [
         SMALLEST,
         title,
         text_width(box.subtitle, SMALL) + 2 * PAD,
         left + right + 2 * PAD + (SPACE if left and right else 0),
         text_width(box.more, SMALL) + 2 * PAD,
-        *(_setting(row) for row in box.settings),
-    )
-    return float(round(widest / 2 + 0.5) * 2)
+    ]
+    for row in box.settings:
+        bold = row.state != "ok"
+        first = text_width(row.value[0], SMALL, bold=bold) if row.value else 0.0
+        lines = [_label_width(row) + SPACE + first]
+        lines += [text_width(line, SMALL, bold=bold) for line in row.value[1:]]
+        lines += [text_width(EXPECTED + line, SMALL) for line in row.expected]
+        widths.append(max(lines) + 2 * PAD)
+    return float(round(max(widths) / 2 + 0.5) * 2)
 
 
-def _label(row: Row) -> float:
+def _label_width(row: Row) -> float:
     return text_width(row.label, LABEL_SIZE, bold=row.state != "ok")
-
-
-def _setting(row: Row) -> float:
-    bold = row.state != "ok"
-    first = text_width(row.value[0], SMALL, bold=bold) if row.value else 0.0
-    lines = [_label(row) + SPACE + first]
-    lines += [text_width(line, SMALL, bold=bold) for line in row.value[1:]]
-    lines += [text_width(EXPECTED + line, SMALL) for line in row.expected]
-    return max(lines) + 2 * PAD

@@ -48,7 +48,12 @@ def points(path: Sequence[Bezier], steps: int = STEPS) -> Iterator[Point]:
 
 def point_at(curve: Bezier, t: float) -> Point:
     """Return the point of one curve at `t` from 0 to 1."""
-    return _weighed(curve, _weights(t))
+    a, b, c, d = _weights(t)
+    start, leaving, arriving, end = curve
+    return (
+        a * start[0] + b * leaving[0] + c * arriving[0] + d * end[0],
+        a * start[1] + b * leaving[1] + c * arriving[1] + d * end[1],
+    )
 
 
 @cache
@@ -58,15 +63,6 @@ def _all_weights(steps: int) -> list[tuple[float, float, float, float]]:
 
 def _weights(t: float) -> tuple[float, float, float, float]:
     return (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3
-
-
-def _weighed(curve: Bezier, weights: tuple[float, float, float, float]) -> Point:
-    a, b, c, d = weights
-    start, leaving, arriving, end = curve
-    return (
-        a * start[0] + b * leaving[0] + c * arriving[0] + d * end[0],
-        a * start[1] + b * leaving[1] + c * arriving[1] + d * end[1],
-    )
 
 
 def on_longest(path: Sequence[Bezier], t: float) -> Point:
@@ -100,8 +96,8 @@ class Lanes:
     def free(self, height: float, left: float, right: float, source: End) -> bool:
         """Whether no wire of another output runs here."""
         return not any(
-            abs(height - other) < LANE_CLEAR and left < end and start < right
-            for other, start, end, owner in self.used
+            abs(height - lane) < LANE_CLEAR and left < end and start < right
+            for lane, start, end, owner in self.used
             if owner != source
         )
 
@@ -123,8 +119,11 @@ def crosses(path: Path, curve: Curve, boxes: Mapping[str, Box]) -> bool:
     """Whether a path comes too near to a box, its own two ends excepted."""
     own = {curve.source.key, curve.target.key}
     for piece in path:
-        near = _near(piece, boxes)
-        walls = [_walls(box, -1.0 if box.key in own else CLEAR) for box in near]
+        walls = []
+        for box in _near(piece, boxes):
+            margin = -1.0 if box.key in own else CLEAR
+            sides = (box.x - margin, box.x + box.w + margin)
+            walls.append((*sides, box.y - margin, box.y + box.h + margin))
         if walls and any(
             left < x < right and top < y < bottom
             for x, y in points((piece,))
@@ -148,16 +147,6 @@ def _near(piece: Bezier, boxes: Mapping[str, Box]) -> list[Box]:
     ]
 
 
-def _walls(box: Box, margin: float) -> tuple[float, float, float, float]:
-    """Return left, right, top and bottom of a box with room around it."""
-    return (
-        box.x - margin,
-        box.x + box.w + margin,
-        box.y - margin,
-        box.y + box.h + margin,
-    )
-
-
 def _route(curve: Curve, boxes: Mapping[str, Box], lanes: Lanes) -> Path | None:
     start = port_point(boxes[curve.source.key], curve.source.port, leaving=True)
     end = port_point(boxes[curve.target.key], curve.target.port, leaving=False)
@@ -166,7 +155,7 @@ def _route(curve: Curve, boxes: Mapping[str, Box], lanes: Lanes) -> Path | None:
         if not crosses(direct, curve, boxes):
             return direct
     for height in _heights(start, end, boxes):
-        for path, left, right in _along(start, end, height):
+        for path, left, right in _paths_along(start, end, height):
             if lanes.free(height, left, right, curve.source) and not crosses(path, curve, boxes):
                 lanes.used.append((height, left, right, curve.source))
                 return path
@@ -182,7 +171,7 @@ def _heights(start: Point, end: Point, boxes: Mapping[str, Box]) -> list[float]:
     return sorted(heights, key=lambda y: (abs(y - start[1]) + abs(y - end[1]), y))
 
 
-def _along(start: Point, end: Point, height: float) -> Iterator[tuple[Path, float, float]]:
+def _paths_along(start: Point, end: Point, height: float) -> Iterator[tuple[Path, float, float]]:
     """Yield paths along one height, each with the ends of its lane."""
     rise = max(abs(height - start[1]), abs(height - end[1]))
     suits = max(44.0, min(STEEP * rise, 100.0))

@@ -25,8 +25,6 @@ from lab3_usd.report.picture.model import (
     STATES,
     Bezier,
     Box,
-    Curve,
-    LegendEntry,
     Picture,
     Row,
     State,
@@ -141,12 +139,8 @@ def _rules(theme: str) -> str:
     rules = RULES.format(
         s=SCOPE, font=FONT, on_header=ON_HEADER, below_title=BELOW_TITLE, **PALETTES[theme]
     )
-    return rules + "".join(_headers())
-
-
-def _headers() -> Iterator[str]:
-    for family, colour in HEADERS.items():
-        yield f"{SCOPE} .f-{family}{{fill:{colour}}}\n"
+    headers = (f"{SCOPE} .f-{family}{{fill:{colour}}}\n" for family, colour in HEADERS.items())
+    return rules + "".join(headers)
 
 
 # From the middle of a mark to where its stroke starts, and the stroke.
@@ -239,9 +233,14 @@ def box_svg(box: Box, ids: ElementIds) -> str:
     head = ids.linked(f"<g{ids.id(box.key)}>{note(box.note)}{header}</g>", box.key)
     rows = "".join(_row(box, row, ids) for row in box.rows)
     more = text(box.more, box.x + PAD, box.y + box.h - 14, "m") if box.more else ""
+    separator = ""
+    if box.settings and (box.inputs or box.outputs):
+        y = box.y + box.settings[0].y - ROW / 2 - 4
+        right = number(box.w - 2 * PAD)
+        separator = f'<path class="rule" d="M{number(box.x + PAD)} {number(y)}h{right}"/>'
     state = "" if box.state == "ok" else f" {box.state}"
     frame = rect(box.x, box.y, (box.w, box.h), f"b{state}", CORNER)
-    return f'<g class="n{ghost}">{frame}{head}{_separator(box)}{rows}{more}</g>'
+    return f'<g class="n{ghost}">{frame}{head}{separator}{rows}{more}</g>'
 
 
 def _header(box: Box) -> Iterator[str]:
@@ -268,34 +267,24 @@ def _header_path(box: Box) -> str:
     return upper + lower
 
 
-def _separator(box: Box) -> str:
-    if not box.settings or not (box.inputs or box.outputs):
-        return ""
-    y = box.y + box.settings[0].y - ROW / 2 - 4
-    right = number(box.w - 2 * PAD)
-    return f'<path class="rule" d="M{number(box.x + PAD)} {number(y)}h{right}"/>'
-
-
 def _row(box: Box, row: Row, ids: ElementIds) -> str:
-    content = "".join((*_texts(box, row), *_ports(box, row)))
+    content = "".join(_texts(box, row))
+    for side, x in (("in", box.x), ("out", box.x + box.w)):
+        if row.side in {side, "both"}:
+            content += port(x, box.y + row.y, execution=row.execution, wired=row.wired)
     place = ids.id(box.key, row.port)
     if not place and row.state == "ok":
         # Nobody asks for this row by its id: a page of many pictures stays small.
         return f"<g>{note(row.note)}{content}</g>" if row.note else content
-    state = "" if row.state == "ok" else f" {row.state}"
-    group = f'<g class="r{state}"{place}>{note(row.note)}{_behind(box, row)}{content}</g>'
-    return ids.linked(group, box.key, row.port)
-
-
-def _behind(box: Box, row: Row) -> str:
-    """Return the area that lights up; rows of ports share a line, each has its half."""
-    width = box.w - 2
-    left = box.x + 1
+    # The area that lights up; rows of ports share a line, each has its half.
+    left, width = box.x + 1, box.w - 2
     if row not in box.settings and box.inputs and box.outputs:
         width /= 2
         left += width if row in box.outputs else 0.0
-    height = row_height(row)
-    return rect(left, box.y + row.y - ROW / 2, (width, height), "hit")
+    area = rect(left, box.y + row.y - ROW / 2, (width, row_height(row)), "hit")
+    state = "" if row.state == "ok" else f" {row.state}"
+    group = f'<g class="r{state}"{place}>{note(row.note)}{area}{content}</g>'
+    return ids.linked(group, box.key, row.port)
 
 
 def _texts(box: Box, row: Row) -> Iterator[str]:
@@ -312,14 +301,6 @@ def _texts(box: Box, row: Row) -> Iterator[str]:
     for line in row.expected:
         yield text(EXPECTED + line, right, y, "v s")
         y += LINE
-
-
-def _ports(box: Box, row: Row) -> Iterator[str]:
-    y = box.y + row.y
-    if row.side in {"in", "both"}:
-        yield port(box.x, y, execution=row.execution, wired=row.wired)
-    if row.side in {"out", "both"}:
-        yield port(box.x + box.w, y, execution=row.execution, wired=row.wired)
 
 
 FAMILIES = {
@@ -349,14 +330,25 @@ def svg_file(picture: Picture, theme: Theme = "auto") -> str:
 
 
 def _element(picture: Picture, ids: ElementIds, style: str) -> str:
+    width, height = number(picture.width), number(picture.height)
+    label = markup(f"{picture.title}: {picture.subtitle.replace('  ·  ', ', ')}")
+    opening = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="lab3" role="img" aria-label="{label}"'
+        f' width="{width}" height="{height}" viewBox="0 0 {width} {height}">'
+    )
     # Faulty wires lie on top, boxes above all wires, marks of wires above everything.
-    curves = sorted(picture.curves, key=lambda curve: curve.state != "ok")
+    wires = []
+    for curve in sorted(picture.curves, key=lambda curve: curve.state != "ok"):
+        state = "" if curve.state == "ok" else f" {curve.state}"
+        dashes = " x" if curve.dashed else ""
+        path = f'<path class="w{dashes}{state}" d="{path_data(curve.path)}"'
+        wires.append(f"{path}>{note(curve.note)}</path>" if curve.note else f"{path}/>")
     parts = [
-        _opening(picture),
+        opening,
         style,
         rect(0, 0, (picture.width, picture.height), "canvas"),
         f"<g{ids.id(picture.path)}>{''.join(_head(picture))}</g>",
-        *(_wire(curve) for curve in curves),
+        *wires,
         *(box_svg(box, ids) for box in picture.boxes),
         *_marks(picture),
         *_legend(picture),
@@ -365,20 +357,11 @@ def _element(picture: Picture, ids: ElementIds, style: str) -> str:
     return "\n".join(part for part in parts if part)
 
 
-def _opening(picture: Picture) -> str:
-    width, height = number(picture.width), number(picture.height)
-    spoken = markup(f"{picture.title}: {picture.subtitle.replace('  ·  ', ', ')}")
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" class="lab3" role="img" aria-label="{spoken}"'
-        f' width="{width}" height="{height}" viewBox="0 0 {width} {height}">'
-    )
-
-
 def _head(picture: Picture) -> Iterator[str]:
     yield text(picture.title, MARGIN, TITLE_LINE, "h1")
     yield text(picture.subtitle, MARGIN, SUBTITLE_LINE, "h2")
-    for number_of_line, remark in enumerate(picture.remarks, start=1):
-        y = SUBTITLE_LINE + 4 + REMARK_LINE * number_of_line
+    for line, remark in enumerate(picture.remarks, start=1):
+        y = SUBTITLE_LINE + 4 + REMARK_LINE * line
         if remark.state != "ok":
             yield mark(MARGIN + 8, y - 4, remark.state)
         kind = " extra" if remark.state == "extra" else ""
@@ -397,39 +380,28 @@ def _marks(picture: Picture) -> Iterator[str]:
             yield mark(*place, curve.state)
 
 
-def _wire(curve: Curve) -> str:
-    state = "" if curve.state == "ok" else f" {curve.state}"
-    dashes = " x" if curve.dashed else ""
-    path = f'<path class="w{dashes}{state}" d="{path_data(curve.path)}"'
-    return f"{path}>{note(curve.note)}</path>" if curve.note else f"{path}/>"
-
-
 def path_data(path: tuple[Bezier, ...]) -> str:
     """Return the curves of a path, which follow each other, as SVG path data."""
     start = path[0][0]
     data = [f"M{number(start[0])} {number(start[1])}"]
-    data += [_piece(curve) for curve in path]
+    for curve in path:
+        if len({point[1] for point in curve}) == 1:
+            data.append(f"H{number(curve[3][0])}")
+        else:
+            data.append("C" + " ".join(f"{number(x)} {number(y)}" for x, y in curve[1:]))
     return "".join(data)
-
-
-def _piece(curve: Bezier) -> str:
-    if len({point[1] for point in curve}) == 1:
-        return f"H{number(curve[3][0])}"
-    return "C" + " ".join(f"{number(x)} {number(y)}" for x, y in curve[1:])
 
 
 def _legend(picture: Picture) -> Iterator[str]:
     y = picture.legend[0].y - LEGEND_LINE
     yield f'<path class="rule" d="M{number(MARGIN)} {number(y)}H{number(picture.width - MARGIN)}"/>'
     for entry in picture.legend:
-        yield _legend_symbol(entry)
+        if entry.kind in {"data", "execution"}:
+            dashes = " x" if entry.kind == "execution" else ""
+            yield f'<path class="w{dashes}" d="M{number(entry.x)} {number(entry.y)}h22"/>'
+        elif entry.kind in FAMILIES:
+            yield rect(entry.x + 4, entry.y - 7, (14, 14), f"f-{FAMILIES[entry.kind]}", 3)
+        else:
+            state = next(state for state in STATES if state == entry.kind)
+            yield mark(entry.x + 11, entry.y, state)
         yield text(entry.text, entry.x + ENTRY_TEXT, entry.y + 4, "h2")
-
-
-def _legend_symbol(entry: LegendEntry) -> str:
-    if entry.kind in {"data", "execution"}:
-        dashes = " x" if entry.kind == "execution" else ""
-        return f'<path class="w{dashes}" d="M{number(entry.x)} {number(entry.y)}h22"/>'
-    if entry.kind in FAMILIES:
-        return rect(entry.x + 4, entry.y - 7, (14, 14), f"f-{FAMILIES[entry.kind]}", 3)
-    return mark(entry.x + 11, entry.y, next(state for state in STATES if state == entry.kind))

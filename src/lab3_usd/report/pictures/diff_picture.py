@@ -13,12 +13,11 @@ from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import Node
 from lab3_usd.report.picture.canvas import on_canvas, position_missing
 from lab3_usd.report.picture.model import Box, Curve, End, Picture, Row, State, clip_end, sized
-from lab3_usd.report.pictures.graph_picture import MOST_LETTERS, laid_out
+from lab3_usd.report.pictures.graph_picture import MOST_LETTERS, laid_out, outside_boxes
 from lab3_usd.report.pictures.node_boxes import (
     MOST_LABEL,
     BoxSubject,
     SiteFindings,
-    absent_box,
     ends,
     findings_by_site,
     node_box,
@@ -46,19 +45,29 @@ def diff_picture(graph: GraphVersions, changes: Sequence[StageChange]) -> Pictur
     """Return the second version of the graph, with what is gone, other and new marked."""
     keys = dict(_keys(graph))
     curves = tuple(_curves(graph, keys))
-    found = findings_by_site(_findings(changes))
-    was = {
-        (change.path, change.property): change.was for change in changes if change.part in _ON_ROWS
-    }
+    on_rows = [change for change in changes if change.part in _ON_ROWS]
+    # Boxes know how to mark faults: values and targets that are not as before are passed as such.
+    findings = findings_by_site(
+        Finding(
+            rule="",
+            name="",
+            severity="error",
+            prim=change.path,
+            message=f"{change.property} was {change.was}, is {change.now}",
+            property=change.property,
+        )
+        for change in on_rows
+        if change.edit == "changed"
+    )
+    old_values = {(change.path, change.property): change.was for change in on_rows}
     touched = {
-        stage_change.path
-        for stage_change in changes
-        if stage_change.part == "node" and stage_change.edit == "changed"
+        change.path for change in changes if change.part == "node" and change.edit == "changed"
     }
     boxes = [
-        _with_old_values(_box(pair, key, curves, found, touched), was) for key, pair in keys.items()
+        _with_old_values(_box(pair, key, curves, findings, touched), old_values)
+        for key, pair in keys.items()
     ]
-    boxes += _outside(boxes, curves)
+    boxes += outside_boxes(None, boxes, curves)
     old_positions = {
         key: before.position
         for key, (before, _) in keys.items()
@@ -66,7 +75,7 @@ def diff_picture(graph: GraphVersions, changes: Sequence[StageChange]) -> Pictur
     }
     present = frozenset(key for key, (_, after) in keys.items() if after is not None)
     boxes = list(position_missing(boxes, curves, old_positions, present or frozenset(keys)))
-    subtitle = _counted(graph.path, boxes, curves)
+    subtitle = _counts_text(graph.path, boxes, curves)
     name = clip_end(graph.name, MOST_LETTERS)
     drawn = laid_out(tuple(boxes), curves)
     return on_canvas(Picture(name, subtitle, *drawn, path=graph.path, judged=True, kind="diff"))
@@ -83,16 +92,8 @@ def _keys(graph: GraphVersions) -> Iterator[tuple[str, NodePair]]:
             yield (f"{key}_removed" if key in present else key), (before, None)
 
 
-def _findings(changes: Iterable[StageChange]) -> Iterator[Finding]:
-    """Yield values and targets that are not as before as faults, which boxes know how to mark."""
-    for change in changes:
-        if change.part in _ON_ROWS and change.edit == "changed":
-            message = f"{change.property} was {change.was}, is {change.now}"
-            yield Finding("", "", "error", change.path, message, change.property)
-
-
 def _box(
-    pair: NodePair, key: str, curves: Sequence[Curve], found: SiteFindings, touched: set[str]
+    pair: NodePair, key: str, curves: Sequence[Curve], findings: SiteFindings, touched: set[str]
 ) -> Box:
     before, after = pair
     arriving, leaving = ends(curves)
@@ -102,7 +103,7 @@ def _box(
         after or before,
         {end.port: state for end, state in arriving.items() if end.key == key},
         {end.port: state for end, state in leaving.items() if end.key == key},
-        found,
+        findings,
     )
     edit: ChangeKind | None = None
     if before is None or after is None:
@@ -114,9 +115,9 @@ def _box(
     return box if edit is None else replace(box, subtitle=f"{name} · {edit}")
 
 
-def _with_old_values(box: Box, was: Mapping[tuple[str, str], str]) -> Box:
+def _with_old_values(box: Box, old_values: Mapping[tuple[str, str], str]) -> Box:
     def with_old_value(row: Row) -> Row:
-        old = was.get((box.key, row.port))
+        old = old_values.get((box.key, row.port))
         if not old or row.state == "ok":
             return row
         return replace(row, value=(*row.value, clip_end(f"was {old}", MOST_LABEL)))
@@ -139,27 +140,18 @@ def _curves(graph: GraphVersions, keys: Mapping[str, NodePair]) -> Iterator[Curv
 
 def _wires(nodes: Iterable[Node | None], key: Callable[[str], str]) -> Wires:
     """Return the ends of each wire, and whether it carries execution."""
-    found: Wires = {}
+    wires: Wires = {}
     for node in filter(None, nodes):
         for name, state in node.ports.items():
             port = None if node.type is None else node.type.port(name)
             for source in state.sources:
                 prim, _, output = source.rpartition(".")
                 target = End(key(node.path), name)
-                found[End(key(prim), output), target] = port is not None and port.is_execution
-    return found
+                wires[End(key(prim), output), target] = port is not None and port.is_execution
+    return wires
 
 
-def _outside(boxes: Sequence[Box], curves: Sequence[Curve]) -> Iterator[Box]:
-    drawn = {box.key for box in boxes}
-    for key in dict.fromkeys(curve.source.key for curve in curves):
-        if key not in drawn:
-            away = [curve for curve in curves if curve.source.key == key]
-            ports = tuple(dict.fromkeys(curve.source.port for curve in away))
-            yield absent_box(key, ports, "not in this graph", away[0].state)
-
-
-def _counted(path: str, boxes: Sequence[Box], curves: Sequence[Curve]) -> str:
+def _counts_text(path: str, boxes: Sequence[Box], curves: Sequence[Curve]) -> str:
     states = Counter([box.state for box in boxes] + [curve.state for curve in curves])
     states.update(row.state for box in boxes if box.state == "ok" for row in box.settings)
     parts = [f"{states[state]} {edit}" for edit, state in STATE_OF.items() if states[state]]

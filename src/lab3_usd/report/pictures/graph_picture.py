@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from itertools import chain
 
 from msgspec.structs import replace
 
@@ -18,7 +17,17 @@ from lab3_usd.model.finding import Finding, Severity
 from lab3_usd.model.stage import GraphModel, StageModel
 from lab3_usd.report.picture.canvas import at_editor_positions, on_canvas, position_missing
 from lab3_usd.report.picture.layered import Placed, layered
-from lab3_usd.report.picture.model import STATES, Box, Curve, End, Picture, Remark, State, clip_end
+from lab3_usd.report.picture.model import (
+    STATES,
+    Box,
+    Curve,
+    End,
+    Picture,
+    Point,
+    Remark,
+    State,
+    clip_end,
+)
 from lab3_usd.report.pictures.node_boxes import (
     BoxSubject,
     NodeRoles,
@@ -31,51 +40,50 @@ from lab3_usd.report.pictures.node_boxes import (
     reference_roles,
 )
 from lab3_usd.report.pictures.tf_picture import frames_picture
-from lab3_usd.spec.graph import GraphSpec, PortRef
+from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
 
 
 def spec_wires(spec: GraphSpec, node_roles: NodeRoles) -> tuple[Curve, ...]:
     """Return the wires that the spec asks for."""
-    return tuple(
-        Curve(
-            node_roles.end(wire.source),
-            node_roles.end(wire.target),
-            dashed=_signal(spec, wire.target),
-        )
-        for wire in spec.wires
-    )
-
-
-def _signal(spec: GraphSpec, target: PortRef) -> bool:
-    port = spec.nodes[target.role].type.port(target.port)
-    return port is not None and port.is_execution
+    curves = []
+    for wire in spec.wires:
+        port = spec.nodes[wire.target.role].type.port(wire.target.port)
+        is_execution = port is not None and port.is_execution
+        ends = (node_roles.end(wire.source), node_roles.end(wire.target))
+        curves.append(Curve(*ends, dashed=is_execution))
+    return tuple(curves)
 
 
 def judged_wires(
-    asked: tuple[Curve, ...], graph: GraphModel | None, node_roles: NodeRoles, found: SiteFindings
+    required: tuple[Curve, ...],
+    graph: GraphModel | None,
+    node_roles: NodeRoles,
+    findings: SiteFindings,
 ) -> tuple[Curve, ...]:
     """Return the wires of the stage and, as missing, those that are asked for and not there."""
-    sources = {curve.target: curve.source for curve in asked}
-    real = {} if graph is None else dict(_real(graph, sources, node_roles))
-    wanted = {(curve.source, curve.target) for curve in asked}
+    sources = {curve.target: curve.source for curve in required}
+    real = {} if graph is None else dict(_real_wires(graph, sources, node_roles))
+    wanted = {(curve.source, curve.target) for curve in required}
     curves = [
-        _marked(curve, "missing", found)
-        for curve in asked
+        _marked(curve, "missing", findings)
+        for curve in required
         if (curve.source, curve.target) not in real
-        and _has_ends(curve, node_roles)
-        and _is_missed(curve, real, node_roles, found)
+        and _is_missing(curve, real, node_roles, findings)
     ]
     for (source, target), dashed in real.items():
         curve = Curve(source, target, dashed)
         if (source, target) in wanted:
             curves.append(curve)
-        else:
-            curves.append(_marked(curve, _state(curve, node_roles, found), found))
+            continue
+        state = findings.state(target.key, target.port)
+        if state == "ok" and not node_roles.unassigned.isdisjoint((source.key, target.key)):
+            state = "extra"
+        curves.append(_marked(curve, state, findings))
     return tuple(curves)
 
 
-def _real(
+def _real_wires(
     graph: GraphModel, sources: Mapping[End, End], node_roles: NodeRoles
 ) -> Iterator[tuple[tuple[End, End], bool]]:
     """Yield the ends of each wire in the file, and whether it carries execution."""
@@ -86,44 +94,39 @@ def _real(
             for path in state.sources:
                 prim, _, prop = path.rpartition(".")
                 source = End(prim, prop)
-                asked = sources.get(target)
+                expected = sources.get(target)
                 if (
-                    asked is not None
-                    and asked.key in node_roles.missing
+                    expected is not None
+                    and expected.key in node_roles.missing
                     and prim not in node_roles.nodes
                 ):
                     continue  # the dead source is the missing node, whose wires are missing
                 yield (source, target), port is not None and port.is_execution
 
 
-def _has_ends(curve: Curve, node_roles: NodeRoles) -> bool:
-    """Whether the wire could be drawn: a node of another type may lack the port."""
-    ends = ((node_roles.nodes.get(end.key), end.port) for end in (curve.source, curve.target))
-    return all(node is None or node.has_port(port) for node, port in ends)
-
-
-def _is_missed(
-    curve: Curve, real: Mapping[tuple[End, End], bool], node_roles: NodeRoles, found: SiteFindings
+def _is_missing(
+    curve: Curve,
+    real: Mapping[tuple[End, End], bool],
+    node_roles: NodeRoles,
+    findings: SiteFindings,
 ) -> bool:
-    """Whether the wire is missing, rather than replaced by one that nobody finds fault with."""
+    """Whether the wire is missing, rather than replaced by one that nobody finds fault with.
+
+    Nothing is said of one that could not be drawn: a node of another type may lack the port.
+    """
+    for end in (curve.source, curve.target):
+        node = node_roles.nodes.get(end.key)
+        if node is not None and not node.has_port(end.port):
+            return False
     if curve.source.key in node_roles.missing or curve.target.key in node_roles.missing:
         return True
-    if found.state(curve.target.key, curve.target.port) == "wrong":
+    if findings.state(curve.target.key, curve.target.port) == "wrong":
         return True
     return all(target != curve.target for _, target in real)
 
 
-def _state(curve: Curve, node_roles: NodeRoles, found: SiteFindings) -> State:
-    state = found.state(curve.target.key, curve.target.port)
-    if state == "ok" and (
-        curve.source.key in node_roles.unassigned or curve.target.key in node_roles.unassigned
-    ):
-        return "extra"
-    return state
-
-
-def _marked(curve: Curve, state: State, found: SiteFindings) -> Curve:
-    note = found.note(curve.target.key, curve.target.port)
+def _marked(curve: Curve, state: State, findings: SiteFindings) -> Curve:
+    note = findings.note(curve.target.key, curve.target.port)
     return Curve(curve.source, curve.target, curve.dashed, state, note)
 
 
@@ -139,7 +142,7 @@ def spec_picture(spec: GraphSpec, *, every_port: bool = False) -> Picture:
     boxes = _role_boxes(spec, node_roles, curves, SiteFindings(), every_port=every_port)
     placed = laid_out(tuple(boxes), tuple(curves))
     return on_canvas(
-        Picture(spec.name, _counted(spec.path, boxes, curves), *placed, path=spec.path)
+        Picture(spec.name, _counts_text(spec.path, boxes, curves), *placed, path=spec.path)
     )
 
 
@@ -162,25 +165,31 @@ def graph_picture(
     Without a spec the graph is drawn as it is. Without a graph everything the spec asks for is
     missing. `findings` are those of the stage; the ones that lie elsewhere are passed over.
     """
-    found = findings_by_site(findings)
+    by_site = findings_by_site(findings)
     node_roles = assigned_roles(spec, roles, graph)
-    asked = spec_wires(spec, node_roles) if spec is not None and node_roles.box_keys else ()
-    curves = judged_wires(asked, graph, node_roles, found)
-    boxes = (
-        [] if spec is None else _role_boxes(spec, node_roles, curves, found, every_port=every_port)
-    )
-    boxes += _other_boxes(boxes, node_roles, curves, found, every_port=every_port)
-    boxes += _outside_boxes(graph, boxes, curves)
-    spec_positions = (
-        {}
-        if spec is None
-        else {key: spec.nodes[role].at for role, key in node_roles.box_keys.items()}
-    )
+    required = spec_wires(spec, node_roles) if spec is not None and node_roles.box_keys else ()
+    curves = judged_wires(required, graph, node_roles, by_site)
+    boxes: list[Box] = []
+    spec_positions: dict[str, Point] = {}
+    name = path = ""
+    if spec is not None:
+        name, path = spec.name, spec.path
+        boxes = _role_boxes(spec, node_roles, curves, by_site, every_port=every_port)
+        spec_positions = {key: spec.nodes[role].at for role, key in node_roles.box_keys.items()}
+    if graph is not None:
+        name, path = name or graph.name, graph.path
+    boxes += _roleless_boxes(boxes, node_roles, curves, by_site, every_port=every_port)
+    boxes += outside_boxes(graph, boxes, curves)
     boxes = list(position_missing(boxes, curves, spec_positions, frozenset(node_roles.nodes)))
     placed = laid_out(tuple(boxes), tuple(curves))
-    name, path = _name(spec, graph)
-    remarks = tuple(_remarks(path, found))[:MOST_REMARKS]
-    subtitle = _counted(clip_end(path, MOST_LETTERS), boxes, curves)
+    subtitle = _counts_text(clip_end(path, MOST_LETTERS), boxes, curves)
+    # A line per finding on the graph itself; missing nodes are drawn instead.
+    remarks = [
+        Remark(STATE_OF[finding.severity], clip_end(finding.message, MOST_LETTERS))
+        for (prim, _), members in by_site.at.items()
+        for finding in members
+        if prim == path and finding.actual is not None
+    ]
     return on_canvas(
         Picture(
             clip_end(name, MOST_LETTERS),
@@ -188,87 +197,67 @@ def graph_picture(
             *placed,
             path=path,
             judged=spec is not None or bool(findings),
-            remarks=remarks,
+            remarks=tuple(remarks[:MOST_REMARKS]),
         )
     )
-
-
-def _name(spec: GraphSpec | None, graph: GraphModel | None) -> tuple[str, str]:
-    if graph is None:
-        return ("", "") if spec is None else (spec.name, spec.path)
-    return (graph.name if spec is None else spec.name, graph.path)
 
 
 def _role_boxes(
     spec: GraphSpec,
     node_roles: NodeRoles,
     curves: Sequence[Curve],
-    found: SiteFindings,
+    findings: SiteFindings,
     *,
     every_port: bool,
 ) -> list[Box]:
     arriving, leaving = ends(curves)
     boxes = []
     for role, key in node_roles.box_keys.items():
-        subject = BoxSubject(
-            key,
-            spec.nodes[role],
-            node_roles.nodes.get(key),
-            _of(arriving, key),
-            _of(leaving, key),
-            found,
-            every_port,
-        )
-        boxes.append(node_box(subject, _role_state(subject, node_roles)))
+        node, node_spec = node_roles.nodes.get(key), spec.nodes[role]
+        ports = (_ports_of(arriving, key), _ports_of(leaving, key))
+        state = findings.state(key)
+        if key in node_roles.missing:
+            state = "missing"
+        elif node is not None and node.type is not node_spec.type:
+            state = "wrong"
+        subject = BoxSubject(key, node_spec, node, *ports, findings, every_port)
+        boxes.append(node_box(subject, state))
     return boxes
 
 
-def _role_state(subject: BoxSubject, node_roles: NodeRoles) -> State:
-    if subject.key in node_roles.missing:
-        return "missing"
-    if (
-        subject.node is not None
-        and subject.spec is not None
-        and subject.node.type is not subject.spec.type
-    ):
-        return "wrong"
-    return subject.found.state(subject.key)
-
-
-def _other_boxes(
+def _roleless_boxes(
     boxes: Sequence[Box],
     node_roles: NodeRoles,
     curves: Sequence[Curve],
-    found: SiteFindings,
+    findings: SiteFindings,
     *,
     every_port: bool,
 ) -> list[Box]:
     """Return the boxes of nodes without a role."""
     arriving, leaving = ends(curves)
     drawn = {box.key for box in boxes}
-    others = []
+    roleless = []
     for key, node in node_roles.nodes.items():
         if key in drawn:
             continue
-        subject = BoxSubject(
-            key, None, node, _of(arriving, key), _of(leaving, key), found, every_port
-        )
-        state = found.state(key)
+        ports = (_ports_of(arriving, key), _ports_of(leaving, key))
+        state = findings.state(key)
         unused = node_roles.box_keys and key in node_roles.unassigned and state == "ok"
-        others.append(node_box(subject, "extra" if unused else state))
-    return others
+        subject = BoxSubject(key, None, node, *ports, findings, every_port)
+        roleless.append(node_box(subject, "extra" if unused else state))
+    return roleless
 
 
-def _of(all_ends: Mapping[End, State], key: str) -> dict[str, State]:
+def _ports_of(all_ends: Mapping[End, State], key: str) -> dict[str, State]:
     return {end.port: state for end, state in all_ends.items() if end.key == key}
 
 
-def _outside_boxes(
+def outside_boxes(
     graph: GraphModel | None, boxes: Sequence[Box], curves: Sequence[Curve]
 ) -> Iterator[Box]:
     """Yield a box for each source of a wire that is outside the graph."""
     drawn = {box.key for box in boxes}
-    absent = {} if graph is None else {gone.path: gone.reason for gone in graph.absent}
+    absent = {} if graph is None else {source.path: source.reason for source in graph.absent}
     for key in dict.fromkeys(curve.source.key for curve in curves):
         if key not in drawn:
             away = [curve for curve in curves if curve.source.key == key]
@@ -276,22 +265,14 @@ def _outside_boxes(
             yield absent_box(key, ports, absent.get(key, "not in this graph"), away[0].state)
 
 
-def _remarks(path: str, found: SiteFindings) -> Iterator[Remark]:
-    """Yield a line per finding on the graph itself; missing nodes are drawn instead."""
-    at_graph = (found.at[site] for site in found.at if site[0] == path)
-    for finding in chain.from_iterable(at_graph):
-        if finding.actual is not None:
-            yield Remark(STATE_OF[finding.severity], clip_end(finding.message, MOST_LETTERS))
-
-
-def _counted(path: str, boxes: Sequence[Box], curves: Sequence[Curve]) -> str:
+def _counts_text(path: str, boxes: Sequence[Box], curves: Sequence[Curve]) -> str:
     """Return path, number of nodes and wires, and how many of both and of the ports are faulty."""
     states = Counter(box.state for box in boxes)
     states.update(curve.state for curve in curves)
     states.update(row.state for box in boxes if box.state == "ok" for row in box.settings)
-    here = sum(box.state != "missing" and box.family != "absent" for box in boxes)
+    nodes = sum(box.state != "missing" and box.family != "absent" for box in boxes)
     wires = sum(curve.state != "missing" for curve in curves)
-    parts = [f"{here} node{'s' * (here != 1)}, {wires} wire{'s' * (wires != 1)}"]
+    parts = [f"{nodes} node{'s' * (nodes != 1)}, {wires} wire{'s' * (wires != 1)}"]
     parts += [f"{states[state]} {state}" for state in STATES if state != "ok" and states[state]]
     return "  ·  ".join([path, *parts])
 
@@ -313,32 +294,28 @@ def stage_pictures(
     relocations = sensor_relocations(lab, stage)
     specs = {name: relocated_spec(spec, relocations) for name, spec in lab.graphs.items()}
     matched = {} if checkpoint is None else match_all(specs, stage, lab.catalog.scripts)
-    asked = () if checkpoint is None else checkpoint.graphs
+    required = () if checkpoint is None else checkpoint.graphs
     for name, roles in matched.items():
-        if name in asked or roles.graph is not None:
+        if name in required or roles.graph is not None:
             part = _part_of(roles, matched)
             yield graph_picture(specs[name], roles, part, findings, every_port=every_port)
     known = {roles.graph.path for roles in matched.values() if roles.graph is not None}
     for graph in stage.graphs:
         if graph.active and graph.path not in known:
             yield graph_picture(None, None, graph, findings, every_port=every_port)
-    yield from _tree(lab, checkpoint, stage)
+    edges, hidden = published_edges(stage, lab), unresolved_frames(stage, lab)
+    has_tree = checkpoint is not None and checkpoint.frames
+    localized = checkpoint is not None and checkpoint.localization
+    if edges or hidden or has_tree:
+        yield frames_picture(lab.frames, edges, hidden, required=has_tree, localized=localized)
 
 
 def _part_of(roles: Roles, matched: Mapping[str, Roles]) -> GraphModel | None:
     """Return the graph without the nodes that play roles of other graphs built in it."""
     if roles.graph is None or not roles.merged_graphs:
         return roles.graph
-    others = {path for name in roles.merged_graphs for path in matched[name].role_of}
-    others |= {node.path for name in roles.merged_graphs for node in matched[name].extra}
+    merged = {path for name in roles.merged_graphs for path in matched[name].role_of}
+    merged |= {node.path for name in roles.merged_graphs for node in matched[name].extra}
     own = {*roles.role_of, *(node.path for node in (*roles.extra, *roles.retyped.values()))}
-    kept = (node for node in roles.graph.nodes if node.path in own or node.path not in others)
+    kept = (node for node in roles.graph.nodes if node.path in own or node.path not in merged)
     return replace(roles.graph, nodes=tuple(kept))
-
-
-def _tree(lab: Lab, checkpoint: Checkpoint | None, stage: StageModel) -> Iterator[Picture]:
-    edges, hidden = published_edges(stage, lab), unresolved_frames(stage, lab)
-    required = checkpoint is not None and checkpoint.frames
-    localized = checkpoint is not None and checkpoint.localization
-    if edges or hidden or required:
-        yield frames_picture(lab.frames, edges, hidden, required=required, localized=localized)

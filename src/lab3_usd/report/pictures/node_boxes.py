@@ -38,24 +38,23 @@ class SiteFindings(Struct, frozen=True):
 
         Properties that are no ports (a node's type) count for the node.
         """
-        found = self._found(prim, prop)
-        severities = {finding.severity for finding in found}
+        findings = self._findings(prim, prop)
+        severities = {finding.severity for finding in findings}
         if "error" in severities:
             return "wrong"
         return "extra" if "warning" in severities else "ok"
 
     def note(self, prim: str, prop: str | None = None) -> str:
         """Return the messages at the site, one per line."""
-        return "\n".join(finding.message for finding in self._found(prim, prop))
+        return "\n".join(finding.message for finding in self._findings(prim, prop))
 
-    def _found(self, prim: str, prop: str | None) -> list[Finding]:
-        sites = [prop] if prop is not None else [None, *self._others(prim)]
+    def _findings(self, prim: str, prop: str | None) -> list[Finding]:
+        sites: list[str | None] = [prop]
+        if prop is None:
+            sites += sorted(self._properties(prim) - self.ports(prim))
         return [finding for site in sites for finding in self.at.get((prim, site), ())]
 
-    def _others(self, prim: str) -> list[str]:
-        return sorted(self._named(prim) - self.ports(prim))
-
-    def _named(self, prim: str) -> frozenset[str]:
+    def _properties(self, prim: str) -> frozenset[str]:
         return frozenset(prop for path, prop in self.at if path == prim and prop is not None)
 
     def expected(self, prim: str, prop: str) -> str | None:
@@ -67,20 +66,19 @@ class SiteFindings(Struct, frozen=True):
 
     def ports(self, prim: str) -> frozenset[str]:
         """Return the ports of a prim that a finding names."""
-        return frozenset(prop for prop in self._named(prim) if is_port(prop))
+        return frozenset(prop for prop in self._properties(prim) if is_port(prop))
 
 
 def findings_by_site(findings: Iterable[Finding]) -> SiteFindings:
     """Sort findings by site."""
-    at: dict[Site, list[Finding]] = {}
+    by_site: dict[Site, list[Finding]] = {}
     for finding in findings:
-        at.setdefault((finding.prim, finding.property), []).append(finding)
-    return SiteFindings(
-        {
-            site: tuple(sorted(found, key=lambda one: SEVERITIES.index(one.severity)))
-            for site, found in at.items()
-        }
-    )
+        by_site.setdefault((finding.prim, finding.property), []).append(finding)
+
+    def severity(finding: Finding) -> int:
+        return SEVERITIES.index(finding.severity)
+
+    return SiteFindings({site: tuple(sorted(by_site[site], key=severity)) for site in by_site})
 
 
 class NodeRoles(Struct, frozen=True):
@@ -113,31 +111,23 @@ def assigned_roles(
     if spec is None or (roles is None and graph is not None):
         return NodeRoles(nodes=nodes)
     folder = spec.path if graph is None else graph.path
-    players = {role: None if roles is None else _node_of(roles, role) for role in spec.nodes}
     box_keys: dict[str, str] = {}
     missing = []
-    for role, node in players.items():
+    for role in spec.nodes:
+        # A node of another type in the place of a role is drawn as wrong.
+        node = None if roles is None else roles.node_of.get(role) or roles.retyped.get(role)
         if node is not None and node.path in nodes:
             box_keys[role] = node.path
             continue
-        box_keys[role] = _unused(f"{folder}/{role}", nodes)
-        missing.append(box_keys[role])
+        key = f"{folder}/{role}"
+        while key in nodes:  # a node of another type may have the name already
+            key += "_missing"
+        box_keys[role] = key
+        missing.append(key)
     playing = set(box_keys.values())
     stand_ins = {} if roles is None else roles.equivalents
     unassigned = frozenset(path for path in nodes if path not in playing and path not in stand_ins)
     return NodeRoles(box_keys, frozenset(missing), nodes, unassigned)
-
-
-def _node_of(roles: Roles, role: str) -> Node | None:
-    """Return the node that has a role; one of another type in its place is drawn as wrong."""
-    return roles.node_of.get(role) or roles.retyped.get(role)
-
-
-def _unused(path: str, nodes: Mapping[str, Node]) -> str:
-    """Return a path for a missing node: a node of another type may have the name already."""
-    while path in nodes:
-        path += "_missing"
-    return path
 
 
 MOST_LABEL = 44
@@ -155,7 +145,7 @@ class BoxSubject(Struct, frozen=True):
     node: Node | None
     arriving: Mapping[str, State]
     leaving: Mapping[str, State]
-    found: SiteFindings = field(default_factory=SiteFindings)
+    findings: SiteFindings = field(default_factory=SiteFindings)
     every_port: bool = False
 
     @property
@@ -167,17 +157,35 @@ class BoxSubject(Struct, frozen=True):
 
     def port(self, name: str) -> Port | None:
         """The port of the node's type; for an unknown type that of its role."""
-        found = None if self.type is None else self.type.port(name)
-        return found if found is not None or self.spec is None else self.spec.type.port(name)
+        port = None if self.type is None else self.type.port(name)
+        return port if port is not None or self.spec is None else self.spec.type.port(name)
 
 
 def rows(subject: BoxSubject) -> Iterator[Row]:
     """Yield a row for every port, in the order of the type; not all of them need be drawn."""
-    for name in _names(subject):
-        yield _row(subject, name, subject.port(name))
+    for name in _port_names(subject):
+        port = subject.port(name)
+        state = subject.findings.state(subject.key, name)
+        wire = subject.arriving.get(name, "ok")
+        if state == "ok" or (state == "wrong" and wire == "missing"):
+            state = wire
+        value, muted = _value(subject, name, port)
+        expected = subject.findings.expected(subject.key, name) if state != "ok" and value else None
+        yield Row(
+            port=name,
+            label=clip_end(short(name), MOST_LABEL),
+            side=_side(subject, name, port),
+            execution=port is not None and port.is_execution,
+            wired=name in subject.arriving or name in subject.leaving,
+            value=value,
+            expected=() if expected is None else (clip_end(_unquoted(expected), MOST_LABEL),),
+            state=state,
+            note=subject.findings.note(subject.key, name) or _whole_value(subject, name),
+            muted=muted,
+        )
 
 
-def _names(subject: BoxSubject) -> list[str]:
+def _port_names(subject: BoxSubject) -> list[str]:
     """Name the ports in the order of the type; then those that only the file or wires have."""
     names = dict.fromkeys([] if subject.type is None else subject.type.ports)
     if subject.spec is not None and subject.type is subject.spec.type:
@@ -185,28 +193,7 @@ def _names(subject: BoxSubject) -> list[str]:
     if subject.type is None and subject.node is not None:
         names |= dict.fromkeys(subject.node.ports)
     names |= dict.fromkeys([*subject.arriving, *subject.leaving])
-    return list(names | dict.fromkeys(sorted(subject.found.ports(subject.key))))
-
-
-def _row(subject: BoxSubject, name: str, port: Port | None) -> Row:
-    state = subject.found.state(subject.key, name)
-    wire = subject.arriving.get(name, "ok")
-    if state == "ok" or (state == "wrong" and wire == "missing"):
-        state = wire
-    value, muted = _value(subject, name, port)
-    expected = subject.found.expected(subject.key, name) if state != "ok" and value else None
-    return Row(
-        port=name,
-        label=clip_end(short(name), MOST_LABEL),
-        side=_side(subject, name, port),
-        execution=port is not None and port.is_execution,
-        wired=name in subject.arriving or name in subject.leaving,
-        value=value,
-        expected=() if expected is None else (clip_end(_bare(expected), MOST_LABEL),),
-        state=state,
-        note=subject.found.note(subject.key, name) or _whole(subject, name),
-        muted=muted,
-    )
+    return list(names | dict.fromkeys(sorted(subject.findings.ports(subject.key))))
 
 
 def _side(subject: BoxSubject, name: str, port: Port | None) -> Side:
@@ -220,35 +207,31 @@ def _side(subject: BoxSubject, name: str, port: Port | None) -> Side:
 
 
 def _value(subject: BoxSubject, name: str, port: Port | None) -> tuple[tuple[str, ...], bool]:
-    """Return the lines to show for an input, and whether it is a default that nobody set."""
+    """Return the lines to show for an input, and whether it is a default that nobody set.
+
+    An attribute is shown where it matters: a wire takes its place.
+    """
     if not name.startswith(INPUT) or (port is not None and port.is_execution):
         return (), False
-    asked = _asked(subject.spec, name)
-    if subject.node is None:
-        return asked, False
-    if subject.node.targets(name):
-        return prim_lines(subject.node.targets(name)), False
+    required = _required_value(subject.spec, name)
+    node = subject.node
+    targets = () if node is None else node.targets(name)
+    if node is None or targets:
+        return (prim_lines(targets) if targets else required), False
     if port is not None and port.is_target:
-        return (prim_lines(()) if asked else ()), True
-    return _attribute(subject, subject.node, name, is_asked=bool(asked))
-
-
-def _attribute(
-    subject: BoxSubject, node: Node, name: str, *, is_asked: bool
-) -> tuple[tuple[str, ...], bool]:
-    """Return the value of an attribute where it matters: a wire takes its place."""
-    state = node.state(name)
+        return (prim_lines(()) if required else ()), True
+    state, value = node.state(name), node.value(name)
     is_default = state is None or state.value is None
-    value = node.value(name)
     if value is None:
-        return (("not set",) if is_asked else ()), True
-    if name in subject.arriving and not is_asked:
+        return (("not set",) if required else ()), True
+    if name in subject.arriving and not required:
         return (), False
-    matters = is_asked or subject.every_port or subject.found.state(subject.key, name) != "ok"
-    return (value_line(value) if matters or not is_default else ()), is_default
+    is_faulty = subject.findings.state(subject.key, name) != "ok"
+    matters = required or subject.every_port or is_faulty or not is_default
+    return (value_line(value) if matters else ()), is_default
 
 
-def _asked(spec: NodeSpec | None, name: str) -> tuple[str, ...]:
+def _required_value(spec: NodeSpec | None, name: str) -> tuple[str, ...]:
     if spec is None:
         return ()
     for setting in spec.settings:
@@ -260,7 +243,7 @@ def _asked(spec: NodeSpec | None, name: str) -> tuple[str, ...]:
     return ()
 
 
-def _whole(subject: BoxSubject, name: str) -> str:
+def _whole_value(subject: BoxSubject, name: str) -> str:
     """Return the value at a length that the row has no room for."""
     state = None if subject.node is None else subject.node.state(name)
     if state is None:
@@ -270,7 +253,7 @@ def _whole(subject: BoxSubject, name: str) -> str:
     return "" if state.value is None else clip_end(value_text(state.value), MOST_NOTE)
 
 
-def _bare(text: str) -> str:
+def _unquoted(text: str) -> str:
     """Return a value as rows show it, without the quotes that it has in messages."""
     quoted = len(text) > 2 and text[0] == text[-1] == "'"  # noqa: PLR2004 - the two quotes
     return text[1:-1] if quoted else text
@@ -322,10 +305,17 @@ def ends(curves: Sequence[Curve]) -> tuple[dict[End, State], dict[End, State]]:
 
 def node_box(subject: BoxSubject, state: State) -> Box:
     """Return the box of a node, sized but not placed."""
-    every = [_in_box(row, state) for row in rows(subject)]
-    settings = tuple(row for row in every if row.value)
-    ports = [row for row in every if not row.value and _is_drawn(row, subject)]
-    hidden = len(every) - len(settings) - len(ports)
+    all_rows = list(rows(subject))
+    if state == "missing":  # the box says for all its rows that it is
+        all_rows = [replace(row, state="ok") for row in all_rows]
+    settings = tuple(row for row in all_rows if row.value)
+    ports = [
+        row
+        for row in all_rows
+        if not row.value and (row.wired or row.execution or row.state != "ok" or subject.every_port)
+    ]
+    hidden = len(all_rows) - len(settings) - len(ports)
+    position = None if subject.spec is None else subject.spec.at
     box = Box(
         key=subject.key,
         title=clip_end(_title(subject), MOST_TITLE),
@@ -336,19 +326,10 @@ def node_box(subject: BoxSubject, state: State) -> Box:
         settings=settings,
         more=f"+ {hidden} more port{'s' * (hidden > 1)}" if hidden else "",
         state=state,
-        note=subject.found.note(subject.key),
-        at=_position(subject),
+        note=subject.findings.note(subject.key),
+        at=position if subject.node is None else subject.node.position,
     )
     return sized(box)
-
-
-def _in_box(row: Row, state: State) -> Row:
-    """Return the row as it looks in its box: a missing box says for all its rows that it is."""
-    return replace(row, state="ok") if state == "missing" else row
-
-
-def _is_drawn(row: Row, subject: BoxSubject) -> bool:
-    return row.wired or row.execution or row.state != "ok" or subject.every_port
 
 
 def absent_box(key: str, ports: Sequence[str], reason: str, state: State) -> Box:
@@ -385,11 +366,9 @@ def family(node_type: NodeType | None) -> Family:
 def _title(subject: BoxSubject) -> str:
     if subject.type is not None:
         return subject.type.ui_name
-    return (
-        ""
-        if subject.node is None
-        else subject.node.type_name.rpartition(".")[2] or "node without a type"
-    )
+    if subject.node is None:
+        return ""
+    return subject.node.type_name.rpartition(".")[2] or "node without a type"
 
 
 def _subtitle(subject: BoxSubject, state: State) -> str:
@@ -399,9 +378,3 @@ def _subtitle(subject: BoxSubject, state: State) -> str:
     if subject.spec is not None and subject.type is not subject.spec.type:
         return f"{name} · expected {subject.spec.type.ui_name}"
     return name if state == "ok" else f"{name} · {state}"
-
-
-def _position(subject: BoxSubject) -> tuple[float, float] | None:
-    if subject.node is not None:
-        return subject.node.position
-    return None if subject.spec is None else subject.spec.at

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 
 from msgspec import Struct
@@ -61,17 +61,15 @@ def frames_picture(
         branch
         for branch in _branches(frames, edges, required=required)
         if branch.state != "missing"
-        or not any(unresolved_frames.may_be(branch.child) for unresolved_frames in hidden)
+        or not any(unresolved.may_be(branch.child) for unresolved in hidden)
     ]
-    branches += [_unknown(unresolved_frames) for unresolved_frames in hidden]
+    for unresolved in hidden:
+        reason = f"asset not found: {unresolved.asset}"
+        publishers = (unresolved.publisher,)
+        branches.append(DrawnEdge(unresolved.parent, unresolved.what, publishers, unknown=reason))
     if localized and frames.localization is not None:
         branches.insert(0, _localization(frames.localization))
-    return _picture("TF", _counted(branches), branches, judged=True)
-
-
-def _unknown(hidden: UnresolvedFrames) -> DrawnEdge:
-    why = f"asset not found: {hidden.asset}"
-    return DrawnEdge(hidden.parent, hidden.what, (hidden.publisher,), unknown=why)
+    return _picture("TF", _counts_text(branches), branches, judged=True)
 
 
 def _localization(spec: LocalizationSpec) -> DrawnEdge:
@@ -79,20 +77,21 @@ def _localization(spec: LocalizationSpec) -> DrawnEdge:
 
 
 def _branches(frames: FrameSpec, edges: Sequence[Edge], *, required: bool) -> Iterator[DrawnEdge]:
-    """Yield the asked edges in the order of the lab, then the others as they are published."""
+    """Yield the required edges in the order of the lab, then the others as they are published."""
     published: dict[Pair, list[str]] = {}
     for edge in edges:
         published.setdefault((edge.parent, edge.child), []).append(edge.publisher)
     certain = {(edge.parent, edge.child) for edge in edges if edge.sure}
-    parents = _parents(published)
-    top = frames.root
-    for wanted in frames.edges:
+    parents: dict[str, list[str]] = {}
+    for parent, child in published:
+        parents.setdefault(child, []).append(parent)
+    for edge_of_lab in frames.edges:
         if (
-            wanted not in published
+            edge_of_lab not in published
             and required
-            and frames.deeper_under not in _ancestors(wanted[1], parents)
+            and frames.deeper_under not in _ancestors(edge_of_lab[1], parents)
         ):
-            yield DrawnEdge(*wanted, (), "missing")
+            yield DrawnEdge(*edge_of_lab, (), "missing")
     order: list[Pair] = [pair for pair in frames.edges if pair in published]
     order += [pair for pair in published if pair not in frames.edges]
     for pair in order:
@@ -100,16 +99,9 @@ def _branches(frames: FrameSpec, edges: Sequence[Edge], *, required: bool) -> It
         state = _state(pair, frames, parents)
         if len(publishers) > 1:
             state = "wrong"
-        elif not required and top not in pair:
+        elif not required and frames.root not in pair:
             state = "ok"
         yield DrawnEdge(*pair, publishers, state, sure=pair in certain)
-
-
-def _parents(pairs: Iterable[Pair]) -> dict[str, list[str]]:
-    parents: dict[str, list[str]] = {}
-    for parent, child in pairs:
-        parents.setdefault(child, []).append(parent)
-    return parents
 
 
 def _state(pair: Pair, frames: FrameSpec, parents: Mapping[str, Sequence[str]]) -> State:
@@ -135,11 +127,11 @@ def _ancestors(frame: str, parents: Mapping[str, Sequence[str]]) -> set[str]:
     return ancestors
 
 
-def _counted(branches: Sequence[DrawnEdge]) -> str:
+def _counts_text(branches: Sequence[DrawnEdge]) -> str:
     states = Counter(branch.state for branch in branches)
     unknown = sum(bool(branch.unknown) for branch in branches)
-    there = sum(branch.state != "missing" for branch in branches) - unknown
-    parts = [f"{there} transform{'s' * (there != 1)}"]
+    known = sum(branch.state != "missing" for branch in branches) - unknown
+    parts = [f"{known} transform{'s' * (known != 1)}"]
     parts += [f"{unknown} unknown"] if unknown else []
     parts += [f"{states[state]} {state}" for state in STATES if state != "ok" and states[state]]
     return "  ·  ".join(parts)
@@ -148,16 +140,15 @@ def _counted(branches: Sequence[DrawnEdge]) -> str:
 def _picture(title: str, subtitle: str, branches: Sequence[DrawnEdge], *, judged: bool) -> Picture:
     names = dict.fromkeys(name for branch in branches for name in (branch.parent, branch.child))
     boxes = [_box(name, [branch for branch in branches if branch.child == name]) for name in names]
-    curves = [
-        Curve(
-            End(branch.parent, ""),
-            End(branch.child, ""),
-            dashed=branch.external or not branch.sure,
-            state=branch.state,
-            note=_note(branch),
-        )
-        for branch in branches
-    ]
+    curves: list[Curve] = []
+    for branch in branches:
+        note = f"{branch.parent} → {branch.child}"
+        if branch.publishers:
+            surely = "published" if branch.sure else "perhaps published"
+            note += f", {surely} by {' and '.join(branch.publishers)}"
+        ends = (End(branch.parent, ""), End(branch.child, ""))
+        dashed = branch.external or not branch.sure
+        curves.append(Curve(*ends, dashed=dashed, state=branch.state, note=note))
     placed = _placed(tuple(boxes), tuple(curves))
     return on_canvas(Picture(title, subtitle, *placed, judged=judged, kind="frames"))
 
@@ -171,37 +162,27 @@ def _box(name: str, edges_into: Sequence[DrawnEdge]) -> Box:
     """Return the box of a frame; `edges_into` are the edges that lead to it."""
     unknown = next((branch.unknown for branch in edges_into if branch.unknown), "")
     if unknown:
-        return sized(_unknown_box(name, unknown))
+        kind, _, path = name.partition(" /")
+        title = clip_end(f"{kind} {path.rpartition('/')[2]}", MOST_TITLE)
+        reason = unknown.partition(":")[0]
+        note = f"{name}: {unknown}"
+        return sized(Box(key=name, title=title, subtitle=reason, family="absent", note=note))
     states = {branch.state for branch in edges_into}
     state: State = "missing" if states == {"missing"} else "ok"
-    state = next((one for one in GRAVE if one in states), state)
-    publishers = dict.fromkeys(one for branch in edges_into for one in branch.publishers)
+    state = next((grave for grave in GRAVE if grave in states), state)
+    publishers = dict.fromkeys(path for branch in edges_into for path in branch.publishers)
     surely = "by" if all(branch.sure for branch in edges_into) else "perhaps by"
-    published_by = " and ".join(clip_end(one.rpartition("/")[2], MOST_TITLE) for one in publishers)
+    published_by = " and ".join(
+        clip_end(path.rpartition("/")[2], MOST_TITLE) for path in publishers
+    )
+    subtitle = "missing" if state == "missing" else ""
     return sized(
         Box(
             key=name,
             title=clip_end(name, MOST_TITLE),
-            subtitle=f"{surely} {published_by}"
-            if published_by
-            else "missing"
-            if state == "missing"
-            else "",
+            subtitle=f"{surely} {published_by}" if published_by else subtitle,
             family="frame",
             state=state,
             note="\n".join(publishers),
         )
     )
-
-
-def _unknown_box(what: str, why: str) -> Box:
-    kind, _, path = what.partition(" /")
-    title = clip_end(f"{kind} {path.rpartition('/')[2]}", MOST_TITLE)
-    reason = why.partition(":")[0]
-    return Box(key=what, title=title, subtitle=reason, family="absent", note=f"{what}: {why}")
-
-
-def _note(branch: DrawnEdge) -> str:
-    surely = "published" if branch.sure else "perhaps published"
-    published_by = f", {surely} by {' and '.join(branch.publishers)}" if branch.publishers else ""
-    return f"{branch.parent} → {branch.child}{published_by}"

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
-from typing import IO, Any, BinaryIO, NamedTuple, TypeVar, cast
+from typing import IO, Any, NamedTuple, TypeVar, cast
 
 from msgspec import Struct
 
@@ -43,19 +43,15 @@ def plain_file(path: Path, stack: ExitStack, most: int) -> Path:
     target = folder / path.stem
     try:
         with zstd.open(path, "rb") as packed, target.open("wb") as plain:
-            _copy(cast("IO[bytes]", packed), plain, most)
+            size = 0
+            while part := cast("IO[bytes]", packed).read(_PART):
+                size += len(part)
+                if size > most:
+                    raise RecordingError(_too_large(most))
+                plain.write(part)
     except (zstd.ZstdError, EOFError, OSError) as error:
         raise RecordingError(f"{path.name} cannot be unpacked") from error
     return target
-
-
-def _copy(packed: IO[bytes], plain: BinaryIO, most: int) -> None:
-    size = 0
-    while part := packed.read(_PART):
-        size += len(part)
-        if size > most:
-            raise RecordingError(_too_large(most))
-        plain.write(part)
 
 
 def _too_large(most: int) -> str:
@@ -132,7 +128,7 @@ def bound_readers(unpacker: Unpacker, topics: int) -> Iterator[None]:
 
 def _bound_parser(parse: Callable[[str], Any], most: int) -> Callable[[str], Any]:
     """Return what parses each text once, and no more than so many times."""
-    known: dict[str, Any] = {}
+    profiles: dict[str, Any] = {}
     times = 0
 
     def parsed(text: str) -> Any:
@@ -140,9 +136,9 @@ def _bound_parser(parse: Callable[[str], Any], most: int) -> Callable[[str], Any
         times += 1
         if times > most:
             raise RecordingError(too_many())
-        if text not in known:
-            known[text] = parse(text if len(text) <= LARGEST_PROFILE else "")
-        return known[text]
+        if text not in profiles:
+            profiles[text] = parse(text if len(text) <= LARGEST_PROFILE else "")
+        return profiles[text]
 
     return parsed
 
@@ -260,13 +256,16 @@ class Bag(Struct, frozen=True):
     @property
     def topics(self) -> dict[tuple[str, str], tuple[Offered, ...]]:
         """What was offered, by topic and type."""
-        found: dict[tuple[str, str], tuple[Offered, ...]] = {}
+        profiles: dict[tuple[str, str], tuple[Offered, ...]] = {}
         for reader in self.readers:
             for connection in reader.connections:
-                offered = tuple(map(_offered, connection.ext.offered_qos_profiles))
+                offered = tuple(
+                    Offered(qos.durability.name.lower(), qos.reliability.name.lower())
+                    for qos in connection.ext.offered_qos_profiles
+                )
                 key = (connection.topic, connection.msgtype)
-                found[key] = max(found.get(key, ()), offered, key=len)
-        return found
+                profiles[key] = max(profiles.get(key, ()), offered, key=len)
+        return profiles
 
     def messages(self) -> Iterator[Raw]:
         """Yield the messages, file after file.
@@ -284,10 +283,6 @@ class Bag(Struct, frozen=True):
                 yield Raw(arrival, connection.topic, connection.msgtype, plain)
 
 
-def _offered(qos: Any) -> Offered:
-    return Offered(qos.durability.name.lower(), qos.reliability.name.lower())
-
-
 @contextmanager
 def opened(layout: Layout, bounds: Bounds) -> Iterator[Bag]:
     """Open a recording.
@@ -302,7 +297,7 @@ def opened(layout: Layout, bounds: Bounds) -> Iterator[Bag]:
         readers = [_reader(path) for path in plain]
         for reader in readers:
             stack.callback(reader.close)
-        if sum(len(each.connections) for each in readers) > most:
+        if sum(len(reader.connections) for reader in readers) > most:
             raise RecordingError(too_many())
         yield Bag(tuple(readers), layout.by_message, unpacker, bounds.messages)
 
@@ -317,7 +312,7 @@ def layout_at(path: Path) -> Layout:
         return Layout((path,))
     if not path.is_dir():
         raise RecordingError("there is no such recording")
-    return layout_of([each for each in path.iterdir() if each.is_file()])
+    return layout_of([file for file in path.iterdir() if file.is_file()])
 
 
 def layout_of(files: Sequence[Path]) -> Layout:
@@ -326,20 +321,20 @@ def layout_of(files: Sequence[Path]) -> Layout:
     Raises:
         RecordingError: it is none, or a file is missing.
     """
-    there = {file.name: file for file in files}
-    said = _metadata(there[METADATA]) if METADATA in there else {}
-    names = said.get("relative_file_paths")
+    by_name = {file.name: file for file in files}
+    metadata = _metadata(by_name[METADATA]) if METADATA in by_name else {}
+    names = metadata.get("relative_file_paths")
     if isinstance(names, list) and names:
         wanted = [PurePath(str(name)).name for name in names]
-        missing = next((each for each in wanted if each not in there), None)
+        missing = next((name for name in wanted if name not in by_name), None)
         if missing is not None:
             raise RecordingError(f"{missing} is missing")
     else:
-        wanted = sorted(each for each in there if is_file_of_bag(each))
+        wanted = sorted(name for name in by_name if is_file_of_bag(name))
     if not wanted:
         raise RecordingError("holds no .mcap and no .db3 file")
-    by_message = str(said.get("compression_mode", "")).lower() == "message"
-    return Layout(tuple(there[each] for each in wanted), by_message)
+    by_message = str(metadata.get("compression_mode", "")).lower() == "message"
+    return Layout(tuple(by_name[name] for name in wanted), by_message)
 
 
 def is_file_of_bag(name: str) -> bool:
@@ -357,8 +352,10 @@ def _metadata(path: Path) -> dict[str, Any]:
         document = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
     except (YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
         raise RecordingError("metadata.yaml cannot be read") from error
-    said = document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
-    return said if isinstance(said, dict) else {}
+    information = (
+        document.get("rosbag2_bagfile_information") if isinstance(document, dict) else None
+    )
+    return information if isinstance(information, dict) else {}
 
 
 def _reader(path: Path) -> Any:

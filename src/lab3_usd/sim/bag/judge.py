@@ -18,21 +18,22 @@ from lab3_usd.errors import RecordingError
 from lab3_usd.model.dry_run import HERE, Behaviour, Check, Difference, Place, Topic, Unknown
 from lab3_usd.sim.bag.files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
-from lab3_usd.sim.dry_run import is_asked, path_rows, told_legs
-from lab3_usd.sim.execution.record import RATE, Leg, Pose, Session, leg_name
-from lab3_usd.sim.judge.evidence import (
+from lab3_usd.sim.dry_run import driven_legs, is_asked, path_rows
+from lab3_usd.sim.execution.drive import RATE, Leg, Session, leg_name
+from lab3_usd.sim.execution.recording import Pose
+from lab3_usd.sim.judge.checks import CHECKS as SHARED
+from lab3_usd.sim.judge.checks import verdict
+from lab3_usd.sim.judge.sensors import SHORT
+from lab3_usd.sim.judge.topics import interface, map_topic, reached_topics, static_topics
+from lab3_usd.sim.judge.trial import (
     PHYSICAL,
-    Evidence,
     Fault,
     Interface,
+    Trial,
     angle,
     displacement,
     is_about,
 )
-from lab3_usd.sim.judge.sensors import SHORT
-from lab3_usd.sim.judge.topics import interface, map_topic, reached_topics, static_topics
-from lab3_usd.sim.judge.verdicts import CHECKS as SHARED
-from lab3_usd.sim.judge.verdicts import verdict
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 
@@ -48,77 +49,79 @@ _FRAMES = ("header.frame_id", "child_frame_id")
 class Recorded(Struct, frozen=True):
     """A recording, what is asked of its topics, and of localization and navigation."""
 
-    found: Gathered
+    gathered: Gathered
     topics: Topics
-    evidence: Evidence
-    asked: tuple[TopicSpec, ...]
+    trial: Trial
+    reached: tuple[TopicSpec, ...]
     map_frame: str
     goal: GoalSpec | None
 
 
 def unreadable(recorded: Recorded) -> Iterator[Fault]:
     """Every message is of the type that its topic says."""
-    for (topic, kind), tally in recorded.found.tallies.items():
+    for (topic, kind), tally in recorded.gathered.tallies.items():
         if tally.unreadable:
-            said = f"{tally.unreadable} of {tally.count} messages on {topic} are no {kind}"
-            yield Fault(said, "E05")
+            text = f"{tally.unreadable} of {tally.count} messages on {topic} are no {kind}"
+            yield Fault(text, "unreadable-message")
 
 
 def qos(recorded: Recorded) -> Iterator[Fault]:
     """Each topic is offered with the durability that is asked for, by as many as are asked for."""
-    for topic in recorded.asked:
-        for tally in recorded.found.of_topic(topic.name):
-            offered = [one.durability for one in tally.offered]
-            odd = next((one for one in offered if topic.durability not in {None, one}), None)
+    for topic in recorded.reached:
+        for tally in recorded.gathered.of_topic(topic.name):
+            offered = [offer.durability for offer in tally.offered]
+            odd = next((name for name in offered if topic.durability not in {None, name}), None)
             if odd is not None:
-                yield Fault(f"{topic.name} is offered {odd}, not {topic.durability}", "E07")
+                yield Fault(
+                    f"{topic.name} is offered {odd}, not {topic.durability}", "wrong-durability"
+                )
             if topic.publishers is not None and len(offered) > topic.publishers:
-                yield Fault(f"{len(offered)} publishers of {topic.name}", "E14")
+                yield Fault(f"{len(offered)} publishers of {topic.name}", "extra-publisher")
 
 
 def rates(recorded: Recorded) -> Iterator[Fault]:
     """What is to stream comes more than once in a while, and its stamps go on."""
-    is_short = recorded.found.timeline.arrived < SHORT
-    for topic in recorded.asked:
-        for tally in recorded.found.of_topic(topic.name):
+    is_short = recorded.gathered.timeline.arrived < SHORT
+    for topic in recorded.reached:
+        for tally in recorded.gathered.of_topic(topic.name):
             if topic.rate is not None and tally.count and not (any(tally.rates()) or is_short):
-                yield Fault(f"{topic.name} comes only once", "E04")
+                yield Fault(f"{topic.name} comes only once", "single-message")
             elif topic.rate is not None and tally.stuck > STUCK * tally.count:
-                said = f"{tally.stuck} of {tally.count} stamps of {topic.name} are not later"
-                yield Fault(f"{said} than the one before", "W01")
+                text = f"{tally.stuck} of {tally.count} stamps of {topic.name} are not later"
+                yield Fault(f"{text} than the one before", "stamp-not-advancing")
 
 
 def headers(recorded: Recorded) -> Iterator[Fault]:
     """The headers name the frames that are asked for."""
-    for topic in recorded.asked:
+    for topic in recorded.reached:
         wanted = [(topic.fields or {})[name] for name in _FRAMES if name in (topic.fields or {})]
-        for tally in recorded.found.of_topic(topic.name):
+        for tally in recorded.gathered.of_topic(topic.name):
             odd = [frame for frame in tally.frames if frame not in wanted]
             if wanted and odd:
-                said = f"{topic.name} is in {', '.join(odd)}, not {' and '.join(wanted)}"
-                yield Fault(said, "E05")
+                text = f"{topic.name} is in {', '.join(odd)}, not {' and '.join(wanted)}"
+                yield Fault(text, "wrong-header-frame")
 
 
 def running(recorded: Recorded) -> Iterator[Fault]:
     """The clock goes on."""
-    timeline = recorded.found.timeline
+    timeline = recorded.gathered.timeline
     if timeline.ticks > 1 and timeline.speed < BARELY and timeline.arrived > 1.0:
         passed = f"{timeline.now:.1f} s in {timeline.arrived:.1f} s"
-        yield Fault(f"{recorded.topics.wanted.clock} runs {passed}", "W01")
+        yield Fault(f"{recorded.topics.wanted.clock} runs {passed}", "stopped-clock")
 
 
 def frames(recorded: Recorded) -> Iterator[Fault]:
     """Each frame keeps its parent to the end, and its transform comes without gaps."""
     parents: dict[str, list[str]] = {}
-    for parent, child in recorded.found.links:
+    for parent, child in recorded.gathered.links:
         parents.setdefault(child, []).append(parent)
     for child, several in parents.items():
         if len(several) > 1:
-            yield Fault(f"{child} has the parents {', '.join(several)}", "E12")
-    static = {(frame.parent, frame.child) for frame in recorded.found.frames if frame.static}
-    for (parent, child), link in recorded.found.links.items():
+            yield Fault(f"{child} has the parents {', '.join(several)}", "changing-parent")
+    static = {(frame.parent, frame.child) for frame in recorded.gathered.frames if frame.static}
+    for (parent, child), link in recorded.gathered.links.items():
         if link.gap > GAP and (parent, child) not in static and child != _root(recorded):
-            yield Fault(f"{parent} -> {child} is missing for {link.gap:.1f} s", "E11")
+            yield Fault(f"{parent} -> {child} is missing for {link.gap:.1f} s", "transform-gap")
             return
 
 
@@ -128,67 +131,74 @@ def _root(recorded: Recorded) -> str:
 
 def odometry(recorded: Recorded) -> Iterator[Fault]:
     """The speeds of odometry are those of the way that it tells."""
-    evidence, messages = (
-        recorded.evidence,
-        recorded.evidence.recording.topic(recorded.topics.wanted.odometry, 0),
+    trial, messages = (
+        recorded.trial,
+        recorded.trial.recording.topic(recorded.topics.wanted.odometry, 0),
     )
     times = [message.at for message in messages if message.data is not None]
     end = 0.0
-    for leg in evidence.drive[0].legs:
+    for leg in trial.drive[0].legs:
         start, end = end, end + leg.seconds
         if leg.name not in {"ahead", "back", "left", "right"} or not times:
             continue
-        inside = [e.data for e in messages if e.data is not None and start < e.at <= end]
+        inside = [
+            message.data
+            for message in messages
+            if message.data is not None and start < message.at <= end
+        ]
         if not inside:
             continue
-        stretch = next((s for s in evidence.stretches(leg.name) if s.leg is leg), None)
+        stretch = next((s for s in trial.stretches(leg.name) if s.leg is leg), None)
         if stretch is None:
             continue
         ahead, _, turned = displacement(stretch.before, stretch.poses[-1])
-        linear = sum(each.linear[0] for each in inside) / len(inside)
-        angular = sum(each.angular[2] for each in inside) / len(inside)
+        linear = sum(data.linear[0] for data in inside) / len(inside)
+        angular = sum(data.angular[2] for data in inside) / len(inside)
         pairs = [(linear, ahead / leg.seconds)]
         if abs(leg.turn * leg.seconds) < math.pi / 2:
             pairs.append((angular, turned / leg.seconds))
         if any(abs(a - b) > TWIST[0] + TWIST[1] * abs(b) for a, b in pairs):
-            yield Fault(f"the speeds of odometry are not those of its way {leg.name}", "W02")
+            yield Fault(
+                f"the speeds of odometry are not those of its way {leg.name}",
+                "wrong-odometry-velocity",
+            )
             return
 
 
 def way(recorded: Recorded) -> Iterator[Fault]:
-    """All in all the robot goes about as far as it is told."""
-    evidence = recorded.evidence
-    most = evidence.wanted.limits[0] or math.inf
-    told = sum(min(abs(leg.forward), most) * leg.seconds for leg in evidence.drive[0].legs)
-    poses = evidence.recording.path
-    done = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(poses))
-    if told > LEAST and not is_about(done, told):
-        yield Fault(f"told to go {told:.1f} m in all, went {done:.1f} m", "P01")
+    """All in all the robot goes about as far as it is commanded."""
+    trial = recorded.trial
+    most = trial.wanted.limits[0] or math.inf
+    commanded = sum(min(abs(leg.forward), most) * leg.seconds for leg in trial.drive[0].legs)
+    poses = trial.recording.path
+    driven = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(poses))
+    if commanded > LEAST and not is_about(driven, commanded):
+        yield Fault(f"told to go {commanded:.1f} m in all, went {driven:.1f} m", "wrong-distance")
 
 
 def localization(recorded: Recorded) -> Iterator[Fault]:
     """Localization ties the map to odometry, alone and to the end."""
-    root, found = _root(recorded), recorded.found
-    above = {parent: link for (parent, child), link in found.links.items() if child == root}
+    root, gathered = _root(recorded), recorded.gathered
+    above = {parent: link for (parent, child), link in gathered.links.items() if child == root}
     link = above.get(recorded.map_frame)
     if link is None:
-        yield Fault(f"no {recorded.map_frame} -> {root}", "E11")
-    elif link.last < found.timeline.now - QUIET:
-        yield Fault(f"{recorded.map_frame} -> {root} ends", "E11")
+        yield Fault(f"no {recorded.map_frame} -> {root}", "no-localization")
+    elif link.last < gathered.timeline.now - QUIET:
+        yield Fault(f"{recorded.map_frame} -> {root} ends", "localization-ends")
     if len(above) > 1:
-        yield Fault(f"{root} has the parents {', '.join(above)}", "E12")
+        yield Fault(f"{root} has the parents {', '.join(above)}", "changing-parent")
 
 
 def goal(recorded: Recorded) -> Iterator[Fault]:
     """The last goal is reached."""
-    goals, asked = recorded.found.goals, recorded.goal
-    if asked is None:
+    goals, expected = recorded.gathered.goals, recorded.goal
+    if expected is None:
         return
     if not goals:
-        yield Fault("no goal was sent", "E16")
-    elif [*goals.values()][-1] != asked.succeeded:
-        name = asked.name([*goals.values()][-1])
-        yield Fault(f"the last of {len(goals)} goals is {name}", "E16")
+        yield Fault("no goal was sent", "no-goal-sent")
+    elif [*goals.values()][-1] != expected.succeeded:
+        name = expected.name([*goals.values()][-1])
+        yield Fault(f"the last of {len(goals)} goals is {name}", "goal-not-reached")
 
 
 Look = Callable[[Recorded], Iterator[Fault]]
@@ -218,21 +228,19 @@ def _topics(recorded: Behaviour, dry: Behaviour) -> Iterator[Difference]:
     """Compare what the stage publishes; other nodes may publish more."""
     came = {topic.name: topic for topic in recorded.topics}
     for expected in dry.topics:
-        found = came.get(expected.name)
-        if found is None:
+        topic = came.get(expected.name)
+        if topic is None:
             yield Difference(expected.name, "comes in the dry run only")
             continue
-        for text in _parts(found, expected):
+        if topic.type != expected.type:
+            text = f"is {topic.type}, in the dry run {expected.type}"
             yield Difference(expected.name, text)
-
-
-def _parts(found: Topic, expected: Topic) -> Iterator[str]:
-    if found.type != expected.type:
-        yield f"is {found.type}, in the dry run {expected.type}"
-    if abs(found.hz - expected.hz) > RATES * max(found.hz, expected.hz):
-        yield f"comes at {found.hz:.1f} Hz, in the dry run at {expected.hz:.1f}"
-    if found.frame not in expected.frame.split(", "):
-        yield f"is in '{found.frame}', in the dry run in '{expected.frame}'"
+        if abs(topic.hz - expected.hz) > RATES * max(topic.hz, expected.hz):
+            text = f"comes at {topic.hz:.1f} Hz, in the dry run at {expected.hz:.1f}"
+            yield Difference(expected.name, text)
+        if topic.frame not in expected.frame.split(", "):
+            text = f"is in '{topic.frame}', in the dry run in '{expected.frame}'"
+            yield Difference(expected.name, text)
 
 
 def _frames(recorded: Behaviour, dry: Behaviour) -> Iterator[Difference]:
@@ -243,14 +251,14 @@ def _frames(recorded: Behaviour, dry: Behaviour) -> Iterator[Difference]:
     for frame in dry.frames:
         parents = came.get(frame.child, set())
         if frame.parent not in parents:
-            said = f"is below {', '.join(sorted(parents))}" if parents else "never comes"
-            yield Difference(frame.child, f"{said}, in the dry run below {frame.parent}")
+            place = f"is below {', '.join(sorted(parents))}" if parents else "never comes"
+            yield Difference(frame.child, f"{place}, in the dry run below {frame.parent}")
 
 
 _LONG = 1.0  # seconds of one command, from which on it is judged
 _SAME = 1e-3  # m/s and rad/s between commands
 _VARIED = "varied"
-_Told = tuple[float, float, float]  # forward, to the left, turning
+_Command = tuple[float, float, float]  # forward, to the left, turning
 
 _TOPIC = re.compile(r"/[A-Za-z0-9_/]+")
 _TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv|action)/[A-Za-z0-9_]+")
@@ -267,13 +275,13 @@ def judge_recording(recording: Path, lab: Lab, checkpoint: str, *, whole: bool) 
     try:
         bounds = Bounds()
         with opened(layout_at(recording), bounds) as bag:
-            found = gather(bag.messages(), bag.topics, topics, bounds.listed)
+            gathered = gather(bag.messages(), bag.topics, topics, bounds.listed)
     except (RecordingError, OSError) as error:
         reason = (Unknown("/", str(error)),)
         return Behaviour(
             "", checkpoint, 0.0, "unreadable", not_simulated=reason, recording=str(recording)
         )
-    return _judged(found, topics, (lab, checkpoint), whole=whole, name=str(recording))
+    return _judged(gathered, topics, (lab, checkpoint), whole=whole, name=str(recording))
 
 
 def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -> Behaviour:
@@ -284,12 +292,12 @@ def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -
     """
     wanted = interface(lab, lab.checkpoints[checkpoint])
     with opened(layout, bounds) as bag:
-        found = gather(bag.messages(), bag.topics, _read_topics(lab, wanted), bounds.listed)
-    came = {topic for (topic, _), tally in found.tallies.items() if tally.count}
+        gathered = gather(bag.messages(), bag.topics, _read_topics(lab, wanted), bounds.listed)
+    came = {topic for (topic, _), tally in gathered.tallies.items() if tally.count}
     seen = replace(
-        wanted, types={each: kind for each, kind in wanted.types.items() if each in came}
+        wanted, types={topic: kind for topic, kind in wanted.types.items() if topic in came}
     )
-    return _judged(found, _read_topics(lab, seen), (lab, checkpoint), whole=False, name="")
+    return _judged(gathered, _read_topics(lab, seen), (lab, checkpoint), whole=False, name="")
 
 
 def _read_topics(lab: Lab, wanted: Interface) -> Topics:
@@ -298,47 +306,47 @@ def _read_topics(lab: Lab, wanted: Interface) -> Topics:
 
 
 def _judged(
-    found: Gathered, topics: Topics, asked_by: tuple[Lab, str], *, whole: bool, name: str
+    gathered: Gathered, topics: Topics, asked_by: tuple[Lab, str], *, whole: bool, name: str
 ) -> Behaviour:
     (lab, checkpoint), wanted = asked_by, topics.wanted
-    found.recording.seconds = found.timeline.now
-    drive = legs(found.commands, found.seconds, wanted.limits)
-    found.recording.path = list(path(found.places, drive))
-    evidence = Evidence(found.recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
-    asked = reached_topics(lab, checkpoint)
+    gathered.recording.seconds = gathered.timeline.now
+    drive = legs(gathered.commands, gathered.seconds, wanted.limits)
+    gathered.recording.path = list(path(gathered.places, drive))
+    trial = Trial(gathered.recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
+    reached = reached_topics(lab, checkpoint)
     map_frame = map_topic(lab, checkpoint)[1]
-    recorded = Recorded(found, topics, evidence, asked, map_frame, lab.ros.goal)
+    recorded = Recorded(gathered, topics, trial, reached, map_frame, lab.ros.goal)
     checks = tuple(_checks(recorded, _left_out(recorded, lab, checkpoint, whole=whole)))
     return Behaviour(
         "",
         checkpoint,
-        found.timeline.now,
+        gathered.timeline.now,
         "bad" if any(check.verdict == "bad" for check in checks) else "ok",
-        tuple(_judged_topics(found)),
-        tuple(found.frames),
+        tuple(_judged_topics(gathered)),
+        tuple(gathered.frames),
         checks,
-        tuple(path_rows(evidence)),
-        legs=tuple(told_legs(evidence)) if found.places else (),
-        remarks=tuple(_remarks(found)),
+        tuple(path_rows(trial)),
+        legs=tuple(driven_legs(trial)) if gathered.places else (),
+        remarks=tuple(_remarks(gathered)),
         recording=name,
     )
 
 
 def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> frozenset[str]:
     """Return the checks that nothing was recorded for, or that are not asked for."""
-    found, evidence = recorded.found, recorded.evidence
-    names = {each for each in SHARED if not is_asked(each, evidence)} | {"odometry"}
-    if not found.commands or not evidence.recording.path:
+    gathered, trial = recorded.gathered, recorded.trial
+    names = {name for name in SHARED if not is_asked(name, trial)} | {"odometry"}
+    if not gathered.commands or not trial.recording.path:
         names |= {*_MOVED}
     map_name, _ = map_topic(lab, checkpoint)
-    seen = {frame.child for frame in found.frames if frame.parent == recorded.map_frame}
+    seen = {frame.child for frame in gathered.frames if frame.parent == recorded.map_frame}
     goal = lab.ros.goal
-    robot = () if goal is None else found.of_topic(goal.robot)
-    came = found.of_topic(map_name) or robot or seen
+    robot = () if goal is None else gathered.of_topic(goal.robot)
+    came = gathered.of_topic(map_name) or robot or seen
     if not map_name or not (whole or came):
         names.add("localization")
-    reached = goal is not None and goal.since in lab.until(checkpoint)
-    if not reached or not (whole or found.goals):
+    has_goal = goal is not None and goal.since in lab.until(checkpoint)
+    if not has_goal or not (whole or gathered.goals):
         names.add("goal")
     return frozenset(names)
 
@@ -350,74 +358,69 @@ def _checks(recorded: Recorded, left_out: frozenset[str]) -> Iterator[Check]:
         looked = False
         if name in SHARED and name not in left_out:
             looked = True
-            faults += SHARED[name](recorded.evidence)
+            faults += SHARED[name](recorded.trial)
         if name in CHECKS and (name == "odometry" or name not in left_out):
             looked = True
             faults += CHECKS[name](recorded)
         if looked:
-            yield verdict(name, faults, recorded.evidence)
+            yield verdict(name, faults, recorded.trial)
 
 
-def _judged_topics(found: Gathered) -> Iterator[Topic]:
-    for (topic, kind), tally in sorted(found.tallies.items(), key=lambda each: each[0]):
+def _judged_topics(gathered: Gathered) -> Iterator[Topic]:
+    for (topic, kind), tally in sorted(gathered.tallies.items(), key=lambda row: row[0]):
         if not _TOPIC.fullmatch(topic) or not _TYPE.fullmatch(kind) or not tally.count:
             continue
         by_stamp, by_arrival = (round(rate, 2) for rate in tally.rates())
-        offered = tuple(each.text for each in tally.offered)
+        offered = tuple(offer.text for offer in tally.offered)
         frame = next(iter(tally.frames), "")
         yield Topic(topic, kind, by_stamp, frame, by_arrival, offered)
 
 
-def _remarks(found: Gathered) -> Iterator[str]:
+def _remarks(gathered: Gathered) -> Iterator[str]:
     """Say what else is to be known of the recording."""
-    timeline = found.timeline
+    timeline = gathered.timeline
     if not timeline.clocked:
         yield "no clock was recorded: rates are those of arrival"
     else:
         yield f"the simulation ran at {timeline.speed:.2f} of real time"
-    if found.until is not None:
-        yield f"the first {found.until:.0f} s were judged message by message, the rest in sum"
+    if gathered.until is not None:
+        yield f"the first {gathered.until:.0f} s were judged message by message, the rest in sum"
     odd = sum(
-        not _TOPIC.fullmatch(topic) or not _TYPE.fullmatch(kind) for topic, kind in found.tallies
+        not _TOPIC.fullmatch(topic) or not _TYPE.fullmatch(kind) for topic, kind in gathered.tallies
     )
     if odd:
         yield f"{odd} topics have a name or type that is none"
-    if not found.commands:
+    if not gathered.commands:
         yield "no command was recorded, so that nothing is said of how the robot follows"
 
 
 def legs(
-    commands: Sequence[tuple[float, _Told]], seconds: float, limits: tuple[float, float]
+    commands: Sequence[tuple[float, _Command]], seconds: float, limits: tuple[float, float]
 ) -> tuple[Leg, ...]:
-    """Return what was told: a command holds until the next, as Isaac Sim's subscriber has it."""
-    return tuple(_legs(commands, round(seconds * RATE), limits))
-
-
-def _legs(
-    commands: Sequence[tuple[float, _Told]], end: int, limits: tuple[float, float]
-) -> Iterator[Leg]:
-    first, told = 0, None
-    changes = [each for each in commands if round(each[0] * RATE) < end]
+    """Return the legs of a drive: a command holds until the next, as in Isaac Sim."""
+    drive: list[Leg] = []
+    end, first = round(seconds * RATE), 0
+    current: _Command | None = None
+    changes = [change for change in commands if round(change[0] * RATE) < end]
     for at, command in [*changes, (end / RATE, None)]:
-        if told is not None and command is not None and _same(told, command):
-            continue
+        if current is not None and command is not None:
+            steps = (abs(a - b) for a, b in zip(current, command, strict=True))
+            if all(step < _SAME for step in steps):
+                continue
         frame = max(first, round(at * RATE))
         if frame > first:
-            yield _leg(told, (frame - first) / RATE, limits)
-        first, told = frame, command
+            drive.append(_leg(current, (frame - first) / RATE, limits))
+        first, current = frame, command
+    return tuple(drive)
 
 
-def _same(one: _Told, other: _Told) -> bool:
-    return all(abs(a - b) < _SAME for a, b in zip(one, other, strict=True))
-
-
-def _leg(told: _Told | None, seconds: float, limits: tuple[float, float]) -> Leg:
-    if told is None:
+def _leg(command: _Command | None, seconds: float, limits: tuple[float, float]) -> Leg:
+    if command is None:
         return Leg("idle", seconds)
     if seconds < _LONG:
-        return Leg(_VARIED, seconds, told)
-    aside = told[1] and not told[0] and not told[2]
-    return Leg("sideways" if aside else leg_name(told[0], told[2], limits), seconds, told)
+        return Leg(_VARIED, seconds, command)
+    aside = command[1] and not command[0] and not command[2]
+    return Leg("sideways" if aside else leg_name(command[0], command[2], limits), seconds, command)
 
 
 def path(places: Sequence[tuple[float, Place]], drive: Sequence[Leg]) -> Iterator[Pose]:
@@ -431,12 +434,12 @@ def path(places: Sequence[tuple[float, Place]], drive: Sequence[Leg]) -> Iterato
             at = frame / RATE
             while ahead + 1 < len(places) and places[ahead + 1][0] <= at:
                 ahead += 1
-            here, there = places[ahead], places[min(ahead + 1, len(places) - 1)]
-            yield Pose(0, at, leg.name, *_between(here, there, at))
+            before, after = places[ahead], places[min(ahead + 1, len(places) - 1)]
+            yield Pose(0, at, leg.name, *_between(before, after, at))
 
 
-def _between(one: tuple[float, Place], other: tuple[float, Place], at: float) -> Place:
-    span = other[0] - one[0]
-    part = min(1.0, max(0.0, (at - one[0]) / span)) if span > 0 else 0.0
-    (x, y, turned), (u, v, later) = one[1], other[1]
+def _between(before: tuple[float, Place], after: tuple[float, Place], at: float) -> Place:
+    span = after[0] - before[0]
+    part = min(1.0, max(0.0, (at - before[0]) / span)) if span > 0 else 0.0
+    (x, y, turned), (u, v, later) = before[1], after[1]
     return (x + part * (u - x), y + part * (v - y), turned + part * angle(later - turned))

@@ -14,8 +14,8 @@ from lab3_usd.errors import RecordingError
 from lab3_usd.model.dry_run import Affine, Frame, Place, heading, rotation
 from lab3_usd.sim.bag.files import Offered, Raw
 from lab3_usd.sim.bag.writer import STORE
-from lab3_usd.sim.execution.record import Message, Odometry, Recording, Scan, Transform, View
-from lab3_usd.sim.judge.evidence import Interface
+from lab3_usd.sim.execution.recording import Message, Odometry, Recording, Scan, Transform, View
+from lab3_usd.sim.judge.trial import Interface
 
 NEAR = 0.5  # seconds from the clock within which a stamp is of that clock
 _NANOSECONDS = 1e9
@@ -141,8 +141,8 @@ def _seconds(stamp: Any) -> float:
     return float(stamp.sec + stamp.nanosec / _NANOSECONDS)
 
 
-def _head(said: Any) -> Header:
-    return Header(_seconds(said.stamp), said.frame_id[:LONGEST])
+def _head(header_of: Any) -> Header:
+    return Header(_seconds(header_of.stamp), header_of.frame_id[:LONGEST])
 
 
 def _clock(message: Any) -> Decoded:
@@ -158,29 +158,29 @@ def _wxyz(turn: Any) -> tuple[float, float, float, float]:
 
 
 def _twist(message: Any) -> Decoded | None:
-    told = (message.linear.x, message.linear.y, message.angular.z)
-    return Decoded(None, told) if _finite(told) else None
+    command = (message.linear.x, message.linear.y, message.angular.z)
+    return Decoded(None, command) if _finite(command) else None
 
 
 def _odometry(message: Any) -> Decoded | None:
     pose, twist = message.pose.pose, message.twist.twist
-    said = (_xyz(pose.position), _wxyz(pose.orientation), _xyz(twist.linear), _xyz(twist.angular))
-    if not all(map(_finite, said)):
+    values = (_xyz(pose.position), _wxyz(pose.orientation), _xyz(twist.linear), _xyz(twist.angular))
+    if not all(map(_finite, values)):
         return None
-    return Decoded(_head(message.header), Odometry(message.child_frame_id[:LONGEST], *said))
+    return Decoded(_head(message.header), Odometry(message.child_frame_id[:LONGEST], *values))
 
 
 def _transforms(message: Any) -> Decoded | None:
-    found = []
+    transforms = []
     for transform in message.transforms:
         place = (_xyz(transform.transform.translation), _wxyz(transform.transform.rotation))
         if not all(map(_finite, place)):
             return None
         names = (transform.header.frame_id[:LONGEST], transform.child_frame_id[:LONGEST])
-        found.append(Transform(*names, *place))
+        transforms.append(Transform(*names, *place))
     # It has a header for each transform, and so no frame of its own.
-    first = Header(_head(message.transforms[0].header).stamp, "") if found else None
-    return Decoded(first, tuple(found))
+    first = Header(_head(message.transforms[0].header).stamp, "") if transforms else None
+    return Decoded(first, tuple(transforms))
 
 
 def _scan(message: Any) -> Decoded | None:
@@ -307,23 +307,32 @@ def gather(
         RecordingError: they list more transforms and goals than are read.
     """
     timeline = Timeline(any(topic == topics.wanted.clock for topic, _ in offered))
-    found = Gathered(timeline)
-    for key, each in offered.items():
-        found.tallies[key] = Tally(offered=each)
+    gathered = Gathered(timeline)
+    for key, profiles in offered.items():
+        gathered.tallies[key] = Tally(offered=profiles)
     judged, lasting = topics.judged(), topics.lasting()
     for raw in messages:
-        _take(found, raw, topics, whole=raw.topic in (judged if found.until is None else lasting))
-        if found.listed > most_listed:
+        _take(
+            gathered,
+            raw,
+            topics,
+            whole=raw.topic in (judged if gathered.until is None else lasting),
+        )
+        if gathered.listed > most_listed:
             raise RecordingError(f"has more than {most_listed} transforms and goals")
-    found.recording.messages.sort(key=lambda each: each.at)
-    return found
+    gathered.recording.messages.sort(key=lambda message: message.at)
+    return gathered
 
 
-def _take(found: Gathered, raw: Raw, topics: Topics, *, whole: bool) -> None:
-    timeline = found.timeline
+def _take(gathered: Gathered, raw: Raw, topics: Topics, *, whole: bool) -> None:
+    timeline = gathered.timeline
     timeline.arrive(raw.arrival)
-    tally = found.tallies.setdefault((raw.topic, raw.type), Tally())
-    read = _read(raw, whole=whole)
+    tally = gathered.tallies.setdefault((raw.topic, raw.type), Tally())
+    read = (
+        decode(raw.type, raw.data)
+        if whole
+        else Decoded(header(raw.data) if has_header(raw.type) else None, None)
+    )
     if read is None:
         tally.unreadable += 1
         read = Decoded(None, None)
@@ -339,13 +348,7 @@ def _take(found: Gathered, raw: Raw, topics: Topics, *, whole: bool) -> None:
     if whole:
         frame = read.header.frame if read.header is not None else ""
         message = Message(raw.type, stamp or 0.0, frame, read.data, topic=raw.topic, at=at)
-        _keep(found, message, topics)
-
-
-def _read(raw: Raw, *, whole: bool) -> Decoded | None:
-    if whole:
-        return decode(raw.type, raw.data)
-    return Decoded(header(raw.data) if has_header(raw.type) else None, None)
+        _keep(gathered, message, topics)
 
 
 def _count(tally: Tally, read: Decoded, stamp: float | None, moment: tuple[float, float]) -> None:
@@ -361,64 +364,56 @@ def _count(tally: Tally, read: Decoded, stamp: float | None, moment: tuple[float
         tally.frames[read.data.child] = None
 
 
-def _keep(found: Gathered, message: Message, topics: Topics) -> None:
+def _keep(gathered: Gathered, message: Message, topics: Topics) -> None:
     wanted, data = topics.wanted, message.data
     if message.topic == topics.goal and isinstance(data, tuple):
-        found.listed += len(data)
-        _gathered_goals(found, data)
+        gathered.listed += len(data)
+        for goal in data[:MOST_NAMES]:
+            if goal.id in gathered.goals or len(gathered.goals) < MOST_NAMES:
+                gathered.goals[goal.id] = goal.status
         return
-    if _is_enough(found, message):
-        found.until = min(found.until or DETAIL, found.timeline.now)
+    kept = len(gathered.recording.messages)
+    if message.at > DETAIL or kept >= MOST_KEPT or gathered.transforms > MOST_TRANSFORMS:
+        gathered.until = min(gathered.until or DETAIL, gathered.timeline.now)
     if message.topic in {wanted.transforms, *topics.static} and isinstance(data, tuple):
-        found.listed += len(data)
+        gathered.listed += len(data)
         static = message.topic in topics.static
-        inner = _links(found, message.transforms, message.at, wanted.root, static=static)
+        inner = _links(gathered, message.transforms, message.at, wanted.root, static=static)
         if static or not inner:
             return
         message.data = inner
-        found.transforms += len(inner)
-    if found.until is None:
-        _keep_whole(found, message, wanted)
+        gathered.transforms += len(inner)
+    if gathered.until is None:
+        _keep_whole(gathered, message, wanted)
 
 
-def _is_enough(found: Gathered, message: Message) -> bool:
-    kept = len(found.recording.messages)
-    return message.at > DETAIL or kept >= MOST_KEPT or found.transforms > MOST_TRANSFORMS
-
-
-def _keep_whole(found: Gathered, message: Message, wanted: Interface) -> None:
+def _keep_whole(gathered: Gathered, message: Message, wanted: Interface) -> None:
     data = message.data
     if message.topic == wanted.commands:
         if isinstance(data, tuple):
-            found.commands.append((message.at, data))
+            gathered.commands.append((message.at, data))
         return
-    found.recording.messages.append(message)
+    gathered.recording.messages.append(message)
     if isinstance(data, Odometry):
         turned = heading(Affine(rotation(data.orientation)))
         x, y, _ = data.position
-        found.places.append((message.at, (x, y, turned)))
-
-
-def _gathered_goals(found: Gathered, goals: tuple[Goal, ...]) -> None:
-    for goal in goals[:MOST_NAMES]:
-        if goal.id in found.goals or len(found.goals) < MOST_NAMES:
-            found.goals[goal.id] = goal.status
+        gathered.places.append((message.at, (x, y, turned)))
 
 
 def _links(
-    found: Gathered, transforms: tuple[Transform, ...], at: float, root: str, *, static: bool
+    gathered: Gathered, transforms: tuple[Transform, ...], at: float, root: str, *, static: bool
 ) -> tuple[Transform, ...]:
     """Note who is whose parent, and return what is below the root."""
     for transform in transforms:
         key = (transform.parent, transform.child)
-        link = found.links.get(key)
+        link = gathered.links.get(key)
         if link is None:
-            if len(found.links) >= MOST_NAMES:
+            if len(gathered.links) >= MOST_NAMES:
                 continue
-            link = found.links[key] = Link(last=at)
-            found.frames[Frame(*key, static)] = None
+            link = gathered.links[key] = Link(last=at)
+            gathered.frames[Frame(*key, static)] = None
             if static:
-                found.recording.static = (*found.recording.static, (transform, ""))
+                gathered.recording.static = (*gathered.recording.static, (transform, ""))
         link.gap = max(link.gap, 0.0 if static else at - link.last)
         link.count, link.last = link.count + 1, at
     return tuple(transform for transform in transforms if transform.child != root)

@@ -22,18 +22,9 @@ from ruamel.yaml import YAML
 
 from lab3_usd.model.dry_run import Quaternion
 from lab3_usd.model.transforms import Vector
-from lab3_usd.sim.execution.record import (
-    RATE,
-    Leg,
-    Message,
-    Odometry,
-    Profile,
-    Scan,
-    Transform,
-    View,
-    command_frames,
-)
-from lab3_usd.sim.judge.evidence import Evidence
+from lab3_usd.sim.execution.drive import RATE, Leg, command_frames
+from lab3_usd.sim.execution.recording import Message, Odometry, Profile, Scan, Transform, View
+from lab3_usd.sim.judge.trial import Trial
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 TWIST = "geometry_msgs/msg/Twist"
@@ -56,7 +47,7 @@ def serialized(message: Message) -> bytes | None:
     elif isinstance(data, View):
         made = _info(message, data) if data.matrix else None
     elif isinstance(data, tuple):
-        transforms = [_transform(message, each) for each in data]
+        transforms = [_transform(message, transform) for transform in data]
         made = _new(message.type, transforms)
     elif isinstance(data, float):
         made = _new(message.type, _time(data))
@@ -93,57 +84,57 @@ def _quaternion(turn: Quaternion) -> object:
     return _new("geometry_msgs/msg/Quaternion", x, y, z, w)
 
 
-def _odometry(message: Message, said: Odometry) -> object:
-    place = (_vector(said.position, "Point"), _quaternion(said.orientation))
-    speed = (_vector(said.linear), _vector(said.angular))
+def _odometry(message: Message, odometry: Odometry) -> object:
+    place = (_vector(odometry.position, "Point"), _quaternion(odometry.orientation))
+    speed = (_vector(odometry.linear), _vector(odometry.angular))
     unknown = np.zeros(36, dtype=np.float64)
     pose = _new("geometry_msgs/msg/Pose", *place)
     twist = _new(TWIST, *speed)
     return _new(
         message.type,
         _header(message, message.frame),
-        said.child,
+        odometry.child,
         _new("geometry_msgs/msg/PoseWithCovariance", pose, unknown),
         _new("geometry_msgs/msg/TwistWithCovariance", twist, unknown),
     )
 
 
-def _transform(message: Message, said: Transform) -> object:
-    moved = (_vector(said.translation), _quaternion(said.rotation))
+def _transform(message: Message, transform: Transform) -> object:
+    moved = (_vector(transform.translation), _quaternion(transform.rotation))
     return _new(
         "geometry_msgs/msg/TransformStamped",
-        _header(message, said.parent),
-        said.child,
+        _header(message, transform.parent),
+        transform.child,
         _new("geometry_msgs/msg/Transform", *moved),
     )
 
 
-def _scan(message: Message, said: Scan) -> object:
-    last = said.angle_min + said.angle_increment * (len(said.ranges) - 1)
-    angles = (said.angle_min, last, said.angle_increment)
+def _scan(message: Message, scan: Scan) -> object:
+    last = scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1)
+    angles = (scan.angle_min, last, scan.angle_increment)
     times = (0.0, 0.0)  # the whole scan is of one moment
-    ranges = np.array(said.ranges, dtype=np.float32)
+    ranges = np.array(scan.ranges, dtype=np.float32)
     return _new(
         message.type,
         _header(message, message.frame),
         *angles,
         *times,
-        said.range_min,
-        said.range_max,
+        scan.range_min,
+        scan.range_max,
         ranges,
         np.zeros(0, dtype=np.float32),
     )
 
 
-def _info(message: Message, said: View) -> object:
-    fx, _, cx, _, fy, cy, *_ = said.matrix
+def _info(message: Message, view: View) -> object:
+    fx, _, cx, _, fy, cy, *_ = view.matrix
     projection = (fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0)
-    arrays = (np.zeros(5), np.array(said.matrix), np.eye(3).ravel(), np.array(projection))
+    arrays = (np.zeros(5), np.array(view.matrix), np.eye(3).ravel(), np.array(projection))
     return _new(
         message.type,
         _header(message, message.frame),
-        said.height,
-        said.width,
+        view.height,
+        view.width,
         "plumb_bob",
         *arrays,
         0,
@@ -171,48 +162,40 @@ class Record(NamedTuple):
     profile: Profile = Profile()
 
 
-def write_bag(folder: Path, evidence: Evidence) -> int:
+def write_bag(folder: Path, trial: Trial) -> int:
     """Write a bag into a new folder, and return how many messages it holds.
 
     It has what came in the lab's domain, and the commands. Pictures are not in it.
     """
-    records = sorted((*_commands(evidence), *_messages(evidence)), key=lambda each: each[:2])
+    records = sorted(_records(trial), key=lambda record: record[:2])
     with Writer(folder, version=_WRITTEN, storage_plugin=StoragePlugin.MCAP) as writer:
         connections: dict[tuple[str, str], Any] = {}
-        for each in records:
-            key = (each.topic, each.type)
+        for record in records:
+            key = (record.topic, record.type)
             if key not in connections:
                 connections[key] = writer.add_connection(
-                    *key, typestore=STORE, offered_qos_profiles=[_offered(each.profile)]
+                    *key, typestore=STORE, offered_qos_profiles=[_offered(record.profile)]
                 )
-            writer.write(connections[key], each.nanoseconds, each.data)
+            writer.write(connections[key], record.nanoseconds, record.data)
     _as_humble(folder / "metadata.yaml")
     return len(records)
 
 
-def _starts(evidence: Evidence) -> list[float]:
-    """Return when each session begins, in seconds since the first Play."""
+def _records(trial: Trial) -> Iterator[Record]:
+    """Yield the commands, then the messages, in seconds since the first Play."""
     starts = [0.0]
-    for session in evidence.drive:
+    for session in trial.drive:
         frames = sum(round(leg.seconds * RATE) for leg in session.legs)
         starts.append(starts[-1] + frames / RATE)
-    return starts
-
-
-def _messages(evidence: Evidence) -> Iterator[Record]:
-    starts = _starts(evidence)
-    for message in evidence.recording.messages:
+    for start, session in zip(starts, trial.drive, strict=False):
+        for frame, leg in command_frames(session):
+            time = nanoseconds(start + (frame + 1) / RATE)
+            yield Record(time, trial.wanted.commands, TWIST, command(leg))
+    for message in trial.recording.messages:
         data = None if message.away is not None else serialized(message)
         if data is not None:
             time = nanoseconds(starts[message.session] + message.at)
             yield Record(time, message.topic, message.type, data, message.profile)
-
-
-def _commands(evidence: Evidence) -> Iterator[Record]:
-    for start, session in zip(_starts(evidence), evidence.drive, strict=False):
-        for frame, leg in command_frames(session):
-            time = nanoseconds(start + (frame + 1) / RATE)
-            yield Record(time, evidence.wanted.commands, TWIST, command(leg))
 
 
 def _offered(profile: Profile) -> Qos:
@@ -234,11 +217,11 @@ def _as_humble(path: Path) -> None:
     reader = YAML(typ="safe")
     reader.default_flow_style = False
     document = reader.load(path.read_text(encoding="utf-8"))
-    said = document["rosbag2_bagfile_information"]
-    said["version"] = HUMBLE
+    metadata = document["rosbag2_bagfile_information"]
+    metadata["version"] = HUMBLE
     for name in _LATER:
-        said.pop(name, None)
-    for topic in said["topics_with_message_count"]:
+        metadata.pop(name, None)
+    for topic in metadata["topics_with_message_count"]:
         topic["topic_metadata"].pop(_HASH, None)
     text = StringIO()
     reader.dump(document, text)

@@ -125,29 +125,25 @@ def _running(graph: Graph, catalog: Catalog, program: Program) -> Iterator[tuple
 
 def _connect(node: Running, nodes: dict[str, Running]) -> None:
     """Find what reaches each input: a wire that can be, else the value, else the default."""
-    declared = {name: each for name, each in node.node.inputs.items() if node.type.port(name)}
+    declared = {name: state for name, state in node.node.inputs.items() if node.type.port(name)}
     for name in dict.fromkeys((*node.type.ports, *declared)):
         port = node.type.port(name)
         if port is None or not name.startswith(INPUT) or port.is_target:
             continue
         state = declared.get(name) or _UNSAVED
         if port.is_execution:
-            _follow(node, port, state, nodes)
+            for path, _, output in (wire.rpartition(".") for wire in state.sources):
+                source = nodes.get(path)
+                out = source.type.ports.get(output) if source is not None else None
+                if source is not None and out is not None and can_connect(out, port):
+                    source.follows.setdefault(out.short, []).append(node)
         else:
             _feed(node, port, state, nodes)
 
 
-def _follow(node: Running, port: Port, state: Input, nodes: dict[str, Running]) -> None:
-    for path, _, name in (each.rpartition(".") for each in state.sources):
-        source = nodes.get(path)
-        out = source.type.ports.get(name) if source is not None else None
-        if source is not None and out is not None and can_connect(out, port):
-            source.follows.setdefault(out.short, []).append(node)
-
-
 def _feed(node: Running, port: Port, state: Input, nodes: dict[str, Running]) -> None:
     node.values[port.short] = value_of(port, state, node)
-    for path, _, name in (each.rpartition(".") for each in state.sources):
+    for path, _, name in (wire.rpartition(".") for wire in state.sources):
         source = nodes.get(path)
         out = source.type.port(name) if source is not None else None
         if source is None or out is None or not can_connect(out, port):
@@ -178,12 +174,12 @@ def _in_order(nodes: dict[str, Running]) -> list[Running]:
         for followers in node.follows.values():
             for follower in followers:
                 before[follower.path].add(node.path)
-    found: dict[str, Running] = {}
-    while len(found) < len(nodes):
-        ready = [each for each in nodes if each not in found and before[each] <= found.keys()]
-        for path in ready or [next(each for each in nodes if each not in found)]:
-            found[path] = nodes[path]
-    return list(found.values())
+    ordered: dict[str, Running] = {}
+    while len(ordered) < len(nodes):
+        waiting = [path for path in nodes if path not in ordered]
+        ready = [path for path in waiting if before[path] <= ordered.keys()]
+        ordered |= {path: nodes[path] for path in ready or waiting[:1]}
+    return list(ordered.values())
 
 
 def type_of(node: Node, catalog: Catalog) -> NodeType | None:
@@ -192,28 +188,18 @@ def type_of(node: Node, catalog: Catalog) -> NodeType | None:
     if known is not None:
         return known
     modern = catalog.modern(node.type)
-    family, _, name = modern.rpartition(".")
-    if family not in _families(catalog):
+    extension, _, name = modern.rpartition(".")
+    extensions = {name.rpartition(".")[0] for name in (*catalog.types, *catalog.events)}
+    if extension not in extensions:
         return None
     if name.startswith(CONSTANT):
-        return _constant(node)
-    return _made(modern, _UNLISTED[name]) if name in _UNLISTED else None
-
-
-def _families(catalog: Catalog) -> frozenset[str]:
-    """Return what stands before the names of types: the extensions that are known at all."""
-    return frozenset(each.rpartition(".")[0] for each in (*catalog.types, *catalog.events))
-
-
-def _made(name: str, ports: dict[str, str]) -> NodeType:
-    made = {
-        each: Port(each, kind, _USD.get(kind, kind), _DEFAULTS.get(each))
-        for each, kind in ports.items()
+        kind = node.inputs["inputs:value"].type if "inputs:value" in node.inputs else "token"
+        constant = Port("inputs:value", kind, kind, output_only=True)
+        return NodeType(node.type, 1, node.type, node.type, node.type, {constant.name: constant})
+    if name not in _UNLISTED:
+        return None
+    ports = {
+        port: Port(port, kind, _USD.get(kind, kind), _DEFAULTS.get(port))
+        for port, kind in _UNLISTED[name].items()
     }
-    return NodeType(name, 1, name, name, name, made)
-
-
-def _constant(node: Node) -> NodeType:
-    kind = node.inputs["inputs:value"].type if "inputs:value" in node.inputs else "token"
-    port = Port("inputs:value", kind, kind, output_only=True)
-    return NodeType(node.type, 1, node.type, node.type, node.type, {port.name: port})
+    return NodeType(modern, 1, modern, modern, modern, ports)

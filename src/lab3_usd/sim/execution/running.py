@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec import Struct, field
 
 from lab3_usd.model.dry_run import Node
+from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import Vector
 from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType
 
@@ -73,10 +74,10 @@ NO_VECTOR = (0.0, 0.0, 0.0)
 
 
 class Failure(Struct, frozen=True):
-    """Why a node did not do its work, and the rule that such a fault falls under."""
+    """Why a node did not do its work, and of what kind that fault is."""
 
     reason: str
-    rule: str
+    kind: FaultKind
 
 
 class Running(Struct):
@@ -147,9 +148,9 @@ class Running(Struct):
         self.busy = False
         return done
 
-    def fails(self, reason: str, rule: str) -> bool:
+    def fails(self, reason: str, kind: FaultKind) -> bool:
         """Say why the node does not do its work."""
-        self.failure = Failure(reason, rule)
+        self.failure = Failure(reason, kind)
         return False
 
     def reset(self) -> None:
@@ -177,11 +178,11 @@ def push(node: Running, world: World, most: int) -> None:
     waiting = [node]
     seen: dict[int, int] = {}
     while waiting:
-        each = waiting.pop()
-        again = seen.get(id(each), 0)
+        current = waiting.pop()
+        again = seen.get(id(current), 0)
         if again > most:
             continue
-        seen[id(each)] = again + 1
-        if each.compute(world):
-            for port in reversed(each.enabled):
-                waiting.extend(reversed(each.follows.get(port, ())))
+        seen[id(current)] = again + 1
+        if current.compute(world):
+            for port in reversed(current.enabled):
+                waiting.extend(reversed(current.follows.get(port, ())))

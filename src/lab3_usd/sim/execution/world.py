@@ -15,7 +15,8 @@ from msgspec import Struct, field
 
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.transforms import Vector
-from lab3_usd.sim.execution.record import RATE, Message, Profile
+from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.execution.recording import Message, Profile
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.lidar import Beam, Surroundings
 from lab3_usd.sim.robot.machines import Machines
@@ -88,11 +89,11 @@ def open_endpoint(node: Running, world: World, start: str = "") -> Endpoint | No
     topic = f"{'/' + space if space else ''}/{trimmed(name)}" if name else ""
     profile = profile_of(node.text("qosProfile", world), int(node.number("queueSize", world)))
     if domain is None:
-        node.fails("its context is none", "W02")
+        node.fails("its context is none", "invalid-context")
     elif profile is None:
-        node.fails("its QoS profile is none", "P04")
+        node.fails("its QoS profile is none", "invalid-qos-profile")
     elif _NAME.fullmatch(topic) is None:
-        node.fails(f"{topic or 'an empty name'} is no topic", "P01")
+        node.fails(f"{topic or 'an empty name'} is no topic", "invalid-topic-name")
     else:
         return Endpoint(domain, topic, profile)
     return None

@@ -1,19 +1,21 @@
-"""Does the robot do what it is told, and do odometry and TF agree with it?"""
+"""Does the robot follow its commands, and do odometry and TF agree with its motion?"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from lab3_usd.model.dry_run import Affine, rotation
-from lab3_usd.sim.execution.record import RATE, Message, Odometry, Pose
-from lab3_usd.sim.judge.evidence import (
+from lab3_usd.model.fault import FaultKind
+from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.execution.recording import Message, Odometry, Pose
+from lab3_usd.sim.judge.trial import (
     SIZE,
     SOON,
-    Evidence,
     Fault,
     Stretch,
+    Trial,
     agree,
     angle,
     displacement,
@@ -22,122 +24,117 @@ from lab3_usd.sim.judge.evidence import (
 )
 
 
-def rest(evidence: Evidence) -> Iterator[Fault]:
-    """It stands still without a command, after one, and when told to go sideways."""
-    for leg, before, poses in evidence.stretches("idle", "sideways"):
-        if _moves(evidence, displacement(before, poses[-1])):
-            rule = "S10" if leg.name == "idle" else "W02"
-            yield evidence.motion_fault(f"moves while told {leg.name}", rule)
-    poses = [pose for pose in evidence.recording.path if not pose.session]
-    for at, (one, other) in enumerate(pairwise(poses), start=1):
-        if one.leg != "stop" and other.leg == "stop":
+def rest(trial: Trial) -> Iterator[Fault]:
+    """It stands still without a command, after one, and when commanded sideways."""
+    for leg, before, poses in trial.stretches("idle", "sideways"):
+        if _moves(trial, displacement(before, poses[-1])):
+            kind: FaultKind = "moves-uncommanded" if leg.name == "idle" else "moves-sideways"
+            yield trial.motion_fault(f"moves while told {leg.name}", kind)
+    poses = [pose for pose in trial.recording.path if not pose.session]
+    for at, (pose, following) in enumerate(pairwise(poses), start=1):
+        if pose.leg != "stop" and following.leg == "stop":
             later = poses[at + SOON : at + 2 * SOON + 1]
-            if later and _moves(evidence, displacement(later[0], later[-1])):
-                yield evidence.motion_fault(f"does not stop after {one.leg}", "S10")
+            if later and _moves(trial, displacement(later[0], later[-1])):
+                yield trial.motion_fault(f"does not stop after {pose.leg}", "does-not-stop")
                 return
 
 
-def _moves(evidence: Evidence, way: tuple[float, float, float]) -> bool:
+def _moves(trial: Trial, way: tuple[float, float, float]) -> bool:
     ahead, left, turned = way
-    near, turn = evidence.tolerance.still
+    near, turn = trial.tolerance.still
     return math.hypot(ahead, left) > near or abs(turned) > turn
 
 
-def follows(evidence: Evidence) -> Iterator[Fault]:
-    """It goes ahead, back and to the left as told, in sense and size."""
-    if not any(leg.command and any(leg.command[::2]) for leg in evidence.drive[0].legs):
+def follows(trial: Trial) -> Iterator[Fault]:
+    """It goes ahead, back and to the left as commanded, in sense and size."""
+    if not any(leg.command and any(leg.command[::2]) for leg in trial.drive[0].legs):
         return
-    if evidence.stands():
-        yield evidence.motion_fault("does not move", "S10")
+    if trial.stands():
+        yield trial.motion_fault("does not move", "does-not-move")
         return
     for names, look in ((("ahead", "back"), _straight), (("left", "right"), _turn)):
-        for stretch in evidence.stretches(*names):
-            fault = look(evidence, stretch)
+        for stretch in trial.stretches(*names):
+            fault = look(trial, stretch)
             if fault is not None:
                 yield fault
                 break
-    yield from _arcs(evidence)
-
-
-def _straight(evidence: Evidence, stretch: Stretch) -> Fault | None:
-    leg, before, poses = stretch
-    ahead, left, turned = displacement(before, poses[-1])
-    told = leg.forward * leg.seconds
-    if any(pose.blocked for pose in poses) and 0 <= ahead / told < SIZE[0]:
-        said = f"told to go {told:.2f} m, a wall stops it after {ahead:.2f} m"
-        return Fault(said, "S03", sure=False)
-    if not is_about(ahead, told):
-        return evidence.motion_fault(f"told to go {told:.2f} m, went {ahead:.2f} m", "P01")
-    if abs(left) > evidence.tolerance.slip[0] or abs(turned) > evidence.tolerance.slip[1]:
-        return evidence.motion_fault(f"told to go {leg.name}, went aside", "S09")
-    return None
-
-
-def _turn(evidence: Evidence, stretch: Stretch) -> Fault | None:
-    leg, before, poses = stretch
-    ahead, left, _ = displacement(before, poses[-1])
-    told, turned = leg.turn * leg.seconds, _turned(stretch)
-    if not is_about(turned, told):
-        said = f"told {math.degrees(abs(told)):.0f} degrees {leg.name}, turned"
-        sense = -1.0 if leg.name == "right" else 1.0
-        return evidence.motion_fault(f"{said} {math.degrees(sense * turned):.1f}", "P07")
-    if math.hypot(ahead, left) > evidence.tolerance.slip[0]:
-        return evidence.motion_fault("told to turn, went away", "S09")
-    return None
-
-
-def _turned(stretch: Stretch) -> float:
-    _, before, poses = stretch
-    pairs = zip([before, *poses], poses, strict=False)
-    return sum(angle(other.heading - one.heading) for one, other in pairs)
-
-
-def _arcs(evidence: Evidence) -> Iterator[Fault]:
-    for stretch in evidence.stretches("arc"):
-        leg, before, poses = stretch
-        way = sum(
-            math.hypot(other.x - one.x, other.y - one.y)
-            for one, other in zip([before, *poses], poses, strict=False)
-        )
-        told = (abs(leg.forward) * leg.seconds, leg.turn * leg.seconds)
-        if not is_about(way, told[0]) or not is_about(_turned(stretch), told[1]):
-            said = f"told to go {told[0]:.2f} m and turn {math.degrees(told[1]):.0f} degrees,"
-            turned = math.degrees(_turned(stretch))
-            yield evidence.motion_fault(f"{said} did {way:.2f} m and {turned:.0f}", "P01")
+    for leg, before, poses in trial.stretches("arc"):
+        pairs = zip([before, *poses], poses, strict=False)
+        way = sum(math.hypot(later.x - pose.x, later.y - pose.y) for pose, later in pairs)
+        length, turn = abs(leg.forward) * leg.seconds, leg.turn * leg.seconds
+        turned = _turned(before, poses)
+        if not is_about(way, length) or not is_about(turned, turn):
+            text = f"told to go {length:.2f} m and turn {math.degrees(turn):.0f} degrees,"
+            text += f" did {way:.2f} m and {math.degrees(turned):.0f}"
+            yield trial.motion_fault(text, "wrong-arc")
             return
 
 
-def limits(evidence: Evidence) -> Iterator[Fault]:
+def _straight(trial: Trial, stretch: Stretch) -> Fault | None:
+    leg, before, poses = stretch
+    ahead, left, turned = displacement(before, poses[-1])
+    commanded = leg.forward * leg.seconds
+    if any(pose.blocked for pose in poses) and 0 <= ahead / commanded < SIZE[0]:
+        text = f"told to go {commanded:.2f} m, a wall stops it after {ahead:.2f} m"
+        return Fault(text, "wall-ahead", sure=False)
+    if not is_about(ahead, commanded):
+        return trial.motion_fault(
+            f"told to go {commanded:.2f} m, went {ahead:.2f} m", "wrong-distance"
+        )
+    if abs(left) > trial.tolerance.slip[0] or abs(turned) > trial.tolerance.slip[1]:
+        return trial.motion_fault(f"told to go {leg.name}, went aside", "sideways-drift")
+    return None
+
+
+def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
+    leg, before, poses = stretch
+    ahead, left, _ = displacement(before, poses[-1])
+    commanded, turned = leg.turn * leg.seconds, _turned(before, poses)
+    if not is_about(turned, commanded):
+        text = f"told {math.degrees(abs(commanded)):.0f} degrees {leg.name}, turned"
+        sense = -1.0 if leg.name == "right" else 1.0
+        return trial.motion_fault(f"{text} {math.degrees(sense * turned):.1f}", "wrong-turn")
+    if math.hypot(ahead, left) > trial.tolerance.slip[0]:
+        return trial.motion_fault("told to turn, went away", "turn-off-centre")
+    return None
+
+
+def _turned(before: Pose, poses: Sequence[Pose]) -> float:
+    pairs = zip([before, *poses], poses, strict=False)
+    return sum(angle(following.heading - pose.heading) for pose, following in pairs)
+
+
+def limits(trial: Trial) -> Iterator[Fault]:
     """Commands beyond the robot's limits are cut down to them."""
-    if evidence.stands():
+    if trial.stands():
         return
-    for name, limit in zip(("fast", "spin"), evidence.wanted.limits, strict=True):
-        for leg, before, poses in evidence.stretches(name):
+    for name, limit in zip(("fast", "spin"), trial.wanted.limits, strict=True):
+        for leg, before, poses in trial.stretches(name):
             ahead, left, turned = displacement(before, poses[-1])
-            done = math.hypot(ahead, left) if name == "fast" else abs(turned)
-            told = limit * leg.seconds
-            stopped = done < told and any(pose.blocked for pose in poses)
-            if not is_about(done, told) and not stopped:
+            driven = math.hypot(ahead, left) if name == "fast" else abs(turned)
+            commanded = limit * leg.seconds
+            stopped = driven < commanded and any(pose.blocked for pose in poses)
+            if not is_about(driven, commanded) and not stopped:
                 unit = "m" if name == "fast" else "rad"
-                said = f"told to go {name}, does {done / leg.seconds:.2f} of {limit} {unit}/s"
-                yield evidence.motion_fault(said, "P01")
+                text = f"told to go {name}, does {driven / leg.seconds:.2f} of {limit} {unit}/s"
+                yield trial.motion_fault(text, "wrong-speed-limit")
                 break
 
 
-def again(evidence: Evidence) -> Iterator[Fault]:
+def again(trial: Trial) -> Iterator[Fault]:
     """After Stop and Play it drives again, also where ROS_DOMAIN_ID is another."""
-    if evidence.stands():
+    if trial.stands():
         return
-    for number, session in enumerate(evidence.drive):
-        poses = [pose for pose in evidence.recording.path if pose.session == number]
+    for number, session in enumerate(trial.drive):
+        poses = [pose for pose in trial.recording.path if pose.session == number]
         leg = session.legs[-1]
         if not number or leg.command is None or not poses:
             continue
         start = next(pose for pose in poses if pose.leg == leg.name)
         ahead, left, _ = displacement(start, poses[-1])
-        if not is_about(ahead, leg.forward * leg.seconds) or abs(left) > evidence.tolerance.slip[0]:
-            said = f"does not follow {evidence.wanted.commands}{evidence.when([number])}"
-            yield evidence.motion_fault(said, "P02")
+        if not is_about(ahead, leg.forward * leg.seconds) or abs(left) > trial.tolerance.slip[0]:
+            text = f"does not follow {trial.wanted.commands}{trial.when([number])}"
+            yield trial.motion_fault(text, "no-drive-after-restart")
 
 
 ODOMETRY = (0.02, math.radians(2.0))
@@ -145,28 +142,28 @@ SPEED = 0.03  # m/s and rad/s between what odometry says and what is
 SETTLED = 8  # frames after which a leg is driven evenly
 
 
-def odometry(evidence: Evidence) -> Iterator[Fault]:
+def odometry(trial: Trial) -> Iterator[Fault]:
     """/odom starts at 0, agrees with the motion, and names the frames."""
-    wanted = evidence.wanted
+    wanted = trial.wanted
     messages = [
-        each
-        for each in evidence.recording.topic(wanted.odometry, 0)
-        if isinstance(each.data, Odometry)
+        message
+        for message in trial.recording.topic(wanted.odometry, 0)
+        if isinstance(message.data, Odometry)
     ]
     if not messages:
         return
     first = messages[0]
     frames = (first.frame, first.data.child)
     if frames != (wanted.root, wanted.base):
-        said = f"odometry names {frames[0]} and {frames[1]}, not {wanted.root} and {wanted.base}"
-        yield Fault(said, "P02", first.node)
-    origin = evidence.recording.path[0]
+        text = f"odometry names {frames[0]} and {frames[1]}, not {wanted.root} and {wanted.base}"
+        yield Fault(text, "wrong-odometry-frame", first.node)
+    origin = trial.recording.path[0]
     for message in messages[:: max(1, len(messages) // 40)]:
-        fault = _odometry_fault(message.data, origin, evidence.pose(message))
+        fault = _odometry_fault(message.data, origin, trial.pose(message))
         if fault:
-            yield Fault(fault, "W02", message.node)
+            yield Fault(fault, "wrong-odometry-pose", message.node)
             return
-    yield from _velocity_faults(evidence, messages)
+    yield from _velocity_faults(trial, messages)
 
 
 def _odometry_fault(data: Odometry, origin: Pose, pose: Pose) -> str:
@@ -175,42 +172,44 @@ def _odometry_fault(data: Odometry, origin: Pose, pose: Pose) -> str:
     if math.hypot(x - ahead, y - left) > ODOMETRY[0]:
         return f"odometry says ({x:.2f}, {y:.2f}), it went ({ahead:.2f}, {left:.2f})"
     turned = Affine(rotation(data.orientation)).rows
-    says = math.atan2(turned[1][0], turned[0][0])
-    if abs(angle(says - (pose.heading - origin.heading))) > ODOMETRY[1]:
-        return f"odometry says {math.degrees(says):.0f} degrees, it turned otherwise"
+    estimated = math.atan2(turned[1][0], turned[0][0])
+    if abs(angle(estimated - (pose.heading - origin.heading))) > ODOMETRY[1]:
+        return f"odometry says {math.degrees(estimated):.0f} degrees, it turned otherwise"
     return ""
 
 
-def _velocity_faults(evidence: Evidence, messages: list[Message]) -> Iterator[Fault]:
-    for leg, _, poses in evidence.stretches("ahead", "back", "left", "right", "fast"):
+def _velocity_faults(trial: Trial, messages: list[Message]) -> Iterator[Fault]:
+    for leg, _, poses in trial.stretches("ahead", "back", "left", "right", "fast"):
         if len(poses) < SETTLED:
             continue
-        one, other = poses[-4], poses[-3]
-        at = [message for message in messages if abs(message.at - other.at) < 0.5 / RATE]
+        earlier, later = poses[-4], poses[-3]
+        at = [message for message in messages if abs(message.at - later.at) < 0.5 / RATE]
         if not at:
             continue
-        ahead, left, turned = (each * RATE for each in displacement(one, other))
-        says, data = at[0], at[0].data
+        ahead, left, turned = (step * RATE for step in displacement(earlier, later))
+        message, data = at[0], at[0].data
         if (
             math.hypot(data.linear[0] - ahead, data.linear[1] - left) > SPEED
             or abs(data.angular[2] - turned) > SPEED
         ):
-            said = f"the velocities of odometry are wrong while going {leg.name}"
-            yield Fault(said, "W02", says.node)
+            text = f"the velocities of odometry are wrong while going {leg.name}"
+            yield Fault(text, "wrong-odometry-velocity", message.node)
             return
 
 
-def moving_frames(evidence: Evidence) -> Iterator[Fault]:
+def moving_frames(trial: Trial) -> Iterator[Fault]:
     """TF moves the base as odometry does."""
-    wanted = evidence.wanted
-    messages = [e for e in evidence.recording.topic(wanted.odometry, 0) if e.data is not None]
+    wanted = trial.wanted
+    messages = [
+        message for message in trial.recording.topic(wanted.odometry, 0) if message.data is not None
+    ]
     for message in messages[len(messages) // 4 :: max(1, len(messages) // 4)]:
-        asked = Message("", message.stamp, wanted.base, at=message.at, session=message.session)
-        place = in_root(evidence, asked)
+        base = Message("", message.stamp, wanted.base, at=message.at, session=message.session)
+        place = in_root(trial, base)
         if place is None or not isinstance(message.data, Odometry):
             continue
-        says = Affine(rotation(message.data.orientation), message.data.position)
-        if not agree(place, says):
-            said = f"{wanted.root} -> {wanted.base} is not what odometry says"
-            yield Fault(said, "W01", message.node)
+        estimate = Affine(rotation(message.data.orientation), message.data.position)
+        if not agree(place, estimate):
+            text = f"{wanted.root} -> {wanted.base} is not what odometry says"
+            yield Fault(text, "transform-unlike-odometry", message.node)
             return

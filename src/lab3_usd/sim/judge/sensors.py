@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from lab3_usd.model.transforms import length, minus
-from lab3_usd.sim.execution.record import Message, Scan, View
-from lab3_usd.sim.judge.evidence import Evidence, Fault, agree, in_root
+from lab3_usd.sim.execution.recording import Message, Scan, View
+from lab3_usd.sim.judge.trial import Fault, Trial, agree, in_root
 
 WALL = 0.03  # metres between a scan and the walls
 SHORT = 2.0  # seconds of a recording in which a stream may come once
@@ -14,20 +14,20 @@ AHEAD = 0.5  # between directions of length 1
 MISSED = 0.1  # the part of a scan that may be elsewhere
 
 
-def mounted(evidence: Evidence) -> Iterator[Fault]:
+def mounted(trial: Trial) -> Iterator[Fault]:
     """Lidar and camera go with the robot."""
-    wanted = evidence.wanted
+    wanted = trial.wanted
     for topic in (wanted.scan, wanted.image):
-        messages = evidence.recording.topic(topic, 0)
+        messages = trial.recording.topic(topic, 0)
         places = []
         for message in (messages[1], messages[-1]) if len(messages) > 1 else ():
             base = Message("", 0.0, wanted.base, at=message.at, session=message.session)
-            there, here = in_root(evidence, message), in_root(evidence, base)
-            if there is not None and here is not None:
-                places.append(here.inverse().then(there))
+            sensor_place, base_place = in_root(trial, message), in_root(trial, base)
+            if sensor_place is not None and base_place is not None:
+                places.append(base_place.inverse().then(sensor_place))
         if len(places) > 1 and not agree(*places):
-            said = f"{messages[0].frame} does not go with {wanted.base}"
-            yield Fault(said, "S12", messages[0].node)
+            text = f"{messages[0].frame} does not go with {wanted.base}"
+            yield Fault(text, "loose-sensor", messages[0].node)
 
 
 def rate_of(messages: Sequence[Message]) -> float:
@@ -36,82 +36,88 @@ def rate_of(messages: Sequence[Message]) -> float:
     return (len(messages) - 1) / passed if passed else 0.0
 
 
-def scan(evidence: Evidence) -> Iterator[Fault]:
+def scan(trial: Trial) -> Iterator[Fault]:
     """Scans come at their rate, and show the walls where TF puts the lidar."""
-    wanted = evidence.wanted
-    messages = [e for e in evidence.recording.topic(wanted.scan, 0) if isinstance(e.data, Scan)]
+    wanted = trial.wanted
+    messages = [
+        message
+        for message in trial.recording.topic(wanted.scan, 0)
+        if isinstance(message.data, Scan)
+    ]
     if not messages:
         return
     rate = rate_of(messages)
-    known = _lasts(evidence, messages)
-    if known and wanted.scan_rate and abs(rate - wanted.scan_rate) > 0.2 * wanted.scan_rate:
-        said = f"{rate:.1f} scans a second, not {wanted.scan_rate}"
-        yield Fault(said, "L05", messages[0].node)
-    if all(each < 0 for each in messages[-1].data.ranges):
-        yield Fault("no ray comes back", "L09", messages[-1].node)
+    is_long = _lasts(trial, messages)
+    if is_long and wanted.scan_rate and abs(rate - wanted.scan_rate) > 0.2 * wanted.scan_rate:
+        text = f"{rate:.1f} scans a second, not {wanted.scan_rate}"
+        yield Fault(text, "wrong-scan-rate", messages[0].node)
+    if all(distance < 0 for distance in messages[-1].data.ranges):
+        yield Fault("no ray comes back", "no-ray-returns", messages[-1].node)
     for message in (messages[:2][-1], messages[len(messages) // 2], messages[-1]):
-        place = in_root(evidence, message)
-        if place is None or evidence.walls is None:
+        place = in_root(trial, message)
+        if place is None or trial.walls is None:
             continue
         seen = message.data.ranges
-        expected = evidence.walls(evidence.start.then(place), message.data)
+        expected = trial.walls(trial.start.then(place), message.data)
         off = sum(
-            abs(one - other) > WALL + 0.02 * abs(other)
-            for one, other in zip(seen, expected, strict=True)
+            abs(measured - wall) > WALL + 0.02 * abs(wall)
+            for measured, wall in zip(seen, expected, strict=True)
         )
         if off > MISSED * len(seen):
-            said = f"{off} of {len(seen)} rays do not show the walls"
-            yield Fault(said, "L04", message.node)
+            text = f"{off} of {len(seen)} rays do not show the walls"
+            yield Fault(text, "scan-off-walls", message.node)
             return
 
 
-def _lasts(evidence: Evidence, *streams: Sequence[Message]) -> bool:
+def _lasts(trial: Trial, *streams: Sequence[Message]) -> bool:
     """Whether streams show their rates: of one message in a short recording nothing is known."""
-    return evidence.recording.seconds > SHORT or all(len(stream) > 1 for stream in streams)
+    return trial.recording.seconds > SHORT or all(len(stream) > 1 for stream in streams)
 
 
-def camera(evidence: Evidence) -> Iterator[Fault]:
+def camera(trial: Trial) -> Iterator[Fault]:
     """Image and info belong together, in the frame of the camera, upright and looking ahead."""
-    wanted = evidence.wanted
-    images, infos = (evidence.recording.topic(each, 0) for each in (wanted.image, wanted.info))
+    wanted = trial.wanted
+    images, infos = (trial.recording.topic(topic, 0) for topic in (wanted.image, wanted.info))
     if images and infos:
-        least = wanted.image_rate if _lasts(evidence, images, infos) else 0.0
+        least = wanted.image_rate if _lasts(trial, images, infos) else 0.0
         yield from _pairs(images, infos, least)
-        yield from _view(evidence, images[-1])
+        yield from _view(trial, images[-1])
 
 
 def _pairs(images: Sequence[Message], infos: Sequence[Message], least: float) -> Iterator[Fault]:
-    one, other = images[-1], infos[-1]
-    if one.frame != other.frame:
-        yield Fault(f"image in {one.frame}, info in {other.frame}", "P02", other.node)
+    image, info = images[-1], infos[-1]
+    if image.frame != info.frame:
+        yield Fault(
+            f"image in {image.frame}, info in {info.frame}", "image-info-frames-differ", info.node
+        )
     sizes = [
         (message.data.width, message.data.height)
-        for message in (one, other)
+        for message in (image, info)
         if isinstance(message.data, View)
     ]
     if len(set(sizes)) > 1:
-        yield Fault("image and info differ in size", "P02", other.node)
+        yield Fault("image and info differ in size", "image-info-sizes-differ", info.node)
     rates = rate_of(images), rate_of(infos)
     if min(rates) < 0.8 * least:
-        yield Fault(f"{min(rates):.1f} images a second, not {least}", "C07", one.node)
+        yield Fault(f"{min(rates):.1f} images a second, not {least}", "low-image-rate", image.node)
     if abs(rates[0] - rates[1]) > 0.1 * max(rates):
-        said = f"{rates[0]:.1f} images and {rates[1]:.1f} infos a second"
-        yield Fault(said, "P04", other.node)
+        text = f"{rates[0]:.1f} images and {rates[1]:.1f} infos a second"
+        yield Fault(text, "image-info-rates-differ", info.node)
 
 
-def _view(evidence: Evidence, image: Message) -> Iterator[Fault]:
-    place = in_root(evidence, image)
+def _view(trial: Trial, image: Message) -> Iterator[Fault]:
+    place = in_root(trial, image)
     if place is None or not isinstance(image.data, View) or image.data.place is None:
         return
-    there = evidence.start.inverse().then(image.data.place)
-    if not agree(place, there):
-        said = f"TF does not have {image.frame} where the camera is"
-        yield Fault(said, "T02", image.node)
-    wanted = evidence.wanted
-    base = in_root(evidence, Message("", 0.0, wanted.base, at=image.at, session=image.session))
+    actual = trial.start.inverse().then(image.data.place)
+    if not agree(place, actual):
+        text = f"TF does not have {image.frame} where the camera is"
+        yield Fault(text, "misplaced-camera-frame", image.node)
+    wanted = trial.wanted
+    base = in_root(trial, Message("", 0.0, wanted.base, at=image.at, session=image.session))
     if base is not None and any(wanted.looks):
-        seen = base.inverse().then(there)
-        if length(minus(seen.turn((0.0, 0.0, 1.0)), wanted.looks)) > AHEAD:
-            yield Fault("the camera does not look ahead", "C05", image.node)
-        elif length(minus(seen.turn((0.0, -1.0, 0.0)), wanted.upward)) > AHEAD:
-            yield Fault("the camera is not upright", "C05", image.node)
+        view = base.inverse().then(actual)
+        if length(minus(view.turn((0.0, 0.0, 1.0)), wanted.looks)) > AHEAD:
+            yield Fault("the camera does not look ahead", "camera-not-ahead", image.node)
+        elif length(minus(view.turn((0.0, -1.0, 0.0)), wanted.upward)) > AHEAD:
+            yield Fault("the camera is not upright", "camera-not-upright", image.node)

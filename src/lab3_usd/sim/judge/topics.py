@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
-from lab3_usd.sim.execution.record import RATE, Message
-from lab3_usd.sim.judge.evidence import Evidence, Fault, Interface
+from lab3_usd.model.fault import FaultKind
+from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.judge.trial import Fault, Interface, Trial
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.ros import FROM_THE_FIRST, TopicSpec
 from lab3_usd.spec.scene import SensorSpec
@@ -33,16 +34,22 @@ _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
     """Return what somebody at the other end of ROS is to see of a stage of this checkpoint."""
     reached = (FROM_THE_FIRST, *lab.until(checkpoint.id))
-    asked = [topic for topic in lab.topics.values() if _of_stage(topic, reached)]
-    names = {part: _named(asked, kind) for part, kind in _PARTS.items()}
+    required = [
+        topic
+        for topic in lab.topics.values()
+        if topic.since in reached
+        and (topic.subscribed or topic.source is None)
+        and not topic.optional
+    ]
+    names = {part: _named(required, kind) for part, kind in _PARTS.items()}
     odometry = [topic for topic in lab.topics.values() if topic.type == _PARTS["odometry"]]
     frames = odometry[0].fields or {} if odometry else {}
     lidar, camera = map(lab.first_sensor, ("lidar", "camera"))
     view = camera.looks if camera else None
     return Interface(
-        types={topic.name: topic.type for topic in asked if not topic.subscribed},
+        types={topic.name: topic.type for topic in required if not topic.subscribed},
         domain=lab.ros.system.domain,
-        commands=_named(asked, _COMMANDS),
+        commands=_named(required, _COMMANDS),
         **names,
         root=frames.get(_PARENT, ""),
         base=frames.get(_CHILD, ""),
@@ -51,7 +58,9 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         limits=_limits(lab),
         looks=view.along if view else (0.0, 0.0, 0.0),
         upward=view.up if view else (0.0, 0.0, 0.0),
-        profile={name: said.value for name, said in lidar.attributes.items()} if lidar else {},
+        profile={name: attribute.value for name, attribute in lidar.attributes.items()}
+        if lidar
+        else {},
         static=static_topics(lab),
     )
 
@@ -76,20 +85,14 @@ def map_topic(lab: Lab, checkpoint: str) -> tuple[str, str]:
     return "", ""
 
 
-def _of_stage(topic: TopicSpec, reached: tuple[str, ...]) -> bool:
-    return (
-        topic.since in reached and (topic.subscribed or topic.source is None) and not topic.optional
-    )
-
-
 def _named(topics: list[TopicSpec], kind: str) -> str:
     return next((topic.name for topic in topics if topic.type == kind), "")
 
 
 def _rate(sensor: SensorSpec | None) -> float:
     """Return the rate that is asked of a sensor, 0 where none is."""
-    asked = None if sensor is None else sensor.attributes.get(_RATE)
-    return 0.0 if asked is None else float(asked.value)
+    rate = None if sensor is None else sensor.attributes.get(_RATE)
+    return 0.0 if rate is None else float(rate.value)
 
 
 def _limits(lab: Lab) -> tuple[float, float]:
@@ -104,137 +107,122 @@ def _limits(lab: Lab) -> tuple[float, float]:
     return (ahead, turning)
 
 
-def topics(evidence: Evidence) -> Iterator[Fault]:
+def topics(trial: Trial) -> Iterator[Fault]:
     """Each topic is there, of its type, from one node, in each session, on the lab's domain."""
-    wanted, recording = evidence.wanted, evidence.recording
-    sessions = range(len(evidence.drive))
+    wanted, recording = trial.wanted, trial.recording
+    sessions = range(len(trial.drive))
     for topic, kind in wanted.types.items():
         silent = [session for session in sessions if not recording.topic(topic, session)]
         if silent:
-            yield _silence(evidence, topic, kind, silent)
+            text = f"nothing on {topic}{trial.when(silent)}"
+            cause = trial.causes.of_silence(topic, kind) if trial.causes is not None else None
+            if cause is None:
+                yield Fault(text, "silent-topic")
+            else:
+                yield Fault(text, cause.kind or "silent-topic", cause.prim, cause.reason)
         messages = recording.topic(topic)
         odd = next((message for message in messages if message.type != kind), None)
         if odd is not None:
-            yield Fault(f"{topic} is {odd.type}, not {kind}", "Q02", odd.node)
+            yield Fault(f"{topic} is {odd.type}, not {kind}", "wrong-message-type", odd.node)
         senders = list(dict.fromkeys(message.node for message in messages))
         if topic != wanted.transforms and len(senders) > 1:
-            yield Fault(f"{len(senders)} nodes publish {topic}", "Q01", senders[1])
+            yield Fault(f"{len(senders)} nodes publish {topic}", "duplicate-publisher", senders[1])
 
 
-def _silence(evidence: Evidence, topic: str, kind: str, sessions: Sequence[int]) -> Fault:
-    said = f"nothing on {topic}{evidence.when(sessions)}"
-    cause = evidence.causes.of_silence(topic, kind) if evidence.causes is not None else None
-    return (
-        Fault(said, "N01") if cause is None else Fault(said, cause.rule, cause.prim, cause.reason)
-    )
-
-
-def clock(evidence: Evidence) -> Iterator[Fault]:
+def clock(trial: Trial) -> Iterator[Fault]:
     """The clock runs at the speed of the simulation, and never back."""
-    messages = evidence.recording.topic(evidence.wanted.clock)
-    for one, other in pairwise(messages):
-        if other.stamp < one.stamp:
-            back = one.stamp - other.stamp
-            said = f"{evidence.wanted.clock} jumps back by {back:.2f} s"
-            yield Fault(said, "P02", other.node)
+    messages = trial.recording.topic(trial.wanted.clock)
+    for earlier, later in pairwise(messages):
+        if later.stamp < earlier.stamp:
+            back = earlier.stamp - later.stamp
+            text = f"{trial.wanted.clock} jumps back by {back:.2f} s"
+            yield Fault(text, "clock-jumps-back", later.node)
             return
     first = [message for message in messages if not message.session]
     if first:
         ran, passed = first[-1].stamp - first[0].stamp, first[-1].at - first[0].at
-        if abs(ran - passed) > evidence.tolerance.lag:
-            said = f"{evidence.wanted.clock} runs {ran:.1f} s in {passed:.1f} s"
-            yield Fault(said, "W01", first[0].node)
+        if abs(ran - passed) > trial.tolerance.lag:
+            text = f"{trial.wanted.clock} runs {ran:.1f} s in {passed:.1f} s"
+            yield Fault(text, "wrong-clock-rate", first[0].node)
 
 
-def stamps(evidence: Evidence) -> Iterator[Fault]:
+def stamps(trial: Trial) -> Iterator[Fault]:
     """All stamps are of the clock; those of the sensors may start anew after Stop."""
-    wanted = evidence.wanted
+    wanted = trial.wanted
     for topic in wanted.types:
         late = topic in {wanted.odometry, wanted.transforms}
-        for session in range(len(evidence.drive) if late else 1):
-            fault = next(_late(evidence, topic, session), None)
+        for session in range(len(trial.drive) if late else 1):
+            fault = next(_late(trial, topic, session), None)
             if fault is not None:
                 yield fault
                 break
 
 
-def _late(evidence: Evidence, topic: str, session: int) -> Iterator[Fault]:
+def _late(trial: Trial, topic: str, session: int) -> Iterator[Fault]:
     clocks = {
-        round(each.at * RATE): each.stamp
-        for each in evidence.recording.topic(evidence.wanted.clock, session)
+        round(tick.at * RATE): tick.stamp
+        for tick in trial.recording.topic(trial.wanted.clock, session)
     }
-    for message in evidence.recording.topic(topic, session):
+    for message in trial.recording.topic(topic, session):
         now = clocks.get(round(message.at * RATE))
         if (
             now is not None
             and not message.static
-            and abs(now - message.stamp) > evidence.tolerance.lag
+            and abs(now - message.stamp) > trial.tolerance.lag
         ):
-            when = evidence.when([session])
-            said = f"{topic} is stamped {message.stamp:.1f} s at {now:.1f} s{when}"
-            yield Fault(said, "W01", message.node)
+            when = trial.when([session])
+            text = f"{topic} is stamped {message.stamp:.1f} s at {now:.1f} s{when}"
+            yield Fault(text, "wrong-stamp", message.node)
 
 
 STALE = 0.5  # seconds without a new transform
 
 
-def tree(evidence: Evidence) -> Iterator[Fault]:
+def tree(trial: Trial) -> Iterator[Fault]:
     """One parent and one publisher for each frame, one root, and every frame that is named."""
-    for session in range(len(evidence.drive)):
-        faults = list(_tree_faults(evidence, session))
+    for session in range(len(trial.drive)):
+        faults = list(_tree_faults(trial, session))
         if faults:
             yield faults[0]
             return
 
 
-def _tree_faults(evidence: Evidence, session: int) -> Iterator[Fault]:
-    messages = evidence.recording.topic(evidence.wanted.transforms, session)
-    parents = _parents(evidence, messages)
-    for child, several in parents.items():
-        own = next((node for parent, node in several if parent == child), None)
-        if own is not None:
-            yield Fault(f"{child} is its own parent", "T09", own)
-        if len(several) > 1:
-            rule = "T03" if len({parent for parent, _ in several}) > 1 else "T04"
-            yield Fault(f"{child} has {len(several)} parents or publishers", rule, [*several][1][1])
-        if messages and min(several.values()) < messages[-1].at - STALE:
-            yield Fault(f"the transform of {child} ends", "Q03", next(iter(several))[1])
-    if parents:
-        up = {child: next(iter(several))[0] for child, several in parents.items()}
-        yield from _loose_frames(evidence, up, session)
-
-
-def _parents(
-    evidence: Evidence, messages: Sequence[Message]
-) -> dict[str, dict[tuple[str, str], float]]:
-    """Return for each frame its parents, who says so, and when it was said last."""
+def _tree_faults(trial: Trial, session: int) -> Iterator[Fault]:
+    messages = trial.recording.topic(trial.wanted.transforms, session)
+    # The parents of each frame, with the node that publishes them and its last time.
     parents: dict[str, dict[tuple[str, str], float]] = {}
     for message in messages:
         for transform in message.transforms:
             parents.setdefault(transform.child, {})[transform.parent, message.node] = message.at
-    for transform, node in evidence.recording.static:
+    for transform, node in trial.recording.static:
         parents.setdefault(transform.child, {})[transform.parent, node] = math.inf
-    return parents
+    for child, several in parents.items():
+        own = next((node for parent, node in several if parent == child), None)
+        if own is not None:
+            yield Fault(f"{child} is its own parent", "self-parent", own)
+        if len(several) > 1:
+            is_reparented = len({parent for parent, _ in several}) > 1
+            kind: FaultKind = "several-parents" if is_reparented else "several-publishers"
+            yield Fault(f"{child} has {len(several)} parents or publishers", kind, [*several][1][1])
+        if messages and min(several.values()) < messages[-1].at - STALE:
+            yield Fault(f"the transform of {child} ends", "transform-ends", next(iter(several))[1])
+    if parents:
+        up = {child: next(iter(several))[0] for child, several in parents.items()}
+        yield from _loose_frames(trial, up, session)
 
 
-def _loose_frames(evidence: Evidence, up: dict[str, str], session: int) -> Iterator[Fault]:
-    named = _named_frames(evidence, session)
+def _loose_frames(trial: Trial, up: dict[str, str], session: int) -> Iterator[Fault]:
+    named = {trial.wanted.base: ""}  # the frames that are spoken of, with a node that does so
+    for topic in trial.wanted.types:
+        for message in trial.recording.topic(topic, session):
+            if message.frame:
+                named.setdefault(message.frame, message.node)
     for frame in (*up, *sorted(named)):
         top, steps = frame, 0
         while top in up and steps <= len(up):
             top, steps = up[top], steps + 1
-        if top != evidence.wanted.root:
-            rule = "T06" if frame in up else "T11"
-            said = f"{frame} does not hang below {evidence.wanted.root}"
-            yield Fault(said, rule, named.get(frame, ""))
+        if top != trial.wanted.root:
+            kind: FaultKind = "disconnected-frame" if frame in up else "unknown-frame"
+            text = f"{frame} does not hang below {trial.wanted.root}"
+            yield Fault(text, kind, named.get(frame, ""))
             return
-
-
-def _named_frames(evidence: Evidence, session: int) -> dict[str, str]:
-    """Return the frames that are spoken of, with a node that does so."""
-    found = {evidence.wanted.base: ""}
-    for topic in evidence.wanted.types:
-        for message in evidence.recording.topic(topic, session):
-            if message.frame:
-                found.setdefault(message.frame, message.node)
-    return found

@@ -49,7 +49,7 @@ def simulation_gate(node: Running, world: World) -> bool:
     """CN/nodes/OgnIsaacSimulationGate.cpp:46-66: every so many signals; it counts on over Stop."""
     step = int(node.number("step", world))
     if step <= 0:
-        return node.fails("its step is 0", "P01")
+        return node.fails("its step is 0", "zero-gate-step")
     if node.count % step == 0:
         node.enabled.append("execOut")
     return True
@@ -96,13 +96,13 @@ def scale(node: Running, world: World) -> bool:
     factor = factors.get(node.text("conversion", world))
     value = node.get("value", world)
     if factor is None:
-        return node.fails("its conversion is none", "P01")
+        return node.fails("its conversion is none", "invalid-conversion")
     if isinstance(value, tuple):
         node.outputs["result"] = tuple(x * factor for x in value)
     elif isinstance(value, (int, float)):
         node.outputs["result"] = value * factor
     else:
-        return node.fails("no number reaches it", "W01")
+        return node.fails("no number reaches it", "no-number-input")
     return True
 
 
@@ -111,7 +111,7 @@ def break_vector(node: Running, world: World) -> bool:
     """Kit's Break 3-Vector: one output for each component."""
     value = node.get("tuple", world)
     if not isinstance(value, tuple) or len(value) != len(NO_VECTOR):
-        return node.fails("no vector reaches it", "W01")
+        return node.fails("no vector reaches it", "no-vector-input")
     node.outputs["x"], node.outputs["y"], node.outputs["z"] = value
     return True
 
@@ -127,12 +127,12 @@ def construct_array(node: Running, world: World) -> bool:
     """Kit's Make Array: as many elements as its size says, of the type of its array."""
     kind = node.text("arrayType", world) or "auto"
     size = min(int(node.number("arraySize", world)), MOST)
-    values = [node.get(f"input{each}", world) for each in range(size)]
-    texts = [isinstance(each, str) for each in values if each is not None]
+    values = [node.get(f"input{number}", world) for number in range(size)]
+    texts = [isinstance(value, str) for value in values if value is not None]
     is_token = all(texts) if kind == "auto" else kind == "token[]"
     if not is_token and (kind != "auto" or any(texts)):
         node.outputs["array"] = ()
-        return node.fails(f"its elements are no {kind}", "P01")
+        return node.fails(f"its elements are no {kind}", "wrong-array-type")
     empty = "" if is_token else 0.0
-    node.outputs["array"] = tuple(empty if each is None else each for each in values)
+    node.outputs["array"] = tuple(empty if value is None else value for value in values)
     return True

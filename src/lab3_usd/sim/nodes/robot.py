@@ -5,11 +5,9 @@ CN is core nodes, RN ROS 2 nodes, WR wheeled robots.
 
 from __future__ import annotations
 
-from typing import Any
-
 from lab3_usd.model.dry_run import Affine
 from lab3_usd.model.transforms import Vector, cross, dot, length
-from lab3_usd.sim.execution.record import Message, Odometry
+from lab3_usd.sim.execution.recording import Message, Odometry
 from lab3_usd.sim.execution.running import Running, computes
 from lab3_usd.sim.execution.world import World, open_endpoint, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
@@ -29,9 +27,11 @@ def subscribe_twist(node: Running, world: World) -> bool:
         node.memory["heard"] = network.command[0]
         return node.memory["endpoint"] is not None
     if endpoint.topic != network.commands.topic:
-        return node.fails(f"it listens to {endpoint.topic}, not {network.commands.topic}", "P01")
+        return node.fails(
+            f"it listens to {endpoint.topic}, not {network.commands.topic}", "wrong-topic"
+        )
     if endpoint.domain != network.commands.domain:
-        return node.fails(f"it listens in domain {endpoint.domain}", "P02")
+        return node.fails(f"it listens in domain {endpoint.domain}", "wrong-domain")
     number, twist = network.command
     if twist is None or number == node.memory["heard"]:
         return False
@@ -44,35 +44,40 @@ def subscribe_twist(node: Running, world: World) -> bool:
 @computes("DifferentialController")
 def differential_controller(node: Running, world: World) -> bool:
     """WR/nodes/OgnDifferentialController.cpp:36-140."""
-    known = node.memory
-    if not known and not _read_parameters(node, world):
+    memory = node.memory
+    if not memory and not _read_parameters(node, world):
         return False
     dt = node.number("dt", world)
-    if dt <= 0 and any(known[limit] for limit in _LIMITS):
-        return node.fails("an acceleration limit is set and no time step reaches it", "P11")
-    v = _within(known["maxLinearSpeed"], node.number("linearVelocity", world))
-    w = _within(known["maxAngularSpeed"], node.number("angularVelocity", world))
-    v = _linear_ramp(known, v, dt)
-    turn = known["maxAngularAcceleration"]
+    if dt <= 0 and any(memory[limit] for limit in _LIMITS):
+        return node.fails(
+            "an acceleration limit is set and no time step reaches it", "ramp-without-time-step"
+        )
+    v = _within(memory["maxLinearSpeed"], node.number("linearVelocity", world))
+    w = _within(memory["maxAngularSpeed"], node.number("angularVelocity", world))
+    before, up, down = memory["v"], memory["maxAcceleration"], memory["maxDeceleration"]
+    if up and down:
+        step = (up if abs(v) > abs(before) and v * before >= 0 else down) * dt
+        v = float(max(before - step, min(v, before + step)))
+    turn = memory["maxAngularAcceleration"]
     if turn:
-        w = max(known["w"] - turn * dt, min(w, known["w"] + turn * dt))
-    known["v"], known["w"] = v, w
-    r, distance = known["wheelRadius"], known["wheelDistance"]
+        w = max(memory["w"] - turn * dt, min(w, memory["w"] + turn * dt))
+    memory["v"], memory["w"] = v, w
+    r, distance = memory["wheelRadius"], memory["wheelDistance"]
     wheels = ((2 * v - w * distance) / (2 * r), (2 * v + w * distance) / (2 * r))
-    node.outputs["velocityCommand"] = tuple(_within(known["maxWheelSpeed"], x) for x in wheels)
+    node.outputs["velocityCommand"] = tuple(_within(memory["maxWheelSpeed"], x) for x in wheels)
     return True
 
 
 def _read_parameters(node: Running, world: World) -> bool:
-    sizes = {each: node.number(each, world) for each in ("wheelRadius", "wheelDistance")}
-    for each, size in sizes.items():
+    sizes = {name: node.number(name, world) for name in ("wheelRadius", "wheelDistance")}
+    for name, size in sizes.items():
         if size <= 0:
-            return node.fails(f"its {each} is {size:g}", "P02")
+            return node.fails(f"its {name} is {size:g}", "invalid-wheel-size")
     node.memory.update(sizes, v=0.0, w=0.0)
     for limit in _LIMITS:
         node.memory[limit] = abs(node.number(limit, world))
-    for each in ("maxLinearSpeed", "maxAngularSpeed", "maxWheelSpeed"):
-        node.memory[each] = abs(node.number(each, world)) or _NO_LIMIT
+    for name in ("maxLinearSpeed", "maxAngularSpeed", "maxWheelSpeed"):
+        node.memory[name] = abs(node.number(name, world)) or _NO_LIMIT
     return True
 
 
@@ -80,64 +85,55 @@ def _within(limit: float, value: float) -> float:
     return max(-limit, min(limit, value))
 
 
-def _linear_ramp(known: dict[str, Any], v: float, dt: float) -> float:
-    before, up, down = known["v"], known["maxAcceleration"], known["maxDeceleration"]
-    if not up or not down:
-        return v
-    step = (up if abs(v) > abs(before) and v * before >= 0 else down) * dt
-    return float(max(before - step, min(v, before + step)))
-
-
 @computes("IsaacArticulationController")
 def articulation_controller(node: Running, world: World) -> bool:
     """CN/python/nodes/OgnIsaacArticulationController.py:41-300."""
-    known = node.memory
-    if "machine" not in known:
+    memory = node.memory
+    if "machine" not in memory:
         targets = node.targets("targetPrim")
         path = node.text("robotPath", world) or (targets[0] if targets else "")
-        known["machine"] = world.machines.articulation(path)
-        known["names"], known["joints"] = None, None
-        if known["machine"] is None:
-            known.clear()  # it is looked for again at the next tick
-            where = f"at or below {path}" if path else "without a target"
-            return node.fails(f"there is no articulation with joints {where}", "R02")
-    joints = _joints(node, world, known["machine"])
+        memory["machine"] = world.machines.articulation(path)
+        memory["names"], memory["joints"] = None, None
+        if memory["machine"] is None:
+            memory.clear()  # it is looked for again at the next tick
+            place = f"at or below {path}" if path else "without a target"
+            return node.fails(f"there is no articulation with joints {place}", "no-articulation")
+    joints = _joints(node, world, memory["machine"])
     return joints is not None and _command(node, world, joints)
 
 
 def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None:
-    known = node.memory
+    memory = node.memory
     names = node.items("jointNames", world)
-    if names and names != known["names"]:
-        known["names"] = names
-        found = [machine.articulated.get(str(name)) for name in names]
-        known["joints"] = None if None in found else found
-        if known["joints"] is None:
-            _say_unknown(node, machine, str(names[found.index(None)]))
+    if names and names != memory["names"]:
+        memory["names"] = names
+        named = [machine.articulated.get(str(name)) for name in names]
+        memory["joints"] = None if None in named else named
+        if memory["joints"] is None:
+            name = str(names[named.index(None)])
+            if name in machine.joints:
+                node.fails(f"'{name}' is excluded from the articulation", "excluded-joint")
+            else:
+                node.fails(f"the robot has no joint '{name}' that turns", "unknown-joint")
     every = list(machine.articulated.values())
     indices = node.items("jointIndices", world)
-    if any(indices) and not known["names"]:
-        known["joints"] = [every[int(index)] for index in indices if int(index) < len(every)]
-    joints: list[Joint] | None = known["joints"]
-    return every if joints is None and not known["names"] else joints
-
-
-def _say_unknown(node: Running, machine: Machine, name: str) -> None:
-    if name in machine.joints:
-        node.fails(f"'{name}' is excluded from the articulation", "S07")
-    else:
-        node.fails(f"the robot has no joint '{name}' that turns", "P01")
+    if any(indices) and not memory["names"]:
+        memory["joints"] = [every[int(index)] for index in indices if int(index) < len(every)]
+    joints: list[Joint] | None = memory["joints"]
+    return every if joints is None and not memory["names"] else joints
 
 
 def _command(node: Running, world: World, joints: list[Joint]) -> bool:
     position, velocity, effort = (
-        node.items(f"{each}Command", world) for each in ("position", "velocity", "effort")
+        node.items(f"{kind}Command", world) for kind in ("position", "velocity", "effort")
     )
-    for each in (position, velocity, effort):
-        if each and len(each) != len(joints):
-            return node.fails(f"{len(each)} commands come for {len(joints)} joints", "P01")
-        if not all(isinstance(value, (int, float)) for value in each):
-            return node.fails("its commands are no numbers", "W02")
+    for targets in (position, velocity, effort):
+        if targets and len(targets) != len(joints):
+            return node.fails(
+                f"{len(targets)} commands come for {len(joints)} joints", "wrong-command-count"
+            )
+        if not all(isinstance(value, (int, float)) for value in targets):
+            return node.fails("its commands are no numbers", "non-numeric-command")
     for joint, value in zip(joints, position, strict=False):
         joint.target_position = float(value)
     for joint, value in zip(joints, velocity, strict=False):
@@ -161,18 +157,18 @@ def compute_odometry(node: Running, world: World) -> bool:
     """CN/nodes/OgnIsaacComputeOdometry.cpp:77-360: the way since Play, seen from its start."""
     path: str | None = node.memory.get("path") or _chassis(node, world)
     if path is None:
-        return node.fails("its chassis is no body and no articulation", "R02")
+        return node.fails("its chassis is no body and no articulation", "no-chassis-body")
     now = world.machines.place(path)
     if "path" not in node.memory:
         node.memory.update(path=path, start=now.inverse())
     start: Affine = node.memory["start"]
     velocity, turning = world.machines.velocity(path)
-    there = start.then(now)
+    pose = start.then(now)
     unit = world.scene.meters_per_unit
     back = now.inverse()
     node.outputs.update(
-        position=tuple(x * unit for x in there.origin),
-        orientation=xyzw(there),
+        position=tuple(x * unit for x in pose.origin),
+        orientation=xyzw(pose),
         linearVelocity=back.turn(velocity),
         globalLinearVelocity=velocity,
         angularVelocity=turning,
@@ -204,8 +200,8 @@ def publish_odometry(node: Running, world: World) -> bool:
     if endpoint is None:
         return False
     if not ready:
-        for each in ("odomFrameId", "chassisFrameId"):
-            node.memory[each] = node.text(each, world)
+        for name in ("odomFrameId", "chassisFrameId"):
+            node.memory[name] = node.text(name, world)
         x, y, _ = node.vector("robotFront", world)
         size = length((x, y, 0.0)) or 1.0
         node.memory["front"] = (x / size, y / size, 0.0)

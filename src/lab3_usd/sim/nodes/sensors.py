@@ -11,6 +11,7 @@ import math
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import Prim
+from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.running import Running, computes
 from lab3_usd.sim.execution.world import Product, World, Writer, open_endpoint
 from lab3_usd.sim.lidar import Beam
@@ -31,14 +32,15 @@ def create_render_product(node: Running, world: World) -> bool:
     """CN/python/nodes/OgnIsaacCreateRenderProduct.py:77-160."""
     targets = node.targets("cameraPrim")
     if not node.flag("enabled", world):
-        return node.fails("it is switched off", "P01")
+        return node.fails("it is switched off", "switched-off")
     if not targets or targets[0] not in world.scene.prims:
-        return node.fails("its camera prim is not there", "R02" if targets else "R01")
-    width, height = (int(node.number(each, world)) for each in ("width", "height"))
+        kind: FaultKind = "missing-camera-prim" if targets else "no-camera-target"
+        return node.fails("its camera prim is not there", kind)
+    width, height = (int(node.number(name, world)) for name in ("width", "height"))
     if width <= 0 or height <= 0:
-        return node.fails("its picture has no size", "P01")
+        return node.fails("its picture has no size", "empty-image")
     product = Product(targets[0], width, height)
-    name = next((name for name, each in world.products.items() if each == product), "")
+    name = next((name for name, known in world.products.items() if known == product), "")
     name = name or node.memory.get("path") or f"/Render/Product{len(world.products)}"
     world.products[name] = product
     node.memory["path"] = name
@@ -52,13 +54,13 @@ def product_of(node: Running, world: World) -> Product | None:
     if not node.flag("enabled", world):
         world.detach(node)
         node.memory.clear()
-        node.fails("it is switched off", "P01")
+        node.fails("it is switched off", "switched-off")
         return None
     if node.memory.get("attached"):
         return None
     product = world.products.get(node.text("renderProductPath", world))
     if product is None:
-        node.fails("no render product reaches it", "W01")
+        node.fails("no render product reaches it", "no-render-product")
     return product
 
 
@@ -107,7 +109,7 @@ def camera_helper(node: Running, world: World) -> bool:
     if kind not in IMAGES:
         if kind in SEMANTIC:
             world.not_simulated[node.path] = f"camera type {kind}"
-        return node.fails(f"it publishes no {kind or 'type'}", "P01")
+        return node.fails(f"it publishes no {kind or 'type'}", "unknown-output")
     writer = attach(node, world, product, kind, _camera_rate(world, product))
     return writer is not None
 
@@ -125,7 +127,7 @@ def camera_info_helper(node: Running, world: World) -> bool:
         return bool(node.memory)
     prim = world.scene.prims[product.sensor]
     if prim.type != "Camera":
-        return node.fails(f"{prim.path} is no camera", "C03")
+        return node.fails(f"{prim.path} is no camera", "not-a-camera")
     writer = attach(node, world, product, "info", _camera_rate(world, product))
     if writer is None:
         return False
@@ -153,18 +155,20 @@ def lidar_helper(node: Running, world: World) -> bool:
         return bool(node.memory)
     prim = _with_profile(world.scene.prims[product.sensor], world)
     if prim.type != "OmniLidar":
-        return node.fails(f"{prim.path} is no lidar", "L03")
+        return node.fails(f"{prim.path} is no lidar", "not-a-lidar")
     if LIDAR_API not in prim.apis:
-        return node.fails(f"{prim.path} has no lidar schema", "L06")
+        return node.fails(f"{prim.path} has no lidar schema", "no-lidar-schema")
     return _publish(node, world, prim, product)
 
 
 def _publish(node: Running, world: World, prim: Prim, product: Product) -> bool:
     kind, beam = node.text("type", world), _beam(prim)
     if kind not in KINDS:
-        return node.fails(f"it publishes no {kind or 'type'}", "P01")
+        return node.fails(f"it publishes no {kind or 'type'}", "unknown-output")
     if kind == KINDS[0] and beam is None:
-        return node.fails(f"{prim.path} has no rate, no emitter, or too many rays", "L09")
+        return node.fails(
+            f"{prim.path} has no rate, no emitter, or too many rays", "invalid-scan-profile"
+        )
     rate = prim.values.get(RATE)
     rate = LIDAR_RATE if rate is None else float(rate)
     writer = attach(node, world, product, f"lidar {kind}", rate)

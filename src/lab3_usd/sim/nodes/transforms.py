@@ -12,7 +12,7 @@ from msgspec import Struct
 from lab3_usd.model.dry_run import HERE, Affine, Prim, Quaternion, Scene
 from lab3_usd.model.physics import EXCLUDED
 from lab3_usd.model.transforms import Vector
-from lab3_usd.sim.execution.record import Message, Transform
+from lab3_usd.sim.execution.recording import Message, Transform
 from lab3_usd.sim.execution.running import Running, computes
 from lab3_usd.sim.execution.world import Endpoint, World, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
@@ -52,16 +52,16 @@ class Tree(Struct, frozen=True):
 
     @classmethod
     def of(cls, scene: Scene, parent: str, targets: Sequence[str]) -> Tree:
-        """Expand the targets; a prim that is found twice hangs below what was said last of it."""
-        found: list[Prim] = []
+        """Expand the targets; of a prim that is found twice the last parent counts."""
+        members: list[Prim] = []
         parents: dict[str, str] = {}
         for target in targets:
             prim = scene.prims.get(target)
-            for each, above in _expanded(scene, prim, parent) if prim is not None else ():
-                found.append(each)
-                parents[each.path] = above
-        names = _names(found)
-        by_path = {prim.path: name for prim, name in zip(found, names, strict=True)}
+            for member, above in _expanded(scene, prim, parent) if prim is not None else ():
+                members.append(member)
+                parents[member.path] = above
+        names = _names(members)
+        by_path = {prim.path: name for prim, name in zip(members, names, strict=True)}
         top = frame_name(scene.prims[parent]) if parent in scene.prims else "world"
         top_prim = parent if parent in scene.prims else ""
 
@@ -76,13 +76,13 @@ class Tree(Struct, frozen=True):
                 prim.type == "Camera",
             )
 
-        return cls(tuple(map(pair, found, names)))
+        return cls(tuple(map(pair, members, names)))
 
 
 def _expanded(scene: Scene, prim: Prim, parent: str) -> Iterator[tuple[Prim, str]]:
     """Yield what a target stands for, each with the prim that its frame hangs below."""
     if ROOT in prim.apis:
-        bodies = [each for each in scene.below(prim.path) if BODY in each.apis]
+        bodies = [part for part in scene.below(prim.path) if BODY in part.apis]
         paths = {body.path for body in bodies}
         if bodies:
             for body in bodies:
@@ -90,37 +90,32 @@ def _expanded(scene: Scene, prim: Prim, parent: str) -> Iterator[tuple[Prim, str
                 yield body, above[1] if len(above) > 1 else ""
             return
     if ROBOT in prim.apis:
-        found = [each for each in scene.below(prim.path) if each.apis & COMPONENTS]
-        found = [each for each in found if not each.apis & {JOINT, ROBOT}]
-        if found:
+        parts = [part for part in scene.below(prim.path) if part.apis & COMPONENTS]
+        parts = [part for part in parts if not part.apis & {JOINT, ROBOT}]
+        if parts:
             parents = _joint_parents(scene, prim)
-            for each in found:
-                if each.path != parent:
-                    yield (
-                        each,
-                        parents.get(each.path, "")
-                        if LINK in each.apis
-                        else _link_above(scene, each),
-                    )
+            for part in parts:
+                if part.path == parent:
+                    continue
+                if LINK in part.apis:
+                    yield part, parents.get(part.path, "")
+                else:
+                    links = (up.path for up in scene.above(part.path) if LINK in up.apis)
+                    yield part, next(links, "")
             return
     yield prim, ""
 
 
 def _joint_parents(scene: Scene, robot: Prim) -> dict[str, str]:
-    found: dict[str, str] = {}
+    parents: dict[str, str] = {}
     for path in robot.targets.get("isaac:physics:robotJoints", ()):
         joint = scene.prims.get(path)
         if joint is not None and joint.values.get(EXCLUDED) is True:
             continue  # robot_schema.h:638
         ends = [joint.targets.get(f"physics:body{n}", ()) for n in (0, 1)] if joint else [(), ()]
         if ends[0] and ends[1]:
-            found[ends[1][0]] = ends[0][0]
-    return found
-
-
-def _link_above(scene: Scene, prim: Prim) -> str:
-    above = (up.path for up in scene.above(prim.path) if up is not prim and LINK in up.apis)
-    return next(above, "")
+            parents[ends[1][0]] = ends[0][0]
+    return parents
 
 
 def frame_name(prim: Prim) -> str:
@@ -132,8 +127,8 @@ def _names(prims: Sequence[Prim]) -> list[str]:
     """Return the names of frames; of several that want one, the longest path has it (:889-945)."""
     deepest: dict[str, int] = {}
     for number, prim in enumerate(prims):
-        other = deepest.setdefault(frame_name(prim), number)
-        if len(prim.path) > len(prims[other].path):
+        rival = deepest.setdefault(frame_name(prim), number)
+        if len(prim.path) > len(prims[rival].path):
             deepest[frame_name(prim)] = number
     names = [
         frame_name(prim) if deepest[frame_name(prim)] == number else ""
@@ -143,7 +138,7 @@ def _names(prims: Sequence[Prim]) -> list[str]:
         if not names[number]:
             parts = prim.path.split("/")
             tries = [parts[-1], *(f"{part}_{parts[-1]}" for part in parts[2:-1])]
-            free = [each for each in tries if each not in names]
+            free = [name for name in tries if name not in names]
             names[number] = free[0] if free else "_".join(parts[2:] or parts[1:])
     return names
 
@@ -153,10 +148,7 @@ _WORLD = "world"
 
 def pose_tree(world: World, parent: str, targets: Sequence[str]) -> Tree:
     """Expand the targets: an articulation stands for its links, all else for itself (:177-357)."""
-    return Tree(tuple(_pairs(world, parent, targets)))
-
-
-def _pairs(world: World, parent: str, targets: Sequence[str]) -> Iterator[Pair]:
+    pairs: list[Pair] = []
     prims, names = world.scene.prims, dict[str, str]()
     parent = parent if parent in prims else ""
 
@@ -181,7 +173,8 @@ def _pairs(world: World, parent: str, targets: Sequence[str]) -> Iterator[Pair]:
                 prim.type == "Camera",
             )
             if above or pair.parent != pair.child or BODY not in prims[path].apis:  # :280, :324
-                yield pair
+                pairs.append(pair)
+    return Tree(tuple(pairs))
 
 
 def _links(machine: Machine) -> dict[str, str]:
@@ -206,8 +199,8 @@ def publish_raw_transform(node: Running, world: World) -> bool:
     if endpoint is None:
         return False
     if not ready:
-        for each in ("parentFrameId", "childFrameId"):
-            node.memory[each] = node.text(each, world)
+        for name in ("parentFrameId", "childFrameId"):
+            node.memory[name] = node.text(name, world)
         return True
     transform = Transform(
         node.memory["parentFrameId"],
@@ -239,7 +232,7 @@ def compute_transform_tree(node: Running, world: World) -> bool:
         tree = node.memory["tree"] = Tree.of(world.scene, parents[0] if parents else "", targets)
     if not tree.pairs:
         node.memory.clear()
-        return node.fails("none of its target prims is there", "R01")
+        return node.fails("none of its target prims is there", "no-target-prim")
     poses = [pair.pose(world) for pair in tree.pairs]
     node.outputs.update(
         parentFrames=tuple(pair.parent for pair in tree.pairs),
@@ -254,41 +247,37 @@ def compute_transform_tree(node: Running, world: World) -> bool:
 @computes("ROS2PublishTransformTree")
 def publish_transform_tree(node: Running, world: World) -> bool:
     """RN/nodes/OgnROS2PublishTransformTree.cpp:60-300: where from is decided once, at creation."""
-    known = node.memory
-    if "endpoint" not in known:
-        return _decide(node, world)
-    if known["endpoint"] is None:
-        known.clear()
+    memory = node.memory
+    if "endpoint" not in memory:
+        if not node.items("parentFrames", world):
+            parents, targets = node.targets("parentPrim"), node.targets("targetPrims")
+            if not targets or not set(targets) <= world.scene.prims.keys():
+                # Tried again at the next tick: there is no publisher yet.
+                return node.fails(
+                    "no frames reach it, and it has no target prims", "no-frames-input"
+                )
+            memory["tree"] = pose_tree(world, parents[0] if parents else "", targets)
+        return opened_endpoint(node, world)[0] is not None
+    if memory["endpoint"] is None:
+        memory.clear()
         return False
-    if "tree" in known:
+    if "tree" in memory:
         transforms = tuple(
             Transform(pair.parent, pair.child, _metres(pair.pose(world), world), pair.turn(world))
-            for pair in known["tree"].pairs
+            for pair in memory["tree"].pairs
         )
-        return _send_tree(node, world, known["endpoint"], transforms)
+        return _send_tree(node, world, memory["endpoint"], transforms)
     arrays = [
         node.items(name, world)
         for name in ("parentFrames", "childFrames", "translations", "orientations")
     ]
     if not arrays[0] or len({len(array) for array in arrays}) > 1:
-        return node.fails("its four arrays are not equally long", "W01")
+        return node.fails("its four arrays are not equally long", "unequal-frame-arrays")
     transforms = tuple(
         Transform(str(parent), str(child), _metres(Affine(HERE.rows, at), world), (q[3], *q[:3]))
         for parent, child, at, q in zip(*arrays, strict=True)
     )
-    return _send_tree(node, world, known["endpoint"], transforms)
-
-
-def _decide(node: Running, world: World) -> bool:
-    known = node.memory
-    if not node.items("parentFrames", world):
-        parents, targets = node.targets("parentPrim"), node.targets("targetPrims")
-        if not targets or not set(targets) <= world.scene.prims.keys():
-            # Tried again at the next tick: there is no publisher yet.
-            return node.fails("no frames reach it, and it has no target prims", "W01")
-        known["tree"] = pose_tree(world, parents[0] if parents else "", targets)
-    endpoint, _ = opened_endpoint(node, world)
-    return endpoint is not None
+    return _send_tree(node, world, memory["endpoint"], transforms)
 
 
 def _metres(place: Affine, world: World) -> Vector:

@@ -142,7 +142,7 @@ class Machine(Struct):
                 self.fall += GRAVITY * dt
                 self.drop -= self.fall * dt
             return
-        speeds = {each: joint.speed(dt) for each, joint in self.joints.items()}
+        speeds = {name: joint.speed(dt) for name, joint in self.joints.items()}
         vx = vy = w = 0.0
         for wheel, (a, b, c) in zip(self.wheels, self.solve, strict=True):
             rolled = wheel.sign * speeds[wheel.joint.name] * wheel.radius

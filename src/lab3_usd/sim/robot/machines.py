@@ -51,7 +51,7 @@ class Bodies:
         on = prim.values.get("physics:jointEnabled") is not False
         if prim.type not in JOINTS or not on:
             return None
-        ends = [prim.targets.get(f"physics:body{each}", ()) for each in (0, 1)]
+        ends = [prim.targets.get(f"physics:body{number}", ()) for number in (0, 1)]
         if any(end and end[0] not in self.scene.prims for end in ends):
             return None  # PhysX makes no joint to a prim that is not there
         bodies = [self.of(end[0]) if end else "" for end in ends]
@@ -60,7 +60,7 @@ class Bodies:
         force = number(prim.values.get(f"{drive}maxForce"))
         driven = f"PhysicsDriveAPI:{kind}" in prim.apis and (force is None or force > 0)
 
-        def said(name: str) -> float:
+        def of_drive(name: str) -> float:
             return (number(prim.values.get(drive + name)) or 0.0) if driven else 0.0
 
         unit = math.radians(1.0) if prim.type == HINGE else 1.0
@@ -71,10 +71,10 @@ class Bodies:
             (bodies[0], bodies[1]),
             (self._frame(prim, 0, ends[0], bodies[0]), self._frame(prim, 1, ends[1], bodies[1])),
             AXES[{"Y": 1, "Z": 2}.get(str(prim.values.get("physics:axis")), 0)],
-            said("stiffness"),
-            said("damping"),
+            of_drive("stiffness"),
+            of_drive("damping"),
             0.0,
-            authored=(said("targetVelocity") * unit, said("targetPosition") * unit),
+            authored=(of_drive("targetVelocity") * unit, of_drive("targetPosition") * unit),
             excluded=prim.values.get(EXCLUDED) is True,
             limits=(low * unit, high * unit),
         )
@@ -91,21 +91,21 @@ class Bodies:
 
 def assembled(bodies: dict[str, Prim], joints: list[Joint]) -> list[Machine]:
     """Sort bodies into machines; each is placed from its root over its joints."""
-    ends: dict[str, list[Joint]] = {each: [] for each in bodies}
+    ends: dict[str, list[Joint]] = {body: [] for body in bodies}
     for joint in joints:
         for body in dict.fromkeys(filter(None, joint.bodies)):
             ends[body].append(joint)
-    roots = [each for each in bodies if ROOT in bodies[each].apis]
+    roots = [body for body in bodies if ROOT in bodies[body].apis]
     second = {joint.bodies[1] for joint in joints if joint.bodies[0]}
-    firsts = [each for each in bodies if each not in second]
-    found: list[Machine] = []
+    firsts = [body for body in bodies if body not in second]
+    machines: list[Machine] = []
     taken: set[str] = set()
     for base in (*roots, *firsts, *bodies):
         if base not in taken:
             machine = _machine(base, bodies, ends)
             taken |= machine.rest.keys()
-            found.append(machine)
-    return found
+            machines.append(machine)
+    return machines
 
 
 def _machine(base: str, bodies: dict[str, Prim], ends: dict[str, list[Joint]]) -> Machine:
@@ -117,28 +117,23 @@ def _machine(base: str, bodies: dict[str, Prim], ends: dict[str, list[Joint]]) -
         body = waiting.popleft()
         for joint in ends[body]:
             number = joint.bodies.index(body)
-            other = joint.bodies[1 - number]
-            held = held or not other
-            if not other or other in rest:
-                tree = (parents.get(body), parents.get(other))
+            neighbour = joint.bodies[1 - number]
+            held = held or not neighbour
+            if not neighbour or neighbour in rest:
+                tree = (parents.get(body), parents.get(neighbour))
                 closing += [joint] if joint.kind == FIXED and joint not in tree else []
                 continue
             outer, inner = joint.frames[number], joint.frames[1 - number]
-            rest[other] = rest[body].then(outer).then(inner.inverse())
-            parents[other] = joint
-            waiting.append(other)
+            rest[neighbour] = rest[body].then(outer).then(inner.inverse())
+            parents[neighbour] = joint
+            waiting.append(neighbour)
             if joint.kind != FIXED:
                 moving[joint.name] = joint
-    _lock(closing, parents)
-    return Machine(base, bodies[base].world.rigid(), rest, parents, moving, held)
-
-
-def _lock(closing: list[Joint], parents: dict[str, Joint]) -> None:
-    """Lock the joints of bodies that another, fixed joint holds as well."""
-    for joint in closing:
+    for joint in closing:  # which holds these bodies as well, so that their own is locked
         for body in joint.bodies:
             if body in parents and parents[body] is not joint:
                 parents[body].locked = True
+    return Machine(base, bodies[base].world.rigid(), rest, parents, moving, held)
 
 
 _UPRIGHT = 0.5  # an axle that stands steeper rolls nowhere
@@ -187,10 +182,10 @@ class Machines:
         for prim in self.scene.below(path) if path else ():
             enabled = prim.values.get("physxArticulation:articulationEnabled") is not False
             if ROOT in prim.apis and enabled:
-                bodies = [each.path for each in self.scene.below(prim.path)]
+                bodies = [prim.path for prim in self.scene.below(prim.path)]
                 bodies = [body for body in bodies if body in self.member]
-                found = [self.member[body] for body in bodies if self.member[body].joints]
-                return found[0] if found else None
+                machines = [self.member[body] for body in bodies if self.member[body].joints]
+                return machines[0] if machines else None
         return None
 
     def place(self, path: str) -> Affine:
@@ -249,10 +244,12 @@ class Machines:
     def _set_down(self, machine: Machine) -> None:
         """Let a machine fall on the ground below it, and see which wheels touch."""
         points = {body: self._points(body, machine) for body in machine.rest}
-        every = [each for some in points.values() for each in some]
+        every = [point for corners in points.values() for point in corners]
         if not every or not machine.joints:
             return
-        _bound(machine, every)
+        xs, ys = [corner[0] for corner in every], [corner[1] for corner in every]
+        machine.middle = u, v = ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2)
+        machine.radius = max(math.hypot(x - u, y - v) for x, y in zip(xs, ys, strict=True))
         machine.pulled = is_pulled(self.scene)
         if not machine.pulled:
             return
@@ -262,11 +259,11 @@ class Machines:
         if ground is None:
             machine.grounded = machine.held
         else:
-            low = min(each[2] for each in every)
+            low = min(point[2] for point in every)
             machine.home = 0.0 if machine.held else ground - low - z
             machine.walls = cut(self.static, ground + SKIRT * unit)
         if machine.grounded and ground is not None:
-            low = min(each[2] for each in every)
+            low = min(point[2] for point in every)
             for joint in machine.joints.values():
                 wheel = _wheel_at(machine, joint, points, low + TOUCH * unit)
                 machine.wheels += [wheel] if wheel is not None else []
@@ -276,12 +273,12 @@ class Machines:
         """Return the corners of a body's collision shapes, with the base turned as at the start."""
         base = Affine(machine.start.rows)
         back = self.bodies[body].world.rigid().inverse()
-        found: list[Vector] = []
+        corners: list[Vector] = []
         for prim in self.scene.below(body):
             if collides(prim) and self.body_of(prim.path) == body:
                 at = base.then(machine.rest[body]).then(back).then(prim.world)
-                found.extend(point for each in placed(prim, at) for point in each)
-        return found
+                corners.extend(point for triangle in placed(prim, at) for point in triangle)
+        return corners
 
 
 def is_pulled(scene: Scene) -> bool:
@@ -293,19 +290,11 @@ def is_pulled(scene: Scene) -> bool:
     return is_felt(first, scene.meters_per_unit) and is_down(first)
 
 
-def _bound(machine: Machine, points: list[Vector]) -> None:
-    """Note the circle that a machine takes up on the ground."""
-    xs, ys = [point[0] for point in points], [point[1] for point in points]
-    machine.middle = ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2)
-    u, v = machine.middle
-    machine.radius = max(math.hypot(x - u, y - v) for x, y in zip(xs, ys, strict=True))
-
-
 def _wheel_at(
     machine: Machine, joint: Joint, points: dict[str, list[Vector]], touch: float
 ) -> Wheel | None:
     """Return the wheel at a joint, or None where it does not touch or cannot roll."""
-    body = next(each for each, parent in machine.parents.items() if parent is joint)
+    body = next(link for link, parent in machine.parents.items() if parent is joint)
     low = min((point[2] for point in points[body]), default=math.inf)
     if joint.kind != HINGE or low > touch:
         return None
@@ -338,8 +327,8 @@ def _solution(wheels: list[Wheel]) -> list[tuple[float, float, float]]:
             for j in range(3):
                 matrix[i][j] += row[i] * row[j]
     back = Affine(tuple(map(tuple, matrix))).inverse()  # type: ignore[arg-type]
-    found = [(0.0, 0.0, 0.0)] * len(wheels)
+    motions = [(0.0, 0.0, 0.0)] * len(wheels)
     for row, index in lines:
         if index >= 0:
-            found[index] = back.turn(row)
-    return found
+            motions[index] = back.turn(row)
+    return motions

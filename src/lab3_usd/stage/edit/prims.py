@@ -1,7 +1,4 @@
-"""Edits prims and their properties.
-
-Adds, removes, moves, renames, sets values, connections, targets.
-"""
+"""Edits prims and their properties: adds, removes, moves, renames, sets values and wires."""
 
 from __future__ import annotations
 
@@ -26,10 +23,12 @@ from lab3_usd.model.changes import (
     SetValue,
 )
 from lab3_usd.spec.catalog import are_alike
-from lab3_usd.stage.edit.session import EditedLayer, EditSession
+from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.write.graphs import author_graph, catalog_value
 
 _PORTS = ("inputs:", "outputs:")
+_SCHEMAS = "apiSchemas"
+_LISTS = ("explicitItems", "prependedItems", "appendedItems", "addedItems")
 
 
 def set_value(session: EditSession, edit: SetValue) -> None:
@@ -46,48 +45,44 @@ def set_typed(session: EditSession, prim: str, name: str, type_name: str, value:
 
 
 def _attribute(session: EditSession, path: str, name: str, type_name: str) -> Sdf.AttributeSpec:
-    _remove_others(session, path, name, Sdf.AttributeSpec)
+    _remove_other_kinds(session, path, name, Sdf.AttributeSpec)
     layer = session.property_layer(path, name)
     prim = session.prim_spec(layer, path)
-    found = layer.GetAttributeAtPath(f"{path}.{name}")
-    if found is not None and are_alike(str(found.typeName), type_name):
-        return found
+    old = layer.GetAttributeAtPath(f"{path}.{name}")
+    if old is not None and are_alike(str(old.typeName), type_name):
+        return old
     composed = session.stage.GetPrimAtPath(path).GetAttribute(name)
-    if found is None and composed and are_alike(str(composed.GetTypeName()), type_name):
+    if old is None and composed and are_alike(str(composed.GetTypeName()), type_name):
         type_name = str(composed.GetTypeName())
     is_custom = bool(composed.IsCustom()) if composed else name.startswith(_PORTS)
-    sources, data = _kept(found)
-    if found is not None:
-        prim.RemoveProperty(found)
+    sources: list[Sdf.Path] = []
+    data = None
+    if old is not None:  # one of the wrong type hands on its connections and custom data
+        sources = [*old.connectionPathList.GetAddedOrExplicitItems()]
+        data = old.GetInfo("customData")
+        prim.RemoveProperty(old)
     variability = composed.GetVariability() if composed else Sdf.VariabilityVarying
-    made = Sdf.AttributeSpec(
+    new = Sdf.AttributeSpec(
         prim, name, Sdf.ValueTypeNames.Find(type_name), variability, declaresCustom=is_custom
     )
     if data:
-        made.SetInfo("customData", data)
+        new.SetInfo("customData", data)
     for source in sources:
-        made.connectionPathList.prependedItems.append(source)
-    return made
+        new.connectionPathList.prependedItems.append(source)
+    return new
 
 
-def _remove_others(session: EditSession, path: str, name: str, kind: type) -> None:
-    """Remove what says that a property is of another kind, a relationship or an attribute."""
+def _remove_other_kinds(session: EditSession, path: str, name: str, kind: type) -> None:
+    """Remove the specs of a property that are not of this kind, attribute or relationship."""
     for prim in session.specs(path):
-        found = prim.properties.get(name)
-        if found is not None and not isinstance(found, kind):
+        spec = prim.properties.get(name)
+        if spec is not None and not isinstance(spec, kind):
             session.touch(prim.layer, path)
-            prim.RemoveProperty(found)
-
-
-def _kept(found: Sdf.AttributeSpec | None) -> tuple[list[Sdf.Path], Any]:
-    """Return what an attribute of the wrong type hands on: its connections and custom data."""
-    if found is None:
-        return [], None
-    return list(found.connectionPathList.GetAddedOrExplicitItems()), found.GetInfo("customData")
+            prim.RemoveProperty(spec)
 
 
 def clear_value(session: EditSession, edit: ClearValue) -> None:
-    """Take the value or the targets of a property away, whichever layer says them."""
+    """Take the value or the targets of a property away, whichever layer holds them."""
     prim = session.stage.GetPrimAtPath(edit.prim)
     if prim.GetRelationship(edit.property):
         set_targets(session, Retarget(edit.prim, edit.property))
@@ -126,13 +121,13 @@ def connect(session: EditSession, edit: Connect) -> None:
     session.touch(spec.layer, edit.prim)
     attribute = session.stage.GetPrimAtPath(edit.prim).GetAttribute(edit.property)
     _rewrite(spec.connectionPathList, edit.sources, explicit=False)
-    if [str(getconnection) for getconnection in attribute.GetConnections()] != list(edit.sources):
+    if [*map(str, attribute.GetConnections())] != list(edit.sources):
         _rewrite(spec.connectionPathList, edit.sources, explicit=True)
 
 
 def set_targets(session: EditSession, edit: Retarget) -> None:
     """Let a relationship name what is asked for, and nothing else."""
-    _remove_others(session, edit.prim, edit.property, Sdf.RelationshipSpec)
+    _remove_other_kinds(session, edit.prim, edit.property, Sdf.RelationshipSpec)
     layer = session.property_layer(edit.prim, edit.property)
     prim = session.prim_spec(layer, edit.prim)
     spec = layer.GetRelationshipAtPath(f"{edit.prim}.{edit.property}")
@@ -140,45 +135,37 @@ def set_targets(session: EditSession, edit: Retarget) -> None:
         spec = Sdf.RelationshipSpec(prim, edit.property, custom=edit.property.startswith(_PORTS))
     relationship = session.stage.GetPrimAtPath(edit.prim).GetRelationship(edit.property)
     _rewrite(spec.targetPathList, edit.targets, explicit=bool(edit.targets))
-    if [str(gettarget) for gettarget in relationship.GetTargets()] != list(edit.targets):
+    if [*map(str, relationship.GetTargets())] != list(edit.targets):
         _rewrite(spec.targetPathList, edit.targets, explicit=True)
 
 
 def _rewrite(items: Any, paths: Iterable[str], *, explicit: bool) -> None:
     """Write a list of paths in the form that it has: explicit, or put before what is weaker."""
-    found = [Sdf.Path(path) for path in paths]
-    if items.isExplicit and found:
-        items.explicitItems = found
+    new = [Sdf.Path(path) for path in paths]
+    if items.isExplicit and new:
+        items.explicitItems = new
     elif explicit:
         items.ClearEditsAndMakeExplicit()
-        items.explicitItems = found
-    elif not found:
+        items.explicitItems = new
+    elif not new:
         items.ClearEdits()
     else:
         for name in ("addedItems", "appendedItems"):
             if getattr(items, name):
                 setattr(items, name, [])
-        items.prependedItems = found
-
-
-_SCHEMAS = "apiSchemas"
-_LISTS = ("explicitItems", "prependedItems", "appendedItems", "addedItems")
+        items.prependedItems = new
 
 
 def apply_schema(session: EditSession, edit: ApplySchema) -> None:
     """Apply an API schema where the prim does not have it."""
     if edit.schema in _applied(session, edit.prim):
         return
-    spec = next(
-        (spec for spec in session.specs(edit.prim) if spec.HasInfo(_SCHEMAS)),
-        None,
-    ) or session.prim_spec(session.prim_layer(edit.prim), edit.prim)
+    specs = (spec for spec in session.specs(edit.prim) if spec.HasInfo(_SCHEMAS))
+    spec = next(specs, None) or session.prim_spec(session.prim_layer(edit.prim), edit.prim)
     session.touch(spec.layer, edit.prim)
-    items = spec.GetInfo(_SCHEMAS) if spec.HasInfo(_SCHEMAS) else Sdf.TokenListOp()
+    items = _schema_items(spec)
     kind = "explicitItems" if items.isExplicit else "prependedItems"
-    items.deletedItems = [
-        deleteditem for deleteditem in items.deletedItems if deleteditem != edit.schema
-    ]
+    items.deletedItems = [name for name in items.deletedItems if name != edit.schema]
     setattr(items, kind, [*getattr(items, kind), edit.schema])
     spec.SetInfo(_SCHEMAS, items)
 
@@ -186,26 +173,27 @@ def apply_schema(session: EditSession, edit: ApplySchema) -> None:
 def remove_schema(session: EditSession, edit: RemoveSchema) -> None:
     """Take an API schema off a prim, in every layer that applies it."""
     for spec in session.specs(edit.prim):
-        items = spec.GetInfo(_SCHEMAS) if spec.HasInfo(_SCHEMAS) else Sdf.TokenListOp()
-        if edit.schema in items.GetAppliedItems():
-            session.touch(spec.layer, edit.prim)
-            _drop(spec, items, edit.schema)
+        items = _schema_items(spec)
+        if edit.schema not in items.GetAppliedItems():
+            continue
+        session.touch(spec.layer, edit.prim)
+        for kind in _LISTS:
+            names = getattr(items, kind)
+            if edit.schema in names:
+                setattr(items, kind, [name for name in names if name != edit.schema])
+        if items.GetAppliedItems() or items.deletedItems:
+            spec.SetInfo(_SCHEMAS, items)
+        else:
+            spec.ClearInfo(_SCHEMAS)
     if edit.schema in _applied(session, edit.prim):
         spec = session.prim_spec(session.stage.GetRootLayer(), edit.prim)
-        items = spec.GetInfo(_SCHEMAS) if spec.HasInfo(_SCHEMAS) else Sdf.TokenListOp()
+        items = _schema_items(spec)
         items.deletedItems = [*items.deletedItems, edit.schema]
         spec.SetInfo(_SCHEMAS, items)
 
 
-def _drop(spec: Sdf.PrimSpec, items: Sdf.TokenListOp, schema: str) -> None:
-    for kind in _LISTS:
-        held = getattr(items, kind)
-        if schema in held:
-            setattr(items, kind, [name for name in held if name != schema])
-    if items.GetAppliedItems() or items.deletedItems:
-        spec.SetInfo(_SCHEMAS, items)
-    else:
-        spec.ClearInfo(_SCHEMAS)
+def _schema_items(spec: Sdf.PrimSpec) -> Sdf.TokenListOp:
+    return spec.GetInfo(_SCHEMAS) if spec.HasInfo(_SCHEMAS) else Sdf.TokenListOp()
 
 
 def _applied(session: EditSession, path: str) -> list[str]:
@@ -239,10 +227,10 @@ def add_node(session: EditSession, edit: AddNode) -> None:
     spec = session.lab.graphs[edit.graph]
     source = Sdf.Layer.CreateAnonymous(".usda")
     author_graph(source, spec, session.lab.catalog)
-    made = f"{spec.path}/{edit.role}"
-    for attribute in source.GetPrimAtPath(made).attributes:
+    node = f"{spec.path}/{edit.role}"
+    for attribute in source.GetPrimAtPath(node).attributes:
         attribute.connectionPathList.ClearEdits()
-    copy_prim(session, source, made, edit.prim)
+    copy_prim(session, source, node, edit.prim)
 
 
 def copy_prim(session: EditSession, source: Sdf.Layer, path: str, to: str) -> None:
@@ -267,10 +255,6 @@ def remove_prim(session: EditSession, edit: RemovePrim) -> None:
         session.prim_spec(session.stage.GetRootLayer(), edit.prim).active = False
 
 
-_PATHS = ("inheritPathList", "specializesList")
-_ARCS = ("referenceList", "payloadList")
-
-
 def move_prim(session: EditSession, edit: MovePrim) -> None:
     """Move a prim to where none stands, in every layer that may be edited.
 
@@ -284,24 +268,13 @@ def move_prim(session: EditSession, edit: MovePrim) -> None:
     layers = session.layers()
     if any(opinion.layer not in layers for opinion in session.opinions(edit.prim)):
         return
-    if any(_is_taken(session.begin(layer), edit.to) for layer in layers):
-        return
+    for edited in map(session.begin, layers):  # has something stood there before this repair?
+        if edited.before.GetPrimAtPath(edit.to) or any(edit.to in move for move in edited.moves):
+            return
     for layer in layers:
-        if _names(layer, edit.prim):
+        if layer.GetPrimAtPath(edit.prim) is not None or f"<{edit.prim}" in layer.ExportToString():
             session.begin(layer).moves.append((edit.prim, edit.to))
             _move(layer, Sdf.Path(edit.prim), Sdf.Path(edit.to))
-
-
-def _is_taken(edited: EditedLayer, path: str) -> bool:
-    """Whether something stood at a path before this repair, and has been removed or moved."""
-    return edited.before.GetPrimAtPath(path) is not None or any(
-        path in move for move in edited.moves
-    )
-
-
-def _names(layer: Sdf.Layer, path: str) -> bool:
-    """Whether a prim stands or is named in a layer."""
-    return layer.GetPrimAtPath(path) is not None or f"<{path}" in layer.ExportToString()
 
 
 def _move(layer: Sdf.Layer, path: Sdf.Path, to: Sdf.Path) -> None:
@@ -312,31 +285,25 @@ def _move(layer: Sdf.Layer, path: Sdf.Path, to: Sdf.Path) -> None:
         parent = spec.nameParent or layer.pseudoRoot
         del parent.nameChildren[spec.name]
 
+    def moved_path(item: Sdf.Path) -> Sdf.Path:
+        return item.ReplacePrefix(path, to)
+
+    def moved_arc(arc: Any) -> Any:
+        """Return a reference or payload; one into another file stays."""
+        if arc.assetPath:
+            return arc
+        return type(arc)("", moved_path(arc.primPath), arc.layerOffset)
+
     def follow(name: Sdf.Path) -> None:
-        found = layer.GetObjectAtPath(name)
-        if isinstance(found, Sdf.AttributeSpec):
-            _rename(found.connectionPathList, path, to)
-        elif isinstance(found, Sdf.RelationshipSpec):
-            _rename(found.targetPathList, path, to)
-        elif isinstance(found, Sdf.PrimSpec):
-            _rename_arcs(found, path, to)
+        spec = layer.GetObjectAtPath(name)
+        if isinstance(spec, Sdf.AttributeSpec):
+            spec.connectionPathList.ModifyItemEdits(moved_path)
+        elif isinstance(spec, Sdf.RelationshipSpec):
+            spec.targetPathList.ModifyItemEdits(moved_path)
+        elif isinstance(spec, Sdf.PrimSpec):
+            for paths in (spec.inheritPathList, spec.specializesList):
+                paths.ModifyItemEdits(moved_path)
+            for arcs in (spec.referenceList, spec.payloadList):
+                arcs.ModifyItemEdits(moved_arc)
 
     layer.Traverse(Sdf.Path.absoluteRootPath, follow)
-
-
-def _rename(items: Any, path: Sdf.Path, to: Sdf.Path) -> None:
-    items.ModifyItemEdits(lambda item: item.ReplacePrefix(path, to))
-
-
-def _rename_arcs(prim: Sdf.PrimSpec, path: Sdf.Path, to: Sdf.Path) -> None:
-    for name in _PATHS:
-        _rename(getattr(prim, name), path, to)
-    for name in _ARCS:
-        getattr(prim, name).ModifyItemEdits(lambda arc: _renamed_arc(arc, path, to))
-
-
-def _renamed_arc(arc: Any, path: Sdf.Path, to: Sdf.Path) -> Any:
-    """Return a reference or payload; one into another file stays."""
-    if arc.assetPath:
-        return arc
-    return type(arc)("", arc.primPath.ReplacePrefix(path, to), arc.layerOffset)

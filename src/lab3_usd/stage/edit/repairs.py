@@ -36,7 +36,10 @@ _RESET = "!resetXformStack!"
 def restore(session: EditSession, edit: Restore) -> None:
     """Make a prim or a property what it is in the reference."""
     if edit.prim == "/" and edit.property:
-        _restore_metadata(session, edit.property)
+        root = session.stage.GetRootLayer()
+        session.touch(root, "/")
+        value = session.reference().pseudoRoot.GetInfo(edit.property)
+        root.pseudoRoot.SetInfo(edit.property, value)
     elif edit.property is None:
         _restore_prim(session, edit.prim)
     elif edit.property.startswith(_POSE):
@@ -45,41 +48,32 @@ def restore(session: EditSession, edit: Restore) -> None:
         _restore_property(session, edit.prim, edit.property)
 
 
-def _restore_metadata(session: EditSession, name: str) -> None:
-    root = session.stage.GetRootLayer()
-    session.touch(root, "/")
-    root.pseudoRoot.SetInfo(name, session.reference().pseudoRoot.GetInfo(name))
-
-
 def _restore_property(session: EditSession, path: str, name: str) -> None:
-    found = session.reference().GetPropertyAtPath(f"{path}.{name}")
-    source = path if found else _source(session, path, name)
+    expected = session.reference().GetPropertyAtPath(f"{path}.{name}")
+    source = path if expected else _source(session, path, name)
     if source != path and session.reference().GetPrimAtPath(source):
         _restore_property(session, source, name)
-    elif isinstance(found, Sdf.AttributeSpec):
-        set_typed(session, path, name, str(found.typeName), found.default)
-    elif found is not None:
-        targets = tuple(
-            str(getaddedorexplicititem)
-            for getaddedorexplicititem in found.targetPathList.GetAddedOrExplicitItems()
-        )
+    elif isinstance(expected, Sdf.AttributeSpec):
+        set_typed(session, path, name, str(expected.typeName), expected.default)
+    elif expected is not None:
+        targets = tuple(map(str, expected.targetPathList.GetAddedOrExplicitItems()))
         set_targets(session, Retarget(path, name, targets))
     else:
         _erase(session, path, name)
 
 
 def _source(session: EditSession, path: str, name: str) -> str:
-    """Return the prim at which a property is said; where it is gone, at which it should be.
+    """Return the prim at which a property is authored; where it is gone, at which it should be.
 
     That may be one which is referred to.
     """
-    found, asked = (
+    actual, expected = (
         stage.GetPropertyAtPath(f"{path}.{name}")
         for stage in (session.stage, session.reference_stage())
     )
-    if not asked or (found and found.IsAuthored()):
+    if not expected or (actual and actual.IsAuthored()):
         return session.source(path, name)
-    specs = (spec for spec in asked.GetPropertyStack() if spec.layer == session.reference())
+    specs = (spec for spec in expected.GetPropertyStack() if spec.layer == session.reference())
     sources = (str(spec.path.GetPrimPath()) for spec in specs)
     return next(filter(session.stands, sources), path)
 
@@ -91,19 +85,18 @@ def _erase(session: EditSession, path: str, name: str) -> None:
     none, unless the reference refers to something that says it.
     """
     for spec in session.specs(path):
-        found = spec.properties.get(name)
-        if found is not None:
+        authored = spec.properties.get(name)
+        if authored is not None:
             session.touch(spec.layer, path)
-            spec.RemoveProperty(found)
-    prim = session.stage.GetPrimAtPath(path)
-    attribute = prim.GetAttribute(name)
-    asked = session.reference_stage().GetAttributeAtPath(f"{path}.{name}")
-    if attribute and attribute.HasAuthoredValue() and not (asked and asked.HasAuthoredValue()):
-        value = asked.Get() if asked else None
+            spec.RemoveProperty(authored)
+    actual = session.stage.GetPrimAtPath(path).GetAttribute(name)
+    expected = session.reference_stage().GetAttributeAtPath(f"{path}.{name}")
+    if actual and actual.HasAuthoredValue() and not (expected and expected.HasAuthoredValue()):
+        value = expected.Get() if expected else None
         if value is None:
             clear_value(session, ClearValue(path, name))
         else:
-            set_typed(session, path, name, str(asked.GetTypeName()), value)
+            set_typed(session, path, name, str(expected.GetTypeName()), value)
 
 
 def _restore_pose(session: EditSession, path: str, name: str) -> None:
@@ -120,69 +113,64 @@ def _restore_pose(session: EditSession, path: str, name: str) -> None:
 
 
 def _restore_whole_pose(session: EditSession, path: str) -> None:
-    wanted = session.reference().GetPrimAtPath(path)
+    expected = session.reference().GetPrimAtPath(path)
     prim = session.stage.GetPrimAtPath(path)
-    if wanted is None or not prim:
+    if expected is None or not prim:
         return
-    asked = [spec.name for spec in wanted.properties if spec.name.startswith(_POSE)]
+    names = [spec.name for spec in expected.properties if spec.name.startswith(_POSE)]
     for name in prim.GetAuthoredPropertyNames():
-        if name.startswith(_POSE) and name not in asked:
+        if name.startswith(_POSE) and name not in names:
             _erase(session, path, name)
-    for name in asked:
+    for name in names:
         _restore_property(session, path, name)
 
 
 def _restore_prim(session: EditSession, path: str) -> None:
     """Restore a prim, what is missing below it, and the prims that should name it."""
-    wanted = session.reference().GetPrimAtPath(path)
-    if wanted is None:
+    expected, graph_type = session.reference().GetPrimAtPath(path), session.lab.catalog.graph.type
+    if expected is None:
         return
     if not session.stands(path):
         copy_prim(session, session.reference(), path, path)
         return
-    for each in _below(wanted, session.lab.catalog.graph.type):
-        _restore_presence(session, each)
-    spec_type = session.stage.GetPrimAtPath(path).GetTypeName()
-    if spec_type != wanted.typeName:
-        session.prim_spec(session.prim_layer(path), path).typeName = wanted.typeName
-    if _is_moved(session, wanted):
+    for spec in _below(expected, graph_type):
+        _restore_presence(session, spec)
+    if session.stage.GetPrimAtPath(path).GetTypeName() != expected.typeName:
+        session.prim_spec(session.prim_layer(path), path).typeName = expected.typeName
+    if _is_moved(session, expected):
         _restore_whole_pose(session, path)
-    _let_go_below(session, path)
-    graph = session.lab.catalog.graph.type
-    for each in [*_naming(session.reference().pseudoRoot, wanted.path, graph)]:
-        _restore_presence(session, each)
+    _clear_overs_below(session, path)
+    for spec in [*_naming(session.reference().pseudoRoot, expected.path, graph_type)]:
+        _restore_presence(session, spec)
 
 
-def _restore_presence(session: EditSession, wanted: Sdf.PrimSpec) -> None:
-    path = str(wanted.path)
+def _restore_presence(session: EditSession, expected: Sdf.PrimSpec) -> None:
+    path = str(expected.path)
     if session.stands(path):
         activate(session, Activate(path))
     else:
         copy_prim(session, session.reference(), path, path)
 
 
-def _let_go_below(session: EditSession, path: str) -> None:
-    """Take poses and schemas off the overs below a prim that the reference says nothing of.
+def _clear_overs_below(session: EditSession, path: str) -> None:
+    """Take poses and schemas off the overs below a prim of which the reference has no spec.
 
     They change parts of what is referred to, which is right by itself.
     """
-    for spec in [*_overs(session, path)]:
+    waiting = [*session.specs(path)]
+    overs: list[Sdf.PrimSpec] = []
+    while waiting:
+        spec = waiting.pop()
+        waiting += [*spec.nameChildren]
+        if spec.specifier == Sdf.SpecifierOver:
+            overs.append(spec)
+    for spec in overs:
         if session.reference().GetPrimAtPath(spec.path) is None:
             session.touch(spec.layer, str(spec.path))
             for name in _WHOLE:
                 spec.ClearInfo(name)
             for pose in [held for held in spec.properties if held.name.startswith(_POSE)]:
                 spec.RemoveProperty(pose)
-
-
-def _overs(session: EditSession, path: str) -> Iterator[Sdf.PrimSpec]:
-    """Yield what layers that may be edited say of prims below one without defining them."""
-    waiting = [*session.specs(path)]
-    while waiting:
-        spec = waiting.pop()
-        waiting += [*spec.nameChildren]
-        if spec.specifier == Sdf.SpecifierOver:
-            yield spec
 
 
 def _below(prim: Sdf.PrimSpec, graph_type: str) -> Iterator[Sdf.PrimSpec]:
@@ -193,12 +181,12 @@ def _below(prim: Sdf.PrimSpec, graph_type: str) -> Iterator[Sdf.PrimSpec]:
             yield from _below(child, graph_type)
 
 
-def _is_moved(session: EditSession, wanted: Sdf.PrimSpec) -> bool:
-    """Whether the pose of a prim is written otherwise than in the reference."""
-    prim = session.stage.GetPrimAtPath(wanted.path)
+def _is_moved(session: EditSession, expected: Sdf.PrimSpec) -> bool:
+    """Whether the pose of a prim differs from the one in the reference."""
+    prim = session.stage.GetPrimAtPath(expected.path)
     poses = {
         attribute.name: attribute.default
-        for attribute in wanted.attributes
+        for attribute in expected.attributes
         if attribute.name.startswith(_POSE)
     }
     return any(prim.GetAttribute(name).Get() != value for name, value in poses.items()) or any(
@@ -206,18 +194,18 @@ def _is_moved(session: EditSession, wanted: Sdf.PrimSpec) -> bool:
     )
 
 
-def _naming(prim: Sdf.PrimSpec, path: Sdf.Path, graph: str) -> Iterator[Sdf.PrimSpec]:
+def _naming(prim: Sdf.PrimSpec, path: Sdf.Path, graph_type: str) -> Iterator[Sdf.PrimSpec]:
     """Yield the prims outside graphs that have a relationship to a prim."""
     for child in prim.nameChildren:
-        if child.typeName == graph:
+        if child.typeName == graph_type:
             continue
-        named = (
+        targets = (
             relationship.targetPathList.GetAddedOrExplicitItems()
             for relationship in child.relationships
         )
-        if any(path in paths for paths in named):
+        if any(path in paths for paths in targets):
             yield child
-        yield from _naming(child, path, graph)
+        yield from _naming(child, path, graph_type)
 
 
 _EDITORS: Mapping[type, Callable[[EditSession, Any], None]] = {

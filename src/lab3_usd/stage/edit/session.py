@@ -1,6 +1,4 @@
-"""The layers of a stage that is being repaired.
-
-Their content, what is edited where, and how it was before.
+"""The layers of a stage that is being repaired: what is edited where, and how it was before.
 
 Prims are rendered as usd-core writes them.
 """
@@ -40,15 +38,15 @@ def same_content(before: Sdf.Layer, after: Sdf.Layer) -> bool:
 
 def _fields(layer: Sdf.Layer) -> dict[Sdf.Path, dict[str, str]]:
     """Return what a layer says of each prim and property, as text: no NaN equals another."""
-    found: dict[Sdf.Path, dict[str, str]] = {}
+    fields: dict[Sdf.Path, dict[str, str]] = {}
 
     def keep(path: Sdf.Path) -> None:
         spec = layer.GetObjectAtPath(path)  # None for a target or a source
         names = spec.ListInfoKeys() if spec else ()
-        found[path] = {name: str(spec.GetInfo(name)) for name in names}
+        fields[path] = {name: str(spec.GetInfo(name)) for name in names}
 
     layer.Traverse(Sdf.Path.absoluteRootPath, keep)
-    return found
+    return fields
 
 
 def is_text(layer: Sdf.Layer) -> bool:
@@ -72,13 +70,13 @@ def render_prim(layer: Sdf.Layer, path: str) -> str:
 
     Of the layer itself, `/`, the metadata is rendered.
     """
-    made = Sdf.Layer.CreateAnonymous(".usda")
+    rendered = Sdf.Layer.CreateAnonymous(".usda")
     if path == "/":
         for name in layer.pseudoRoot.ListInfoKeys():
-            made.pseudoRoot.SetInfo(name, layer.pseudoRoot.GetInfo(name))
-        return str(made.ExportToString())
+            rendered.pseudoRoot.SetInfo(name, layer.pseudoRoot.GetInfo(name))
+        return str(rendered.ExportToString())
     source = layer.GetPrimAtPath(path)
-    prim = Sdf.CreatePrimInLayer(made, path)
+    prim = Sdf.CreatePrimInLayer(rendered, path)
     prim.specifier = source.specifier
     if source.typeName:
         prim.typeName = source.typeName
@@ -86,22 +84,22 @@ def render_prim(layer: Sdf.Layer, path: str) -> str:
         if source.HasInfo(name):
             prim.SetInfo(name, source.GetInfo(name))
     for spec in source.properties:
-        Sdf.CopySpec(layer, spec.path, made, spec.path)
-    return str(made.ExportToString())
+        Sdf.CopySpec(layer, spec.path, rendered, spec.path)
+    return str(rendered.ExportToString())
 
 
 def render_tree(layer: Sdf.Layer, path: str) -> str:
     """Return a layer that holds one prim with everything below it."""
-    made = Sdf.Layer.CreateAnonymous(".usda")
+    rendered = Sdf.Layer.CreateAnonymous(".usda")
     parent = path.rpartition("/")[0]
     if parent:
-        Sdf.CreatePrimInLayer(made, parent)
-    Sdf.CopySpec(layer, path, made, path)
-    return str(made.ExportToString())
+        Sdf.CreatePrimInLayer(rendered, parent)
+    Sdf.CopySpec(layer, path, rendered, path)
+    return str(rendered.ExportToString())
 
 
 def has_prim(layer: Sdf.Layer, path: str) -> bool:
-    """Whether a layer says anything of a prim."""
+    """Whether a layer has a spec of a prim."""
     return path == "/" or layer.GetPrimAtPath(path) is not None
 
 
@@ -153,7 +151,10 @@ class EditSession(Struct, eq=False):
         if self.root_only:
             return [root]
         stack = self.stage.GetLayerStack(includeSessionLayers=False)
-        return [layer for layer in stack if layer == root or _is_local(layer, root)]
+        folder = root.realPath.rpartition("/")[0]  # in which layers are the user's own
+        return [
+            layer for layer in stack if layer == root or layer.realPath.startswith(f"{folder}/")
+        ]
 
     def touch(self, layer: Sdf.Layer, path: str) -> None:
         """Remember that a prim is about to be edited in a layer."""
@@ -168,7 +169,7 @@ class EditSession(Struct, eq=False):
         return self.edited[layer.identifier]
 
     def stands(self, path: str) -> bool:
-        """Whether a layer other than the session layer says anything of a prim."""
+        """Whether a layer other than the session layer has a spec of a prim."""
         return bool(self.opinions(path))
 
     def opinions(self, path: str) -> list[Sdf.PrimSpec]:
@@ -182,22 +183,22 @@ class EditSession(Struct, eq=False):
 
     def property_layer(self, path: str, name: str) -> Sdf.Layer:
         """Return the layer whose opinion on a property is the strongest, else that of its prim."""
-        prim = self.stage.GetPrimAtPath(path)
-        found = prim.GetProperty(name) if prim else None
-        specs = found.GetPropertyStack(Usd.TimeCode.Default()) if found else []
-        specs = [spec for spec in specs if spec.layer != self.stage.GetSessionLayer()]
+        above = self.stage.GetSessionLayer()
+        specs = [spec for spec in self._property_stack(path, name) if spec.layer != above]
         if not specs:
             return self.prim_layer(path)
         return self._strongest(specs, f"{path}.{name}")
 
     def source(self, path: str, name: str) -> str:
-        """Return the prim at which a property is said, which may be one that is referred to."""
-        prim = self.stage.GetPrimAtPath(path)
-        found = prim.GetProperty(name) if prim else None
-        specs = found.GetPropertyStack(Usd.TimeCode.Default()) if found else []
+        """Return the prim at which a property is authored, which may be one that is referred to."""
         allowed = self.layers()
-        at = (str(spec.path.GetPrimPath()) for spec in specs if spec.layer in allowed)
-        return next(at, path)
+        specs = (spec for spec in self._property_stack(path, name) if spec.layer in allowed)
+        return next((str(spec.path.GetPrimPath()) for spec in specs), path)
+
+    def _property_stack(self, path: str, name: str) -> list[Any]:
+        prim = self.stage.GetPrimAtPath(path)
+        authored = prim.GetProperty(name) if prim else None
+        return authored.GetPropertyStack(Usd.TimeCode.Default()) if authored else []
 
     def _strongest(self, specs: list[Any], path: str) -> Sdf.Layer:
         allowed = self.layers()
@@ -212,7 +213,7 @@ class EditSession(Struct, eq=False):
         return Sdf.CreatePrimInLayer(layer, path)
 
     def specs(self, path: str) -> Iterator[Sdf.PrimSpec]:
-        """Yield what the layers that may be edited say of a prim, the strongest first."""
+        """Yield the specs of a prim in the layers that may be edited, the strongest first."""
         for layer in self.layers():
             spec = layer.GetPrimAtPath(path)
             if spec is not None:
@@ -222,9 +223,3 @@ class EditSession(Struct, eq=False):
         """Give every layer back what it held before."""
         for layer in self.edited.values():
             layer.layer.TransferContent(layer.before)
-
-
-def _is_local(layer: Sdf.Layer, root: Sdf.Layer) -> bool:
-    """Whether a layer lies in the folder of the root layer, where it is the user's own."""
-    folder = root.realPath.rpartition("/")[0]
-    return bool(layer.realPath) and layer.realPath.startswith(f"{folder}/")

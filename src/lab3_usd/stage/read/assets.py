@@ -17,6 +17,17 @@ from lab3_usd.stage.read.opening import quiet
 _MUTED = "omni_layer:muteness"  # of the root layer's custom data
 # usd-core takes an address for a path and drops one of its slashes.
 _ONE_SLASH = r"^(\w{2,}):/(?=[^/])"
+_ASSET = r"@(.*?)@"
+_SUBLAYER = "ErrorInvalidSublayerPath"
+# A file that was found but lacks the prim asked for hides nothing: what it holds is judged.
+_MISSING = ("ErrorInvalidAssetPath", "ErrorMutedAssetPath", _SUBLAYER)
+_LACKS_PRIM = "ErrorUnresolvedPrimPath"
+# A device has no children, so that nothing below it can be looked up, let alone opened. The asset
+# is one name below it, whatever slashes and dots are in it.
+_BLOCKED = "/dev/null/blocked/"
+# Active, defined and not abstract: most prims are, and one question tells.
+IS_PRESENT = Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
+_EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
 
 class LayerFiles(Struct, frozen=True):
@@ -37,27 +48,20 @@ def layer_files(stage: Usd.Stage) -> LayerFiles:
             layer = waiting.pop()
             if layer.realPath:
                 files.add(_file(layer.realPath))
-            for identifier in _leads_to(layer) - seen:
+            paths = filter(None, layer.GetCompositionAssetDependencies())
+            assets = {Sdf.ComputeAssetPathRelativeToLayer(layer, path) for path in paths}
+            for identifier in assets - seen:
                 seen.add(identifier)
-                found = _open(identifier)
-                if found is None:
+                try:
+                    opened = Sdf.Layer.FindOrOpen(identifier)
+                except Tf.ErrorException:  # it is damaged
+                    opened = None
+                if opened is None:
                     missing.add(re.sub(_ONE_SLASH, r"\1://", identifier))
                     files.add(_file(identifier))
                 else:
-                    waiting.append(found)
+                    waiting.append(opened)
     return LayerFiles(frozenset(files), tuple(sorted(missing)))
-
-
-def _leads_to(layer: Sdf.Layer) -> set[str]:
-    paths = (path for path in layer.GetCompositionAssetDependencies() if path)
-    return {Sdf.ComputeAssetPathRelativeToLayer(layer, path) for path in paths}
-
-
-def _open(identifier: str) -> Sdf.Layer | None:
-    try:
-        return Sdf.Layer.FindOrOpen(identifier)
-    except Tf.ErrorException:  # it is damaged
-        return None
 
 
 def _file(path: str) -> Path:
@@ -74,20 +78,15 @@ def find_muted(stage: Usd.Stage) -> Iterator[MutedSublayer]:
     listed = root.customLayerData
     for key in _MUTED.split(":"):
         listed = listed.get(key, {}) if isinstance(listed, Mapping) else {}
-    told: list[Sdf.Layer] = []
+    muted: list[Sdf.Layer] = []
     for written, is_muted in sorted(listed.items() if isinstance(listed, Mapping) else ()):
-        layer = _muted_layer(stage, root, written) if is_muted else None
-        if layer is not None and layer not in told:  # one layer may be listed in two spellings
-            told.append(layer)
-            yield MutedSublayer(written, tuple(_prims_in(layer)))
-
-
-def _muted_layer(stage: Usd.Stage, root: Sdf.Layer, written: str) -> Sdf.Layer | None:
-    names = {written, root.ComputeAbsolutePath(written)}
-    for layer in stage.GetLayerStack(includeSessionLayers=False):
-        if layer != root and not names.isdisjoint({layer.identifier, layer.realPath}):
-            return layer
-    return None
+        names = {written, root.ComputeAbsolutePath(written)} if is_muted else set()
+        for layer in stage.GetLayerStack(includeSessionLayers=False):
+            if layer != root and not names.isdisjoint({layer.identifier, layer.realPath}):
+                if layer not in muted:  # one layer may be listed in two spellings
+                    muted.append(layer)
+                    yield MutedSublayer(written, tuple(_prims_in(layer)))
+                break
 
 
 def _prims_in(layer: Sdf.Layer) -> Iterator[str]:
@@ -99,26 +98,13 @@ def _prims_in(layer: Sdf.Layer) -> Iterator[str]:
             yield str(spec.path)
 
 
-_ASSET = r"@(.*?)@"
-_SUBLAYER = "ErrorInvalidSublayerPath"
-# A file that was found but lacks the prim asked for hides nothing: what it holds is judged.
-_MISSING = ("ErrorInvalidAssetPath", "ErrorMutedAssetPath", _SUBLAYER)
-_LACKS_PRIM = "ErrorUnresolvedPrimPath"
-# A device has no children, so that nothing below it can be looked up, let alone opened. The asset
-# is one name below it, whatever slashes and dots are in it.
-_BLOCKED = "/dev/null/blocked/"
-# Active, defined and not abstract: most prims are, and one question tells.
-IS_PRESENT = Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
-_EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
-
-
 def find_unresolved(stage: Usd.Stage) -> list[UnresolvedAsset]:
     """Return what composition could not find, in the order of prim and asset.
 
     What a sublayer of the stage itself would bring may be anywhere; one that an asset lacks
     concerns the prims that refer to the asset.
     """
-    found: set[tuple[str, str, Any, str]] = set()
+    unresolved: set[tuple[str, str, Any, str]] = set()
     lacking: dict[str, set[str]] = {}
     for error in stage.GetCompositionErrors():
         text, name = str(error), type(error).__name__
@@ -129,14 +115,14 @@ def find_unresolved(stage: Usd.Stage) -> list[UnresolvedAsset]:
         asset = original_asset(_as_written(assets[0], layer))
         if name != _SUBLAYER:
             kind = "payload" if "@ for payload" in text else "reference"
-            found.add((str(error.rootSite.path.GetPrimPath()), asset, kind, layer))
+            unresolved.add((str(error.rootSite.path.GetPrimPath()), asset, kind, layer))
         elif error.rootSite.layerStack.rootLayer == stage.GetRootLayer():
-            found.add(("/", asset, "sublayer", layer))
+            unresolved.add(("/", asset, "sublayer", layer))
         else:
             lacking.setdefault(layer, set()).add(asset)
     for layer, prim in _users(stage, set(lacking)) if lacking else ():
-        found |= {(prim, asset, "sublayer of an asset", layer) for asset in lacking[layer]}
-    return [UnresolvedAsset(*asset) for asset in sorted(found)]
+        unresolved |= {(prim, asset, "sublayer of an asset", layer) for asset in lacking[layer]}
+    return [UnresolvedAsset(*asset) for asset in sorted(unresolved)]
 
 
 def _users(stage: Usd.Stage, layers: set[str]) -> Iterator[tuple[str, str]]:
@@ -171,15 +157,15 @@ def _brought(prim: Usd.Prim) -> set[str]:
 
 
 def _with_sublayers(root: Sdf.Layer | None) -> set[str]:
-    found: set[str] = set()
+    layers: set[str] = set()
     ahead = [] if root is None else [root]
     while ahead:
         layer = ahead.pop()
-        if layer.identifier not in found:
-            found.add(layer.identifier)
+        if layer.identifier not in layers:
+            layers.add(layer.identifier)
             opened = (Sdf.Layer.FindRelativeToLayer(layer, path) for path in layer.subLayerPaths)
             ahead.extend(sublayer for sublayer in opened if sublayer is not None)
-    return found
+    return layers
 
 
 def _as_written(asset: str, layer_path: str) -> str:

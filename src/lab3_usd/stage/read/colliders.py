@@ -38,7 +38,7 @@ class StageColliders(Colliders):
         self._prims = prims
         self._reader = reader
         self._present: list[str] = []
-        self._boxes: dict[str, _Box | None] = {}
+        self._boxes: dict[str, _Box | None] = {}  # None without a shape, its own or below
         self._metres = stage_number(reader.stage.GetMetadata("metersPerUnit"), CENTIMETRES)
 
     def below(self, top: str) -> list[Collider]:
@@ -51,26 +51,19 @@ class StageColliders(Colliders):
 
     def _boxes_of(self, top: str, *, below: bool) -> list[Collider]:
         start = f"{top.rstrip('/')}/"
-        asked = [path for path in self._colliding() if f"{path}/".startswith(start) is below]
+        if not self._present:
+            colliding = self._prims.with_api(_COLLISION)
+            self._present += (prim.path for prim in colliding if prim.present)
+        paths = [path for path in self._present if f"{path}/".startswith(start) is below]
         with stage_errors(self._reader.name):
-            boxes = [(path, self._box(path)) for path in asked]
+            for path in paths:
+                if path not in self._boxes:
+                    self._measure(self._reader.stage.GetPrimAtPath(path), path)
         return [
             Collider(path, _scaled(box[0], self._metres), _scaled(box[1], self._metres))
-            for path, box in boxes
-            if box is not None
+            for path in paths
+            if (box := self._boxes[path]) is not None
         ]
-
-    def _colliding(self) -> list[str]:
-        if not self._present:
-            found = self._prims.with_api(_COLLISION)
-            self._present += (prim.path for prim in found if prim.present)
-        return self._present
-
-    def _box(self, path: str) -> _Box | None:
-        """Return the box of a collision prim, None for one without a shape of its own or below."""
-        if path not in self._boxes:
-            self._measure(self._reader.stage.GetPrimAtPath(path), path)
-        return self._boxes[path]
 
     def _measure(self, top: Usd.Prim, top_path: str) -> None:
         """Measure a collision prim and those below it, each shape once."""
@@ -90,7 +83,8 @@ class StageColliders(Colliders):
                     prims.PruneChildren()
                 continue
             boxes = open_boxes.pop()
-            box = _union(boxes) if boxes else None
+            corners = [*(low for low, _ in boxes), *(high for _, high in boxes)]
+            box = _bounds(corners) if boxes else None
             open_boxes[-1] += [] if box is None else [box]
             if prim == top or _COLLISION in Usd.Prim.GetPrimTypeInfo(prim).GetAppliedAPISchemas():
                 self._boxes[path] = box
@@ -100,11 +94,19 @@ class StageColliders(Colliders):
 def _world_box(prim: Usd.Prim, path: str, transforms: TransformCache) -> _Box | None:
     kind, (_, world) = Usd.Prim.GetTypeName(prim), transforms.of(prim, path)
     if kind in _ROUND:
-        return _around(world, *_round_sizes(prim), has_balls=_ROUND[kind])
+        axis = authored_data(prim, "axis")
+        index = _AXIS_NAMES.index(axis) if axis in _AXIS_NAMES else 2  # Z by the schema
+        radius, half = _number(prim, "radius"), _number(prim, "height") / 2
+        return _around(world, radius, half, index, has_balls=_ROUND[kind])
     if kind == "Sphere":
         return _around(world, _number(prim, "radius"), 0.0, 0, has_balls=True)
     if kind == "Cube":
-        return _cube_box(world, _number(prim, "size") / 2)
+        half = abs(_number(prim, "size")) / 2
+        x, y, z = (
+            half * (abs(world[index]) + abs(world[4 + index]) + abs(world[8 + index]))
+            for index in range(3)
+        )
+        return _reaching(world, x, y, z)
     points = authored_data(prim, "points")
     if not points or not isinstance(points, Vt.Vec3fArray):
         return None
@@ -142,23 +144,6 @@ def _number(prim: Usd.Prim, name: str) -> float:
     return float(value) if isinstance(value, (int, float)) else 0.0
 
 
-def _cube_box(matrix: Matrix, half: float) -> _Box:
-    half = abs(half)
-    return _reaching(
-        matrix,
-        half * (abs(matrix[0]) + abs(matrix[4]) + abs(matrix[8])),
-        half * (abs(matrix[1]) + abs(matrix[5]) + abs(matrix[9])),
-        half * (abs(matrix[2]) + abs(matrix[6]) + abs(matrix[10])),
-    )
-
-
-def _round_sizes(prim: Usd.Prim) -> tuple[float, float, int]:
-    """Return radius, half the height, and the index of the axis, Z where the file names none."""
-    axis = authored_data(prim, "axis")
-    along = "XYZ".index(axis) if axis in _AXIS_NAMES else 2
-    return _number(prim, "radius"), _number(prim, "height") / 2, along
-
-
 def _around(matrix: Matrix, radius: float, half: float, along: int, *, has_balls: bool) -> _Box:
     """Return the box around two discs, or two balls, that lie `half` from the middle."""
     x, y, z = (
@@ -179,11 +164,6 @@ def _reaching(matrix: Matrix, x: float, y: float, z: float) -> _Box:
 def _bounds(points: list[_Corner]) -> _Box:
     xs, ys, zs = zip(*points, strict=True)
     return (min(xs), min(ys), min(zs)), (max(xs), max(ys), max(zs))
-
-
-def _union(boxes: list[_Box]) -> _Box:
-    lows, highs = zip(*boxes, strict=True)
-    return _bounds([*lows, *highs])
 
 
 def _scaled(corner: _Corner, metres: float) -> _Corner:

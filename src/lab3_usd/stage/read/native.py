@@ -23,7 +23,7 @@ _UNRESOLVED = re.compile(r"Could not (open asset|load sublayer)|nvalid or unreso
 _NAMED = re.compile(r"<(/[\w/:.]*)>")
 _ROOT = Sdf.Path.absoluteRootPath
 _SESSION = re.compile(r",@anon:[^@]*@")  # named by its address in memory
-_OPEN: dict[tuple[str, str], re.Pattern[str]] = {
+_UNDECIDABLE: dict[tuple[str, str], re.Pattern[str]] = {
     ("CompositionErrorTest", "CompositionError"): _UNRESOLVED,
     ("MissingReferenceValidator", "UnresolvableDependency"): re.compile(""),
     ("NormalMapTextureValidator", "InvalidFile"): re.compile(""),
@@ -48,7 +48,7 @@ def native_validation() -> Any:
 
 @quiet()
 def native_errors(stage: Usd.Stage, given: str) -> tuple[NativeError, ...]:
-    """Return what the validators of usd-core say of a stage; `given` names its root layer.
+    """Return the errors that usd-core's validators find in a stage; `given` names its root layer.
 
     They see the stage as it is saved. Validators of plugins are left out.
 
@@ -71,45 +71,36 @@ def native_errors(stage: Usd.Stage, given: str) -> tuple[NativeError, ...]:
     }
     folder = f"{Path(stage.GetRootLayer().realPath).parent}/"
     prefix = given[: len(given) - len(Path(given).name)]
-    found = {
-        NativeError(
-            validator=str(error.GetValidator().GetMetadata().name),
-            name=str(error.GetName()),
-            severity=severities.get(error.GetType(), "note"),
-            prim=place[0],
-            property=place[1],
-            message=_one_line(error.GetMessage()).replace(folder, prefix),
-            is_open=_is_open(error),
+    errors = set()
+    for error in context.Validate(stage):
+        validator, name = str(error.GetValidator().GetMetadata().name), str(error.GetName())
+        path, text = _path(stage, error), error.GetMessage()
+        undecidable = _UNDECIDABLE.get((validator.rpartition(":")[2], name))
+        errors.add(
+            NativeError(
+                validator=validator,
+                name=name,
+                severity=severities.get(error.GetType(), "note"),
+                prim=str(path.GetPrimPath()),
+                property=str(path.name) if path.IsPropertyPath() else None,
+                message=" ".join(_SESSION.sub("", text).split())
+                .removesuffix(".")
+                .replace(folder, prefix),
+                is_open=undecidable is not None and undecidable.search(text) is not None,
+            )
         )
-        for error in context.Validate(stage)
-        for place in (_place(stage, error),)
-    }
-    return tuple(sorted(found, key=str))
+    return tuple(sorted(errors, key=str))
 
 
-def _one_line(text: str) -> str:
-    return " ".join(_SESSION.sub("", text).split()).removesuffix(".")
-
-
-def _is_open(error: Any) -> bool:
-    validator = str(error.GetValidator().GetMetadata().name).rpartition(":")[2]
-    message = _OPEN.get((validator, str(error.GetName())))
-    return message is not None and message.search(error.GetMessage()) is not None
-
-
-def _place(stage: Usd.Stage, error: Any) -> tuple[str, str | None]:
-    """Return where an error is: a prim, and a property of it or None."""
+def _path(stage: Usd.Stage, error: Any) -> Sdf.Path:
+    """Return the path of the prim or property that an error is about."""
     for site in error.GetSites():
         if site.IsValid() and site.IsProperty():
-            return _split(site.GetProperty().GetPath())
+            return site.GetProperty().GetPath()
         if site.IsValid() and site.IsPrim():
-            return _split(site.GetPrim().GetPath())
+            return site.GetPrim().GetPath()
         if site.IsValidSpecInLayer():
-            return _split((site.GetPropertySpec() or site.GetPrimSpec()).path)
+            return (site.GetPropertySpec() or site.GetPrimSpec()).path
     # Of a layer that is referred to OpenUSD gives a path of the stage, in the message alone.
-    named = (Sdf.Path(path) for path in _NAMED.findall(error.GetMessage()))
-    return _split(next((path for path in named if stage.GetObjectAtPath(path)), _ROOT))
-
-
-def _split(path: Sdf.Path) -> tuple[str, str | None]:
-    return str(path.GetPrimPath()), str(path.name) if path.IsPropertyPath() else None
+    paths = (Sdf.Path(path) for path in _NAMED.findall(error.GetMessage()))
+    return next((path for path in paths if stage.GetObjectAtPath(path)), _ROOT)

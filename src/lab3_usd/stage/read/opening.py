@@ -17,7 +17,6 @@ from lab3_usd.stage.read.properties import hold_start_values
 
 _T = TypeVar("_T")
 _PARSE_ERROR = r":(\d+):\d+: parse error"
-_REASONS = {"UTF-8 BOM": "it starts with a byte order mark; save it as UTF-8 without one"}
 _ARGUMENTS = ":SDF_FORMAT_ARGS:"
 _DAMAGE = (Tf.ErrorException, UnicodeDecodeError)
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
@@ -32,9 +31,7 @@ def _open(path: Path) -> Usd.Stage:
 # How a stage is opened, its file checked before. A grader replaces it while strangers' files are
 # read (see `fence`).
 opener: ContextVar[Callable[[Path], Usd.Stage]] = ContextVar("opener", default=_open)
-
-
-# What was found out about stages that stay open; None where nobody keeps them open.
+# What was read of stages that stay open; None where nobody keeps them open.
 reading_cache: ContextVar[dict[Hashable, Any] | None] = ContextVar("reading_cache", default=None)
 
 
@@ -45,8 +42,8 @@ def cached(key: Hashable, make: Callable[[], _T]) -> _T:
         return make()
     if key not in known:
         known[key] = make()
-    found: _T = known[key]
-    return found
+    answer: _T = known[key]
+    return answer
 
 
 @contextmanager
@@ -99,7 +96,7 @@ class stage_errors:  # noqa: N801 - used as a function is; made of one it takes 
     __slots__ = ("_kinds", "_path")
 
     def __init__(self, path: Path | str, *kinds: type[Exception]) -> None:
-        """Tell of the file at `path`."""
+        """Name the file at `path` in what is raised."""
         self._path = path
         self._kinds = kinds or _DAMAGE
 
@@ -107,9 +104,23 @@ class stage_errors:  # noqa: N801 - used as a function is; made of one it takes 
         """Begin to read."""
 
     def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
-        """Tell what is wrong with the file."""
+        """Raise what is wrong with the file."""
         if isinstance(error, self._kinds):
             raise StageError(f"{self._path}: {_reason(error)}") from error
+
+
+def _reason(error: Exception) -> str:
+    """Return in plain words what usd-core says in an exception, whose text may fail to decode."""
+    try:
+        text = str(error)
+    except UnicodeError:
+        text = ""
+    place = re.search(_PARSE_ERROR, text)
+    if place is not None:
+        return f"line {place[1]} is not USD text; the file is damaged or cut short, save it again"
+    if "UTF-8 BOM" in text:
+        return "cannot be read: it starts with a byte order mark; save it as UTF-8 without one"
+    return "cannot be read: it is damaged or not USD; save the stage again from Isaac Sim"
 
 
 @quiet()
@@ -147,12 +158,16 @@ def reopened(stage: Usd.Stage) -> Usd.Stage:
 
 
 def check_file(path: Path) -> None:
-    """Say in plain words what usd-core would say in its own.
+    """Refuse, in plain words, a file that usd-core cannot open.
 
     Raises:
         StageError: usd-core cannot open the file.
     """
-    _check_name(path)
+    shown = os.fsencode(path).decode("utf-8", "replace")
+    if shown != str(path):
+        raise StageError(f"{shown}: the name of the file or of a folder is not UTF-8; rename it")
+    if _ARGUMENTS in shown:
+        raise StageError(f"{shown}: USD reads '{_ARGUMENTS}' in a name as options; rename the file")
     if not path.exists():
         raise StageError(f"{path}: there is no such file")
     if not path.is_file():
@@ -163,31 +178,18 @@ def check_file(path: Path) -> None:
         )
     if path.suffix.lower() not in ENDINGS:
         raise StageError(f"{path}: '{path.suffix}' is not a USD ending ({', '.join(ENDINGS)})")
-    _check_text(path)
-
-
-def _check_name(path: Path) -> None:
-    """Refuse names that usd-core cannot open, whatever the file holds."""
-    shown = os.fsencode(path).decode("utf-8", "replace")
-    if shown != str(path):
-        raise StageError(f"{shown}: the name of the file or of a folder is not UTF-8; rename it")
-    if _ARGUMENTS in shown:
-        raise StageError(f"{shown}: USD reads '{_ARGUMENTS}' in a name as options; rename the file")
-
-
-def _check_text(path: Path) -> None:
     try:
         with path.open("rb") as file:
             start = file.read(8)
             if start.startswith(b"#usda"):
-                _check_bytes(path, start + file.read())
+                _check_text(path, start + file.read())
     except OSError as error:
         raise StageError(f"{path}: cannot be read ({error.strerror})") from error
     if not start:
         raise StageError(f"{path}: is empty; save the stage again from Isaac Sim")
 
 
-def _check_bytes(path: Path, data: bytes) -> None:
+def _check_text(path: Path, data: bytes) -> None:
     """Refuse text that the parser would cut short or choke on."""
     if b"\0" in data:
         line = data.count(b"\n", 0, data.index(b"\0")) + 1
@@ -201,18 +203,3 @@ def _check_bytes(path: Path, data: bytes) -> None:
         raise StageError(
             f"{path}: line {line} is not UTF-8 text; the file is damaged, save it again"
         ) from error
-
-
-def _reason(error: Exception) -> str:
-    """Say in plain words what usd-core says in an exception, whose text may fail to decode."""
-    try:
-        text = str(error)
-    except UnicodeError:
-        text = ""
-    place = re.search(_PARSE_ERROR, text)
-    if place is not None:
-        return f"line {place[1]} is not USD text; the file is damaged or cut short, save it again"
-    for hint, reason in _REASONS.items():
-        if hint in text:
-            return f"cannot be read: {reason}"
-    return "cannot be read: it is damaged or not USD; save the stage again from Isaac Sim"

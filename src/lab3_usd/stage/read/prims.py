@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from collections.abc import Set as AbstractSet
 from pathlib import Path
 
 from msgspec import Struct, field
@@ -60,7 +59,7 @@ class PrimReader:
         self.hidden = hidden
         self.name = name
         self.placed = {*_PLACED, *(sensor.type for sensor in sensors)}
-        self.asked = {name for sensor in sensors for name in sensor.attributes}
+        self.sensor_attributes = {name for sensor in sensors for name in sensor.attributes}
 
     def prim(self, prim: Usd.Prim, path: str) -> Prim:
         """Return the prim at a path, whose values and place are still to be read."""
@@ -81,33 +80,28 @@ class PrimReader:
             StageError: the file is damaged there.
         """
         with stage_errors(self.name):
-            found = self.stage.GetPrimAtPath(prim.path)
-            if name in _PLACE:
-                is_placed = found and (prim.type in self.placed or RIGID_BODY in prim.apis)
-                nowhere = (None, None)
-                prim.local, prim.world = (
-                    self.transforms.of(found, prim.path) if is_placed else nowhere
-                )
+            source = self.stage.GetPrimAtPath(prim.path)
+            if name not in _PLACE:
+                self._read_values(source, prim)
+            elif source and (prim.type in self.placed or RIGID_BODY in prim.apis):
+                prim.local, prim.world = self.transforms.of(source, prim.path)
             else:
-                _read_values(found, prim, self.asked)
+                prim.local, prim.world = None, None
 
-
-def _read_values(source: Usd.Prim, prim: Prim, asked: AbstractSet[str]) -> None:
-    attributes: dict[str, Value] = {}
-    relationships: dict[str, tuple[str, ...]] = {}
-    properties = AuthoredProperties(source)
-    for name in properties.names():
-        if _ATTRIBUTES.match(name) is None and name not in asked:
-            continue
-        found = properties[name]
-        value = found.value()
-        if value is not None:
-            attributes[name] = value
-            continue
-        targets = found.targets()
-        if targets:
-            relationships[name] = targets
-    prim.attributes, prim.relationships = attributes, relationships
+    def _read_values(self, source: Usd.Prim, prim: Prim) -> None:
+        attributes: dict[str, Value] = {}
+        relationships: dict[str, tuple[str, ...]] = {}
+        properties = AuthoredProperties(source)
+        for name in properties.names():
+            if _ATTRIBUTES.match(name) is None and name not in self.sensor_attributes:
+                continue
+            authored = properties[name]
+            value = authored.value()
+            if value is not None:
+                attributes[name] = value
+            elif targets := authored.targets():
+                relationships[name] = targets
+        prim.attributes, prim.relationships = attributes, relationships
 
 
 class PrimIndex(Struct, frozen=True):
@@ -130,7 +124,7 @@ class StagePrims(Prims):
     """The prims of an open stage that are no nodes, and that no application made for itself."""
 
     def __init__(self, reader: PrimReader, form: GraphForm, index: PrimIndex) -> None:
-        """Take what one scan of the stage has found."""
+        """Take the index that one scan of the stage has made."""
         self._reader = reader
         self._form = form
         self._index = index
@@ -140,10 +134,10 @@ class StagePrims(Prims):
 
     def __getitem__(self, path: str) -> Prim:
         """Return the prim at a path, in the scene or not."""
-        found = self.get(path)
-        if found is None:
+        prim = self.get(path)
+        if prim is None:
             raise KeyError(path)
-        return found
+        return prim
 
     def get(self, path: str, default: Prim | None = None) -> Prim | None:  # type: ignore[override]
         """Return the prim at a path, in the scene or not, else the default."""
@@ -151,10 +145,10 @@ class StagePrims(Prims):
         if known is not None:
             return known
         with stage_errors(self._reader.name):
-            found = self._find(path)
-            if not found or Usd.Prim.IsPseudoRoot(found) or not self._counts(found, path):
+            prim = self._find(path)
+            if not prim or Usd.Prim.IsPseudoRoot(prim) or not self._counts(prim, path):
                 return default
-            return self._prim(found, path)
+            return self._prim(prim, path)
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the paths."""
@@ -164,27 +158,27 @@ class StagePrims(Prims):
         """Count the prims."""
         return len(self._index.prims)
 
-    def of_type(self, asked: NameFilter) -> Sequence[Prim]:
+    def of_type(self, name_filter: NameFilter) -> Sequence[Prim]:
         """Return the prims of the types asked for."""
-        return self._chosen(self._index.by_type, asked)
+        return self._chosen(self._index.by_type, name_filter)
 
-    def with_api(self, asked: NameFilter) -> Sequence[Prim]:
+    def with_api(self, name_filter: NameFilter) -> Sequence[Prim]:
         """Return the prims to which a schema asked for is applied."""
-        return self._chosen(self._index.by_api, asked)
+        return self._chosen(self._index.by_api, name_filter)
 
-    def named(self, asked: NameFilter) -> Sequence[Prim]:
+    def named(self, name_filter: NameFilter) -> Sequence[Prim]:
         """Return the prims whose own name is asked for."""
         if not self._by_name:
             with stage_errors(self._reader.name):
                 for number, prim in enumerate(self._index.prims):
                     self._by_name.setdefault(Usd.Prim.GetName(prim), []).append(number)
-        return self._chosen(self._by_name, asked)
+        return self._chosen(self._by_name, name_filter)
 
     def below(self, top: str) -> Iterator[Prim]:
         """Yield the prim at `top` and those below it."""
-        found = self._find(top)
+        start = self._find(top)
         with stage_errors(self._reader.name):
-            for prim in Usd.PrimRange(found, EVERYTHING) if found else ():
+            for prim in Usd.PrimRange(start, EVERYTHING) if start else ():
                 path = str(Usd.Prim.GetPath(prim))
                 if not Usd.Prim.IsPseudoRoot(prim) and self._counts(prim, path):
                     yield self._prim(prim, path)
@@ -194,9 +188,9 @@ class StagePrims(Prims):
         is_plain = _PLAIN_PATH.fullmatch(path) is not None
         if not is_plain and (path[:1] != "/" or not Sdf.Path.IsValidPathString(path)[0]):
             return None
-        found = self._reader.stage.GetPrimAtPath(path)
-        is_it = found and (is_plain or str(Usd.Prim.GetPath(found)) == path)
-        return found if is_it and not path.startswith(_PROTOTYPE) else None
+        prim = self._reader.stage.GetPrimAtPath(path)
+        is_at_path = prim and (is_plain or str(Usd.Prim.GetPath(prim)) == path)
+        return prim if is_at_path and not path.startswith(_PROTOTYPE) else None
 
     def _counts(self, prim: Usd.Prim, path: str) -> bool:
         return Usd.Prim.GetTypeName(prim) != self._form.node_type and not self._form.ignores(path)
@@ -207,18 +201,19 @@ class StagePrims(Prims):
             known = self._known[path] = self._reader.prim(prim, path)
         return known
 
-    def _chosen(self, index: Mapping[str, list[int]], asked: NameFilter) -> Sequence[Prim]:
+    def _chosen(self, index: Mapping[str, list[int]], name_filter: NameFilter) -> Sequence[Prim]:
         """Return the prims of every key that is asked for, each once and as they are traversed."""
-        if not isinstance(asked, str):
-            numbers = {number for key in index if asked(key) for number in index[key]}
+        if not isinstance(name_filter, str):
+            numbers = {number for key in index if name_filter(key) for number in index[key]}
             return self._numbered(sorted(numbers))
-        known = self._answers.get((id(index), asked))
+        known = self._answers.get((id(index), name_filter))
         if known is None:
-            known = self._answers[id(index), asked] = self._numbered(index.get(asked, ()))
+            known = self._answers[id(index), name_filter] = self._numbered(
+                index.get(name_filter, ())
+            )
         return known
 
     def _numbered(self, numbers: Iterable[int]) -> list[Prim]:
-        """Return the prims with these numbers."""
         prims = self._index.prims
         with stage_errors(self._reader.name):
             return [
@@ -236,15 +231,11 @@ def authored_attributes(path: Path, prims: Iterable[str]) -> dict[str, Authored]
     """
     with stage_errors(str(path)):
         stage = open_stage(path)
-        found: dict[str, Authored] = {}
+        authored: dict[str, Authored] = {}
         for prim_path in prims:
-            prim = stage.GetPrimAtPath(prim_path)
-            said = found.setdefault(prim_path, {})
-            for getauthoredattribute in prim.GetAuthoredAttributes():
-                value = plain_value(getauthoredattribute.Get())
+            values = authored.setdefault(prim_path, {})
+            for attribute in stage.GetPrimAtPath(prim_path).GetAuthoredAttributes():
+                value = plain_value(attribute.Get())
                 if value is not None:
-                    said[getauthoredattribute.GetName()] = (
-                        str(getauthoredattribute.GetTypeName()),
-                        value,
-                    )
-    return found
+                    values[attribute.GetName()] = (str(attribute.GetTypeName()), value)
+    return authored

@@ -1,6 +1,4 @@
-"""What a composed prim says itself.
-
-Properties, plain values, and what holds when the timeline starts.
+"""Reads the properties of composed prims as plain values, as the timeline starts with them.
 
 Isaac Sim opens a stage at its first time code and plays from there on, and a time sample beats
 the default value. So the values of that moment are written into the session layer of a stage, where
@@ -40,6 +38,11 @@ _VECTORS = {
 }
 _HALF = "e"
 _QUATERNIONS = {Gf.Quatd, Gf.Quatf, Gf.Quath}
+_KEY = "changes after the start"  # of the session layer's custom data
+_NEAR_ZERO = 1e-6
+RELATIONSHIP = "rel"
+_WITH_VARIABLES = {Sdf.AssetPath, Sdf.AssetPathArray}  # of which the stage makes a path
+_VALUE, _SOURCES = "default", "connectionPaths"
 
 
 def plain_value(value: Any) -> Value | None:
@@ -59,14 +62,6 @@ def plain_value(value: Any) -> Value | None:
     return tuple(elements(value)) if kind in _VECTORS else _items(value)
 
 
-def stage_number(value: Any, otherwise: float) -> float:
-    """Return a number that a stage says of itself, else the default.
-
-    A damaged file may say anything; to usd-core that is nothing.
-    """
-    return float(value) if type(value) in _NUMBERS else otherwise
-
-
 def _items(value: Any) -> Value | None:
     try:
         count = len(value)
@@ -77,6 +72,14 @@ def _items(value: Any) -> Value | None:
     # Iterating over a Vt or Gf type is five to twenty times as slow as asking for its elements.
     items = (plain_value(value[index]) for index in range(count))
     return tuple(item for item in items if item is not None)
+
+
+def stage_number(value: Any, default: float) -> float:
+    """Return a number that a stage says of itself, else the default.
+
+    A damaged file may say anything; to usd-core that is nothing.
+    """
+    return float(value) if type(value) in _NUMBERS else default
 
 
 def elements(vector: Any) -> list[Any]:
@@ -91,10 +94,6 @@ def elements(vector: Any) -> list[Any]:
     return view.tolist()
 
 
-_KEY = "changes after the start"
-_NEAR_ZERO = 1e-6
-
-
 def hold_start_values(stage: Usd.Stage) -> None:
     """Have every attribute with time samples hold the value that it starts with.
 
@@ -106,12 +105,19 @@ def hold_start_values(stage: Usd.Stage) -> None:
     if _KEY in session.customLayerData or not any(layer.ListAllTimeSamples() for layer in layers):
         return
     start = stage.GetStartTimeCode()
-    sampled = list(_sampled(stage))
+    sampled = [
+        attribute
+        for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate)
+        for attribute in prim.GetAuthoredAttributes()
+        if attribute.GetNumTimeSamples()
+    ]
     held = [(attribute, attribute.Get(start)) for attribute in sampled]
     changes = [change for attribute, value in held for change in _changes(attribute, value, start)]
     with Sdf.ChangeBlock():
         for attribute, value in held:
-            _write(session, attribute, value)
+            prim = Sdf.CreatePrimInLayer(session, attribute.GetPrim().GetPath())
+            spec = Sdf.AttributeSpec(prim, attribute.GetName(), attribute.GetTypeName())
+            spec.default = Sdf.ValueBlock() if value is None else value
         import json
 
         session.customLayerData = {_KEY: json.dumps([astuple(change) for change in changes])}
@@ -130,14 +136,7 @@ def changes_after_start(stage: Usd.Stage) -> tuple[AnimatedAttribute, ...]:
         return ()
     import json
 
-    return tuple(AnimatedAttribute(*load) for load in json.loads(written))
-
-
-def _sampled(stage: Usd.Stage) -> Iterator[Usd.Attribute]:
-    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate):
-        for attribute in prim.GetAuthoredAttributes():
-            if attribute.GetNumTimeSamples():
-                yield attribute
+    return tuple(AnimatedAttribute(*change) for change in json.loads(written))
 
 
 def _changes(attribute: Usd.Attribute, first: Any, start: float) -> Iterator[AnimatedAttribute]:
@@ -156,17 +155,6 @@ def _changes(attribute: Usd.Attribute, first: Any, start: float) -> Iterator[Ani
 def _text(value: Any) -> str:
     known = plain_value(value)
     return "another value" if known is None else str(known)
-
-
-def _write(session: Sdf.Layer, attribute: Usd.Attribute, value: Any) -> None:
-    prim = Sdf.CreatePrimInLayer(session, attribute.GetPrim().GetPath())
-    spec = Sdf.AttributeSpec(prim, attribute.GetName(), attribute.GetTypeName())
-    spec.default = Sdf.ValueBlock() if value is None else value
-
-
-RELATIONSHIP = "rel"
-_WITH_VARIABLES = {Sdf.AssetPath, Sdf.AssetPathArray}  # of which the stage makes a path
-_VALUE, _SOURCES = "default", "connectionPaths"
 
 
 def authored_data(prim: Usd.Prim, name: str) -> Any:
@@ -207,7 +195,7 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
     def _is_relationship(self) -> bool:
         return bool(self.specs) and type(self.specs[0]) is Sdf.RelationshipSpec
 
-    def _says(self, field: str) -> bool:
+    def _is_authored(self, field: str) -> bool:
         """Whether a layer gives this to an attribute; a stronger relationship hides it."""
         for spec in self.specs:
             if spec.HasInfo(field):
@@ -227,13 +215,13 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
             alone = self.specs[0].default  # of one layer, which needs no composition
             if type(alone) not in _WITH_VARIABLES:
                 return plain_value(alone)
-        if not self._says(_VALUE):
+        if not self._is_authored(_VALUE):
             return None
         return plain_value(Usd.Attribute.Get(Usd.Prim.GetAttribute(self.prim, self.name)))
 
     def sources(self) -> tuple[str, ...]:
         """Return the properties that an attribute is connected to."""
-        if not self._says(_SOURCES):
+        if not self._is_authored(_SOURCES):
             return ()
         attribute = Usd.Prim.GetAttribute(self.prim, self.name)
         return tuple(map(str, Usd.Attribute.GetConnections(attribute)))

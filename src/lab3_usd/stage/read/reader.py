@@ -34,43 +34,6 @@ from lab3_usd.stage.read.properties import (
     stage_number,
 )
 
-
-def read_ports(properties: AuthoredProperties, kind: NodeType | None) -> Mapping[str, PortState]:
-    """Return the ports among the properties of a prim, by full name; `kind` is its node type.
-
-    Of outputs only the names count: what flows through them is made at run time.
-    """
-    ports = {}
-    for name in properties.names():
-        if name.startswith(OUTPUT):
-            ports[name] = PortState(name)
-        elif name.startswith(INPUT):
-            ports[name] = _input(name, properties[name], kind)
-    return ports
-
-
-def _input(name: str, found: AuthoredProperty, kind: NodeType | None) -> PortState:
-    value, sources = found.value(), found.sources()
-    if value is None and not sources:
-        if found.type == RELATIONSHIP:
-            return PortState(name, RELATIONSHIP, targets=found.targets())
-        value = _value_in_metadata(name, found, kind)
-    # The type of a port without a value says nothing that a rule asks about.
-    return PortState(name, "" if value is None else found.type, value, sources)
-
-
-def _value_in_metadata(
-    name: str, attribute: AuthoredProperty, kind: NodeType | None
-) -> Value | None:
-    """Return the literal of an extended port, which Kit keeps beside the attribute's value."""
-    known = None if kind is None else kind.port(name)
-    # Files declare a port that takes values of several types as a token.
-    is_extended = attribute.type == "token" if known is None else known.is_union
-    if not is_extended:
-        return None
-    return plain_value(attribute.custom_data("omni", "graph", "attrValue"))
-
-
 _POSITION = "ui:nodegraph:node:pos"
 _NAMESPACE = "isaac:namespace"
 _NODE_TYPE, _VERSION = "node:type", "node:typeVersion"
@@ -103,10 +66,11 @@ def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
     scan.run()
     reader = PrimReader(stage, path, hidden, lab.sensors.values())
     prims = StagePrims(reader, lab.catalog.graph, scan.others)
+    kilograms = stage.GetPseudoRoot().GetMetadata("kilogramsPerUnit")
     return StageModel(
         up_axis=str(stage.GetMetadata("upAxis")),
         meters_per_unit=stage_number(stage.GetMetadata("metersPerUnit"), CENTIMETRES),
-        kilograms_per_unit=_kilograms(stage),
+        kilograms_per_unit=stage_number(kilograms, 1.0),  # which UsdPhysics assumes
         graphs=tuple(scan.graph(path) for path in scan.graphs),
         prims=prims,
         orphans=tuple(scan.nodes[""]),
@@ -153,7 +117,7 @@ class _Scan:
 
         Nothing else is done for each prim of a stage, so this must be quick.
         """
-        form, known = self._lab.catalog.graph, self.others
+        form = self._lab.catalog.graph
         scripts = frozenset(self._lab.catalog.scripts.apis)
         above: list[str] = []  # the graphs around the prim, innermost last
         for prim in Usd.PrimRange(top, EVERYTHING):
@@ -164,18 +128,15 @@ class _Scan:
             while above and not f"{path}/".startswith(f"{above[-1]}/"):
                 above.pop()
             if is_ignored:
-                self._ignored(prim, apis)
+                if prim.IsActive():
+                    node_type = _text(plain_value(authored_data(prim, _NODE_TYPE)))
+                    self._note_script(str(prim.GetPath()), node_type, apis)
             elif is_node:
                 self._node(prim, path, apis, above[-1] if above else "")
             else:
-                known.add(prim, kind, apis)
+                self.others.add(prim, kind, apis)
                 if above or kind == form.type or not scripts.isdisjoint(apis):
                     self._other(prim, kind, apis, above)
-
-    def _ignored(self, prim: Usd.Prim, apis: Sequence[str]) -> None:
-        if prim.IsActive():
-            node_type = _text(plain_value(authored_data(prim, _NODE_TYPE)))
-            self._note_script(str(prim.GetPath()), node_type, apis)
 
     def _other(self, prim: Usd.Prim, kind: str, apis: Sequence[str], above: list[str]) -> None:
         """Look closer at a prim that is a graph, is in one or carries schemas."""
@@ -196,13 +157,28 @@ class _Scan:
         if not self._is_live(prim):
             self._note_absent(prim, graph)
             return
-        node = self._read_node(prim, path)
-        if not node.type_name and not node.ports:
+        properties = AuthoredProperties(prim)
+        type_name, own = (_text(properties[name].value()) for name in (_NODE_TYPE, _NAMESPACE))
+        kind, version = self._lab.catalog.get(type_name), properties[_VERSION].value()
+        ports = read_ports(properties, kind)
+        if not type_name and not ports:
             return  # a leftover, which is no node
-        if node.own_namespace:
-            self._namespaces[node.path] = node.namespace
-        self._note_script(node.path, node.type_name, apis)
-        self.nodes[graph].append(node)
+        namespace = "/".join(filter(None, (self._namespace_above(prim, path), own)))
+        if own:
+            self._namespaces[path] = namespace
+        self._note_script(path, type_name, apis)
+        self.nodes[graph].append(
+            Node(
+                path=path,
+                type_name=type_name,
+                type=kind,
+                version=version if isinstance(version, int) else None,
+                ports=ports,
+                position=_pair(properties[_POSITION].value()),
+                namespace=namespace,
+                own_namespace=own,
+            )
+        )
 
     def _note_absent(self, prim: Usd.Prim, graph: str) -> None:
         """Keep a prim that looks like a node and is none: its own graph may miss it."""
@@ -224,22 +200,6 @@ class _Scan:
         if carrier is not None:
             self.scripts.append(Script(path, carrier))
 
-    def _read_node(self, prim: Usd.Prim, path: str) -> Node:
-        properties = AuthoredProperties(prim)
-        type_name, own = (_text(properties[name].value()) for name in (_NODE_TYPE, _NAMESPACE))
-        kind, version = self._lab.catalog.get(type_name), properties[_VERSION].value()
-        above = self._namespace_above(prim, path)
-        return Node(
-            path=path,
-            type_name=type_name,
-            type=kind,
-            version=version if isinstance(version, int) else None,
-            ports=read_ports(properties, kind),
-            position=_pair(properties[_POSITION].value()),
-            namespace="/".join(filter(None, (above, own))),
-            own_namespace=own,
-        )
-
     def _namespace_above(self, prim: Usd.Prim, path: str) -> str:
         """Join the namespaces of the prims above the one at a path, outermost first.
 
@@ -250,15 +210,15 @@ class _Scan:
             prim = Usd.Prim.GetParent(prim)
             ahead.append((path, prim))
         joined = self._namespaces[path]
-        for place, each in reversed(ahead):
-            is_node = Usd.Prim.GetTypeName(each) == self._lab.catalog.graph.node_type
-            own = None if is_node else plain_value(authored_data(each, _NAMESPACE))
+        for path, prim in reversed(ahead):
+            is_node = Usd.Prim.GetTypeName(prim) == self._lab.catalog.graph.node_type
+            own = None if is_node else plain_value(authored_data(prim, _NAMESPACE))
             joined = "/".join(filter(None, (joined, own if isinstance(own, str) else "")))
-            self._namespaces[place] = joined
+            self._namespaces[path] = joined
         return joined
 
     def graph(self, path: str) -> GraphModel:
-        """Return a graph with what was found in it."""
+        """Return a graph with its nodes and what looks like one."""
         prim, attributes = self.graphs[path], {}
         properties = AuthoredProperties(prim)
         for name in properties.names():
@@ -275,9 +235,32 @@ class _Scan:
         )
 
 
-def _kilograms(stage: Usd.Stage) -> float:
-    """Return the stage's mass unit; UsdPhysics says kilograms where nothing is written."""
-    return stage_number(stage.GetPseudoRoot().GetMetadata("kilogramsPerUnit"), 1.0)
+def read_ports(properties: AuthoredProperties, kind: NodeType | None) -> Mapping[str, PortState]:
+    """Return the ports among the properties of a prim, by full name; `kind` is its node type.
+
+    Of outputs only the names count: what flows through them is made at run time.
+    """
+    ports = {}
+    for name in properties.names():
+        if name.startswith(OUTPUT):
+            ports[name] = PortState(name)
+        elif name.startswith(INPUT):
+            ports[name] = _input(name, properties[name], kind)
+    return ports
+
+
+def _input(name: str, authored: AuthoredProperty, kind: NodeType | None) -> PortState:
+    value, sources = authored.value(), authored.sources()
+    if value is None and not sources:
+        if authored.type == RELATIONSHIP:
+            return PortState(name, RELATIONSHIP, targets=authored.targets())
+        port = None if kind is None else kind.port(name)
+        # Files declare a port that takes values of several types as a token; Kit keeps its literal
+        # beside the attribute's value.
+        if authored.type == "token" if port is None else port.is_union:
+            value = plain_value(authored.custom_data("omni", "graph", "attrValue"))
+    # The type of a port without a value says nothing that a rule asks about.
+    return PortState(name, "" if value is None else authored.type, value, sources)
 
 
 def _text(value: Value | None) -> str:

@@ -18,6 +18,16 @@ LEAST_UNIT = 1e-4
 NO_TIME = Usd.TimeCode.Default()
 TIMELESS = ("physics", "drive:", "isaac:")  # what is parsed once, without a time
 SHAPES = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Mesh", "Plane")
+_SIZES = {
+    "Cube": ("size",),
+    "Sphere": ("radius",),
+    "Cylinder": ("radius", "height", "axis"),
+    "Capsule": ("radius", "height", "axis"),
+    "Cone": ("radius", "height", "axis"),
+    "Mesh": ("points", "faceVertexCounts", "faceVertexIndices"),
+    "Plane": ("axis", "width", "length"),
+    "Camera": ("focalLength", "horizontalAperture", "verticalAperture", "clippingRange"),
+}
 
 
 def read_scene(stage: Usd.Stage) -> Scene:
@@ -35,48 +45,34 @@ def read_scene(stage: Usd.Stage) -> Scene:
         if kind == GRAPH and not prim.IsInstanceProxy():
             graphs[path], nodes[path] = prim, []
         if kind == NODE:
-            _keep_node(prim, path, nodes, time)
+            parent = path.rpartition("/")[0]
+            if parent in nodes:
+                nodes[parent].append(_node(prim, path, time))
         else:
             prims[path] = _prim(prim, path, kind, time, prims)
+    unit = stage_number(stage.GetMetadata("metersPerUnit"), CENTIMETRES)
     return Scene(
-        _unit(stage_number(stage.GetMetadata("metersPerUnit"), CENTIMETRES)),
+        # A unit too small to see a room in is a metre, as is one too large.
+        unit if LEAST_UNIT <= unit <= 1.0 / LEAST_UNIT else 1.0,
         str(stage.GetMetadata("upAxis")),
-        tuple(_graph(path, prim, tuple(nodes[path])) for path, prim in graphs.items()),
+        tuple(
+            Graph(
+                path,
+                str(_value(prim, "evaluator:type") or "push"),
+                str(_value(prim, "pipelineStage") or "pipelineStageSimulation"),
+                str(_value(prim, "evaluationMode") or "Automatic"),
+                tuple(nodes[path]),
+            )
+            for path, prim in graphs.items()
+        ),
         prims,
         {asset.prim: asset.asset for asset in find_unresolved(stage)},
     )
 
 
-def _unit(meters: float) -> float:
-    """Return the metres of a unit; what is none, or too small to see a room in, is a metre."""
-    return meters if LEAST_UNIT <= meters <= 1.0 / LEAST_UNIT else 1.0
-
-
-def _keep_node(prim: Usd.Prim, path: str, nodes: dict[str, list[Node]], time: Usd.TimeCode) -> None:
-    parent = path.rpartition("/")[0]
-    if parent in nodes:
-        nodes[parent].append(_node(prim, path, time))
-
-
-def _graph(path: str, prim: Usd.Prim, nodes: tuple[Node, ...]) -> Graph:
-    def said(name: str, default: str) -> str:
-        return str(_value(prim, name) or default)
-
-    return Graph(
-        path,
-        said("evaluator:type", "push"),
-        said("pipelineStage", "pipelineStageSimulation"),
-        said("evaluationMode", "Automatic"),
-        nodes,
-    )
-
-
 def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> Node:
     inputs, targets = {}, {}
-    names = [
-        str(getauthoredpropertyname) for getauthoredpropertyname in prim.GetAuthoredPropertyNames()
-    ]
-    for name in names:
+    for name in map(str, prim.GetAuthoredPropertyNames()):
         if not name.startswith("inputs:"):
             continue
         attribute = prim.GetAttribute(name)
@@ -114,20 +110,26 @@ def _prim(
     prim: Usd.Prim, path: str, kind: str, time: Usd.TimeCode, before: dict[str, Prim]
 ) -> Prim:
     values, targets = {}, {}
-    shape = kind in SHAPES or kind == "Camera"
-    for getauthoredproperty in prim.GetAuthoredProperties():
-        name = str(getauthoredproperty.GetName())
+    has_sizes = kind in SHAPES or kind == "Camera"
+    for authored in prim.GetAuthoredProperties():
+        name = str(authored.GetName())
         if name.startswith(("xformOp", "primvars", "ui:")):
             continue
-        if isinstance(getauthoredproperty, Usd.Attribute):
-            value = getauthoredproperty.Get(NO_TIME if name.startswith(TIMELESS) else time)
+        if isinstance(authored, Usd.Attribute):
+            value = authored.Get(NO_TIME if name.startswith(TIMELESS) else time)
             # What a file gives another type than the schema does, no simulation can read.
-            if type(value) is type(getauthoredproperty.GetTypeName().defaultValue):
+            if type(value) is type(authored.GetTypeName().defaultValue):
                 values[name] = plain(value)
         else:
-            targets[name] = tuple(map(str, targets_of(getauthoredproperty)))
-    if shape:
-        values.update(_shape_values(prim, kind, time))
+            targets[name] = tuple(map(str, targets_of(authored)))
+    if has_sizes:  # by the schema where nothing is authored
+        values.update((name, _value(prim, name, time)) for name in _SIZES[kind])
+    image = UsdGeom.Imageable(prim)
+    is_seen = (
+        has_sizes
+        and image.ComputePurpose() not in UNSEEN
+        and (image.ComputeVisibility(time) != "invisible")
+    )
     parent = before.get(path.rpartition("/")[0])
     xform = UsdGeom.Xformable(prim)
     local = _affine(xform.GetLocalTransformation(time))
@@ -139,31 +141,9 @@ def _prim(
         above.then(local),
         values,
         targets,
-        shape and _is_seen(prim, time),
+        is_seen,
         bool(xform.GetResetXformStack()),
     )
-
-
-_FALLBACKS = {
-    "Cube": ("size",),
-    "Sphere": ("radius",),
-    "Cylinder": ("radius", "height", "axis"),
-    "Capsule": ("radius", "height", "axis"),
-    "Cone": ("radius", "height", "axis"),
-    "Mesh": ("points", "faceVertexCounts", "faceVertexIndices"),
-    "Plane": ("axis", "width", "length"),
-    "Camera": ("focalLength", "horizontalAperture", "verticalAperture", "clippingRange"),
-}
-
-
-def _shape_values(prim: Usd.Prim, kind: str, time: Usd.TimeCode) -> dict[str, Any]:
-    """Return what a shape is like, with the schema's values where nothing is authored."""
-    return {name: _value(prim, name, time) for name in _FALLBACKS[kind]}
-
-
-def _is_seen(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
-    image = UsdGeom.Imageable(prim)
-    return image.ComputePurpose() not in UNSEEN and image.ComputeVisibility(time) != "invisible"
 
 
 def _affine(matrix: Any) -> Affine:
@@ -185,7 +165,7 @@ def plain(value: Any) -> Any:
     if value is None or isinstance(value, (bool, int, str)):
         return value
     if hasattr(value, "GetReal"):
-        return tuple(bounded(float(each)) for each in (value.GetReal(), *value.GetImaginary()))
+        return tuple(bounded(float(part)) for part in (value.GetReal(), *value.GetImaginary()))
     if hasattr(value, "__len__"):
-        return tuple(plain(each) for each in value)
+        return tuple(plain(item) for item in value)
     return str(value)

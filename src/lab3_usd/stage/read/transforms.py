@@ -48,21 +48,20 @@ class TransformCache:
         while path not in self._known:
             ahead.append((prim, path))
             prim, path = Usd.Prim.GetParent(prim), path.rpartition("/")[0] or "/"
-        for each, below in reversed(ahead):
-            self._known[below] = self._read(each, self._known[path][1])
-            path = below
+        for child, child_path in reversed(ahead):
+            parent, order = self._known[path][1], authored_data(child, ORDER)
+            if order is None:
+                self._known[child_path] = None, parent
+            else:
+                local, is_reset = _composed(child, order)
+                world = local if is_reset or parent is IDENTITY else multiply(local, parent)
+                self._known[child_path] = local, world
+            path = child_path
         return self._known[path]
 
     def world(self, prim: Usd.Prim) -> Matrix:
         """Return the world transform of a prim."""
         return self.of(prim, str(Usd.Prim.GetPath(prim)))[1]
-
-    def _read(self, prim: Usd.Prim, parent: Matrix) -> tuple[Matrix | None, Matrix]:
-        order = authored_data(prim, ORDER)
-        if order is None:
-            return None, parent
-        local, is_reset = _composed(prim, order)
-        return local, local if is_reset or parent is IDENTITY else multiply(local, parent)
 
 
 def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:
@@ -76,7 +75,9 @@ def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:
     One without a value, or of a kind that USD does not have, moves nothing.
     """
     matrix, is_reset = IDENTITY, False
-    for name in _names(order):
+    # Iterating over a Vt type is five times as slow as asking for its elements.
+    for index in range(len(order) if isinstance(order, Vt.TokenArray) else 0):
+        name = order[index]
         if name == RESET:
             matrix, is_reset = IDENTITY, True
             continue
@@ -85,16 +86,9 @@ def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:
         if operation is None or operation is IDENTITY:
             continue
         if is_inverted:
-            operation = _inverse(operation)
+            operation = _matrix(Gf.Matrix4d(*operation).GetInverse())
         matrix = operation if matrix is IDENTITY else multiply(operation, matrix)
     return matrix, is_reset
-
-
-def _names(order: Any) -> list[str]:
-    if not isinstance(order, Vt.TokenArray):
-        return []
-    # Iterating over a Vt type is five times as slow as asking for its elements.
-    return [order[index] for index in range(len(order))]
 
 
 @lru_cache(maxsize=1024)
@@ -111,10 +105,6 @@ def _operation(prim: Usd.Prim, attribute: str, make: _Maker) -> Matrix | None:
         return None if value is None else make(value)
     except (TypeError, ValueError, AttributeError):  # not what the operation takes
         return None
-
-
-def _inverse(matrix: Matrix) -> Matrix:
-    return _matrix(Gf.Matrix4d(*matrix).GetInverse())
 
 
 def _translation(value: Any) -> Matrix:
@@ -168,17 +158,17 @@ def _matrix(value: Any) -> Matrix:
 def _turn(axis: str, degrees: float) -> Matrix:
     sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
     matrix = [*IDENTITY]
-    one, other = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}[axis]
-    matrix[5 * one] = matrix[5 * other] = cosine
-    matrix[4 * one + other], matrix[4 * other + one] = sine, -sine
+    row, column = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}[axis]
+    matrix[5 * row] = matrix[5 * column] = cosine
+    matrix[4 * row + column], matrix[4 * column + row] = sine, -sine
     return tuple(matrix)
 
 
-def _about(axis: str) -> Callable[[Any], Matrix]:
+def _about(axis: str) -> _Maker:
     return lambda degrees: _turn(axis, _number(degrees))
 
 
-def _turns(order: str) -> Callable[[Any], Matrix]:
+def _turns(order: str) -> _Maker:
     """Return the maker of three turns; the first letter turns first."""
 
     def make(value: Any) -> Matrix:
@@ -189,16 +179,16 @@ def _turns(order: str) -> Callable[[Any], Matrix]:
     return make
 
 
-def _along(axis: str, make: Callable[[Any], Matrix], rest: float) -> Callable[[Any], Matrix]:
+def _along(axis: str, make: _Maker, rest: float) -> _Maker:
     """Return the maker of an operation on one axis; the others keep `rest`."""
     index = "XYZ".index(axis)
 
-    def one(value: Any) -> Matrix:
+    def make_one(value: Any) -> Matrix:
         parts = [rest, rest, rest]
         parts[index] = _number(value)
         return make(Gf.Vec3d(*parts))
 
-    return one
+    return make_one
 
 
 _MAKERS: dict[str, _Maker] = {

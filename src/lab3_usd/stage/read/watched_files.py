@@ -94,12 +94,12 @@ def may_be_whole(path: Path) -> bool:
 
 def used_files(path: Path) -> frozenset[str]:
     """Return the stage file and the files of all layers that it uses, links followed."""
-    found = {str(path.resolve())}
+    files = {str(path.resolve())}
     try:
         stage = open_stage(path)
     except StageError:
-        return frozenset(found)
-    return frozenset(found | {layer.realPath for layer in stage.GetUsedLayers() if layer.realPath})
+        return frozenset(files)
+    return frozenset(files | {layer.realPath for layer in stage.GetUsedLayers() if layer.realPath})
 
 
 def forget_files(paths: Iterable[str]) -> None:

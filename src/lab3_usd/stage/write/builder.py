@@ -25,7 +25,7 @@ ENDINGS = {"usda": ".usda", "usdc": ".usd"}
 
 
 class StarterError(Lab3Error):
-    """A starter that cannot carry the lab; `reasons` says all of why, one line each."""
+    """A starter that cannot carry the lab; `reasons` are one line each."""
 
     def __init__(self, path: str, reasons: Sequence[str]) -> None:
         """Keep the reasons, in the order in which the lab meets them."""
@@ -153,23 +153,19 @@ def _checkpoint_layers(
     lab: Lab, stage: Usd.Stage, plan: dict[Path, Checkpoint], options: BuildOptions
 ) -> Iterator[tuple[Path, Sdf.Layer]]:
     """Yield one growing layer at each planned checkpoint; each is written before it grows on."""
-    wanted = {checkpoint.id: target for target, checkpoint in plan.items()}
+    targets = {checkpoint.id: target for target, checkpoint in plan.items()}
     folder = next(iter(plan)).parent
     layer = _copy_for(stage.GetRootLayer(), folder)
     for checkpoint in lab.checkpoints.values():
-        _add(layer, lab, checkpoint, options)
-        if checkpoint.id in wanted:
-            yield wanted[checkpoint.id], layer
-
-
-def _add(layer: Sdf.Layer, lab: Lab, checkpoint: Checkpoint, options: BuildOptions) -> None:
-    with Sdf.ChangeBlock():
-        for sensor in checkpoint.new_sensors:
-            spec = lab.sensors[sensor]
-            asset = options.lidar_asset if spec.kind == LIDAR else None
-            author_sensor(layer, spec, lab.scene.stage.meters_per_unit, asset)
-        for name in checkpoint.new:
-            author_graph(layer, lab.graphs[name], lab.catalog)
+        with Sdf.ChangeBlock():
+            for sensor in checkpoint.new_sensors:
+                spec = lab.sensors[sensor]
+                asset = options.lidar_asset if spec.kind == LIDAR else None
+                author_sensor(layer, spec, lab.scene.stage.meters_per_unit, asset)
+            for name in checkpoint.new:
+                author_graph(layer, lab.graphs[name], lab.catalog)
+        if checkpoint.id in targets:
+            yield targets[checkpoint.id], layer
 
 
 def _copy_for(source: Sdf.Layer, folder: Path) -> Sdf.Layer:
@@ -190,10 +186,10 @@ def _copy_for(source: Sdf.Layer, folder: Path) -> Sdf.Layer:
 def _from_folder(path: str, source: Sdf.Layer, folder: Path) -> str:
     if not path or _URI.match(path) or path.startswith("/") or not source.realPath:
         return path
-    found = Sdf.ComputeAssetPathRelativeToLayer(source, path)
-    if not found.startswith("/"):
+    absolute = Sdf.ComputeAssetPathRelativeToLayer(source, path)
+    if not absolute.startswith("/"):
         return path  # a search path that only the application's own resolver knows
-    relative = os.path.relpath(found, folder)
+    relative = os.path.relpath(absolute, folder)
     return relative if relative.startswith("..") else f"./{relative}"
 
 
@@ -225,12 +221,12 @@ def _put_in_place(files: Mapping[Path, Path]) -> None:
     """
     made: list[Path] = []
     for target, temporary in files.items():
-        new = not target.exists()
+        is_new = not target.exists()
         try:
             temporary.replace(target)
         except OSError as error:
             for path in made:
                 path.unlink(missing_ok=True)
             raise StageError(f"{target}: cannot be written ({error.strerror})") from error
-        if new:
+        if is_new:
             made.append(target)

@@ -7,7 +7,7 @@ from typing import Any
 
 from pxr import Gf, Sdf
 
-from lab3_usd.spec.catalog import Catalog, Dynamic, Port, Value
+from lab3_usd.spec.catalog import Catalog, Port, Value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.scene import PoseSpec, SensorSpec
 
@@ -83,7 +83,10 @@ def _author_node(layer: Sdf.Layer, spec: GraphSpec, node: NodeSpec, catalog: Cat
         grown = node.type.port(name)
         if grown is not None and node.type.dynamic is not None:
             _author_port(prim, grown, None, ())
-            _mark_dynamic(prim.attributes[name], node.type.dynamic)
+            # A port added by hand says which types it takes, as the editor has it.
+            types = node.type.dynamic.metadata
+            data = {"ExtendedAttributeType": types, "omni": {"graph": {"attrType": types}}}
+            prim.attributes[name].SetInfo("customData", data)
     _declare_uniform(prim, _EXPANSION, "token", "open")
     _declare_uniform(prim, _POSITION, "float2", node.at)
 
@@ -102,17 +105,6 @@ def _author_port(
         attribute.SetInfo("customData", _EXECUTION)
     if port.allowed:
         attribute.allowedTokens = list(port.allowed)
-
-
-def _mark_dynamic(attribute: Sdf.AttributeSpec, dynamic: Dynamic) -> None:
-    """Say of a port added by hand which types it takes, as the editor does."""
-    attribute.SetInfo(
-        "customData",
-        {
-            "ExtendedAttributeType": dynamic.metadata,
-            "omni": {"graph": {"attrType": dynamic.metadata}},
-        },
-    )
 
 
 def _declare(

@@ -12,37 +12,51 @@ from lab3_usd.data import lab_folder
 from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.spec.lab import STARTER, Lab
-from lab3_usd.spec.load.starter import AttributeSpec, PoseSpec, PrimSpec, load_starter_spec
+from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec, load_starter_spec
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.write.graphs import quaternion, usd_value
 
 _BODY = "PhysicsRigidBodyAPI"
-_SHOWN = 3  # prims that have a wanted name
+_SHOWN = 3  # prims that have the name of a missing one
+_SUFFIX = ".usda"
 
 
 def starter_problems(lab: Lab, stage: Usd.Stage) -> list[str]:
-    """Say all that keeps the lab out of this stage, one line each; empty where nothing does.
+    """Return all that keeps the lab out of this stage, one line each; empty where nothing does.
 
-    What hangs below a prim that is not there is not said again.
+    What hangs below a prim that is not there is left out.
     """
-    reasons = list(_reasons(lab, stage))
-    units = list(_units(lab, stage))
+    reasons: list[str] = []
+    missing: list[str] = []
+    for path in dict.fromkeys(_needed(lab)):
+        if not any(path.startswith(f"{above}/") for above in missing):
+            reason = _why_missing(stage, path)
+            if reason:
+                missing.append(path)
+                reasons.append(reason)
+    added = [sensor.path for sensor in lab.sensors.values()]
+    for path in (*added, *(graph.path for graph in lab.graphs.values())):
+        prim = stage.GetPrimAtPath(path)
+        if prim:
+            state = "" if prim.IsDefined() else " (an over without a def)"
+            state = state if prim.IsActive() else " (deactivated)"
+            reasons.append(f"{path} is there already{state}; the starter must not hold it")
     if reasons:
-        missing = layer_files(stage).missing
-        reasons += [f"{path} cannot be read; what is missing may be in it" for path in missing]
-    return units + reasons
+        unread = layer_files(stage).missing
+        reasons += [f"{path} cannot be read; what is missing may be in it" for path in unread]
+    return [*_units(lab, stage), *reasons]
 
 
 def _units(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
-    """Say in which units or with which axis up the stage is not what every number of the lab is."""
+    """Yield in which units or with which axis up the stage is not as every number of the lab."""
     spec = lab.scene.stage
-    wanted: dict[str, str | float] = {
+    values: dict[str, str | float] = {
         "upAxis": spec.up_axis,
         "metersPerUnit": spec.meters_per_unit,
         "kilogramsPerUnit": spec.kilograms_per_unit,
     }
-    for name, expected in wanted.items():
+    for name, expected in values.items():
         # Kilograms have no default in usd-core.
         holder = stage.GetPseudoRoot() if name == "kilogramsPerUnit" else stage
         actual = holder.GetMetadata(name)
@@ -58,19 +72,46 @@ def _short(value: float | str) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _reasons(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
-    added = [sensor.path for sensor in lab.sensors.values()]
-    added += [graph.path for graph in lab.graphs.values()]
-    blamed: list[str] = []
-    for path in dict.fromkeys(_needed(lab)):
-        if not any(path.startswith(f"{above}/") for above in blamed):
-            reasons = list(_why_missing(stage, path))
-            blamed += [path] if reasons else []
-            yield from reasons
-    for path in added:
-        prim = stage.GetPrimAtPath(path)
-        if prim:
-            yield f"{path} is there already{_state(prim)}; the starter must not hold it"
+def _needed(lab: Lab) -> Iterator[str]:
+    """Yield the prims that the lab hangs something on, outermost first."""
+    made = {sensor.path for sensor in lab.sensors.values()}
+    robot = lab.scene.robot
+    yield lab.scene.world.graph_parent.path
+    yield robot.path
+    for sensor in lab.sensors.values():
+        yield sensor.path.rpartition("/")[0]
+    for graph in lab.graphs.values():
+        parent = graph.path.rpartition("/")[0]
+        if parent not in made:
+            yield parent
+        targets = (path for node in graph.nodes.values() for t in node.targets for path in t.prims)
+        yield from (path for path in targets if path not in made)
+
+
+def _why_missing(stage: Usd.Stage, path: str) -> str:
+    """Return why the lab can hang nothing on a prim; '' where it can."""
+    prim = stage.GetPrimAtPath(path)
+    if not prim:
+        return (
+            f"{path} is missing; the lab adds to it or points at it{_namesakes_text(stage, path)}"
+        )
+    if not prim.IsActive():
+        return f"{path} is deactivated; activate it"
+    if not prim.IsDefined():
+        return f"{path} is only an over; what defines it cannot be found"
+    if prim.IsInstanceProxy() or prim.IsInstance():
+        return f"{path} is an instance, which can hold no graph; clear 'instanceable'"
+    return ""
+
+
+def _namesakes_text(stage: Usd.Stage, path: str) -> str:
+    """Return where prims of a missing one's name do stand, bodies rather than what is only seen."""
+    name = path.rpartition("/")[2]
+    namesakes = [prim for prim in stage.Traverse() if prim.GetName() == name]
+    bodies = [prim for prim in namesakes if _BODY in prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
+    paths = [str(prim.GetPath()) for prim in (bodies or namesakes)[:_SHOWN]]
+    verb = "have" if len(paths) > 1 else "has"
+    return f"; {' and '.join(paths)} {verb} that name" if paths else ""
 
 
 def is_root_articulated(lab: Lab, stage: Usd.Stage) -> bool:
@@ -96,55 +137,6 @@ def deviations(lab: Lab, stage: Usd.Stage) -> Iterator[tuple[str, str]]:
         root, target = lab.scene.robot.path, lab.scene.robot.articulation.target
         message = f"the articulation root is on {root}; Isaac Sim finds no articulation at the"
         yield root, f"{message} handout's target {target}, so the graphs name {root} instead"
-
-
-def _state(prim: Usd.Prim) -> str:
-    """Say of a prim why the Stage panel may not show it."""
-    if not prim.IsActive():
-        return " (deactivated)"
-    return "" if prim.IsDefined() else " (an over without a def)"
-
-
-def _needed(lab: Lab) -> Iterator[str]:
-    """Yield the prims that the lab hangs something on, outermost first."""
-    made = {sensor.path for sensor in lab.sensors.values()}
-    robot = lab.scene.robot
-    yield lab.scene.world.graph_parent.path
-    yield robot.path
-    for sensor in lab.sensors.values():
-        yield sensor.path.rpartition("/")[0]
-    for graph in lab.graphs.values():
-        parent = graph.path.rpartition("/")[0]
-        if parent not in made:
-            yield parent
-        targets = (path for node in graph.nodes.values() for t in node.targets for path in t.prims)
-        yield from (path for path in targets if path not in made)
-
-
-def _why_missing(stage: Usd.Stage, path: str) -> Iterator[str]:
-    prim = stage.GetPrimAtPath(path)
-    if not prim:
-        elsewhere = _namesakes(stage, path)
-        where = f"; {elsewhere} {'has' if ' and ' not in elsewhere else 'have'} that name"
-        also = where if elsewhere else ""
-        yield f"{path} is missing; the lab adds to it or points at it{also}"
-    elif not prim.IsActive():
-        yield f"{path} is deactivated; activate it"
-    elif not prim.IsDefined():
-        yield f"{path} is only an over; what defines it cannot be found"
-    elif prim.IsInstanceProxy() or prim.IsInstance():
-        yield f"{path} is an instance, which can hold no graph; clear 'instanceable'"
-
-
-def _namesakes(stage: Usd.Stage, path: str) -> str:
-    """Return where prims of a wanted name do stand, bodies rather than what is only seen."""
-    name = path.rpartition("/")[2]
-    found = [prim for prim in stage.Traverse() if prim.GetName() == name]
-    bodies = [prim for prim in found if _BODY in prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
-    return " and ".join(str(prim.GetPath()) for prim in (bodies or found)[:_SHOWN])
-
-
-_SUFFIX = ".usda"
 
 
 @quiet()
@@ -180,79 +172,58 @@ def starter_layer(folder: Path) -> Sdf.Layer:
     UsdPhysics.SetStageKilogramsPerUnit(stage, spec.units.kilograms_per_unit)
     layer.documentation = spec.doc
     layer.defaultPrim = spec.default_prim
-    for prim_spec in spec.prims:
-        _write_prim(stage, prim_spec, spec.units.meters_per_unit)
-    _write_library(stage, spec.prims)
+    for prim in spec.prims:
+        _write_prim(stage, prim, spec.units.meters_per_unit)
+    for prim in spec.prims:
+        if prim.over:
+            # Defining a shape has defined everything above it.
+            stage.GetPrimAtPath(prim.path).SetSpecifier(Sdf.SpecifierOver)
+    for prim in spec.prims:
+        if prim.reference:
+            stage.GetPrimAtPath(prim.path).GetReferences().AddInternalReference(prim.reference)
     return layer
 
 
 def _write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
+    """Write a prim of a stage whose unit has a length of `metres`."""
     prim = stage.OverridePrim(spec.path) if spec.over else stage.DefinePrim(spec.path, spec.type)
     if spec.doc:
         prim.SetDocumentation(spec.doc)
     for api in spec.apis:
         prim.AddAppliedSchema(api)
     if spec.pose is not None:
-        _write_pose(prim, spec.pose, metres)
+        # The three operations that Isaac Sim's own editor writes, in its order.
+        xform, double = UsdGeom.Xformable(prim), UsdGeom.XformOp.PrecisionDouble
+        xform.AddTranslateOp(double).Set(Gf.Vec3d(spec.pose.translate) / metres)
+        xform.AddOrientOp(double).Set(quaternion(spec.pose.rotate))
+        xform.AddScaleOp(double).Set(Gf.Vec3d(spec.pose.scale))
     for attribute in spec.attributes:
         _write_attribute(prim, attribute)
     for name, paths in spec.targets:
         prim.CreateRelationship(name, custom=False).SetTargets([Sdf.Path(path) for path in paths])
-    _write_extent(prim)
-
-
-def _write_library(stage: Usd.Stage, prims: tuple[PrimSpec, ...]) -> None:
-    """Turn library prims back into overs, then let the links refer to them."""
-    for spec in prims:
-        if spec.over:
-            # Defining a shape has defined everything above it.
-            stage.GetPrimAtPath(spec.path).SetSpecifier(Sdf.SpecifierOver)
-    for spec in prims:
-        if spec.reference:
-            stage.GetPrimAtPath(spec.path).GetReferences().AddInternalReference(spec.reference)
-
-
-def _write_pose(prim: Usd.Prim, pose: PoseSpec, metres: float) -> None:
-    """Write the three operations that Isaac Sim's own editor writes, in its order.
-
-    `metres` is the length of one unit of the stage.
-    """
-    xform = UsdGeom.Xformable(prim)
-    double = UsdGeom.XformOp.PrecisionDouble
-    xform.AddTranslateOp(double).Set(Gf.Vec3d(pose.translate) / metres)
-    xform.AddOrientOp(double).Set(quaternion(pose.rotate))
-    xform.AddScaleOp(double).Set(Gf.Vec3d(pose.scale))
-
-
-def _write_attribute(prim: Usd.Prim, spec: AttributeSpec) -> None:
-    where = f"{STARTER}: {prim.GetPath()}: {spec.name}"
-    attribute = prim.GetAttribute(spec.name)
-    if spec.type is not None:
-        attribute = _declare(prim, spec.name, spec.type)
-    if not attribute:
-        raise SpecError(f"{where} is not known to USD here, give its type as well")
-    try:
-        attribute.Set(usd_value(spec.value, attribute.GetTypeName()))
-    except (Tf.ErrorException, TypeError) as error:
-        raise SpecError(
-            f"{where} is {spec.value!r}, expected a {attribute.GetTypeName()}"
-        ) from error
-
-
-def _declare(prim: Usd.Prim, name: str, declared: str) -> Usd.Attribute:
-    """Declare an attribute of a schema that only Isaac Sim has, as a text layer words its type."""
-    kind = declared.removeprefix("uniform ")
-    variability = Sdf.VariabilityVarying if kind == declared else Sdf.VariabilityUniform
-    value_type = Sdf.ValueTypeNames.Find(kind)
-    if not value_type:
-        raise SpecError(f"{STARTER}: {prim.GetPath()}: {name}: '{kind}' is no type of USD")
-    return prim.CreateAttribute(name, value_type, False, variability)  # noqa: FBT003 - no keyword
-
-
-def _write_extent(prim: Usd.Prim) -> None:
-    """Write how far a shape reaches, which readers would else have to work out."""
-    if prim.IsA(UsdGeom.Boundable):
+    if prim.IsA(UsdGeom.Boundable):  # how far it reaches, which readers would have to work out
         boundable = UsdGeom.Boundable(prim)
         extent = UsdGeom.Boundable.ComputeExtentFromPlugins(boundable, Usd.TimeCode.Default())
         if extent:
             boundable.CreateExtentAttr([corner + Gf.Vec3f(0.0) for corner in extent])
+
+
+def _write_attribute(prim: Usd.Prim, spec: AttributeSpec) -> None:
+    site = f"{STARTER}: {prim.GetPath()}: {spec.name}"
+    if spec.type is None:
+        attribute = prim.GetAttribute(spec.name)
+    else:  # of a schema that only Isaac Sim has, worded as in a text layer
+        kind = spec.type.removeprefix("uniform ")
+        variability = Sdf.VariabilityVarying if kind == spec.type else Sdf.VariabilityUniform
+        value_type = Sdf.ValueTypeNames.Find(kind)
+        if not value_type:
+            raise SpecError(f"{site}: '{kind}' is no type of USD")
+        attribute = prim.CreateAttribute(spec.name, value_type, False, variability)  # noqa: FBT003 - no keyword
+    if not attribute:
+        raise SpecError(f"{site} is not known to USD here, give its type as well")
+    try:
+        attribute.Set(usd_value(spec.value, attribute.GetTypeName()))
+    except (Tf.ErrorException, TypeError) as error:
+        raise SpecError(
+            f"{site} is {spec.value!r}, expected a {attribute.GetTypeName()}"
+        ) from error

@@ -1,7 +1,4 @@
-"""What there is to judge.
-
-A recording, the drive, what is asked for over ROS, and where TF has a frame.
-"""
+"""A trial: the recording of a drive, what is asked for over ROS, and where TF has a frame."""
 
 from __future__ import annotations
 
@@ -12,17 +9,10 @@ from typing import Any, NamedTuple, Protocol
 from msgspec import Struct
 
 from lab3_usd.model.dry_run import HERE, Affine, Segment, rotation
+from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import length, minus
-from lab3_usd.sim.execution.record import (
-    RATE,
-    Leg,
-    Message,
-    Pose,
-    Recording,
-    Scan,
-    Session,
-    Transform,
-)
+from lab3_usd.sim.execution.drive import RATE, Leg, Session
+from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, Transform
 
 SIZE = (0.6, 1.5)  # how much of a command a robot that follows it may do
 SOON = 6  # frames in which a robot may come to rest
@@ -68,11 +58,11 @@ class Interface(Struct, frozen=True):
 
 
 class Cause(NamedTuple):
-    """The node behind a fault, what it does or does not do, and the rule of such faults."""
+    """The node behind a fault, what it does or does not do, and of what kind that is."""
 
     prim: str
     reason: str
-    rule: str
+    kind: FaultKind | None  # None where only the node is known
 
 
 class Causes(Protocol):
@@ -86,13 +76,13 @@ class Causes(Protocol):
 
 
 class Fault(NamedTuple):
-    """What is wrong, the rule that it falls under, and the prim at fault if one is known.
+    """What is wrong, its kind, and the prim at fault if one is known.
 
     What the run does not know for sure is no fault: `sure` is false then.
     """
 
     message: str
-    rule: str
+    kind: FaultKind
     prim: str = ""
     cause: str = ""
     sure: bool = True
@@ -106,8 +96,8 @@ class Stretch(NamedTuple):
     poses: Sequence[Pose]
 
 
-class Evidence(Struct):
-    """What there is to judge; `walls` gives the scan that is to be expected at a place."""
+class Trial(Struct):
+    """A recording with what it is judged by; `walls` returns the expected scan at a place."""
 
     recording: Recording
     drive: Sequence[Session]
@@ -134,12 +124,12 @@ class Evidence(Struct):
         poses = [pose for pose in self.recording.path if pose.session == message.session]
         return poses[min(len(poses), max(1, round(message.at * RATE))) - 1]
 
-    def motion_fault(self, message: str, rule: str) -> Fault:
+    def motion_fault(self, message: str, kind: FaultKind) -> Fault:
         """Return a fault of how the robot moves, with its cause."""
         cause = self.causes.of_motion() if self.causes is not None else None
         if cause is None:
-            return Fault(message, rule)
-        return Fault(message, cause.rule or rule, cause.prim, cause.reason)
+            return Fault(message, kind)
+        return Fault(message, cause.kind or kind, cause.prim, cause.reason)
 
     def when(self, sessions: Sequence[int]) -> str:
         """Say in which sessions, if not in all from the first on."""
@@ -169,40 +159,35 @@ def angle(radians: float) -> float:
     return math.remainder(radians, 2 * math.pi)
 
 
-def is_about(done: float, told: float) -> bool:
-    """Whether what was done is about what was told."""
-    return SIZE[0] <= done / told <= SIZE[1]
+def is_about(driven: float, commanded: float) -> bool:
+    """Whether what was driven is about what was commanded."""
+    return SIZE[0] <= driven / commanded <= SIZE[1]
 
 
 PLACE = (0.02, math.radians(2.0))  # of a sensor, between TF and where it is
 
 
-def _frames_at(evidence: Evidence, message: Message) -> dict[str, tuple[str, Transform]]:
-    found: dict[str, tuple[str, Transform]] = {}
-    for each in evidence.recording.topic(evidence.wanted.transforms, message.session):
-        if each.at > message.at and found:
-            break
-        for transform in each.transforms:
-            found[transform.child] = (transform.parent, transform)
-    held = {each.child: (each.parent, each) for each, _ in evidence.recording.static}
-    return {**held, **found}
-
-
-def in_root(evidence: Evidence, message: Message) -> Affine | None:
+def in_root(trial: Trial, message: Message) -> Affine | None:
     """Return where TF has the frame of a message, or None where it does not have it."""
-    frames = _frames_at(evidence, message)
+    static = {frame.child: (frame.parent, frame) for frame, _ in trial.recording.static}
+    latest: dict[str, tuple[str, Transform]] = {}
+    for sent in trial.recording.topic(trial.wanted.transforms, message.session):
+        if sent.at > message.at and latest:
+            break
+        latest |= {frame.child: (frame.parent, frame) for frame in sent.transforms}
+    frames = static | latest
     frame, place = message.frame, HERE
     for _ in range(len(frames)):
         if frame not in frames:
             break
-        frame, each = frames[frame]
-        place = Affine(rotation(each.rotation), each.translation).then(place)
-    return place if frame == evidence.wanted.root else None
+        frame, transform = frames[frame]
+        place = Affine(rotation(transform.rotation), transform.translation).then(place)
+    return place if frame == trial.wanted.root else None
 
 
-def agree(one: Affine, other: Affine) -> bool:
+def agree(first: Affine, second: Affine) -> bool:
     """Whether two places are the same, as far as a sensor may be off."""
-    if length(minus(one.origin, other.origin)) > PLACE[0]:
+    if length(minus(first.origin, second.origin)) > PLACE[0]:
         return False
-    w = one.inverse().then(other).rigid().quaternion()[0]
+    w = first.inverse().then(second).rigid().quaternion()[0]
     return 2 * math.acos(min(1.0, abs(w))) <= PLACE[1]

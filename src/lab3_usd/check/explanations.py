@@ -1,0 +1,120 @@
+"""The rule that explains each kind of fault of a dry run or a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from lab3_usd.model.dry_run import Check
+from lab3_usd.model.fault import FaultKind
+
+EXPLAINED_BY: Mapping[FaultKind, str] = {
+    # nodes and their graphs
+    "graph-not-evaluated": "G03",
+    "not-executed": "W01",
+    "switched-off": "P01",
+    "zero-gate-step": "P01",
+    "invalid-conversion": "P01",
+    "no-number-input": "W01",
+    "no-vector-input": "W01",
+    "wrong-array-type": "P01",
+    "invalid-context": "W02",
+    "invalid-qos-profile": "P04",
+    "invalid-topic-name": "P01",
+    # commands and the drive
+    "ramp-without-time-step": "P11",
+    "invalid-wheel-size": "P02",
+    "no-joint-controller": "N01",
+    "no-articulation": "R02",
+    "excluded-joint": "S07",
+    "unknown-joint": "P01",
+    "wrong-command-count": "P01",
+    "non-numeric-command": "W02",
+    "no-chassis-body": "R02",
+    # the robot
+    "no-driven-robot": "S07",
+    "base-fixed-to-world": "S21",
+    "no-gravity": "S15",
+    "no-ground": "S13",
+    "no-wheel-contact": "S19",
+    "locked-joint": "S23",
+    "no-velocity-drive": "S10",
+    "limited-joint": "S07",
+    # motion
+    "moves-uncommanded": "S10",
+    "moves-sideways": "W02",
+    "does-not-stop": "S10",
+    "does-not-move": "S10",
+    "wall-ahead": "S03",
+    "wrong-distance": "P01",
+    "wrong-turn": "P07",
+    "wrong-arc": "P01",
+    "sideways-drift": "S09",
+    "turn-off-centre": "S09",
+    "wrong-speed-limit": "P01",
+    "no-drive-after-restart": "P02",
+    # odometry and time
+    "wrong-odometry-frame": "P02",
+    "wrong-odometry-pose": "W02",
+    "wrong-odometry-velocity": "W02",
+    "clock-jumps-back": "P02",
+    "wrong-clock-rate": "W01",
+    "stopped-clock": "W01",
+    "wrong-stamp": "W01",
+    "stamp-not-advancing": "W01",
+    # topics
+    "silent-topic": "N01",
+    "wrong-topic": "P01",
+    "namespaced-topic": "P06",
+    "wrong-domain": "P02",
+    "wrong-message-type": "Q02",
+    "duplicate-publisher": "Q01",
+    "extra-publisher": "E14",
+    "wrong-durability": "E07",
+    "unreadable-message": "E05",
+    "single-message": "E04",
+    "wrong-header-frame": "E05",
+    # frames
+    "no-target-prim": "R01",
+    "no-frames-input": "W01",
+    "unequal-frame-arrays": "W01",
+    "self-parent": "T09",
+    "several-parents": "T03",
+    "several-publishers": "T04",
+    "changing-parent": "E12",
+    "disconnected-frame": "T06",
+    "unknown-frame": "T11",
+    "transform-ends": "Q03",
+    "transform-gap": "E11",
+    "transform-unlike-odometry": "W01",
+    # sensors
+    "no-camera-target": "R01",
+    "missing-camera-prim": "R02",
+    "empty-image": "P01",
+    "no-render-product": "W01",
+    "unknown-output": "P01",
+    "not-a-camera": "C03",
+    "not-a-lidar": "L03",
+    "no-lidar-schema": "L06",
+    "invalid-scan-profile": "L09",
+    "loose-sensor": "S12",
+    "wrong-scan-rate": "L05",
+    "no-ray-returns": "L09",
+    "scan-off-walls": "L04",
+    "image-info-frames-differ": "P02",
+    "image-info-sizes-differ": "P02",
+    "image-info-rates-differ": "P04",
+    "low-image-rate": "C07",
+    "misplaced-camera-frame": "T02",
+    "camera-not-ahead": "C05",
+    "camera-not-upright": "C05",
+    # localization and navigation
+    "no-localization": "E11",
+    "localization-ends": "E11",
+    "no-goal-sent": "E16",
+    "goal-not-reached": "E16",
+}
+
+
+def explaining_rule(check: Check) -> str:
+    """Return the id of the rule that explains what a check shows, '' where it shows no fault."""
+    return EXPLAINED_BY[check.kind] if check.kind is not None else ""

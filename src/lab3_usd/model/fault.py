@@ -1,0 +1,44 @@
+"""The kinds of faults that a dry run, or a recording of the running system, can show."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+# fmt: off
+FaultKind = Literal[
+    # nodes and their graphs
+    "graph-not-evaluated", "not-executed", "switched-off", "zero-gate-step", "invalid-conversion",
+    "no-number-input", "no-vector-input", "wrong-array-type", "invalid-context",
+    "invalid-qos-profile", "invalid-topic-name",
+    # commands and the drive
+    "ramp-without-time-step", "invalid-wheel-size", "no-joint-controller", "no-articulation",
+    "excluded-joint", "unknown-joint", "wrong-command-count", "non-numeric-command",
+    "no-chassis-body",
+    # the robot
+    "no-driven-robot", "base-fixed-to-world", "no-gravity", "no-ground", "no-wheel-contact",
+    "locked-joint", "no-velocity-drive", "limited-joint",
+    # motion
+    "moves-uncommanded", "moves-sideways", "does-not-stop", "does-not-move", "wall-ahead",
+    "wrong-distance", "wrong-turn", "wrong-arc", "sideways-drift", "turn-off-centre",
+    "wrong-speed-limit", "no-drive-after-restart",
+    # odometry and time
+    "wrong-odometry-frame", "wrong-odometry-pose", "wrong-odometry-velocity", "clock-jumps-back",
+    "wrong-clock-rate", "stopped-clock", "wrong-stamp", "stamp-not-advancing",
+    # topics
+    "silent-topic", "wrong-topic", "namespaced-topic", "wrong-domain", "wrong-message-type",
+    "duplicate-publisher", "extra-publisher", "wrong-durability", "unreadable-message",
+    "single-message", "wrong-header-frame",
+    # frames
+    "no-target-prim", "no-frames-input", "unequal-frame-arrays", "self-parent", "several-parents",
+    "several-publishers", "changing-parent", "disconnected-frame", "unknown-frame",
+    "transform-ends", "transform-gap", "transform-unlike-odometry",
+    # sensors
+    "no-camera-target", "missing-camera-prim", "empty-image", "no-render-product",
+    "unknown-output", "not-a-camera", "not-a-lidar", "no-lidar-schema", "invalid-scan-profile",
+    "loose-sensor", "wrong-scan-rate", "no-ray-returns", "scan-off-walls",
+    "image-info-frames-differ", "image-info-sizes-differ", "image-info-rates-differ",
+    "low-image-rate", "misplaced-camera-frame", "camera-not-ahead", "camera-not-upright",
+    # localization and navigation
+    "no-localization", "localization-ends", "no-goal-sent", "goal-not-reached",
+]
+# fmt: on

@@ -1,0 +1,128 @@
+"""The commands of a drive: sessions from Play to Stop, each a row of legs."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from msgspec import Struct
+
+from lab3_usd.errors import UsageError
+
+RATE = 60.0  # frames a second
+COMMANDS = 10.0  # a second
+LONGEST = 3600.0  # seconds of a drive
+_NUMBERS = 3
+
+
+class Leg(Struct, frozen=True):
+    """A time with one command on the topic of commands; None sends nothing."""
+
+    name: str
+    seconds: float
+    command: tuple[float, float, float] | None = None  # forward, to the left, turning
+
+    @property
+    def forward(self) -> float:
+        """Metres a second ahead."""
+        return self.command[0] if self.command is not None else 0.0
+
+    @property
+    def turn(self) -> float:
+        """Radians a second to the left."""
+        return self.command[2] if self.command is not None else 0.0
+
+
+class Session(Struct, frozen=True):
+    """From Play to Stop, with the ROS_DOMAIN_ID that the process has."""
+
+    legs: tuple[Leg, ...]
+    environment: str = ""
+
+
+def command_frames(session: Session) -> Iterator[tuple[int, Leg]]:
+    """Yield the frames of a session in which a command is sent, each with its leg."""
+    every, first = round(RATE / COMMANDS), 0
+    for leg in session.legs:
+        count = round(leg.seconds * RATE)
+        if leg.command is not None:
+            yield from ((first + number, leg) for number in range(0, count, every))
+        first += count
+
+
+def fixed_drive(slow: float = 1.0) -> tuple[Session, ...]:
+    """Return the drive that every stage is judged by; `slow` makes it longer."""
+    ahead, turn, rest = 0.15 / slow, 0.8 / slow, 0.3 * slow
+    legs = (
+        Leg("idle", 0.5 * slow),
+        Leg("ahead", 0.3 / ahead, (ahead, 0.0, 0.0)),
+        Leg("stop", rest, (0.0, 0.0, 0.0)),
+        Leg("back", 0.3 / ahead, (-ahead, 0.0, 0.0)),
+        Leg("stop", rest, (0.0, 0.0, 0.0)),
+        Leg("left", math.pi / 2 / turn, (0.0, 0.0, turn)),
+        Leg("stop", rest, (0.0, 0.0, 0.0)),
+        Leg("sideways", rest, (0.0, 0.2, 0.0)),
+        Leg("fast", 0.4, (1.0, 0.0, 0.0)),
+        Leg("stop", rest, (0.0, 0.0, 0.0)),
+        Leg("spin", 0.4, (0.0, 0.0, 4.0)),
+        Leg("stop", rest, (0.0, 0.0, 0.0)),
+    )
+    again = (Leg("idle", rest), Leg("ahead", 0.5, (0.15, 0.0, 0.0)))
+    return (Session(legs), Session(again), Session(again, "7"))
+
+
+def drive_of(text: str, limits: tuple[float, float]) -> tuple[Session, ...]:
+    """Return the drive that somebody wrote: a file, or legs `v,w,s` between spaces.
+
+    A leg is metres a second, radians a second, and seconds. In a file each stands on a line, and
+    what follows a `#` is a remark.
+
+    Raises:
+        UsageError: it is neither a file nor a drive.
+    """
+    legs = tuple(_legs(_lines(text), limits))
+    if not legs or sum(leg.seconds for leg in legs) > LONGEST:
+        raise UsageError(f"--drive '{text}': is no drive of up to {LONGEST:.0f} seconds")
+    return (Session((Leg("idle", 0.5), *legs)),)
+
+
+def _lines(text: str) -> list[str]:
+    """Return the legs as they are written, in a file or in the text itself."""
+    try:
+        if Path(text).is_file():
+            return Path(text).read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise UsageError(f"--drive {text}: is no text") from error
+    except (OSError, ValueError):  # no name of a file can be so long, or hold such characters
+        pass
+    return text.split()
+
+
+def _legs(lines: list[str], limits: tuple[float, float]) -> Iterator[Leg]:
+    for line in lines:
+        text = line.partition("#")[0].strip()
+        if not text:
+            continue
+        try:
+            numbers = [float(part) for part in re.split(r"[,\s]+", text)]
+        except ValueError:
+            numbers = []
+        if len(numbers) != _NUMBERS or not all(map(math.isfinite, numbers)) or numbers[2] <= 0:
+            raise UsageError(
+                f"--drive: '{text}' is no leg; write metres a second, radians a second, seconds"
+            )
+        v, w, seconds = numbers
+        yield Leg(leg_name(v, w, limits), seconds, (v, 0.0, w))
+
+
+def leg_name(v: float, w: float, limits: tuple[float, float]) -> str:
+    """Name a leg by what it tells, as the checks ask for it."""
+    if abs(v) > limits[0] or abs(w) > limits[1]:
+        return "beyond" if v and w else "fast" if v else "spin"
+    if v and w:
+        return "arc"
+    if v:
+        return "ahead" if v > 0 else "back"
+    return "stop" if not w else "left" if w > 0 else "right"

@@ -1,0 +1,124 @@
+"""The recording of a run: its messages and the robot's path."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from msgspec import Struct, field
+
+from lab3_usd.model.dry_run import Affine, Quaternion
+from lab3_usd.model.transforms import Vector
+
+
+class Transform(Struct, frozen=True):
+    """One transform of a TF message."""
+
+    parent: str
+    child: str
+    translation: Vector
+    rotation: Quaternion
+
+
+class Odometry(Struct, frozen=True):
+    """What an odometry message says beside its header."""
+
+    child: str
+    position: Vector
+    orientation: Quaternion
+    linear: Vector
+    angular: Vector
+
+
+class Scan(Struct, frozen=True):
+    """What a scan says beside its header; a ray without return is -1."""
+
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    ranges: tuple[float, ...]
+    place: Affine | None = None  # of the lidar, where it is known; metres
+
+
+class View(Struct, frozen=True):
+    """What an image or camera info says beside its header, without pixels."""
+
+    width: int
+    height: int
+    matrix: tuple[float, ...] = ()
+    place: Affine | None = None  # of the optical frame, where it is known; metres
+
+
+class Profile(Struct, frozen=True):
+    """How a publisher offers its messages (QoS); a depth of 0 keeps all."""
+
+    depth: int = 10
+    is_reliable: bool = True
+    is_durable: bool = False  # kept for subscribers that come late: "transient local"
+
+
+class Message(Struct):
+    """A message: when it was sent, in which session between Play and Stop, and its header."""
+
+    type: str
+    stamp: float
+    frame: str = ""
+    data: Any = None
+    away: int | None = None  # the domain it came in, where that is not the lab's
+    topic: str = ""
+    node: str = ""
+    session: int = 0
+    at: float = 0.0
+    static: bool = False
+    profile: Profile = Profile()
+
+    @property
+    def transforms(self) -> tuple[Transform, ...]:
+        """The transforms of a TF message, as tf2 takes them."""
+        return tuple(map(_taken, self.data)) if isinstance(self.data, tuple) else ()
+
+
+def _taken(transform: Transform) -> Transform:
+    """Take a slash off before the frames (geometry2, humble: tf2/src/buffer_core.cpp)."""
+    if not transform.parent.startswith("/") and not transform.child.startswith("/"):
+        return transform
+    parent, child = transform.parent.removeprefix("/"), transform.child.removeprefix("/")
+    return Transform(parent, child, transform.translation, transform.rotation)
+
+
+class Pose(Struct, frozen=True):
+    """Where the robot was: session, seconds since Play, and the way it had gone by then."""
+
+    session: int
+    at: float
+    leg: str
+    x: float
+    y: float
+    heading: float
+    z: float = 0.0
+    blocked: bool = False  # by a wall
+
+
+class Recording(Struct):
+    """A run."""
+
+    seconds: float = 0.0
+    messages: list[Message] = field(default_factory=list)
+    path: list[Pose] = field(default_factory=list)
+    not_simulated: dict[str, str] = field(default_factory=dict)
+    assumed: dict[str, str] = field(default_factory=dict)
+    remarks: list[str] = field(default_factory=list)
+    fired: dict[str, int] = field(default_factory=dict)
+    # Those that hold throughout, sent for those who come late, with the node that sends them.
+    static: tuple[tuple[Transform, str], ...] = ()
+
+    _sorted: dict[tuple[str, int | None], list[Message]] = field(default_factory=dict)
+
+    def topic(self, name: str, session: int | None = None) -> list[Message]:
+        """Return what was sent on a topic in the lab's domain."""
+        if not self._sorted:
+            for message in self.messages:
+                if message.away is None:
+                    self._sorted.setdefault((message.topic, message.session), []).append(message)
+                    self._sorted.setdefault((message.topic, None), []).append(message)
+        return self._sorted.get((name, session), [])

@@ -1,0 +1,126 @@
+"""Why something does not come or the robot does not move: the node or joint at fault."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from msgspec import Struct
+
+from lab3_usd.model.fault import FaultKind
+from lab3_usd.model.physics import FAR
+from lab3_usd.sim.execution.program import Program
+from lab3_usd.sim.execution.recording import Message
+from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.judge.trial import Cause
+from lab3_usd.sim.robot.machine import Joint, Machine
+
+_RADIUS = "wheelRadius"
+_TYPE = "type"  # the input of a helper that says what it publishes
+SUBSCRIBER = "subscriber"
+
+
+class RunCauses(Struct, frozen=True):
+    """What a run knows of its nodes and its robot."""
+
+    program: Program
+    sent: Sequence[Message]
+    robot: Machine | None
+    commands: str
+
+    def of_silence(self, topic: str, message: str) -> Cause | None:
+        """Return why no message of this type comes on a topic."""
+        for node in self.program.nodes.values():
+            kind = node.values.get(_TYPE) if _TYPE in node.values else ""
+            sent = node.type.message.get(str(kind or ""), node.type.message.get("", ""))
+            if sent == message and SUBSCRIBER not in node.type.role:
+                return self._elsewhere(node, topic) or self._broken(node)
+        return None
+
+    def remarks(self) -> Iterator[str]:
+        """Say what the sizes of the robot do to its commands."""
+        robot = self.robot
+        radii = {round(wheel.radius, 4) for wheel in robot.wheels} if robot is not None else set()
+        nodes = [node for node in self.program.nodes.values() if node.type.step_limits]
+        sizes = {
+            running.values.get(_RADIUS) or 0.0 for running in nodes if _RADIUS not in running.wires
+        }
+        if len(radii) == len(sizes) == 1 and radii != sizes and all(sizes):
+            wheel, size = radii.pop(), sizes.pop()
+            text = f"the wheels measure {wheel:g} m and the controller is told {size:g} m"
+            yield f"{text}: the robot goes {wheel / size:.2f} times as far as it is told"
+
+    def _elsewhere(self, node: Running, topic: str) -> Cause | None:
+        own = [message for message in self.sent if message.node == node.path]
+        elsewhere = next((message for message in own if message.topic != topic), None)
+        if elsewhere is not None:
+            is_below = elsewhere.topic.endswith(topic)
+            kind: FaultKind = "namespaced-topic" if is_below else "wrong-topic"
+            return Cause(node.path, f"it publishes {elsewhere.topic}", kind)
+        away = next((message for message in own if message.away is not None), None)
+        if away is not None:
+            return Cause(node.path, f"it publishes in domain {away.away}", "wrong-domain")
+        return None
+
+    def _broken(self, node: Running, seen: frozenset[str] = frozenset()) -> Cause | None:
+        """Return what is broken: first of what feeds or drives a node, then of the node."""
+        seen |= {node.path}
+        for running in self._before(node):
+            if running.path not in seen:
+                cause = self._broken(running, seen)
+                if cause is not None:
+                    return cause
+        if node.failure is not None:
+            return Cause(node.path, node.failure.reason, node.failure.kind)
+        if not node.count and not node.pulled:
+            idle = self.program.idle.get(node.path.rpartition("/")[0])
+            if idle:
+                return Cause(node.path, idle, "graph-not-evaluated")
+            return Cause(node.path, "nothing drives it", "not-executed")
+        return None
+
+    def _before(self, node: Running) -> Iterator[Running]:
+        for running in self.program.nodes.values():
+            if any(node is follower for some in running.follows.values() for follower in some):
+                yield running
+        for source, _ in node.wires.values():
+            yield source
+
+    def of_motion(self) -> Cause | None:
+        """Return why commands do not move the robot as they should."""
+        robot = self.robot
+        if robot is None:
+            return Cause("", "the stage has no robot with joints that turn", "no-driven-robot")
+        if robot.held:
+            return Cause(robot.base, "a joint ties the robot to the world", "base-fixed-to-world")
+        if not robot.pulled:
+            return Cause(robot.base, "gravity does not hold the robot on the ground", "no-gravity")
+        if not robot.grounded:
+            return Cause(robot.base, "no ground is below the robot", "no-ground")
+        if not robot.wheels:
+            return Cause(robot.base, "no wheel of the robot touches the ground", "no-wheel-contact")
+        causes = (_of_joint(joint, robot.base) for joint in robot.joints.values())
+        return next(filter(None, causes), None) or self._of_commands()
+
+    def _of_commands(self) -> Cause | None:
+        nodes = self.program.nodes.values()
+        controllers = [running for running in nodes if running.type.drives is not None]
+        if not controllers:
+            return Cause("", "no node commands the joints", "no-joint-controller")
+        for controller in controllers:
+            cause = self._broken(controller)
+            if cause is not None:
+                return cause
+        chain = [running for node in controllers for running in self._before(node)]
+        speeds = next((running for running in chain if running.type.step_limits), controllers[0])
+        return Cause(speeds.path, "", None)
+
+
+def _of_joint(joint: Joint, site: str) -> Cause | None:
+    if joint.locked:
+        return Cause(site, f"{joint.name} is held by another joint", "locked-joint")
+    if joint.stiffness > 0 or joint.damping <= 0:
+        return Cause(site, f"{joint.name} has no velocity drive", "no-velocity-drive")
+    if joint.reach < math.radians(FAR):
+        return Cause(site, f"{joint.name} cannot turn freely", "limited-joint")
+    return None

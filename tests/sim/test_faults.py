@@ -1,0 +1,94 @@
+"""Each kind of fault is shown by a stage or a recording, and explained by a rule."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from typing import get_args
+
+import pytest
+from breaking import broken, correct_stage, the_lab
+from dry_runs import INTERFACE, driven
+from fault_stages import MOTION, NAMES, STAGES
+from places import REPOSITORY
+
+from lab3_usd.check.explanations import EXPLAINED_BY
+from lab3_usd.check.registry import all_rules
+from lab3_usd.model.dry_run import Affine, about
+from lab3_usd.model.fault import FaultKind
+from lab3_usd.sim.execution.drive import Leg, Session, drive_of
+from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Recording
+from lab3_usd.sim.judge.checks import CHECKS
+from lab3_usd.sim.judge.motion import odometry
+from lab3_usd.sim.judge.trial import Fault, Trial
+from lab3_usd.sim.timeline import record
+from lab3_usd.stage.read.scene import read_scene
+
+KINDS: frozenset[FaultKind] = frozenset(get_args(FaultKind))
+
+
+def sources() -> Iterator[str]:
+    for path in sorted((REPOSITORY / "src" / "lab3_usd" / "sim").rglob("*.py")):
+        yield path.read_text(encoding="utf-8")
+
+
+def test_each_kind_is_explained_by_a_rule() -> None:
+    assert EXPLAINED_BY.keys() == KINDS
+    assert set(EXPLAINED_BY.values()) <= set(all_rules())
+
+
+def test_the_dry_run_knows_no_rule() -> None:
+    words = {word for text in sources() for word in re.findall(r"\w+", text)}
+    assert words & {*all_rules(), *EXPLAINED_BY.values()} == set()
+
+
+def shown(trial: Trial) -> set[tuple[str, FaultKind]]:
+    return {(name, fault.kind) for name, look in CHECKS.items() for fault in look(trial)}
+
+
+@pytest.mark.parametrize("kind", STAGES)
+def test_a_stage_shows_its_kind_of_fault(kind: FaultKind) -> None:
+    change, check = STAGES[kind]
+    stage = correct_stage("02" if check in MOTION else "05")
+    change(stage)
+    assert (check, kind) in shown(driven(stage, the_lab().catalog))
+
+
+def test_wheels_in_the_wrong_order_turn_an_arc_the_wrong_way() -> None:
+    stage = broken("02", [{"swap": [f"{NAMES}.inputs:input0", f"{NAMES}.inputs:input1"]}])
+    drive = drive_of("0.1,0.5,2", INTERFACE.limits)
+    trial = record(read_scene(stage), the_lab().catalog, drive, INTERFACE)
+    assert ("follows", "wrong-arc") in shown(trial)
+
+
+def odometry_faults(x: float, y: float, turned: float) -> list[Fault]:
+    """Judge what odometry says of a robot that starts at (1, 2), looking along +Y.
+
+    It goes 0.5 m ahead and turns by 0.2 rad to the left: to (1, 2.5), looking by pi/2 + 0.2.
+    """
+    poses = [
+        Pose(0, 1.0, "idle", 1.0, 2.0, math.pi / 2),
+        Pose(0, 2.0, "idle", 1.0, 2.5, math.pi / 2 + 0.2),
+    ]
+    orientation = Affine(about((0.0, 0.0, 1.0), turned)).quaternion()
+    data = Odometry("base_footprint", (x, y, 0.0), orientation, (0.0,) * 3, (0.0,) * 3)
+    message = Message("", 2.0, "odom", data, topic="/odom", at=2.0)
+    run = Recording(2.0, [message], poses)
+    return list(odometry(Trial(run, (Session((Leg("idle", 2.0),)),), INTERFACE)))
+
+
+def test_odometry_is_held_against_the_way_of_the_robot() -> None:
+    assert odometry_faults(0.5, 0.0, 0.2) == []
+    assert odometry_faults(0.519, 0.0, 0.2) == []  # within 2 cm
+    (fault,) = odometry_faults(0.0, 0.5, 0.2)
+    assert fault.kind == "wrong-odometry-pose"
+    assert fault.message == "odometry says (0.00, 0.50), it went (0.50, 0.00)"
+    assert odometry_faults(0.5, 0.021, 0.2) != []
+
+
+def test_odometry_is_held_against_the_heading_of_the_robot() -> None:
+    assert odometry_faults(0.5, 0.0, 0.2 + math.radians(1.9)) == []  # within 2 degrees
+    (fault,) = odometry_faults(0.5, 0.0, 0.3)
+    assert fault.kind == "wrong-odometry-pose"
+    assert fault.message == "odometry says 17 degrees, it turned otherwise"

@@ -1,0 +1,105 @@
+"""Each kind of fault that a recording shows is that of its check."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from breaking import the_lab
+from fault_stages import BY_HAND, STAGES
+from msgspec.structs import replace
+
+pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
+
+from recordings import Sent, aimed, durable, faster, in_laser, keep, on, recorded, rewritten, tied
+
+from lab3_usd.model.fault import FaultKind
+from lab3_usd.sim.bag.judge import judge_recording
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recorded(tmp_path_factory.mktemp("recording"))
+
+
+def offered(topic: str, change: Callable[[Any], Any]) -> Callable[[Sent], Iterator[Sent]]:
+    return lambda sent: iter([replace(sent, qos=change(sent.qos)) if sent.topic == topic else sent])
+
+
+def askew(said: Any) -> None:
+    said.pose.pose.position.y += 0.5 * said.pose.pose.position.x
+
+
+def in_whole_seconds(said: Any) -> None:
+    said.header.stamp.nanosec = 0
+
+
+def at_zero(said: Any) -> None:
+    said.clock.sec = said.clock.nanosec = 0
+
+
+def own_parent(said: Any) -> None:
+    for transform in said.transforms:
+        if transform.child_frame_id == "base_scan":
+            transform.header.frame_id = "base_scan"
+
+
+def without_the_second(said: Any) -> None:
+    if said.transforms[0].header.stamp.sec == 1:
+        said.transforms = [e for e in said.transforms if e.child_frame_id != "base_scan"]
+
+
+def late_clock(sent: Sent) -> Iterator[Sent]:
+    if sent.topic == "/clock" and sent.time > 1_500_000_000:
+        sent.said.clock.sec -= 2
+    yield sent
+
+
+def unreadable(sent: Sent) -> Iterator[Sent]:
+    yield replace(sent, held=b"\0\1\0\0abc") if sent.topic == "/odom" else sent
+
+
+def scanned_once(sent: Sent) -> Iterator[Sent]:
+    if sent.topic != "/scan" or 3e8 <= sent.time < 4e8:
+        yield sent
+
+
+def in_map_and_world(sent: Sent) -> Iterator[Sent]:
+    yield from tied(sent, "map")
+    yield from [tie for tie in tied(sent, "world") if tie is not sent]
+
+
+# How a recording shows a kind of fault, and in which check.
+RECORDINGS: dict[FaultKind, tuple[Callable[[Sent], Iterator[Sent]], str]] = {
+    "unreadable-message": (unreadable, "messages"),
+    "wrong-durability": (offered("/scan", durable), "QoS"),
+    "extra-publisher": (offered("/odom", lambda qos: qos * 2), "QoS"),
+    "single-message": (scanned_once, "rates"),
+    "stamp-not-advancing": (on("/scan", in_whole_seconds), "rates"),
+    "wrong-header-frame": (on("/scan", in_laser), "headers"),
+    "stopped-clock": (on("/clock", at_zero), "clock"),
+    "clock-jumps-back": (late_clock, "clock"),
+    "changing-parent": (in_map_and_world, "frames"),
+    "transform-gap": (on("/tf", without_the_second), "frames"),
+    "self-parent": (on("/tf", own_parent), "tree"),
+    "sideways-drift": (on("/odom", askew), "follows"),
+    "wrong-odometry-velocity": (on("/odom", faster), "odometry"),
+    "no-localization": (keep, "localization"),
+    "localization-ends": (lambda sent: tied(sent, "map", 1), "localization"),
+    "no-goal-sent": (keep, "goal"),
+    "goal-not-reached": (lambda sent: aimed(sent, 6), "goal"),
+}
+
+
+@pytest.mark.parametrize("kind", RECORDINGS)
+def test_a_recording_shows_its_kind_of_fault(plain: Path, tmp_path: Path, kind: FaultKind) -> None:
+    change, name = RECORDINGS[kind]
+    run = rewritten(plain, tmp_path / "run", change)
+    checks = judge_recording(run, the_lab(), "08", whole=True).checks
+    assert {check.name: check.kind for check in checks}[name] == kind
+
+
+def test_each_kind_is_shown_by_a_stage_or_a_recording() -> None:
+    assert {*STAGES, *RECORDINGS, *BY_HAND} == {*get_args(FaultKind)}
