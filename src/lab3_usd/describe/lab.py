@@ -84,7 +84,9 @@ def describe_lab(path: Path, lab: Lab, types: Catalog) -> Description:
     """
     source = read_source(path, lab, types)
     parts = _parts(source)
-    by_graph = _sensors_by_graph(parts)
+    by_graph: dict[str, list[str]] = {}
+    for name, sensor in parts.lab.sensors.items():
+        by_graph.setdefault(_home(sensor.path, parts.texts), []).append(name)
     graphs = parts.lab.graphs
     steps = describe_steps(parts.names, graphs, by_graph, frames=parts.has_frames)
     return Description(
@@ -116,13 +118,6 @@ def _home(sensor: str, texts: Sequence[GraphText]) -> str:
     """Return the graph with which a sensor comes: the first that names it, else the last."""
     named = (text.spec.name for text in texts if sensor in targets_of(text.spec))
     return next(named, texts[-1].spec.name)
-
-
-def _sensors_by_graph(parts: _Parts) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
-    for name, sensor in parts.lab.sensors.items():
-        found.setdefault(_home(sensor.path, parts.texts), []).append(name)
-    return found
 
 
 def _files(
@@ -165,15 +160,15 @@ def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
     """Return the transforms: what the stage publishes, and what missing assets would add to it."""
     given = list(graph_frames(lab))
     known = {frame.child for frame in given}
-    found = {
+    edges = {
         edge.child: (edge.parent, edge.child)
         for edge in published_edges(stage, lab)
         if edge.child in known and edge.parent != edge.child
     }
     for graph_frame in given:
         if graph_frame.parent:
-            found.setdefault(graph_frame.child, (graph_frame.parent, graph_frame.child))
-    return list(found.values())
+            edges.setdefault(graph_frame.child, (graph_frame.parent, graph_frame.child))
+    return list(edges.values())
 
 
 def _frames_outside(frames: Mapping[str, Any], lab: Lab) -> Iterator[str]:
@@ -188,7 +183,7 @@ def refuse_existing_folder(folder: Path) -> None:
     """Refuse a place where something is.
 
     Raises:
-        UsageError: there is a file or folder.
+        UsageError: a file or folder exists at this path.
     """
     if folder.exists() or folder.is_symlink():
         raise UsageError(f"{folder} exists; name a folder that does not")

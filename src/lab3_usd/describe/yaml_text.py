@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 _WIDTH = 110
-_FLAT = 2  # how deep what stands in one line may nest
+_FLAT = 2  # levels of nesting in one line
 _PLAIN = re.compile(r"[A-Za-z_/][\w/.-]*(?: (?:-> )?[\w/.-]+)*")
 _WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}  # what YAML takes otherwise
 
@@ -35,19 +35,15 @@ def _block(data: Mapping[str, Any], indent: str, above: str, notes: Mapping[str,
         lines += _comment(notes.get(place, ""), indent)
         opening = f"{indent}{scalar(key)}:"
         is_noted = any(note.startswith(f"{place}.") for note in notes)
-        if not is_noted and _fits(value, len(opening)):
+        is_filled = isinstance(value, (Mapping, list, tuple)) and bool(value)
+        is_short = _depth(value) <= _FLAT and len(opening) + 1 + len(flow(value)) <= _WIDTH
+        if not is_noted and (is_short or not is_filled):
             lines.append(f"{opening} {flow(value)}")
         elif isinstance(value, Mapping):
             lines += [opening, *_block(value, f"{indent}  ", f"{place}.", notes)]
         else:
             lines += [opening, *(f"{indent}  - {flow(item)}" for item in value)]
     return lines
-
-
-def _fits(value: Any, used: int) -> bool:
-    if not value or not isinstance(value, (Mapping, list, tuple)):
-        return True
-    return _depth(value) <= _FLAT and used + 1 + len(flow(value)) <= _WIDTH
 
 
 def _depth(value: Any) -> int:
