@@ -196,30 +196,28 @@ def graph_form(entry: GraphEntry, where: str) -> GraphForm:
     Raises:
         SpecError: a value is not of its type; the line opens with `where`.
     """
+    attributes = []
+    for name, attribute in entry.attributes.items():
+        usd_type, place, unwritten = attribute.type, f"{where}: {name}", attribute.unwritten
+        accepted = (attribute.value,) if attribute.accepted is None else attribute.accepted
+        attributes.append(
+            GraphAttribute(
+                name=name,
+                usd_type=usd_type,
+                value=typed_value(attribute.value, usd_type, place),
+                accepted=tuple(typed_value(value, usd_type, place) for value in accepted),
+                required=attribute.required,
+                unwritten=None if unwritten is None else typed_value(unwritten, usd_type, place),
+                handout=attribute.handout,
+            )
+        )
     return GraphForm(
         type=entry.type,
         node_type=entry.node_type,
         gui_api=entry.gui_api,
-        attributes=tuple(
-            _attribute(name, attribute_entry, f"{where}: {name}")
-            for name, attribute_entry in entry.attributes.items()
-        ),
+        attributes=tuple(attributes),
         evaluation=entry.evaluation,
         ignored_below=entry.ignored_below,
-    )
-
-
-def _attribute(name: str, entry: _AttributeEntry, where: str) -> GraphAttribute:
-    accepted = (entry.value,) if entry.accepted is None else entry.accepted
-    unwritten = entry.unwritten
-    return GraphAttribute(
-        name=name,
-        usd_type=entry.type,
-        value=typed_value(entry.value, entry.type, where),
-        accepted=tuple(typed_value(value, entry.type, where) for value in accepted),
-        required=entry.required,
-        unwritten=None if unwritten is None else typed_value(unwritten, entry.type, where),
-        handout=entry.handout,
     )
 
 

@@ -222,11 +222,11 @@ class Lab(Struct, frozen=True, eq=False):
 
         They differ in what else is handed in with the stage.
         """
-        asked = self._demands(self.checkpoints[checkpoint])
+        demands = self._demands(self.checkpoints[checkpoint])
         return next(
             candidate
             for candidate in self.checkpoints.values()
-            if self._demands(candidate) == asked
+            if self._demands(candidate) == demands
         )
 
     def _demands(self, checkpoint: Checkpoint) -> tuple[object, ...]:
@@ -236,9 +236,9 @@ class Lab(Struct, frozen=True, eq=False):
         is_first = checkpoint.id == self.first
         return (checkpoint.graphs, checkpoint.sensors, flags, may_have_driven, is_first)
 
-    def is_after(self, checkpoint: str, other: str) -> bool:
+    def is_after(self, checkpoint: str, earlier: str) -> bool:
         """Whether a checkpoint comes after another; none comes after ''."""
-        return other != "" and checkpoint not in self.until(other)
+        return earlier != "" and checkpoint not in self.until(earlier)
 
     @property
     def sensors(self) -> Mapping[str, SensorSpec]:
