@@ -54,19 +54,15 @@ def unknown_types(nodes: Iterable[Node]) -> dict[str, dict[str, Any]]:
         for name, state in node.ports.items():
             side = "inputs" if name.startswith(INPUT) else "outputs"
             short = name.removeprefix(INPUT).removeprefix(OUTPUT)
-            ogn_type = entry[side].get(short, "union")
-            if ogn_type == "union":
-                ogn_type = _ogn_type(short, state.usd_type)
+            if entry[side].get(short, "union") != "union":
+                continue
+            ogn_type = state.usd_type if is_known_type(state.usd_type) else "union"
+            if state.usd_type == "rel":
+                ogn_type = "target"
+            elif _SIGNAL.match(short):
+                ogn_type = "execution"
             entry[side][short] = ogn_type
     return types
-
-
-def _ogn_type(short: str, usd_type: str) -> str:
-    if usd_type == "rel":
-        return "target"
-    if _SIGNAL.match(short):
-        return "execution"
-    return usd_type if is_known_type(usd_type) else "union"
 
 
 def with_types(catalog: Catalog, unknown: Mapping[str, Any]) -> Catalog:

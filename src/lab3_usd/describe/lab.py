@@ -110,7 +110,13 @@ def _parts(source: Source) -> _Parts:
     sensors = describe_sensors(source, sections, scene["robot"]["path"])
     scene |= {"sensors": sensors} if sensors else {}
     lab = replace(source.lab, graphs=graphs, scene=parse_scene(scene))
-    frames = _describe_frames(stage, lab, f"{texts[-1].spec.handout[0]}6")
+    edges, base = _edges(stage, lab), lab.scene.robot.base_frame
+    frames: dict[str, Any] = {
+        "handout": f"{texts[-1].spec.handout[0]}6",
+        "edges": [f"{parent} -> {child}" for parent, child in edges],
+    }
+    if any(base in edge for edge in edges):
+        frames["deeper_under"] = base
     return _Parts(texts, names, scene, frames, lab, tuple(_frames_outside(frames, lab)))
 
 
@@ -145,15 +151,6 @@ def _graph_text(text: GraphText) -> str:
         lines = "\n".join(f"  {line}" for line in text.left_out)
         head += f"\nNot described, because no file of a lab can hold it:\n{lines}"
     return document(head, text.data)
-
-
-def _describe_frames(stage: StageModel, lab: Lab, section: str) -> dict[str, Any]:
-    """Describe the tree; `lab` has the new graphs and scene."""
-    edges = _edges(stage, lab)
-    base = lab.scene.robot.base_frame
-    data = {"handout": section, "edges": [f"{parent} -> {child}" for parent, child in edges]}
-    is_known = any(base in edge for edge in edges)
-    return data | ({"deeper_under": base} if is_known else {})
 
 
 def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:

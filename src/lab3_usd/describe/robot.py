@@ -86,18 +86,14 @@ def _articulation(stage: StageModel, graphs: Iterable[GraphSpec]) -> tuple[str, 
         return roots[0], True
     if stage.unresolved_above(known[0]) is not None:
         return known[0], True
-    return _carrier(stage, known[0]), False
-
-
-def _carrier(stage: StageModel, path: str) -> str:
-    """Return the body that carries a prim, the prim itself where none does."""
-    above = path
+    # The body that carries the prim, the prim itself where none does.
+    above = known[0]
     while above:
         prim = stage.prims.get(above)
         if prim is not None and BODY_API in prim.apis:
-            return above
+            return above, False
         above = above.rpartition("/")[0]
-    return path
+    return known[0], False
 
 
 def _root(stage: StageModel, target: str) -> str:

@@ -68,18 +68,14 @@ def scalar(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        return _number(value)
+        text = repr(value)
+        if text.lstrip("-") in {"inf", "nan"}:
+            return text.replace("inf", ".inf").replace("nan", ".nan")
+        # Without a point YAML takes `1e-05` for text.
+        mantissa, exponent, power = text.partition("e")
+        return f"{mantissa}.0e{power}" if exponent and "." not in mantissa else text
     if isinstance(value, int):
         return str(value)
     text = str(value)
     is_plain = _PLAIN.fullmatch(text) is not None and text.lower() not in _WORDS
     return text if is_plain else json.dumps(text, ensure_ascii=False)
-
-
-def _number(value: float) -> str:
-    """Return a number with a point, without which YAML takes `1e-05` for text."""
-    text = repr(value)
-    if text.lstrip("-") in {"inf", "nan"}:
-        return text.replace("inf", ".inf").replace("nan", ".nan")
-    mantissa, exponent, power = text.partition("e")
-    return f"{mantissa}.0e{power}" if exponent and "." not in mantissa else text
