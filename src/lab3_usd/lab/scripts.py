@@ -165,6 +165,8 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
         lacking = ", ".join(f"no {name}" for name, part in parts.items() if part is None)
         raise UsageError(f"{lab.title} has {lacking}, and so no files for Nav2")
     map_frame, odom_frame = localization.edge
+    scan = lab.topics.get(navigation.scan_topic)
+    scan_fields = scan.fields or {} if scan is not None else {}
     return {
         "lab": lab.title,
         "distribution": ros.system.distribution,
@@ -176,7 +178,7 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
         "map_frame": map_frame,
         "odom_frame": odom_frame,
         "base_frame": lab.scene.robot.base_frame,
-        "lidar_frame": _frame_of(lab, navigation.scan_topic) or localization.chain[-1],
+        "lidar_frame": scan_fields.get("header.frame_id") or localization.chain[-1],
         "scan_topic": navigation.scan_topic,
         "map_topic": navigation.map_topic,
         "odom_topic": navigation.odom_topic,
@@ -195,9 +197,3 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
         "behaviors": navigation.behaviors,
         "topics": navigation.rviz,
     }
-
-
-def _frame_of(lab: Lab, topic: str) -> str:
-    """Return the frame that the messages of a topic name, '' where the lab does not say."""
-    spec = lab.topics.get(topic)
-    return "" if spec is None else (spec.fields or {}).get("header.frame_id", "")
