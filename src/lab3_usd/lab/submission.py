@@ -48,7 +48,7 @@ def list_submission(root: Path, lab: Lab, spec: SubmissionSpec) -> Listing:
         stage_folder=home,
         stages=find_stages(usable, home, lab, spec.stages),
         starter=_starter(usable, folder_named(root, spec.folders.starter), spec),
-        found=find_deliverables(root, usable, spec),
+        deliverables=find_deliverables(root, usable, spec),
         complete=len(listed) < MOST_ENTRIES,
     )
 
