@@ -334,7 +334,7 @@ def test_a_drawn_tree_is_no_report(folder: Path, name: str) -> None:
     delete("report.pdf")(folder)
     (folder / name).parent.mkdir(exist_ok=True)
     (folder / name).write_bytes(b"%PDF-1.7\n")
-    found = listing.list_submission(folder, LAB, SPEC).found
+    found = listing.list_submission(folder, LAB, SPEC).deliverables
     assert found["report"] == ()
     assert (name in found["logs"]) is not name.startswith("evidence")
 
@@ -342,7 +342,7 @@ def test_a_drawn_tree_is_no_report(folder: Path, name: str) -> None:
 def test_a_report_among_the_results_is_no_log(folder: Path) -> None:
     delete("report.pdf")(folder)
     (folder / "results" / "Lab3_report.pdf").write_bytes(b"%PDF-1.7\n")
-    found = listing.list_submission(folder, LAB, SPEC).found
+    found = listing.list_submission(folder, LAB, SPEC).deliverables
     assert found["report"] == ("results/Lab3_report.pdf",)
     assert "results/Lab3_report.pdf" not in found["logs"]
 

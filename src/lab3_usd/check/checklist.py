@@ -67,7 +67,10 @@ def _verdicts(line: ChecklistSpec, given: ChecklistInput) -> Iterator[_Verdict]:
     for name in line.shown:
         yield _shown(name, given)
     for name in line.deliverables:
-        deliverable, count = given.spec.deliverables[name], len(given.listing.found.get(name, ()))
+        deliverable, count = (
+            given.spec.deliverables[name],
+            len(given.listing.deliverables.get(name, ())),
+        )
         expected = f"at least {deliverable.at_least} expected"
         is_complete = count >= deliverable.at_least
         reason = "" if is_complete else f"{deliverable.title}: {count} found, {expected}"

@@ -12,7 +12,6 @@ from msgspec import Struct
 from lab3_usd.data import data_folder
 from lab3_usd.describe.yaml_text import document
 from lab3_usd.errors import UsageError
-from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.contradictions.names import GraphTopic, graph_topics
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, Lab
@@ -50,12 +49,12 @@ def file_names(stem: str, graphs: Iterable[str]) -> FileNames:
         UsageError: the name has no word that could be an id.
     """
     words = [FIRST, *(re.sub(r"\W+", "_", graph).lower() for graph in graphs)]
-    found = _NUMBER.search(stem) or next(iter([*_WORD.finditer(stem)][::-1]), None)
-    if found is None:
+    match = _NUMBER.search(stem) or next(iter([*_WORD.finditer(stem)][::-1]), None)
+    if match is None:
         raise UsageError(
             f"'{stem}' has no letter from A to Z and no digit; give the stage another name"
         )
-    lead, last, rest = stem[: found.start()], found[0], stem[found.end() :]
+    lead, last, rest = stem[: match.start()], match[0], stem[match.end() :]
     ids = (*_ids_before(last, words[:-1]), last)
     name = rest.lstrip("_- ")
     if not name or not last.isdigit():
@@ -70,11 +69,11 @@ def _ids_before(last: str, words: Sequence[str]) -> Iterator[str]:
     taken = {last}
     for step, word in enumerate(words):
         letters = re.sub(r"[^A-Za-z0-9]", "", word)
-        found = f"{first + step:0{len(last)}}" if first >= 0 else letters
-        while found in taken:
-            found += "x"
-        taken.add(found)
-        yield found
+        id_ = f"{first + step:0{len(last)}}" if first >= 0 else letters
+        while id_ in taken:
+            id_ += "x"
+        taken.add(id_)
+        yield id_
 
 
 class Step(Struct, frozen=True):
@@ -135,7 +134,15 @@ def checkpoints_text(
         {"title": title, "files": names.pattern},
         {"files": "What the stages are called, without ending."},
     )
-    policy = _policy().replace(lab.policy.tick, _tick(lab))
+    # The type of the nodes that start most executions of the graphs.
+    events = Counter(
+        node.type.type
+        for graph in lab.graphs.values()
+        for node in graph.nodes.values()
+        if node.type.type in lab.catalog.events
+    )
+    tick = events.most_common(1)[0][0] if events else lab.policy.tick
+    policy = _policy().replace(lab.policy.tick, tick)
     data = {"frames": frames, "checkpoints": {step.id: step.data for step in steps}}
     notes = {
         "frames": "The TF tree of the stage; a checkpoint asks for it with `frames: true`.",
@@ -152,17 +159,6 @@ def _policy() -> str:
     end = next(number for number, line in enumerate(lines) if not line)
     text = "\n".join(lines[:end]).replace(", see decisions", "")
     return text.replace('handout: "decisions"', "handout: A1") + "\n"
-
-
-def _tick(lab: Lab) -> str:
-    """Return the type of the nodes that start most executions of the graphs."""
-    events = Counter(
-        node.type.type
-        for graph in lab.graphs.values()
-        for node in graph.nodes.values()
-        if node.type.type in lab.catalog.events
-    )
-    return events.most_common(1)[0][0] if events else lab.policy.tick
 
 
 _HEAD = """\
@@ -226,7 +222,27 @@ _SOURCE = "press Play; the topic exists while the node that subscribes to it run
 def ros_text(lab: Lab, steps: Sequence[Step]) -> str:
     """Return `ros.yaml` of a lab with new graphs."""
     topics = dict(_topics(lab, steps))
-    data = {"system": _system(lab), "topics": topics, "commands": list(_commands(topics))}
+    domains = (
+        setting.value
+        for graph in lab.graphs.values()
+        for node in graph.nodes.values()
+        for setting in node.settings
+        if setting.port == _DOMAIN
+    )
+    system = lab.ros.system
+    data = {
+        "system": {
+            "handout": "A1",
+            "distribution": system.distribution,
+            "setup": system.setup,
+            "domain": next(domains, system.domain),
+            "folder": "~/lab",
+            "topics": list(system.topics),
+            "packages": dict(system.packages),
+        },
+        "topics": topics,
+        "commands": list(_commands(topics)),
+    }
     return document(_RUNNING_HEAD, data, {"topics": _TOPICS, "commands": ""})
 
 
@@ -253,28 +269,8 @@ def _commands(topics: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, Any
     yield {"kind": "node_list", "handout": "A1"}
     yield {"kind": "topic_list", "handout": "A1"}
     for name, entry in topics.items():
-        where = {"of": name, "from": entry["from"], "handout": entry["handout"]}
-        yield {"kind": "topic_type", **where}
+        command = {"of": name, "from": entry["from"], "handout": entry["handout"]}
+        yield {"kind": "topic_type", **command}
         if not entry.get("subscribed"):
-            yield {"kind": "topic_hz", **where}
-            yield {"kind": "topic_echo", **where}
-
-
-def _system(lab: Lab) -> dict[str, Any]:
-    system = lab.ros.system
-    return {
-        "handout": "A1",
-        "distribution": system.distribution,
-        "setup": system.setup,
-        "domain": next(iter(_domains(lab)), system.domain),
-        "folder": "~/lab",
-        "topics": list(system.topics),
-        "packages": dict(system.packages),
-    }
-
-
-def _domains(lab: Lab) -> Iterator[Value]:
-    """Yield the ROS domains that graphs set."""
-    for graph in lab.graphs.values():
-        for node in graph.nodes.values():
-            yield from (setting.value for setting in node.settings if setting.port == _DOMAIN)
+            yield {"kind": "topic_hz", **command}
+            yield {"kind": "topic_echo", **command}

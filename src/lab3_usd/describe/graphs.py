@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.data import data_folder
 from lab3_usd.describe.yaml_text import document
 from lab3_usd.errors import SpecError
-from lab3_usd.model.stage import GraphModel, Node, PortState
+from lab3_usd.model.stage import GraphModel, Node
 from lab3_usd.spec.catalog import (
     INPUT,
     OUTPUT,
@@ -40,34 +40,29 @@ _SIGNAL = re.compile(r"exec", re.IGNORECASE)
 
 def unknown_types(nodes: Iterable[Node]) -> dict[str, dict[str, Any]]:
     """Describe the types that no catalog has by the ports that the nodes show."""
-    found: dict[str, dict[str, Any]] = {}
+    types: dict[str, dict[str, Any]] = {}
     for node in nodes:
         if node.type is not None or not node.type_name:
             continue
         word = node.type_name.rpartition(".")[2]
-        entry = found.setdefault(
+        prim_name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", word).lower()
+        entry = types.setdefault(
             node.type_name,
-            {"version": 1, "name": word, "prim": _prim_name(word), "inputs": {}, "outputs": {}},
+            {"version": 1, "name": word, "prim": prim_name, "inputs": {}, "outputs": {}},
         )
         entry["version"] = max(entry["version"], node.version or 1)
         for name, state in node.ports.items():
             side = "inputs" if name.startswith(INPUT) else "outputs"
             short = name.removeprefix(INPUT).removeprefix(OUTPUT)
-            kind = entry[side].get(short, "union")
-            entry[side][short] = _ogn_type(short, state.usd_type) if kind == "union" else kind
-    return found
-
-
-def _prim_name(word: str) -> str:
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", word).lower()
-
-
-def _ogn_type(short: str, usd_type: str) -> str:
-    if usd_type == "rel":
-        return "target"
-    if _SIGNAL.match(short):
-        return "execution"
-    return usd_type if is_known_type(usd_type) else "union"
+            if entry[side].get(short, "union") != "union":
+                continue
+            ogn_type = state.usd_type if is_known_type(state.usd_type) else "union"
+            if state.usd_type == "rel":
+                ogn_type = "target"
+            elif _SIGNAL.match(short):
+                ogn_type = "execution"
+            entry[side][short] = ogn_type
+    return types
 
 
 def with_types(catalog: Catalog, unknown: Mapping[str, Any]) -> Catalog:
@@ -115,7 +110,7 @@ def describe_graphs(graphs: tuple[GraphModel, ...], catalog: Catalog) -> tuple[G
         for graph_model in graphs
         if graph_model.active and not graph_model.instanced and graph_model.nodes
     ]
-    ordered = sorted(live, key=_when)
+    ordered = sorted(live, key=_course_order)
     names: dict[str, GraphModel] = {}
     for graph in ordered:
         name = graph.name
@@ -124,12 +119,12 @@ def describe_graphs(graphs: tuple[GraphModel, ...], catalog: Catalog) -> tuple[G
             name = f"{above.pop(0) or 'other'}_{name}"
         names[name] = graph
     return tuple(
-        _described(name, graph, chr(ord("B") + min(number, 24)), catalog)
+        _describe_graph(name, graph, chr(ord("B") + min(number, 24)), catalog)
         for number, (name, graph) in enumerate(names.items())
     )
 
 
-def _when(graph: GraphModel) -> int:
+def _course_order(graph: GraphModel) -> int:
     """Return when a course has a graph: publishers without prims, what moves, sensors, frames."""
     kinds = [node.type for node in graph.nodes if node.type is not None]
     if any(kind.tf is not None for kind in kinds):
@@ -140,8 +135,9 @@ def _when(graph: GraphModel) -> int:
     return 2 if has_targets else 0
 
 
-def _described(name: str, graph: GraphModel, part: str, catalog: Catalog) -> GraphText:
-    roles = _roles(graph)
+def _describe_graph(name: str, graph: GraphModel, part: str, catalog: Catalog) -> GraphText:
+    below = len(graph.path) + 1
+    roles = {node.path: node.path[below:].replace("/", "_") for node in graph.nodes}
     left_out: list[str] = []
     nodes = {
         roles[node.path]: _node(node, number, part, left_out)
@@ -160,22 +156,20 @@ def _described(name: str, graph: GraphModel, part: str, catalog: Catalog) -> Gra
     return GraphText(data, parse_graph(data, catalog, f"{name}.yaml"), tuple(left_out))
 
 
-def _roles(graph: GraphModel) -> dict[str, str]:
-    return {node.path: node.path[len(graph.path) + 1 :].replace("/", "_") for node in graph.nodes}
-
-
 def _node(node: Node, number: int, part: str, left_out: list[str]) -> dict[str, Any]:
     kind = node.type
     assert kind is not None  # noqa: S101 - only nodes of a known type are described
     x, y = node.position or (float(_COLUMN * (number % 4)), float(_ROW * (number // 4)))
     data: dict[str, Any] = {"type": kind.type, "at": [_plain(x), _plain(y)], "handout": f"{part}2"}
     values = dict(_values(node, kind, left_out))
+    ports = {name: port for name in node.ports if (port := kind.port(name)) is not None}
     targets = {
-        name[len(INPUT) :]: list(state.targets)
-        for name, state in node.ports.items()
-        if state.targets and _is_target(kind, name)
+        name[len(INPUT) :]: list(node.ports[name].targets)
+        for name, port in ports.items()
+        if node.ports[name].targets and port.is_target
     }
-    grown = [name[len(INPUT) :] for name in node.ports if _is_grown(kind, name)]
+    inputs = [name for name in ports if name.startswith(INPUT)]
+    grown = [name[len(INPUT) :] for name in inputs if name not in kind.ports]
     data |= {"set": {f"{part}3": values}} if values else {}
     data |= {"targets": {f"{part}3": targets}} if targets else {}
     data |= {"ports": sorted(grown)} if grown else {}
@@ -185,15 +179,6 @@ def _node(node: Node, number: int, part: str, left_out: list[str]) -> dict[str, 
 
 def _plain(number: float) -> float:
     return int(number) if number.is_integer() else round(number, 3)
-
-
-def _is_target(kind: NodeType, name: str) -> bool:
-    port = kind.port(name)
-    return port is not None and port.is_target
-
-
-def _is_grown(kind: NodeType, name: str) -> bool:
-    return name.startswith(INPUT) and name not in kind.ports and kind.port(name) is not None
 
 
 def _values(node: Node, kind: NodeType, left_out: list[str]) -> Iterator[tuple[str, Value]]:
@@ -233,12 +218,10 @@ def _wires(graph: GraphModel, roles: Mapping[str, str], left_out: list[str]) -> 
                 if text and not taken:
                     taken = True
                     yield text
-                else:
-                    left_out.append(f"{source} -> {node.path}.{name}: {_reason(state, text)}")
-
-
-def _reason(state: PortState, text: str) -> str:
-    return f"one of {len(state.sources)} wires into one input" if text else "joins no known ports"
+                    continue
+                several = f"one of {len(state.sources)} wires into one input"
+                reason = several if text else "joins no known ports"
+                left_out.append(f"{source} -> {node.path}.{name}: {reason}")
 
 
 def _wire(

@@ -84,7 +84,9 @@ def describe_lab(path: Path, lab: Lab, types: Catalog) -> Description:
     """
     source = read_source(path, lab, types)
     parts = _parts(source)
-    by_graph = _sensors_by_graph(parts)
+    by_graph: dict[str, list[str]] = {}
+    for name, sensor in parts.lab.sensors.items():
+        by_graph.setdefault(_home(sensor.path, parts.texts), []).append(name)
     graphs = parts.lab.graphs
     steps = describe_steps(parts.names, graphs, by_graph, frames=parts.has_frames)
     return Description(
@@ -108,7 +110,13 @@ def _parts(source: Source) -> _Parts:
     sensors = describe_sensors(source, sections, scene["robot"]["path"])
     scene |= {"sensors": sensors} if sensors else {}
     lab = replace(source.lab, graphs=graphs, scene=parse_scene(scene))
-    frames = _describe_frames(stage, lab, f"{texts[-1].spec.handout[0]}6")
+    edges, base = _edges(stage, lab), lab.scene.robot.base_frame
+    frames: dict[str, Any] = {
+        "handout": f"{texts[-1].spec.handout[0]}6",
+        "edges": [f"{parent} -> {child}" for parent, child in edges],
+    }
+    if any(base in edge for edge in edges):
+        frames["deeper_under"] = base
     return _Parts(texts, names, scene, frames, lab, tuple(_frames_outside(frames, lab)))
 
 
@@ -116,13 +124,6 @@ def _home(sensor: str, texts: Sequence[GraphText]) -> str:
     """Return the graph with which a sensor comes: the first that names it, else the last."""
     named = (text.spec.name for text in texts if sensor in targets_of(text.spec))
     return next(named, texts[-1].spec.name)
-
-
-def _sensors_by_graph(parts: _Parts) -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
-    for name, sensor in parts.lab.sensors.items():
-        found.setdefault(_home(sensor.path, parts.texts), []).append(name)
-    return found
 
 
 def _files(
@@ -152,28 +153,19 @@ def _graph_text(text: GraphText) -> str:
     return document(head, text.data)
 
 
-def _describe_frames(stage: StageModel, lab: Lab, section: str) -> dict[str, Any]:
-    """Describe the tree; `lab` has the new graphs and scene."""
-    edges = _edges(stage, lab)
-    base = lab.scene.robot.base_frame
-    data = {"handout": section, "edges": [f"{parent} -> {child}" for parent, child in edges]}
-    is_known = any(base in edge for edge in edges)
-    return data | ({"deeper_under": base} if is_known else {})
-
-
 def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
     """Return the transforms: what the stage publishes, and what missing assets would add to it."""
     given = list(graph_frames(lab))
     known = {frame.child for frame in given}
-    found = {
+    edges = {
         edge.child: (edge.parent, edge.child)
         for edge in published_edges(stage, lab)
         if edge.child in known and edge.parent != edge.child
     }
     for graph_frame in given:
         if graph_frame.parent:
-            found.setdefault(graph_frame.child, (graph_frame.parent, graph_frame.child))
-    return list(found.values())
+            edges.setdefault(graph_frame.child, (graph_frame.parent, graph_frame.child))
+    return list(edges.values())
 
 
 def _frames_outside(frames: Mapping[str, Any], lab: Lab) -> Iterator[str]:
@@ -188,7 +180,7 @@ def refuse_existing_folder(folder: Path) -> None:
     """Refuse a place where something is.
 
     Raises:
-        UsageError: there is a file or folder.
+        UsageError: a file or folder exists at this path.
     """
     if folder.exists() or folder.is_symlink():
         raise UsageError(f"{folder} exists; name a folder that does not")

@@ -63,45 +63,37 @@ def _articulation(stage: StageModel, graphs: Iterable[GraphSpec]) -> tuple[str, 
 
     A robot that nothing moves need not be an articulation: it is the prim that the graphs name.
     """
-    asked = list(_asked(graphs))
-    found = [prim.path for prim in stage.with_api(ARTICULATION_API) if is_articulated(prim)]
-    for path in asked:
-        for sensor_path in found:
-            if is_at_or_below(sensor_path, path) or is_at_or_below(path, sensor_path):
-                return sensor_path, True
-    known = [path for path in asked if path in stage.prims or stage.unresolved_above(path)]
-    if not found and not known:
-        raise UsageError(
-            "the stage has no robot: it has no articulation root, and no graph names a prim"
-        )
-    if found:
-        return found[0], True
-    if stage.unresolved_above(known[0]) is not None:
-        return known[0], True
-    return _carrier(stage, known[0]), False
-
-
-def _carrier(stage: StageModel, path: str) -> str:
-    """Return the body that carries a prim, the prim itself where none does."""
-    above = path
-    while above:
-        prim = stage.prims.get(above)
-        if prim is not None and BODY_API in prim.apis:
-            return above
-        above = above.rpartition("/")[0]
-    return path
-
-
-def _asked(graphs: Iterable[GraphSpec]) -> Iterator[str]:
-    """Yield the prims that graphs move, then all others that they name."""
-    named = [
+    targets = [
         (target.port in node.type.articulation, prim)
         for graph in graphs
         for node in graph.nodes.values()
         for target in node.targets
         for prim in target.prims
     ]
-    yield from (prim for _, prim in sorted(named, key=lambda pair: not pair[0]))
+    # The prims that graphs move, then all others that they name.
+    named = [prim for _, prim in sorted(targets, key=lambda target: not target[0])]
+    roots = [prim.path for prim in stage.with_api(ARTICULATION_API) if is_articulated(prim)]
+    for path in named:
+        for root in roots:
+            if is_at_or_below(root, path) or is_at_or_below(path, root):
+                return root, True
+    known = [path for path in named if path in stage.prims or stage.unresolved_above(path)]
+    if not roots and not known:
+        raise UsageError(
+            "the stage has no robot: it has no articulation root, and no graph names a prim"
+        )
+    if roots:
+        return roots[0], True
+    if stage.unresolved_above(known[0]) is not None:
+        return known[0], True
+    # The body that carries the prim, the prim itself where none does.
+    above = known[0]
+    while above:
+        prim = stage.prims.get(above)
+        if prim is not None and BODY_API in prim.apis:
+            return above, False
+        above = above.rpartition("/")[0]
+    return known[0], False
 
 
 def _root(stage: StageModel, target: str) -> str:
@@ -145,12 +137,12 @@ def _link(prim: Prim, stage: StageModel, base: str) -> dict[str, Any]:
 
 def pose(local: Matrix | None, metres: float) -> dict[str, Any]:
     """Return a transform as files write it: metres, degrees about X, Y and Z, and a scale."""
-    found = decompose(local or IDENTITY)
-    x, y, z = found.translation
+    parts = decompose(local or IDENTITY)
+    x, y, z = parts.translation
     return {
         "translate": plain((x * metres, y * metres, z * metres)),
-        "rotate": plain(euler_angles(found.rotation)),
-        "scale": plain(found.scale),
+        "rotate": plain(euler_angles(parts.rotation)),
+        "scale": plain(parts.scale),
     }
 
 
@@ -171,25 +163,25 @@ def moved_joints(
         for setting in node.settings
         for word in (setting.value if isinstance(setting.value, tuple) else (setting.value,))
     }
-    found = {}
+    moved = {}
     for joint in joints(stage):
         link = next((n for n in links if is_at_or_below(bodies(joint)[1], f"{root}/{n}")), None)
         stiffness = number(joint.attributes.get(_STIFFNESS, 0.0))
         damping = number(joint.attributes.get(_DAMPING, 0.0))
         is_driven = stiffness == 0 and damping is not None and damping > 0
         if joint.type == REVOLUTE and joint.name in words and link and is_driven:
-            found[joint.name] = link
-    return found
+            moved[joint.name] = link
+    return moved
 
 
 def describe_wheels(subject: StageSubject) -> dict[str, Any]:
     """Describe the two wheels of a robot, whose joints the subject's scene names.
 
-    It is empty where they are not two, or do not turn about one axle.
+    The result is empty unless there are two, which turn about one axle.
     """
     wheels: list[WheelJoint] = tied_joints(subject)
-    places = [found for wheel in wheels if (found := anchor(wheel, subject))]
-    axles = [found for joint in wheels if (found := axle(joint, subject))]
+    places = [place for wheel in wheels if (place := anchor(wheel, subject))]
+    axles = [direction for wheel in wheels if (direction := axle(wheel, subject))]
     if not len(wheels) == len(places) == len(axles) == _PAIR or distance(*axles) > 1e-3:  # noqa: PLR2004
         return {}
     robot = subject.lab.scene.robot

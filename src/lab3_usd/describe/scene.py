@@ -54,10 +54,10 @@ def read_source(path: Path, lab: Lab, types: Catalog) -> Source:
     stage = read_stage(path, lab)
     unknown = unknown_types(stage.nodes())
     lab = replace(lab, catalog=with_types(types, unknown))
-    found = {prim.path: prim.type for prim in _sensors(stage, lab)}
+    sensor_types = {prim.path: prim.type for prim in _sensors(stage, lab)}
     # The place of a prim of a type that USD does not know is read where a lab has such a sensor.
     draft = next(iter(lab.sensors.values()))
-    drafts = {kind: replace(draft, type=kind) for kind in found.values()}
+    drafts = {kind: replace(draft, type=kind) for kind in sensor_types.values()}
     scene = replace(lab.scene, sensors={**lab.sensors, **drafts})
     stage = read_stage(path, replace(lab, scene=scene))
     return Source(
@@ -65,8 +65,8 @@ def read_source(path: Path, lab: Lab, types: Catalog) -> Source:
         stage=stage,
         lab=lab,
         unknown=unknown,
-        sensors=tuple(stage.prims[path] for path in found),
-        authored=authored_attributes(path, found),
+        sensors=tuple(stage.prims[path] for path in sensor_types),
+        authored=authored_attributes(path, sensor_types),
     )
 
 
@@ -81,15 +81,13 @@ def _sensors(stage: StageModel, lab: Lab) -> Iterator[Prim]:
     )
     for path in dict.fromkeys(targets):
         prim = stage.prim(path)
-        if prim is not None and prim.type not in _PLAIN_TYPES and not _is_part(prim):
+        if prim is None or prim.type in _PLAIN_TYPES:
+            continue
+        if BODY_API not in prim.apis and not is_joint(prim):
             yield prim
     for spec in lab.sensors.values():
         if spec.recognised == ANYWHERE:
             yield from (prim for prim in stage.of_type(spec.type) if prim.present)
-
-
-def _is_part(prim: Prim) -> bool:
-    return BODY_API in prim.apis or is_joint(prim)
 
 
 _OTHER = re.compile(r"(physics|physx|drive|node|kind|visibility|xformOp|purpose|ui)")
@@ -108,16 +106,16 @@ def describe_sensors(
     source: Source, sections: Mapping[str, str], robot: str
 ) -> dict[str, dict[str, Any]]:
     """Describe the sensors on the robot by short names; `sections` are the handout's by path."""
-    found: dict[str, dict[str, Any]] = {}
+    sensors: dict[str, dict[str, Any]] = {}
     for prim in source.sensors:
         if not is_at_or_below(prim.path, robot):
             continue
         known = _known(prim.type, source.lab)
         kind = known.kind if known else _word(prim.type)
-        taken = sum(sensor["kind"] == kind for sensor in found.values())
+        taken = sum(sensor["kind"] == kind for sensor in sensors.values())
         name = kind if not taken else f"{kind}_{taken + 1}"
-        found[name] = _sensor(source, prim, kind, sections[prim.path])
-    return found
+        sensors[name] = _sensor(source, prim, kind, sections[prim.path])
+    return sensors
 
 
 def _known(type_name: str, lab: Lab) -> SensorSpec | None:
@@ -206,28 +204,21 @@ def describe_scene(
     moved = moved_joints(stage, robot["path"], robot["links"], graphs.values())
     wheels = {"handout": PART, "joints": moved, "joints_below": "", "distance": 0.0}
     draft = {**data, "robot": {**robot, "wheels": {**wheels, "axle": [0.0, 1.0, 0.0]}}}
-    subject = _subject(stage, replace(lab, scene=parse_scene(draft)))
-    found = describe_wheels(subject) if moved else {}
-    if found:
-        robot["wheels"] = found
-        for link in found["joints"].values():
-            robot["links"][link] |= _collision(stage, f"{robot['path']}/{link}")
-    data["world"] |= dict(_world(subject))
-    return data
-
-
-def _subject(stage: StageModel, lab: Lab) -> StageSubject:
-    return StageSubject(
-        lab=lab,
+    subject = StageSubject(
+        lab=replace(lab, scene=parse_scene(draft)),
         checkpoint=lab.checkpoints[lab.last],
         stage=stage,
         roles={},
         faulty_prims=frozenset(),
     )
-
-
-def _collision(stage: StageModel, link: str) -> dict[str, bool]:
-    return {"collision": True} if any(map(collides, stage.below(link))) else {}
+    described = describe_wheels(subject) if moved else {}
+    if described:
+        robot["wheels"] = described
+        for link in described["joints"].values():
+            if any(map(collides, stage.below(f"{robot['path']}/{link}"))):
+                robot["links"][link]["collision"] = True
+    data["world"] |= dict(_world(subject))
+    return data
 
 
 def _parent(stage: StageModel, graphs: Mapping[str, GraphSpec], robot: str) -> str:
@@ -243,8 +234,8 @@ def _world(subject: StageSubject) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield the parts of the world that the stage has, and where they usually are."""
     stage, robot = subject.stage, subject.lab.scene.robot.path
     if has_ground(subject):
-        found = [*(prim.path for prim in planes(stage, robot)), *(b.path for b in boxes(subject))]
-        yield "ground", _part(found[0])
+        grounds = [*(prim.path for prim in planes(stage, robot)), *(b.path for b in boxes(subject))]
+        yield "ground", _part(grounds[0])
     for part, prims in (("light", lights(stage)), ("physics_scene", stage.of_type(SCENE))):
         path = next((prim.path for prim in prims if prim.present), "")
         if path:

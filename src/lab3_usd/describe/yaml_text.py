@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 _WIDTH = 110
-_FLAT = 2  # how deep what stands in one line may nest
+_FLAT = 2  # levels of nesting in one line
 _PLAIN = re.compile(r"[A-Za-z_/][\w/.-]*(?: (?:-> )?[\w/.-]+)*")
 _WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}  # what YAML takes otherwise
 
@@ -35,19 +35,15 @@ def _block(data: Mapping[str, Any], indent: str, above: str, notes: Mapping[str,
         lines += _comment(notes.get(place, ""), indent)
         opening = f"{indent}{scalar(key)}:"
         is_noted = any(note.startswith(f"{place}.") for note in notes)
-        if not is_noted and _fits(value, len(opening)):
+        is_filled = isinstance(value, (Mapping, list, tuple)) and bool(value)
+        is_short = _depth(value) <= _FLAT and len(opening) + 1 + len(flow(value)) <= _WIDTH
+        if not is_noted and (is_short or not is_filled):
             lines.append(f"{opening} {flow(value)}")
         elif isinstance(value, Mapping):
             lines += [opening, *_block(value, f"{indent}  ", f"{place}.", notes)]
         else:
             lines += [opening, *(f"{indent}  - {flow(item)}" for item in value)]
     return lines
-
-
-def _fits(value: Any, used: int) -> bool:
-    if not value or not isinstance(value, (Mapping, list, tuple)):
-        return True
-    return _depth(value) <= _FLAT and used + 1 + len(flow(value)) <= _WIDTH
 
 
 def _depth(value: Any) -> int:
@@ -72,18 +68,14 @@ def scalar(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        return _number(value)
+        text = repr(value)
+        if text.lstrip("-") in {"inf", "nan"}:
+            return text.replace("inf", ".inf").replace("nan", ".nan")
+        # Without a point YAML takes `1e-05` for text.
+        mantissa, exponent, power = text.partition("e")
+        return f"{mantissa}.0e{power}" if exponent and "." not in mantissa else text
     if isinstance(value, int):
         return str(value)
     text = str(value)
     is_plain = _PLAIN.fullmatch(text) is not None and text.lower() not in _WORDS
     return text if is_plain else json.dumps(text, ensure_ascii=False)
-
-
-def _number(value: float) -> str:
-    """Return a number with a point, without which YAML takes `1e-05` for text."""
-    text = repr(value)
-    if text.lstrip("-") in {"inf", "nan"}:
-        return text.replace("inf", ".inf").replace("nan", ".nan")
-    mantissa, exponent, power = text.partition("e")
-    return f"{mantissa}.0e{power}" if exponent and "." not in mantissa else text

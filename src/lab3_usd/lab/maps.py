@@ -106,26 +106,22 @@ def read_pgm(path: Path) -> Grid:
     if not (0 < width * height <= _MOST_CELLS and 0 < white <= _TWO_BYTES):
         raise MapError(f"{path}: no map has {width} x {height} cells and {white} shades of grey")
     body = data[header.end() :]
-    values = _binary(body, white) if header["kind"] == b"P5" else _decimal(body, path)
+    values: Sequence[int]
+    if header["kind"] != b"P5":
+        words = re.sub(rb"#[^\n]*", b"", body).split()
+        if not all(word.isdigit() and len(word) <= _MOST_DIGITS for word in words):
+            raise MapError(f"{path}: a text PGM (P2) holds only whole numbers")
+        values = [int(word) for word in words]
+    elif white > _WHITE:
+        values = [body[at] * 256 + body[at + 1] for at in range(0, len(body) - 1, 2)]
+    else:
+        values = body
     if len(values) < width * height:
         raise MapError(f"{path}: {width} x {height} cells announced, only {len(values)} found")
     cells = values[: width * height]
     if max(cells) > white:
         raise MapError(f"{path}: a cell is {max(cells)}, but white is {white}")
     return Grid(width, height, bytes(value * _WHITE // white for value in cells))
-
-
-def _binary(body: bytes, white: int) -> Sequence[int]:
-    if white <= _WHITE:
-        return body
-    return [body[at] * 256 + body[at + 1] for at in range(0, len(body) - 1, 2)]
-
-
-def _decimal(body: bytes, path: Path) -> Sequence[int]:
-    words = re.sub(rb"#[^\n]*", b"", body).split()
-    if all(word.isdigit() and len(word) <= _MOST_DIGITS for word in words):
-        return [int(word) for word in words]
-    raise MapError(f"{path}: a text PGM (P2) holds only whole numbers")
 
 
 def agreement(student: Grid, ours: Grid) -> float:
@@ -191,8 +187,9 @@ def map_subject(yaml_path: Path | None, facts: MapFacts, root: Path | None = Non
     image = values.get("image") if values is not None else None
     if not isinstance(image, str) or not image:
         return MapSubject(facts, given=True, file=file, values=values, fault=fault)
-    absolute = _is_absolute(image)
-    image_path = yaml_path.parent / (PureWindowsPath(image).name if absolute else image)
+    windows, posix = PureWindowsPath(image), PurePosixPath(image)
+    absolute = windows.is_absolute() or posix.is_absolute() or image.startswith("~")
+    image_path = yaml_path.parent / (windows.name if absolute else image)
     inside = _is_inside(image_path, base)
     exists = inside and image_path.is_file()
     shown = _image(image_path) if exists else _Image()
@@ -210,12 +207,6 @@ def map_subject(yaml_path: Path | None, facts: MapFacts, root: Path | None = Non
     )
 
 
-def _is_absolute(image: str) -> bool:
-    """Whether a path holds for one computer only, whichever system that runs."""
-    windows = PureWindowsPath(image).is_absolute()
-    return windows or PurePosixPath(image).is_absolute() or image.startswith("~")
-
-
 def _is_inside(path: Path, base: Path) -> bool:
     """Whether a path that somebody else wrote stays in the submission and can be asked for."""
     try:
@@ -227,19 +218,17 @@ def _is_inside(path: Path, base: Path) -> bool:
     return path.resolve().is_relative_to(base.resolve())
 
 
-def _load(data: bytes) -> object:
-    """Read a YAML as map_server's yaml-cpp does, which takes a tab for a blank between words."""
-    try:
-        return load_plain(data)
-    except yaml.YAMLError:
-        if b"\t" not in data:
-            raise
-        return load_plain(_TABS.sub(b" ", data))
-
-
 def _read(path: Path) -> tuple[dict[str, object] | None, str | None]:
+    """Return the keys of a map's YAML, or what is wrong with it."""
     try:
-        data = _load(path.read_bytes())
+        text = path.read_bytes()
+        try:
+            data = load_plain(text)
+        except yaml.YAMLError:
+            if b"\t" not in text:
+                raise
+            # The yaml-cpp of map_server takes a tab for a blank between words.
+            data = load_plain(_TABS.sub(b" ", text))
     except FileNotFoundError:
         return None, "is not handed in"
     except OSError as error:
@@ -268,13 +257,13 @@ def _image(path: Path) -> _Image:
     else:
         return _Image((grid.width, grid.height))
     try:
-        other = _other_image(path.read_bytes())
+        image = _other_image(path.read_bytes())
     except OSError:
-        other = None
-    if other is None:
+        image = None
+    if image is None:
         return _Image(fault=f"{fault}; map_server cannot load it")
-    is_expected_ending = path.suffix.lower() in other.endings
-    return _Image((other.width, other.height), format="" if is_expected_ending else other.name)
+    is_expected_ending = path.suffix.lower() in image.endings
+    return _Image((image.width, image.height), format="" if is_expected_ending else image.name)
 
 
 def _relative(path: Path, base: Path) -> str:
@@ -289,11 +278,11 @@ def _other_image(data: bytes) -> _OtherImage | None:
     if data.startswith(_PNG):
         return _png(data)
     for header, name, ending in ((_COLOUR, "PPM", ".ppm"), (_BITMAP, "PBM", ".pbm")):
-        found = header.match(data)
-        if found:
-            width, height, *white = (int(group) for group in found.groups())
+        match = header.match(data)
+        if match:
+            width, height, *white = (int(group) for group in match.groups())
             image = _OtherImage(name, (ending, ".pnm"), width, height)
-            return image if _is_whole(data[:2], data[found.end() :], image, *white) else None
+            return image if _is_whole(data[:2], data[match.end() :], image, *white) else None
     return None
 
 
@@ -313,20 +302,16 @@ def _is_whole(kind: bytes, body: bytes, image: _OtherImage, white: int = 1) -> b
 
 def _png(data: bytes) -> _OtherImage | None:
     """Read the size of a PNG out of its first chunk; None unless its last one is there."""
-    chunks = dict(_chunks(data))
+    chunks: dict[bytes, int] = {}  # where the content of each whole chunk begins, by its name
+    at = len(_PNG)
+    while (end := at + 12 + int.from_bytes(data[at : at + 4], "big")) <= len(data):
+        chunks[data[at + 4 : at + 8]] = at + 8
+        at = end
     header = chunks.get(b"IHDR")
     if header is None or b"IDAT" not in chunks or b"IEND" not in chunks:
         return None
-    width, height = (int.from_bytes(data[header + at : header + at + 4], "big") for at in (0, 4))
+    width, height = (int.from_bytes(data[n : n + 4], "big") for n in (header, header + 4))
     return _OtherImage("PNG", (".png",), width, height)
-
-
-def _chunks(data: bytes) -> Iterator[tuple[bytes, int]]:
-    """Yield the name of each chunk that is whole, and where what it holds begins."""
-    at = len(_PNG)
-    while (end := at + 12 + int.from_bytes(data[at : at + 4], "big")) <= len(data):
-        yield data[at + 4 : at + 8], at + 8
-        at = end
 
 
 Point = tuple[float, float]

@@ -42,7 +42,7 @@ def read_params(
         )
     names = navigation.parameters.rewritten
     try:
-        found = tuple(_found(path.read_bytes(), names))
+        entries = tuple(_entries(path.read_bytes(), names))
     except OSError as error:
         return NavigationSubject(
             ros, navigation, frames, file, fault=f"cannot be read ({error.strerror})"
@@ -51,13 +51,13 @@ def read_params(
         mark = getattr(error, "problem_mark", None)
         place = f", see line {mark.line + 1}" if mark is not None else ""
         return NavigationSubject(ros, navigation, frames, file, fault=f"is not YAML{place}")
-    parameters = tuple(parameter for parameter in found if isinstance(parameter, Parameter))
-    refusals = tuple(parameter for parameter in found if isinstance(parameter, Refusal))
-    fault = None if found else f"has no '{_PARAMETERS}'"
+    parameters = tuple(parameter for parameter in entries if isinstance(parameter, Parameter))
+    refusals = tuple(refusal for refusal in entries if isinstance(refusal, Refusal))
+    fault = None if entries else f"has no '{_PARAMETERS}'"
     return NavigationSubject(ros, navigation, frames, file, parameters, refusals, fault)
 
 
-def _found(data: bytes, rewritten: Sequence[str]) -> Iterator[Parameter | Refusal]:
+def _entries(data: bytes, rewritten: Sequence[str]) -> Iterator[Parameter | Refusal]:
     loader = PlainLoader(data)
     try:
         root = loader.get_single_node()
@@ -65,7 +65,7 @@ def _found(data: bytes, rewritten: Sequence[str]) -> Iterator[Parameter | Refusa
         if repeated is not None:
             raise yaml.MarkedYAMLError(problem_mark=repeated.start_mark)
         for node in _nodes(loader, root, ()):
-            why = _why_refused(node, rewritten) if isinstance(node, Parameter) else None
+            why = _refusal_text(node, rewritten) if isinstance(node, Parameter) else None
             yield node
             if why is not None and isinstance(node, Parameter):
                 yield Refusal(node.site, f"'{node.name}' {why}", node.line)
@@ -73,7 +73,7 @@ def _found(data: bytes, rewritten: Sequence[str]) -> Iterator[Parameter | Refusa
         loader.dispose()
 
 
-def _why_refused(parameter: Parameter, rewritten: Sequence[str]) -> str | None:
+def _refusal_text(parameter: Parameter, rewritten: Sequence[str]) -> str | None:
     """Say why the parser of ROS 2 refuses a value (rcl_yaml_param_parser/src/parse.c)."""
     value = parameter.value
     if value is None:

@@ -74,14 +74,9 @@ def _or_text(construct: _Construct) -> _Construct:
     return constructor
 
 
-def _register() -> None:
-    safe: Any = yaml.SafeLoader
-    for name in ("int", "float", "bool"):
-        construct = safe.yaml_constructors[_TAG + name]
-        PlainLoader.add_constructor(_TAG + name, _or_text(construct))
-    for name in ("timestamp", "binary"):
-        PlainLoader.add_constructor(_TAG + name, safe.construct_yaml_str)
-    PlainLoader.add_constructor(_TAG + "set", safe.construct_yaml_map)  # which keeps the order
-
-
-_register()
+_SAFE: Any = yaml.SafeLoader
+for _name in ("int", "float", "bool"):
+    PlainLoader.add_constructor(_TAG + _name, _or_text(_SAFE.yaml_constructors[_TAG + _name]))
+for _name in ("timestamp", "binary"):
+    PlainLoader.add_constructor(_TAG + _name, _SAFE.construct_yaml_str)
+PlainLoader.add_constructor(_TAG + "set", _SAFE.construct_yaml_map)  # which keeps the order

@@ -14,7 +14,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.lab.evidence.reader import MANIFEST
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.ros import Command, GoalSpec, RosSpec
+from lab3_usd.spec.ros import RosSpec
 
 FOLDER = Path(__file__).resolve().parent / "templates"
 
@@ -48,6 +48,20 @@ def collect_script(lab: Lab) -> str:
     """Return the script for the commands of `ros.yaml`, each with its time limit."""
     ros = lab.ros
     frames = next((command for command in ros.commands if command.kind.name == "view_frames"), None)
+    images = [re.escape(topic.name) for topic in ros.topics.values() if topic.type == _IMAGE]
+    without_images = ["--exclude", "|".join(images)] if images else []
+    lines = [
+        "record_frames"
+        if command.kind.name == "view_frames"
+        else f"record {shlex.quote(command.file)} {command.kind.seconds} {_quoted(command.line)}"
+        for command in ros.commands
+    ]
+    goal = ros.goal and {
+        "status": _echo(ros, ros.goal.status),
+        "robot": _echo(ros, ros.goal.robot),
+        "pose": _echo(ros, ros.goal.pose),
+        "running": ros.goal.running,
+    }
     return fill_template(
         "collect.sh.j2",
         script=SCRIPT,
@@ -58,49 +72,22 @@ def collect_script(lab: Lab) -> str:
         setup=shlex.quote(ros.system.setup),
         domain=ros.system.domain,
         distribution=ros.system.distribution,
-        commands=[_line(command) for command in ros.commands],
-        goal=None if ros.goal is None else _goal(ros, ros.goal),
+        commands=lines,
+        goal=goal,
         no_goal=shlex.quote(f"{SCRIPT}: {lab.title} has no navigation goal to wait for"),
         goal_file=GOAL_FILE,
         pose_file=GOAL_POSE_FILE,
         daemon_file=DAEMON_FILE,
         robot_before=ROBOT_BEFORE_FILE,
         bag=BAG,
-        record_bag=shlex.join([*_RECORD, *_without_images(ros)]),
-        frames=None if frames is None else _frames(frames),
+        record_bag=shlex.join([*_RECORD, *without_images]),
+        frames=frames
+        and {
+            "file": frames.file,
+            "seconds": frames.kind.seconds,
+            "command": _quoted(frames.line),
+        },
     )
-
-
-def _without_images(ros: RosSpec) -> list[str]:
-    """Return the options of `ros2 bag record` that leave the lab's images out."""
-    images = [re.escape(topic.name) for topic in ros.topics.values() if topic.type == _IMAGE]
-    return ["--exclude", "|".join(images)] if images else []
-
-
-def _goal(ros: RosSpec, goal: GoalSpec) -> dict[str, object]:
-    """Return how a navigation goal is watched."""
-    return {
-        "status": _echo(ros, goal.status),
-        "robot": _echo(ros, goal.robot),
-        "pose": _echo(ros, goal.pose),
-        "running": goal.running,
-    }
-
-
-def _frames(command: Command) -> dict[str, object]:
-    """Return how the TF tree is drawn."""
-    return {
-        "file": command.file,
-        "seconds": command.kind.seconds,
-        "command": _quoted(command.line),
-    }
-
-
-def _line(command: Command) -> str:
-    """Return the line of the script that runs one command."""
-    if command.kind.name == "view_frames":
-        return "record_frames"
-    return f"record {shlex.quote(command.file)} {command.kind.seconds} {_quoted(command.line)}"
 
 
 def _echo(ros: RosSpec, topic: str) -> str:
@@ -178,6 +165,8 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
         lacking = ", ".join(f"no {name}" for name, part in parts.items() if part is None)
         raise UsageError(f"{lab.title} has {lacking}, and so no files for Nav2")
     map_frame, odom_frame = localization.edge
+    scan = lab.topics.get(navigation.scan_topic)
+    scan_fields = scan.fields or {} if scan is not None else {}
     return {
         "lab": lab.title,
         "distribution": ros.system.distribution,
@@ -189,7 +178,7 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
         "map_frame": map_frame,
         "odom_frame": odom_frame,
         "base_frame": lab.scene.robot.base_frame,
-        "lidar_frame": _frame_of(lab, navigation.scan_topic) or localization.chain[-1],
+        "lidar_frame": scan_fields.get("header.frame_id") or localization.chain[-1],
         "scan_topic": navigation.scan_topic,
         "map_topic": navigation.map_topic,
         "odom_topic": navigation.odom_topic,
@@ -208,9 +197,3 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
         "behaviors": navigation.behaviors,
         "topics": navigation.rviz,
     }
-
-
-def _frame_of(lab: Lab, topic: str) -> str:
-    """Return the frame that the messages of a topic name, '' where the lab does not say."""
-    spec = lab.topics.get(topic)
-    return "" if spec is None else (spec.fields or {}).get("header.frame_id", "")

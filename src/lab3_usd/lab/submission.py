@@ -6,6 +6,7 @@ import os
 import re
 import stat
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from difflib import SequenceMatcher
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
@@ -32,14 +33,14 @@ def list_submission(root: Path, lab: Lab, spec: SubmissionSpec) -> Listing:
 
     Hidden files are left out. Links are followed to files inside the folder only.
     """
-    found: list[Entry] = []
+    listed: list[Entry] = []
     folders = spec.folders
     first = (folders.stages, folders.starter, folders.maps, *folders.shown)
     for entry in entries_below(root, first):
-        if len(found) == MOST_ENTRIES:
+        if len(listed) == MOST_ENTRIES:
             break
-        found.append(entry)
-    entries = tuple(sorted(found, key=lambda entry: entry.path))
+        listed.append(entry)
+    entries = tuple(sorted(listed, key=lambda entry: entry.path))
     usable = [entry for entry in entries if not entry.why_not]
     home = folder_named(root, spec.folders.stages)
     return Listing(
@@ -47,8 +48,8 @@ def list_submission(root: Path, lab: Lab, spec: SubmissionSpec) -> Listing:
         stage_folder=home,
         stages=find_stages(usable, home, lab, spec.stages),
         starter=_starter(usable, folder_named(root, spec.folders.starter), spec),
-        found=find_deliverables(root, usable, spec),
-        complete=len(found) < MOST_ENTRIES,
+        deliverables=find_deliverables(root, usable, spec),
+        complete=len(listed) < MOST_ENTRIES,
     )
 
 
@@ -57,17 +58,11 @@ def folder_named(root: Path, name: str) -> str:
 
     Empty where there is none; a link to a folder is none.
     """
-    names = sorted(folder.name for folder in _folders(root))
-    alike = [candidate for candidate in names if candidate.lower() == name.lower()]
+    names: list[str] = []
+    with suppress(OSError), os.scandir(root) as scan:
+        names += (entry.name for entry in scan if entry.is_dir(follow_symlinks=False))
+    alike = [candidate for candidate in sorted(names) if candidate.lower() == name.lower()]
     return name if name in names else next(iter(alike), "")
-
-
-def _folders(root: Path) -> Iterator[os.DirEntry[str]]:
-    try:
-        with os.scandir(root) as scan:
-            yield from (dir_entry for dir_entry in scan if dir_entry.is_dir(follow_symlinks=False))
-    except OSError:
-        return
 
 
 def entries_below(root: Path, first: tuple[str, ...] = ()) -> Iterator[Entry]:
@@ -99,10 +94,10 @@ def _entries(
             else:
                 yield from _entries(root, real_root, names)
             continue
-        yield Entry("/".join(names), _why_not(Path(entry.path), real_root))
+        yield Entry("/".join(names), _refusal_text(Path(entry.path), real_root))
 
 
-def _why_not(path: Path, real_root: Path) -> str:
+def _refusal_text(path: Path, real_root: Path) -> str:
     """Say why a file is not opened; '' for a plain file that can be read."""
     try:
         if path.is_symlink():
@@ -147,44 +142,32 @@ def find_stages(
     """
     stages = [entry for entry in usable if _ending(entry, files)]
     ordered = sorted(stages, key=lambda entry: (entry.folder != home, entry.path))
-    found = {
+    chosen = {
         number: stage
         for number, checkpoint in lab.checkpoints.items()
         if (stage := _right(ordered, number, checkpoint.file, home, files)) is not None
     }
-    taken = {path for stage in found.values() for path in (stage.path, *stage.others)}
+    taken = {path for stage in chosen.values() for path in (stage.path, *stage.others)}
     left = [entry for entry in ordered if entry.path not in taken]
-    names = {
-        number: checkpoint.file
-        for number, checkpoint in lab.checkpoints.items()
-        if number not in found
-    }
-    for entry, number in _guesses(left[:_MOST_GUESSED], names):
-        if number not in found and entry.path not in taken:
+    names = {number: checkpoint.file for number, checkpoint in lab.checkpoints.items()}
+    open_names = {number: name for number, name in names.items() if number not in chosen}
+    for entry, number in _guesses(left[:_MOST_GUESSED], open_names):
+        if number not in chosen and entry.path not in taken:
             taken.add(entry.path)
             slip = _ending(entry, files) in files.slips
-            found[number] = StageFile(number, entry.path, "slip" if slip else "misnamed")
+            chosen[number] = StageFile(number, entry.path, "slip" if slip else "misnamed")
     rest = [entry for entry in left if entry.path not in taken]
-    order = list(lab.checkpoints)
-    seconds = _seconds(
-        rest[:_MOST_GUESSED], {n: checkpoint.file for n, checkpoint in lab.checkpoints.items()}
-    )
-    return {
-        number: replace(stage, more=seconds.get(number, ()))
-        for number, stage in sorted(found.items(), key=lambda pair: order.index(pair[0]))
-    }
-
-
-def _seconds(rest: Sequence[Entry], names: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """Return the files that seem to be of a checkpoint whose stage is another file."""
+    # Files that seem to be of a checkpoint whose stage is another file.
     likeliest: dict[str, str] = {}
-    for entry, number in _guesses(rest, names):
+    for entry, number in _guesses(rest[:_MOST_GUESSED], names):
         likeliest.setdefault(entry.path, number)
     return {
-        number: tuple(
-            sorted(path for path, checkpoint in likeliest.items() if checkpoint == number)
+        number: replace(
+            chosen[number],
+            more=tuple(sorted(path for path, likely in likeliest.items() if likely == number)),
         )
         for number in names
+        if number in chosen
     }
 
 
@@ -193,10 +176,6 @@ def _ending(entry: Entry, files: StageFiles) -> str:
     known = (*files.endings, *files.openable, *files.slips)
     endings = [suffix.lower() for suffix in PurePosixPath(entry.name).suffixes]
     return next((ending for ending in reversed(endings) if ending in known), "")
-
-
-def _stem(entry: Entry) -> str:
-    return PurePosixPath(entry.name).name.partition(".")[0]
 
 
 def _right(
@@ -218,7 +197,7 @@ def _guesses(left: Sequence[Entry], names: Mapping[str, str]) -> Iterator[tuple[
     """Yield files and the checkpoint that each may be meant for, the likeliest first."""
     guesses = []
     for rank, entry in enumerate(left):
-        stem = _stem(entry)
+        stem = PurePosixPath(entry.name).name.partition(".")[0]
         named = nearly_named(stem, names)
         for number, name in names.items():
             alike = SequenceMatcher(None, stem.lower(), name.lower(), autojunk=False).ratio()
@@ -239,44 +218,38 @@ def find_deliverables(
 ) -> dict[str, tuple[str, ...]]:
     """Return the paths of the files that count for each deliverable, by its name."""
     return {
-        name: tuple(_files(root, usable, wanted, spec))
-        for name, wanted in spec.deliverables.items()
+        name: tuple(_deliverable_files(root, usable, deliverable, spec))
+        for name, deliverable in spec.deliverables.items()
     }
 
 
-def _files(
-    root: Path, usable: Sequence[Entry], wanted: Deliverable, spec: SubmissionSpec
+def _deliverable_files(
+    root: Path, usable: Sequence[Entry], deliverable: Deliverable, spec: SubmissionSpec
 ) -> Iterator[str]:
-    folders = spec.folders
+    folders, stages = spec.folders, spec.stages
+    stage_endings = (*stages.endings, *stages.openable, *stages.slips)
     for entry in usable:
         top = entry.path.partition("/")[0].lower() if entry.folder else ""
-        if top in {folders.stages, folders.starter} or _is_stage(entry, spec):
+        if top in {folders.stages, folders.starter} or entry.name.lower().endswith(stage_endings):
             continue
-        if wanted.folder and top not in folders.shown:
+        if deliverable.folder and top not in folders.shown:
             continue
-        if _counts(root, entry, wanted):
+        if _counts(root, entry, deliverable):
             yield entry.path
 
 
-def _is_stage(entry: Entry, spec: SubmissionSpec) -> bool:
-    stages = spec.stages
-    return entry.name.lower().endswith((*stages.endings, *stages.openable, *stages.slips))
-
-
-def _counts(root: Path, entry: Entry, wanted: Deliverable) -> bool:
+def _counts(root: Path, entry: Entry, deliverable: Deliverable) -> bool:
     name = entry.name.lower()
-    if any(fnmatchcase(name, pattern) for pattern in wanted.never):
+    if any(fnmatchcase(name, pattern) for pattern in deliverable.never):
         return False
-    if PurePosixPath(name).suffix in wanted.endings:
+    if PurePosixPath(name).suffix in deliverable.endings:
         return True
-    if not any(fnmatchcase(name, pattern) for pattern in wanted.names):
+    if not any(fnmatchcase(name, pattern) for pattern in deliverable.names):
         return False
-    return not wanted.links or _has_link(_bytes(root / entry.path), wanted.links)
-
-
-def _has_link(data: bytes, places: Sequence[str]) -> bool:
-    text = data.decode("utf-8", errors="replace")
-    return any(place in address.lower() for address in _ADDRESS.findall(text) for place in places)
+    if not deliverable.links:
+        return True
+    addresses = _ADDRESS.findall(_bytes(root / entry.path).decode("utf-8", errors="replace"))
+    return any(link in address.lower() for address in addresses for link in deliverable.links)
 
 
 def _bytes(path: Path) -> bytes:
@@ -289,10 +262,10 @@ def _bytes(path: Path) -> bytes:
 
 def find_parameter_files(root: Path, usable: Sequence[Entry], folders: FolderNames) -> list[str]:
     """Return the YAML files that hold parameters of ROS 2 nodes, saved output left aside."""
-    found = []
+    paths = []
     for entry in usable:
         top = entry.path.partition("/")[0].lower() if entry.folder else ""
         is_yaml = entry.name.lower().endswith((".yaml", ".yml")) and top not in folders.shown
         if is_yaml and _PARAMETERS.search(_bytes(root / entry.path)):
-            found.append(entry.path)
-    return found
+            paths.append(entry.path)
+    return paths

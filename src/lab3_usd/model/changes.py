@@ -144,13 +144,12 @@ def repair_by(edits: tuple[Edit, ...]) -> Repair:
         isinstance(edit, _NEEDS_CONSENT) or (isinstance(edit, Restore) and edit.property is None)
         for edit in edits
     )
-    return Repair("; ".join(map(_title, edits)), edits, is_safe)
-
-
-def _title(edit: Edit) -> str:
-    words = type(edit).__struct_config__.tag
-    name = getattr(edit, "property", None)
-    return f"{str(words).replace('-', ' ')} {edit.prim}{f'.{name}' if name else ''}"
+    titles = []
+    for edit in edits:
+        verb = str(type(edit).__struct_config__.tag).replace("-", " ")
+        name = getattr(edit, "property", None)
+        titles.append(f"{verb} {edit.prim}{f'.{name}' if name else ''}")
+    return Repair("; ".join(titles), edits, is_safe)
 
 
 class TextChange(Struct, frozen=True):

@@ -48,21 +48,21 @@ class Affine(NamedTuple):
     def inverse(self) -> Affine:
         """Return the way back; a place without volume has none and gives zeros."""
         (a, b, c), (d, e, f), (g, h, i) = self.rows
-        one, two, three = e * i - f * h, f * g - d * i, d * h - e * g
-        volume = a * one + b * two + c * three
+        u, v, w = e * i - f * h, f * g - d * i, d * h - e * g  # the cofactors of the first row
+        volume = a * u + b * v + c * w
         k = 1.0 / volume if volume else 0.0
         rows = (
-            (one * k, (c * h - b * i) * k, (b * f - c * e) * k),
-            (two * k, (a * i - c * g) * k, (c * d - a * f) * k),
-            (three * k, (b * g - a * h) * k, (a * e - b * d) * k),
+            (u * k, (c * h - b * i) * k, (b * f - c * e) * k),
+            (v * k, (a * i - c * g) * k, (c * d - a * f) * k),
+            (w * k, (b * g - a * h) * k, (a * e - b * d) * k),
         )
         x, y, z = turned(rows, self.origin)
         return Affine(rows, (-x, -y, -z))
 
     def rigid(self) -> Affine:
         """Return the same place without scale."""
-        columns = [column(self.rows, number) for number in range(3)]
-        lengths = [length(number) or 1.0 for number in columns]
+        columns = [column(self.rows, axis) for axis in range(3)]
+        lengths = [length(vector) or 1.0 for vector in columns]
         rows = tuple(tuple(n / k for n, k in zip(row, lengths, strict=True)) for row in self.rows)
         return Affine(rows, self.origin)  # type: ignore[arg-type]
 

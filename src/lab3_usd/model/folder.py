@@ -274,15 +274,15 @@ class StarterFile(Struct, frozen=True):
 class Listing(Struct, frozen=True):
     """The files of a folder in the order of their paths.
 
-    `stages` are by checkpoint, `found` by deliverable. `stage_folder` is the folder of the stages,
-    '' for the submission itself; `complete` is False where there were too many files to look at.
+    `stages` are by checkpoint, the paths of `deliverables` by name. `stage_folder` holds the
+    stages, '' for the submission itself; `complete` is False if there were too many files to list.
     """
 
     entries: tuple[Entry, ...]
     stage_folder: str = ""
     stages: Mapping[str, StageFile] = field(default_factory=dict)
     starter: str | None = None
-    found: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    deliverables: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     complete: bool = True
 
 

@@ -47,8 +47,8 @@ VALIDATORS = {
 class NativeError(Struct, frozen=True):
     """One error of a validator, under OpenUSD's names, at a prim or property of the stage.
 
-    `is_open`: it rests on what only the application has, an asset or a kind of shader, so that
-    nothing is decided here.
+    `may_be_defined_elsewhere`: it rests on what only the application has, an asset or a kind of
+    shader, so that nothing is decided here.
     """
 
     validator: str
@@ -57,7 +57,7 @@ class NativeError(Struct, frozen=True):
     prim: str
     property: str | None
     message: str
-    is_open: bool = False
+    may_be_defined_elsewhere: bool = False
 
 
 class NativeErrors(Struct, frozen=True):
@@ -70,7 +70,7 @@ class NativeErrors(Struct, frozen=True):
         for error in self.errors:
             if rule_of(error.validator) != rule:
                 continue
-            severity: Severity = "note" if error.is_open else error.severity
+            severity: Severity = "note" if error.may_be_defined_elsewhere else error.severity
             message = error.message if rule != OTHER else f"{error.validator}: {error.message}"
             yield Problem(error.prim, message, property=error.property, severity=severity)
 

@@ -74,8 +74,8 @@ def is_joint_type(name: str) -> bool:
 
 def bodies_below(stage: StageModel, top: str) -> list[str]:
     """Return the paths of the rigid bodies of the scene at and below a prim, parents first."""
-    found = (prim for prim in stage.with_api(BODY_API) if is_at_or_below(prim.path, top))
-    return [prim.path for prim in found if prim.present]
+    rigid = (prim for prim in stage.with_api(BODY_API) if is_at_or_below(prim.path, top))
+    return [prim.path for prim in rigid if prim.present]
 
 
 def bodies(prim: Prim) -> tuple[str, str]:
@@ -117,8 +117,8 @@ def is_felt(scene: Mapping[str, Any], meters_per_unit: float) -> bool:
 
 def is_down(scene: Mapping[str, Any]) -> bool:
     """Whether the gravity of a scene with these values pulls down, as one without direction."""
-    along = vector(scene.get(GRAVITY_DIRECTION))
-    return not any(along) or angle_between(along, DOWN) <= TILT
+    direction = vector(scene.get(GRAVITY_DIRECTION))
+    return not any(direction) or angle_between(direction, DOWN) <= TILT
 
 
 def number(value: Value | None) -> float | None:
@@ -136,5 +136,5 @@ def numbers(value: Value | None) -> list[float]:
 
 def vector(value: Value | None) -> tuple[float, float, float]:
     """Return a value as three numbers; zeros for what is none."""
-    found = numbers(value)
-    return (found[0], found[1], found[2]) if len(found) == 3 else (0.0, 0.0, 0.0)  # noqa: PLR2004
+    items = numbers(value)
+    return (items[0], items[1], items[2]) if len(items) == 3 else (0.0, 0.0, 0.0)  # noqa: PLR2004

@@ -12,7 +12,7 @@ from msgspec import Struct
 from lab3_usd.model.prims import Matrix
 
 Vector = tuple[float, float, float]
-Rotation = tuple[Vector, Vector, Vector]  # where X, Y and Z of the prim point in its parent
+Rotation = tuple[Vector, Vector, Vector]  # the prim's X, Y and Z as directions in its parent
 
 IDENTITY: Matrix = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 _UNTURNED = IDENTITY[:12]  # without the translation
@@ -69,12 +69,12 @@ def euler_angles(rotation: Rotation) -> Vector:
     return (math.degrees(about_x), math.degrees(about_y), math.degrees(about_z))
 
 
-def rotation_difference(one: Rotation, other: Rotation) -> float:
+def rotation_difference(first: Rotation, second: Rotation) -> float:
     """Return the angle in degrees by which two rotations differ.
 
     The arc tangent keeps small angles exact, where the arc cosine drowns them in rounding.
     """
-    rows: Rotation = (_seen(one[0], other), _seen(one[1], other), _seen(one[2], other))
+    rows: Rotation = (_seen(first[0], second), _seen(first[1], second), _seen(first[2], second))
     skew = (rows[1][2] - rows[2][1], rows[2][0] - rows[0][2], rows[0][1] - rows[1][0])
     trace = rows[0][0] + rows[1][1] + rows[2][2]
     return math.degrees(math.atan2(length(skew), trace - 1))
@@ -94,18 +94,24 @@ def camera_axes(matrix: Matrix) -> tuple[Vector, Vector]:
     return scaled(rotation[2], -1.0), rotation[1]
 
 
-def angle_between(one: Vector, other: Vector) -> float:
+def angle_between(first: Vector, second: Vector) -> float:
     """Return the angle in degrees between two directions."""
-    return math.degrees(math.atan2(length(cross(one, other)), dot(one, other)))
+    return math.degrees(math.atan2(length(cross(first, second)), dot(first, second)))
 
 
-def multiply(one: Matrix, other: Matrix) -> Matrix:
-    """Return the transform that does `one` first, then `other`, which most often only moves."""
-    if other[:12] == _UNTURNED:
-        return (*one[:12], one[12] + other[12], one[13] + other[13], one[14] + other[14], 1.0)
-    a, b, c, d, e, f, g, h, i, j, k, m, n, o, p, q = other
+def multiply(first: Matrix, second: Matrix) -> Matrix:
+    """Return the transform that does `first`, then `second`, which most often only moves."""
+    if second[:12] == _UNTURNED:
+        return (
+            *first[:12],
+            first[12] + second[12],
+            first[13] + second[13],
+            first[14] + second[14],
+            1.0,
+        )
+    a, b, c, d, e, f, g, h, i, j, k, m, n, o, p, q = second
     numbers: list[float] = []
-    for x, y, z, w in (one[:4], one[4:8], one[8:12], one[12:]):
+    for x, y, z, w in (first[:4], first[4:8], first[8:12], first[12:]):
         numbers += (
             x * a + y * e + z * i + w * n,
             x * b + y * f + z * j + w * o,
@@ -132,7 +138,7 @@ def inverse(matrix: Matrix) -> Matrix | None:
 
 
 def relative_transform(matrix: Matrix, base: Matrix) -> Matrix | None:
-    """Return a world transform as seen from another one."""
+    """Return a world transform relative to another one."""
     undone = inverse(base)
     return None if undone is None else multiply(matrix, undone)
 
@@ -165,22 +171,22 @@ def rotate_by_quaternion(vector: Vector, quaternion: tuple[float, float, float, 
     return (x, y, z)
 
 
-def distance(one: Vector, other: Vector) -> float:
+def distance(start: Vector, end: Vector) -> float:
     """Return how far two points are apart."""
-    return math.dist(one, other)
+    return math.dist(start, end)
 
 
-def dot(one: Vector, other: Vector) -> float:
+def dot(first: Vector, second: Vector) -> float:
     """Return the scalar product."""
-    return one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+    return first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
 
 
-def cross(one: Vector, other: Vector) -> Vector:
+def cross(first: Vector, second: Vector) -> Vector:
     """Return the vector product."""
     return (
-        one[1] * other[2] - one[2] * other[1],
-        one[2] * other[0] - one[0] * other[2],
-        one[0] * other[1] - one[1] * other[0],
+        first[1] * second[2] - first[2] * second[1],
+        first[2] * second[0] - first[0] * second[2],
+        first[0] * second[1] - first[1] * second[0],
     )
 
 
@@ -194,6 +200,6 @@ def scaled(vector: Vector, factor: float) -> Vector:
     return (vector[0] * factor, vector[1] * factor, vector[2] * factor)
 
 
-def minus(one: Vector, other: Vector) -> Vector:
+def minus(minuend: Vector, subtrahend: Vector) -> Vector:
     """Return the difference."""
-    return (one[0] - other[0], one[1] - other[1], one[2] - other[2])
+    return (minuend[0] - subtrahend[0], minuend[1] - subtrahend[1], minuend[2] - subtrahend[2])

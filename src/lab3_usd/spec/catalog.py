@@ -89,9 +89,9 @@ _ALIKE = (
 )
 
 
-def are_alike(one: str, other: str) -> bool:
+def are_alike(first: str, second: str) -> bool:
     """Whether values of two USD types stand for one another."""
-    return one == other or any(one in types and other in types for types in _ALIKE)
+    return first == second or any({first, second} <= types for types in _ALIKE)
 
 
 def typed_value(value: Any, usd_type: str, where: str) -> Value:
@@ -196,30 +196,28 @@ def graph_form(entry: GraphEntry, where: str) -> GraphForm:
     Raises:
         SpecError: a value is not of its type; the line opens with `where`.
     """
+    attributes = []
+    for name, attribute in entry.attributes.items():
+        usd_type, place, unwritten = attribute.type, f"{where}: {name}", attribute.unwritten
+        accepted = (attribute.value,) if attribute.accepted is None else attribute.accepted
+        attributes.append(
+            GraphAttribute(
+                name=name,
+                usd_type=usd_type,
+                value=typed_value(attribute.value, usd_type, place),
+                accepted=tuple(typed_value(value, usd_type, place) for value in accepted),
+                required=attribute.required,
+                unwritten=None if unwritten is None else typed_value(unwritten, usd_type, place),
+                handout=attribute.handout,
+            )
+        )
     return GraphForm(
         type=entry.type,
         node_type=entry.node_type,
         gui_api=entry.gui_api,
-        attributes=tuple(
-            _attribute(name, attribute_entry, f"{where}: {name}")
-            for name, attribute_entry in entry.attributes.items()
-        ),
+        attributes=tuple(attributes),
         evaluation=entry.evaluation,
         ignored_below=entry.ignored_below,
-    )
-
-
-def _attribute(name: str, entry: _AttributeEntry, where: str) -> GraphAttribute:
-    accepted = (entry.value,) if entry.accepted is None else entry.accepted
-    unwritten = entry.unwritten
-    return GraphAttribute(
-        name=name,
-        usd_type=entry.type,
-        value=typed_value(entry.value, entry.type, where),
-        accepted=tuple(typed_value(value, entry.type, where) for value in accepted),
-        required=entry.required,
-        unwritten=None if unwritten is None else typed_value(unwritten, entry.type, where),
-        handout=entry.handout,
     )
 
 
@@ -284,14 +282,13 @@ def can_connect(source: Port, target: Port) -> bool:
         return source.is_execution and target.is_execution
     if source.is_target or target.is_target:
         return False
-    return source.is_union or target.is_union or _same_or_castable(source.ogn_type, target.ogn_type)
-
-
-def _same_or_castable(source: str, target: str) -> bool:
-    if source == target or {source, target} == {"string", "token"}:
+    types = {source.ogn_type, target.ogn_type}
+    if source.is_union or target.is_union or len(types) == 1 or types == {"string", "token"}:
         return True
-    (one, shape), (other, other_shape) = _shape(source), _shape(target)
-    return shape == other_shape and one in _NUMBERS and other in _NUMBERS
+    source_element, source_shape = _shape(source.ogn_type)
+    target_element, target_shape = _shape(target.ogn_type)
+    are_numbers = source_element in _NUMBERS and target_element in _NUMBERS
+    return are_numbers and source_shape == target_shape
 
 
 def _shape(ogn_type: str) -> tuple[str, str]:
@@ -352,10 +349,10 @@ class NodeType(Struct, frozen=True, dict=True):
 
     def port(self, name: str) -> Port | None:
         """Return the port with this full name (`inputs:execIn`), dynamic ones included."""
-        found = self.ports.get(name)
-        if found is None and self.grows_by_message and ":" in name:
+        port = self.ports.get(name)
+        if port is None and self.grows_by_message and ":" in name:
             return Port(name, "any", "token")
-        return found or (self._grown(name[len(INPUT) :]) if name.startswith(INPUT) else None)
+        return port or (self._grown(name[len(INPUT) :]) if name.startswith(INPUT) else None)
 
     def default(self, name: str, version: int | None) -> Value | None:
         """Return what a port without a value means in a file with this version of the type."""

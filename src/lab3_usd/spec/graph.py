@@ -133,7 +133,17 @@ class GraphSpec(Struct, frozen=True, dict=True):
     @cached_property
     def free_inputs(self) -> Mapping[str, tuple[Port, ...]]:
         """By role the inputs for values, without those that a setting or a wire is asked of."""
-        return {role: tuple(self._free_inputs(spec)) for role, spec in self.nodes.items()}
+        free: dict[str, tuple[Port, ...]] = {}
+        for role, spec in self.nodes.items():
+            required = {setting.port for setting in spec.settings}
+            required |= {wire.target.port for wire in self.wires_into(role)}
+            free[role] = tuple(
+                port
+                for port in spec.type.ports.values()
+                if not (port.is_source or port.is_execution or port.is_target or port.is_union)
+                and port.name not in required
+            )
+        return free
 
     @cached_property
     def free_targets(self) -> Mapping[str, tuple[Port, ...]]:
@@ -146,14 +156,6 @@ class GraphSpec(Struct, frozen=True, dict=True):
             )
             for role, spec in self.nodes.items()
         }
-
-    def _free_inputs(self, spec: NodeSpec) -> Iterator[Port]:
-        asked = {setting.port for setting in spec.settings}
-        asked |= {wire.target.port for wire in self.wires_into(spec.role)}
-        for port in spec.type.ports.values():
-            takes_value = not (port.is_source or port.is_execution or port.is_target)
-            if takes_value and not port.is_union and port.name not in asked:
-                yield port
 
     def wires_into(self, role: str) -> Iterator[Wire]:
         """Yield the wires that end at `role`."""

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.spec.catalog import Catalog, NodeType
+from lab3_usd.spec.catalog import Catalog
 
 NEWEST = "6.0"
 
@@ -128,23 +128,21 @@ class IsaacTypes(Struct, frozen=True, eq=False):
         if release is None:
             return self.catalog
         types = {
-            key: _changed(kind, release.types[key]) if key in release.types else kind
-            for key, kind in self.catalog.types.items()
-            if key not in release.added
+            type_name: node_type
+            for type_name, node_type in self.catalog.types.items()
+            if type_name not in release.added
         }
+        for type_name in types.keys() & release.types.keys():
+            node_type, changes = types[type_name], release.types[type_name]
+            ports = {
+                key: replace(port, default=changes.defaults[key], former=None)
+                if key in changes.defaults
+                else port
+                for key, port in node_type.ports.items()
+                if key not in changes.lacks
+            }
+            tf = node_type.tf
+            if tf is not None and set(tf.arrays) & set(changes.lacks):
+                tf = replace(tf, arrays=())
+            types[type_name] = replace(node_type, ports=ports, tf=tf)
         return replace(self.catalog, types=types)
-
-
-def _changed(kind: NodeType, changes: TypeChanges) -> NodeType:
-    """Return a node type with the ports and defaults of an earlier release."""
-    ports = {
-        name: replace(port, default=changes.defaults[name], former=None)
-        if name in changes.defaults
-        else port
-        for name, port in kind.ports.items()
-        if name not in changes.lacks
-    }
-    tf = kind.tf
-    if tf is not None and set(tf.arrays) & set(changes.lacks):
-        tf = replace(tf, arrays=())
-    return replace(kind, ports=ports, tf=tf)

@@ -12,7 +12,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.spec.catalog import Catalog
-from lab3_usd.spec.graph import GraphSpec, NodeSpec, Target
+from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.ros import RosSpec, TopicSpec
 from lab3_usd.spec.scene import SceneSpec, SensorSpec
 from lab3_usd.spec.submission import SubmissionSpec
@@ -222,11 +222,11 @@ class Lab(Struct, frozen=True, eq=False):
 
         They differ in what else is handed in with the stage.
         """
-        asked = self._demands(self.checkpoints[checkpoint])
+        demands = self._demands(self.checkpoints[checkpoint])
         return next(
             candidate
             for candidate in self.checkpoints.values()
-            if self._demands(candidate) == asked
+            if self._demands(candidate) == demands
         )
 
     def _demands(self, checkpoint: Checkpoint) -> tuple[object, ...]:
@@ -236,9 +236,9 @@ class Lab(Struct, frozen=True, eq=False):
         is_first = checkpoint.id == self.first
         return (checkpoint.graphs, checkpoint.sensors, flags, may_have_driven, is_first)
 
-    def is_after(self, checkpoint: str, other: str) -> bool:
+    def is_after(self, checkpoint: str, earlier: str) -> bool:
         """Whether a checkpoint comes after another; none comes after ''."""
-        return other != "" and checkpoint not in self.until(other)
+        return earlier != "" and checkpoint not in self.until(earlier)
 
     @property
     def sensors(self) -> Mapping[str, SensorSpec]:
@@ -267,27 +267,18 @@ def articulated_at_root(lab: Lab) -> Lab:
     Isaac Sim looks for an articulation at the target prim and below, never above: there, the
     handout's target finds none, and the robot root is the target instead.
     """
-    return replace(
-        lab, graphs={name: _graph_at_root(spec, lab) for name, spec in lab.graphs.items()}
-    )
-
-
-def _graph_at_root(spec: GraphSpec, lab: Lab) -> GraphSpec:
-    return replace(
-        spec, nodes={role: _node_at_root(node, lab) for role, node in spec.nodes.items()}
-    )
-
-
-def _node_at_root(node: NodeSpec, lab: Lab) -> NodeSpec:
-    return replace(
-        node, targets=tuple(_target_at_root(target, node, lab) for target in node.targets)
-    )
-
-
-def _target_at_root(target: Target, node: NodeSpec, lab: Lab) -> Target:
     robot = lab.scene.robot
-    if target.port not in node.type.articulation:
-        return target
-    if target.prims != (robot.articulation.target,):
-        return target
-    return replace(target, prims=(robot.path,), handout_prims=target.prims)
+    graphs = {}
+    for name, graph in lab.graphs.items():
+        nodes = {}
+        for role, node in graph.nodes.items():
+            targets = tuple(
+                replace(target, prims=(robot.path,), handout_prims=target.prims)
+                if target.port in node.type.articulation
+                and target.prims == (robot.articulation.target,)
+                else target
+                for target in node.targets
+            )
+            nodes[role] = replace(node, targets=targets)
+        graphs[name] = replace(graph, nodes=nodes)
+    return replace(lab, graphs=graphs)

@@ -34,7 +34,8 @@ class _UniqueKeys(_Safe):  # type: ignore[misc]  # the base is chosen at run tim
         for key, _ in node.value:
             problem = ""
             if key.tag != _TEXT or not isinstance(key, yaml.ScalarNode):
-                problem = f"the key {_SHOWN.repr(_plain(key))} is not text; put it in quotes"
+                shown = _SHOWN.repr(key.value if isinstance(key, yaml.ScalarNode) else "[...]")
+                problem = f"the key {shown} is not text; put it in quotes"
             elif key.value in seen:
                 problem = f"'{key.value}' is given twice"
             if problem:
@@ -42,10 +43,6 @@ class _UniqueKeys(_Safe):  # type: ignore[misc]  # the base is chosen at run tim
             seen.add(key.value)
         mapping: dict[Any, Any] = super().construct_mapping(node, deep=deep)
         return mapping
-
-
-def _plain(node: Any) -> object:
-    return node.value if isinstance(node, yaml.ScalarNode) else "[...]"
 
 
 def _whole(construct: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
@@ -119,21 +116,16 @@ def _read(path: Path, content: Callable[[], bytes]) -> dict[str, Any]:
             f"{path.name}: cannot be read ({error.strerror}); expected at {path}"
         ) from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise SpecError(f"{path.name}: {_describe(error)}") from error
+        mark = getattr(error, "problem_mark", None)
+        problem = getattr(error, "problem", None) or "is not YAML text"
+        line = f"line {mark.line + 1}: " if mark is not None else ""
+        raise SpecError(f"{path.name}: {line}{problem}") from error
     if not isinstance(data, dict):
         raise SpecError(f"{path.name}: is not a mapping of names to values")
     return data
 
 
-def _describe(error: Exception) -> str:
-    """Say in one line where the YAML is wrong."""
-    mark = getattr(error, "problem_mark", None)
-    problem = getattr(error, "problem", None) or "is not YAML text"
-    return f"line {mark.line + 1}: {problem}" if mark is not None else str(problem)
-
-
 _T = TypeVar("_T")
-_SHOWN.maxlevel, _SHOWN.maxstring, _SHOWN.maxother, _SHOWN.maxlong = 2, 100, 100, 60
 _NAMES = {str: "text", int: "a whole number", float: "a number", bool: "true or false"}
 _LISTS = (list, tuple)
 _ENTRY = "entry "  # what stands for a name in a list

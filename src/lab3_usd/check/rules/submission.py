@@ -280,7 +280,7 @@ def deliverable_not_found(subject: SubmissionSubject) -> Iterator[Problem]:
     Example: no link to a video in any text file.
     """
     for name, wanted in subject.spec.deliverables.items():
-        found = subject.listing.found.get(name, ())
+        found = subject.listing.deliverables.get(name, ())
         if len(found) >= wanted.at_least:
             continue
         count = f"{len(found)} of at least {wanted.at_least}" if wanted.at_least > 1 else "not"

@@ -86,7 +86,8 @@ def native_errors(stage: Usd.Stage, given: str) -> tuple[NativeError, ...]:
                 message=" ".join(_SESSION.sub("", text).split())
                 .removesuffix(".")
                 .replace(folder, prefix),
-                is_open=undecidable is not None and undecidable.search(text) is not None,
+                may_be_defined_elsewhere=undecidable is not None
+                and undecidable.search(text) is not None,
             )
         )
     return tuple(sorted(errors, key=str))
