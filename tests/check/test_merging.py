@@ -153,3 +153,11 @@ def test_each_part_is_drawn_by_itself() -> None:
     for picture in drawn:
         assert {box.state for box in picture.boxes} == {"ok"}
         assert len(picture.boxes) == len(lab.graphs[picture.title].nodes)
+
+
+def test_a_node_of_one_part_does_not_stand_for_the_missing_one_of_another() -> None:
+    whole = flat("ROS_Lidar2D", "ROS_Camera")
+    graph = without_nodes(whole, "ROS_Camera_isaac_create_render_product")
+    found = judged_model(stage_with(graph, "ROS_Lidar2D", "ROS_Camera"))
+    (missing,) = [finding for finding in found.findings if finding.rule == "N01"]
+    assert missing.prim == FLAT
