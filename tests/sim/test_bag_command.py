@@ -59,7 +59,7 @@ def bag(path: Path, *arguments: str) -> Result:
 def judged(path: Path, *arguments: str) -> dict[str, Any]:
     done = bag(path, "--format", "json", *arguments)
     document: dict[str, Any] = json.loads(done.stdout)
-    schema = json.loads((data_folder("schema") / "sim-1.json").read_text(encoding="utf-8"))
+    schema = json.loads((data_folder("schema") / "sim-2.json").read_text(encoding="utf-8"))
     assert [error.message for error in Draft202012Validator(schema).iter_errors(document)] == []
     assert done.exit_code == {"ok": 0, "bad": 1, "unreadable": 2}[document["verdict"]]
     return document

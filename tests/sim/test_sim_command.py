@@ -29,6 +29,7 @@ from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.judge.checks import CHECKS
 from lab3_usd.sim.judge.topics import interface
 
+EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
 DRIVE, CLOCK = "/turtlebot3_burger/ROS_Drive", "/World/ROS_Clock"
 
 
@@ -49,8 +50,8 @@ def check(path: Path, *arguments: str) -> Result:
 def behaviour(path: Path, *arguments: str) -> dict[str, Any]:
     done = sim(path, "--format", "json", *arguments)
     document: dict[str, Any] = json.loads(done.stdout)
-    assert done.exit_code == {"bad": 1, "unreadable": 2}.get(document["verdict"], 0)
-    schema = json.loads((data_folder("schema") / "sim-1.json").read_text(encoding="utf-8"))
+    assert done.exit_code == EXITS[document["verdict"]]
+    schema = json.loads((data_folder("schema") / "sim-2.json").read_text(encoding="utf-8"))
     assert [error.message for error in Draft202012Validator(schema).iter_errors(document)] == []
     return document
 
@@ -89,7 +90,6 @@ def test_what_is_asked_for_is_what_the_handout_asks_for() -> None:
 @pytest.mark.parametrize(
     ("checkpoint", "checks"),
     [
-        ("00", []),
         ("01", ["topics", "clock", "stamps"]),
         ("02", ["topics", "rest", "follows", "limits", "clock", "stamps", "again"]),
     ],
@@ -101,6 +101,27 @@ def test_an_early_stage_is_asked_for_what_it_has(
     found = behaviour(path)
     assert [each["name"] for each in found["checks"]] == checks
     assert found["verdict"] == "ok"
+
+
+def test_where_nothing_is_asked_for_nothing_is_all_right(tmp_path: Path) -> None:
+    path = saved(correct_stage("00"), tmp_path, "Lab3_00.usda")
+    found = behaviour(path)
+    assert (found["verdict"], found["checks"]) == ("not judged", [])
+    assert f"not judged: {found['missing']}" in sim(path).stdout
+
+
+def test_no_check_is_ok_of_what_did_not_happen(tmp_path: Path) -> None:
+    stage = broken("05", [{"set": ["ROS_Drive/ros2_subscribe_twist.inputs:topicName", "/x"]}])
+    found = behaviour(saved(stage, tmp_path))
+    unjudged = [each["name"] for each in found["checks"] if each["verdict"] == "not judged"]
+    assert unjudged == ["rest", "limits", "odometry", "moving frames", "mounted", "again"]
+    assert (found["verdict"], found["missing"]) == ("bad", "")
+
+
+def test_a_drive_that_asks_for_nothing_is_judged_by_nothing(tmp_path: Path) -> None:
+    path = saved(correct_stage("02"), tmp_path, "Lab3_02.usda")
+    names = [each["name"] for each in behaviour(path, "--drive", "0,0,1")["checks"]]
+    assert names == ["topics", "rest", "clock", "stamps"]
 
 
 def test_a_stage_may_be_asked_for_more_than_its_name_says(tmp_path: Path) -> None:
@@ -332,9 +353,10 @@ def test_a_node_that_is_not_known_hides_no_fault_and_makes_none(tmp_path: Path) 
     path = saved(stage, tmp_path)
     found = behaviour(path)
     assert found["not_simulated"] == [{"prim": f"{CLOCK}/mine", "reason": "node type my.Node"}]
-    assert {each["verdict"] for each in found["checks"]} == {"ok", "not-simulated"}
+    assert {each["verdict"] for each in found["checks"]} == {"ok", "not judged"}
     done = sim(path)
-    assert done.exit_code == 0
+    assert done.exit_code == 1
+    assert "not judged: nothing on /clock" in done.stdout
     assert "not simulated: /World/ROS_Clock/mine" in done.stdout
 
 
@@ -358,7 +380,7 @@ def test_a_wall_in_the_way_is_no_fault_of_the_graphs(tmp_path: Path) -> None:
     robot.GetAttribute("xformOp:translate").Set((2.1, 0.0, 0.0))
     path = saved(stage, tmp_path, "Lab3_02.usda")
     found = {each["name"]: each for each in behaviour(path)["checks"]}
-    assert found["follows"]["verdict"] == "not-simulated"
+    assert found["follows"]["verdict"] == "not judged"
     assert "a wall stops it" in found["follows"]["message"]
     assert "a wall stops the robot" in sim(path).stdout
 

@@ -11,7 +11,7 @@ import click
 from lab3_usd.commands.steps.options import text_or_json
 from lab3_usd.errors import UsageError
 
-EXITS = {"ok": 0, "bad": 1, "unreadable": 2}
+EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
 
 
 @click.command("bag")
@@ -29,8 +29,8 @@ def command(recording: Path, checkpoint: str | None, stage: Path | None, form: s
     RECORDING is what `ros2 bag record -a` writes, MCAP or sqlite3, or one file of it. What is
     asked for is that of the checkpoint in its name or in that of the stage, else of the last; of
     localization and navigation only what was recorded, unless --checkpoint names one. Nothing of
-    it counts in a score. Exit status: 0 all right, 1 something is wrong, 2 unreadable or wrong
-    usage, 3 the tool itself failed.
+    it counts in a score. Exit status: 0 all right, 1 something is wrong or not judged, 2 unreadable
+    or wrong usage, 3 the tool itself failed.
     """
     # The specs are slow to import, and `lab3 --help` does not need them.
     from lab3_usd.commands.steps.options import (

@@ -140,7 +140,8 @@ def command(stage: Path, **options: Any) -> None:
     The graphs of STAGE run as they are wired, by functions written from the published source of
     Isaac Sim 6.0.1; the robot moves by exact kinematics. What is asked for is that of the
     checkpoint in the file's name, else of the last. Nothing of it counts in a score. Exit status:
-    0 all right, 1 something is wrong, 2 unreadable or wrong usage, 3 the tool itself failed.
+    0 all right, 1 something is wrong or not judged, 2 unreadable or wrong usage, 3 the tool itself
+    failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.commands.steps.options import checkpoint_number
@@ -185,4 +186,5 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
         click.echo(text.render_json(behaviour), nl=False)
     else:
         click.echo(text.render(behaviour, width(), color=wants_color()), nl=False)
-    return {"bad": EXIT_FOUND, "unreadable": EXIT_USAGE}.get(behaviour.verdict, 0)
+    exits = {"bad": EXIT_FOUND, "not judged": EXIT_FOUND, "unreadable": EXIT_USAGE}
+    return exits.get(behaviour.verdict, 0)

@@ -195,7 +195,7 @@ class Scene(Struct, frozen=True):
             path = path.rpartition("/")[0]
 
 
-Verdict = Literal["ok", "bad", "not-simulated"]
+Verdict = Literal["ok", "bad", "not judged"]
 
 
 class Topic(Struct, frozen=True):
@@ -223,7 +223,8 @@ class Frame(Struct, frozen=True):
 class Check(Struct, frozen=True):
     """A verdict: what was looked at, what is wrong, the prim at fault, and the kind of the fault.
 
-    `cause` is what the prim at fault does or does not do, where that is known.
+    The message of a check that is not judged says what did not happen. `cause` is what the prim at
+    fault does or does not do, where that is known.
     """
 
     name: str
@@ -266,13 +267,13 @@ class Behaviour(Struct, frozen=True):
     """What one stage does in a dry run.
 
     `path` are (seconds, x, y, heading) in metres and radians; `legs` the drive of the first
-    session, `remarks` what else is known of the robot.
+    session, `remarks` what else is known of the robot. `missing` says why it is not judged.
     """
 
     stage: str
     checkpoint: str
     seconds: float
-    verdict: Literal["ok", "bad", "unreadable"]
+    verdict: Literal["ok", "bad", "not judged", "unreadable"]
     topics: tuple[Topic, ...] = ()
     frames: tuple[Frame, ...] = ()
     checks: tuple[Check, ...] = ()
@@ -282,6 +283,7 @@ class Behaviour(Struct, frozen=True):
     remarks: tuple[str, ...] = ()
     recording: str = ""  # what was judged, where it is no dry run
     differences: tuple[Difference, ...] | None = None  # from the dry run of its stage, if played
+    missing: str = ""
 
 
 Place = tuple[float, float, float]  # x, y, heading

@@ -26,7 +26,7 @@ from lab3_usd.model.dry_run import (
 )
 from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Scan
-from lab3_usd.sim.judge.checks import judge
+from lab3_usd.sim.judge.checks import judge, whole_verdict
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.judge.topics import interface
 from lab3_usd.sim.judge.trial import Trial, displacement, in_root
@@ -41,11 +41,12 @@ def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
     checks = tuple(check for check in judge(trial) if is_asked(check.name, trial))
     recording = trial.recording
     reasons = {**recording.not_simulated, **recording.assumed}
+    verdict, missing = whole_verdict(checks)
     return Behaviour(
         stage,
         checkpoint,
         recording.seconds,
-        "bad" if any(check.verdict == "bad" for check in checks) else "ok",
+        verdict,
         tuple(_topics(trial)),
         tuple(_frames(trial)),
         checks,
@@ -53,11 +54,12 @@ def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
         tuple(Unknown(prim, reasons[prim]) for prim in sorted(reasons)),
         tuple(driven_legs(trial)),
         tuple(_remarks(trial, checks)),
+        missing=missing,
     )
 
 
 def is_asked(name: str, trial: Trial) -> bool:
-    """Whether a checkpoint has what a check looks at, and something came to look at."""
+    """Whether a checkpoint and the drive ask for what a check looks at, and something came."""
     wanted = trial.wanted
     topics = {
         "clock": (wanted.clock,),
@@ -73,7 +75,13 @@ def is_asked(name: str, trial: Trial) -> bool:
         return all(topic and trial.recording.topic(topic) for topic in topics[name])
     if name == "topics":
         return bool(wanted.types)
-    return bool(wanted.commands) and (name != "again" or len(trial.drive) > 1)
+    legs = trial.drive[0].legs
+    driven = {
+        "follows": any(leg.command and any(leg.command[::2]) for leg in legs),
+        "limits": any(leg.name in {"fast", "spin"} for leg in legs),
+        "again": len(trial.drive) > 1,
+    }
+    return bool(wanted.commands) and driven.get(name, True)
 
 
 def _topics(trial: Trial) -> Iterator[Topic]:
@@ -124,7 +132,7 @@ def _remarks(trial: Trial, checks: tuple[Check, ...]) -> Iterator[str]:
     if blocked is not None:
         yield f"a wall stops the robot while it is told to go {blocked.leg}"
     yield from trial.recording.remarks
-    if trial.recording.not_simulated and any(check.verdict != "ok" for check in checks):
+    if trial.recording.not_simulated and any(check.verdict == "not judged" for check in checks):
         yield "what looks wrong may come from what is not simulated, and is no fault"
 
 

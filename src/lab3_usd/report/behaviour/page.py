@@ -287,7 +287,7 @@ def dry_run_summary(behaviour: Behaviour, replay: Replay | None) -> DryRunSummar
 
 _ABOVE = 6  # pixels between a node and its count
 
-MARKS = {"ok": "ok", "bad": "bad", "not-simulated": "not simulated"}
+VERDICTS = {"ok": "all right", "bad": "something is wrong", "not judged": "not judged"}
 
 
 def render(behaviour: Behaviour, replay: Replay | None, lab: Lab) -> str:
@@ -308,7 +308,7 @@ def render(behaviour: Behaviour, replay: Replay | None, lab: Lab) -> str:
             what=WHAT_IT_IS,
             name=PurePath(behaviour.stage).name,
             looks=LOOKS,
-            marks=MARKS,
+            verdicts=VERDICTS,
             rule_of=explaining_rule,
             rate=rate,
             leg_text=leg_text,

@@ -1,4 +1,4 @@
-"""The behaviour of a stage for a terminal and as JSON in the form of `schema/sim-1.json`."""
+"""The behaviour of a stage for a terminal and as JSON in the form of `schema/sim-2.json`."""
 
 from __future__ import annotations
 
@@ -69,13 +69,13 @@ def leg_text(leg: Leg) -> str:
 def sum_text(behaviour: Behaviour) -> str:
     """Return how the checks came out."""
     verdicts = [check.verdict for check in behaviour.checks]
-    bad, unsure = verdicts.count("bad"), verdicts.count("not-simulated")
+    bad, unsure = verdicts.count("bad"), verdicts.count("not judged")
     counts = f"{len(verdicts)} checks: {verdicts.count('ok')} ok, {bad} bad"
-    return f"{counts}, {unsure} not simulated" if unsure else counts
+    return f"{counts}, {unsure} not judged" if unsure else counts
 
 
-_COLOURS = {"ok": "met", "bad": "error", "not-simulated": "warning"}
-_SHORT = {"ok": "ok", "bad": "bad", "not-simulated": "?"}
+_COLOURS = {"ok": "met", "bad": "error", "not judged": "warning"}
+_SHORT = {"ok": "ok", "bad": "bad", "not judged": "?"}
 _NAME = 15
 
 
@@ -97,6 +97,8 @@ def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
     for remark in remarks:
         lines += textwrap.wrap(remark, max(width, 40), subsequent_indent="  ")
     lines.append(sum_text(behaviour))
+    if behaviour.missing:
+        lines += textwrap.wrap(f"not judged: {printable(behaviour.missing)}", max(width, 40))
     return "\n".join(lines) + "\n"
 
 
@@ -149,7 +151,7 @@ def _remarks(behaviour: Behaviour) -> Iterator[str]:
             yield "topics and frames are those of the dry run"
 
 
-VERSION = 1
+VERSION = 2
 
 
 def render_json(behaviour: Behaviour) -> str:
@@ -169,6 +171,7 @@ def behaviour_json(behaviour: Behaviour) -> dict[str, Any]:
         ),
         "seconds": round(behaviour.seconds, 3),
         "verdict": behaviour.verdict,
+        "missing": behaviour.missing,
         "topics": [_topic_json(topic) for topic in behaviour.topics],
         "frames": [asdict(frame) for frame in behaviour.frames],
         "checks": [

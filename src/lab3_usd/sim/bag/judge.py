@@ -22,7 +22,8 @@ from lab3_usd.sim.dry_run import driven_legs, is_asked, path_rows
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, leg_name
 from lab3_usd.sim.execution.recording import Pose
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
-from lab3_usd.sim.judge.checks import verdict
+from lab3_usd.sim.judge.checks import verdict as verdict_of
+from lab3_usd.sim.judge.checks import whole_verdict
 from lab3_usd.sim.judge.sensors import SHORT
 from lab3_usd.sim.judge.topics import interface, map_topic, reached_topics, static_topics
 from lab3_usd.sim.judge.trial import (
@@ -317,11 +318,12 @@ def _judged(
     map_frame = map_topic(lab, checkpoint)[1]
     recorded = Recorded(gathered, topics, trial, reached, map_frame, lab.ros.goal)
     checks = tuple(_checks(recorded, _left_out(recorded, lab, checkpoint, whole=whole)))
+    verdict, missing = whole_verdict(checks)
     return Behaviour(
         "",
         checkpoint,
         gathered.timeline.now,
-        "bad" if any(check.verdict == "bad" for check in checks) else "ok",
+        verdict,
         tuple(_judged_topics(gathered)),
         tuple(gathered.frames),
         checks,
@@ -329,6 +331,7 @@ def _judged(
         legs=tuple(driven_legs(trial)) if gathered.places else (),
         remarks=tuple(_remarks(gathered)),
         recording=name,
+        missing=missing,
     )
 
 
@@ -363,7 +366,7 @@ def _checks(recorded: Recorded, left_out: frozenset[str]) -> Iterator[Check]:
             looked = True
             faults += CHECKS[name](recorded)
         if looked:
-            yield verdict(name, faults, recorded.trial)
+            yield verdict_of(name, faults, recorded.trial)
 
 
 def _judged_topics(gathered: Gathered) -> Iterator[Topic]:
