@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 from breaking import Step, broken, correct_stage, the_lab
 from dry_runs import DRIVE, driven, faults
+from fault_stages import MOTION
 from layerings import one_text_file
 from pxr import Usd
+from scene_changes import ROBOT
 from second_author import Style
 
 from lab3_usd.sim.execution.recording import Odometry
@@ -34,6 +36,37 @@ def test_it_goes_as_far_as_its_wheels_say() -> None:
     assert poses[-1].y - before.y == pytest.approx(0.0, abs=1e-6)
     _, before, poses = next(trial.stretches("left"))
     assert poses[-1].heading == pytest.approx(0.8 * (len(poses) - 1) / 60 * WHEELS, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "checks"),
+    [
+        ("wheelRadius", 0.05, ["follows", "limits", "again"]),
+        ("wheelRadius", 0.027, ["follows", "limits", "again"]),
+        ("wheelDistance", 0.12, ["follows", "limits"]),
+        ("maxLinearSpeed", 0.11, ["follows", "limits", "again"]),
+        ("maxLinearSpeed", 0.2, ["limits"]),
+        ("maxAngularSpeed", 0.9, ["limits"]),
+        ("wheelRadius", 0.0252, []),  # 1 % less
+    ],
+)
+def test_a_dry_run_is_held_to_five_percent(name: str, number: float, checks: list[str]) -> None:
+    step = {"set": [f"ROS_Drive/differential_controller.inputs:{name}", number]}
+    found = faults(driven(broken("05", [step]), the_lab().catalog))
+    assert [each.name for each in found] == checks
+
+
+def test_a_robot_whose_wheels_are_as_the_handout_says_is_held_to_what_it_is_told() -> None:
+    """Wheels of 0.025 m, as an instructor's starter may have: no factor."""
+    stage = correct_stage("05")
+    for side in ("left", "right"):
+        tyre = f"{ROBOT}/wheel_{side}_link/collisions/tyre"
+        stage.GetPrimAtPath(tyre).GetAttribute("radius").Set(0.025)
+    low = stage.GetPrimAtPath(f"{ROBOT}/caster_back_link/collisions/ball")
+    low.GetAttribute("physics:collisionEnabled").Set(False)  # noqa: FBT003
+    trial = driven(stage, the_lab().catalog)
+    assert trial.factor == pytest.approx(1.0)
+    assert [each.name for each in faults(trial) if each.name in MOTION] == []
 
 
 def test_rates_and_frames_are_those_of_the_lab() -> None:

@@ -55,6 +55,12 @@ def test_a_wheel_further_out_turns_the_robot_less() -> None:
     assert robot.yaw == pytest.approx(2.0 * 0.033 / 0.18)
 
 
+def test_wheels_that_are_not_on_one_axle_slide_in_a_turn() -> None:
+    assert not machine()[1].scrubs
+    ahead = put(f"{JOINTS}/wheel_left_joint", "physics:localPos0", Gf.Vec3f(0.05, 0.08, 0.023))
+    assert machine(ahead)[1].scrubs
+
+
 def test_a_spring_holds_a_wheel_back() -> None:
     """Stiffness 10 and damping 0.2: it settles 0.02 s x speed ahead of where it began."""
     stiff = put(f"{JOINTS}/wheel_left_joint", "drive:angular:physics:stiffness", 10.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from breaking import STEPS, Step
 from pxr import Gf
-from scene_changes import CAMERA, JOINTS, LIDAR, ROBOT, Change, put, switch, weld
+from scene_changes import CAMERA, JOINTS, LIDAR, ROBOT, Change, put, several, switch, weld
 
 from lab3_usd.model.fault import FaultKind
 
@@ -29,6 +29,7 @@ def cut(place: str) -> Change:
 CLOCK, READ_TIME = "ROS_Clock/ros2_publish_clock", "ROS_Clock/isaac_read_simulation_time"
 DIFFERENTIAL, CONTROLLER = "ROS_Drive/differential_controller", "ROS_Drive/articulation_controller"
 NAMES, LEFT = "ROS_Drive/make_array", f"{JOINTS}/wheel_left_joint"
+RIGHT = f"{JOINTS}/wheel_right_joint"
 RAW, TREE = "ROS_OdomTF/ros2_publish_raw_transform_tree", "ROS_OdomTF/ros2_publish_transform_tree"
 ODOMETRY, TREE_TARGETS = (
     "ROS_OdomTF/ros2_publish_odometry",
@@ -96,7 +97,7 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
         "topics",
     ),
     "no-driven-robot": (
-        steps({"deactivate": LEFT}, {"deactivate": f"{JOINTS}/wheel_right_joint"}),
+        steps({"deactivate": LEFT}, {"deactivate": RIGHT}),
         "follows",
     ),
     "base-fixed-to-world": (weld(f"{JOINTS}/hold", body1=f"{ROBOT}/base_footprint"), "follows"),
@@ -158,7 +159,10 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
     "wrong-turn": (value(f"{DIFFERENTIAL}.inputs:wheelDistance", 0.5), "follows"),
     "sideways-drift": (put(f"{ROBOT}/wheel_left_link/collisions/tyre", "radius", 0.03), "follows"),
     "turn-off-centre": (
-        put(LEFT, "physics:localPos0", Gf.Vec3f(0.0, 0.13, 0.023)),
+        several(
+            put(LEFT, "physics:localPos0", Gf.Vec3f(0.0, 0.13, 0.023)),
+            put(RIGHT, "physics:localPos0", Gf.Vec3f(0.0, -0.03, 0.023)),
+        ),
         "follows",
     ),
     "wrong-speed-limit": (value(f"{DIFFERENTIAL}.inputs:maxLinearSpeed", 2.0), "limits"),
@@ -199,6 +203,10 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
     "unequal-frame-arrays": (
         steps({"remove": RAW}, {"disconnect": f"{TREE}.inputs:orientations"}),
         "topics",
+    ),
+    "missing-frame": (
+        steps({"targets": [TREE_TARGETS, f"{ROBOT}/base_scan", CAMERA]}),
+        "tree",
     ),
     "self-parent": (value(f"{RAW}.inputs:childFrameId", "odom"), "tree"),
     "several-parents": (

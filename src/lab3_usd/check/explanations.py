@@ -77,6 +77,7 @@ EXPLAINED_BY: Mapping[FaultKind, str] = {
     "no-target-prim": "R01",
     "no-frames-input": "W01",
     "unequal-frame-arrays": "W01",
+    "missing-frame": "T01",
     "self-parent": "T09",
     "several-parents": "T03",
     "several-publishers": "T04",

@@ -29,9 +29,9 @@ FaultKind = Literal[
     "duplicate-publisher", "extra-publisher", "wrong-durability", "unreadable-message",
     "single-message", "wrong-header-frame",
     # frames
-    "no-target-prim", "no-frames-input", "unequal-frame-arrays", "self-parent", "several-parents",
-    "several-publishers", "changing-parent", "disconnected-frame", "unknown-frame",
-    "transform-ends", "transform-gap", "transform-unlike-odometry",
+    "no-target-prim", "no-frames-input", "unequal-frame-arrays", "missing-frame", "self-parent",
+    "several-parents", "several-publishers", "changing-parent", "disconnected-frame",
+    "unknown-frame", "transform-ends", "transform-gap", "transform-unlike-odometry",
     # sensors
     "no-camera-target", "missing-camera-prim", "empty-image", "no-render-product",
     "unknown-output", "not-a-camera", "not-a-lidar", "no-lidar-schema", "invalid-scan-profile",

@@ -117,12 +117,13 @@ def driven_legs(trial: Trial) -> Iterator[Leg]:
     """Yield what was commanded and driven in each leg of the first session that has a command."""
     if not trial.wanted.commands:
         return
-    for leg, before, poses in trial.stretches(*{leg.name for leg in trial.drive[0].legs}):
+    for stretch in trial.stretches(*{leg.name for leg in trial.drive[0].legs}):
+        leg, before, poses = stretch
         if leg.command is None or not any(leg.command):
             continue
-        ahead, _, turned = displacement(before, poses[-1])
+        ahead, _, _ = displacement(before, poses[-1])
         commanded = (leg.forward * leg.seconds, math.degrees(leg.turn * leg.seconds))
-        driven = (round(ahead, 3) + 0.0, round(math.degrees(turned), 1) + 0.0)
+        driven = (round(ahead, 3) + 0.0, round(math.degrees(stretch.turned), 1) + 0.0)
         yield Leg(leg.name, leg.seconds, commanded, driven)
 
 

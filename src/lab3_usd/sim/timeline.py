@@ -11,7 +11,7 @@ from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, Vie
 from lab3_usd.sim.execution.running import FRAME, STEP
 from lab3_usd.sim.execution.world import Endpoint, Twist, World, Writer, send, world_of
 from lab3_usd.sim.judge.causes import RunCauses
-from lab3_usd.sim.judge.trial import Interface, Trial
+from lab3_usd.sim.judge.trial import SIZE, Interface, Trial
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.nodes.sensors import IMAGES
 from lab3_usd.sim.nodes.transforms import OPTICAL
@@ -198,8 +198,33 @@ def record(
 
     causes = RunCauses(player.program, recording.messages, robot, wanted.commands)
     recording.remarks = list(causes.remarks())
-    radius = robot.radius * unit if robot is not None else 0.0
-    return Trial(recording, drive, wanted, level, walls, causes, _room(player, start), radius)
+    room = _room(player, start)
+    if robot is None:
+        return Trial(recording, drive, wanted, level, walls, causes, room)
+    return Trial(
+        recording,
+        drive,
+        wanted,
+        level,
+        walls,
+        causes,
+        room,
+        robot.radius * unit,
+        factor=_rolled(robot, wanted.wheel_radius / unit),
+        scrubs=robot.scrubs,
+    )
+
+
+def _rolled(robot: Machine, told: float) -> float:
+    """Return how far the wheels roll for each metre of wheels of the radius that is told.
+
+    Wheels of a size that is not about that radius are not the robot's own: they change nothing.
+    """
+    radii = [wheel.radius for wheel in robot.wheels]
+    if not radii or not told:
+        return 1.0
+    factor = sum(radii) / len(radii) / told
+    return factor if SIZE[0] <= factor <= SIZE[1] else 1.0
 
 
 def _room(player: Player, start: Affine) -> tuple[Segment, ...]:

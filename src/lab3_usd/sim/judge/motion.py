@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 
 from lab3_usd.model.dry_run import Affine, rotation
@@ -11,7 +11,6 @@ from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose
 from lab3_usd.sim.judge.trial import (
-    SIZE,
     SOON,
     Fault,
     Stretch,
@@ -20,7 +19,6 @@ from lab3_usd.sim.judge.trial import (
     angle,
     displacement,
     in_root,
-    is_about,
 )
 
 
@@ -58,14 +56,15 @@ def follows(trial: Trial) -> Iterator[Fault]:
             if fault is not None:
                 yield fault
                 break
-    for leg, before, poses in trial.stretches("arc"):
-        pairs = zip([before, *poses], poses, strict=False)
-        way = sum(math.hypot(later.x - pose.x, later.y - pose.y) for pose, later in pairs)
-        length, turn = abs(leg.forward) * leg.seconds, leg.turn * leg.seconds
-        turned = _turned(before, poses)
-        if not is_about(way, length) or not is_about(turned, turn):
-            text = f"told to go {length:.2f} m and turn {math.degrees(turn):.0f} degrees,"
-            text += f" did {way:.2f} m and {math.degrees(turned):.0f}"
+    for stretch in trial.stretches("arc"):
+        leg, steady = stretch.leg, stretch.steady
+        length, turn = abs(leg.forward) * steady.seconds, leg.turn * steady.seconds
+        if not (
+            trial.follows(steady.way, length) and trial.follows(steady.turned, turn, turning=True)
+        ):
+            told = f"{abs(leg.forward) * leg.seconds:.2f} m"
+            text = f"told to go {told} and turn {math.degrees(leg.turn * leg.seconds):.0f} degrees,"
+            text += f" did {stretch.way:.2f} m and {math.degrees(stretch.turned):.0f}"
             yield trial.motion_fault(text, "wrong-arc")
             return
 
@@ -73,14 +72,15 @@ def follows(trial: Trial) -> Iterator[Fault]:
 def _straight(trial: Trial, stretch: Stretch) -> Fault | None:
     leg, before, poses = stretch
     ahead, left, turned = displacement(before, poses[-1])
-    commanded = leg.forward * leg.seconds
-    if any(pose.blocked for pose in poses) and 0 <= ahead / commanded < SIZE[0]:
-        text = f"told to go {commanded:.2f} m, a wall stops it after {ahead:.2f} m"
-        return Fault(text, "wall-ahead", sure=False)
-    if not is_about(ahead, commanded):
-        return trial.motion_fault(
-            f"told to go {commanded:.2f} m, went {ahead:.2f} m", "wrong-distance"
-        )
+    commanded, steady = leg.forward * leg.seconds, stretch.steady
+    part, _, _ = displacement(steady.before, steady.poses[-1])
+    if not trial.follows(part, leg.forward * steady.seconds):
+        if any(pose.blocked for pose in poses) and 0 <= ahead / commanded < trial.factor:
+            text = f"told to go {commanded:.2f} m, a wall stops it after {ahead:.2f} m"
+            return Fault(text, "wall-ahead", sure=False)
+        text = f"told to go {commanded:.2f} m, went {ahead:.2f}"
+        text += trial.expected_text(commanded, ".2f")
+        return trial.motion_fault(text, "wrong-distance")
     if abs(left) > trial.tolerance.slip[0] or abs(turned) > trial.tolerance.slip[1]:
         return trial.motion_fault(f"told to go {leg.name}, went aside", "sideways-drift")
     return None
@@ -89,19 +89,15 @@ def _straight(trial: Trial, stretch: Stretch) -> Fault | None:
 def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
     leg, before, poses = stretch
     ahead, left, _ = displacement(before, poses[-1])
-    commanded, turned = leg.turn * leg.seconds, _turned(before, poses)
-    if not is_about(turned, commanded):
-        text = f"told {math.degrees(abs(commanded)):.0f} degrees {leg.name}, turned"
-        sense = -1.0 if leg.name == "right" else 1.0
-        return trial.motion_fault(f"{text} {math.degrees(sense * turned):.1f}", "wrong-turn")
+    steady = stretch.steady
+    if not trial.follows(steady.turned, leg.turn * steady.seconds, turning=True):
+        told, sense = math.degrees(abs(leg.turn * leg.seconds)), -1.0 if leg.turn < 0 else 1.0
+        text = f"told {told:.0f} degrees {leg.name}, turned"
+        text += f" {math.degrees(sense * stretch.turned):.1f}{trial.expected_text(told, '.1f')}"
+        return trial.motion_fault(text, "wrong-turn")
     if math.hypot(ahead, left) > trial.tolerance.slip[0]:
         return trial.motion_fault("told to turn, went away", "turn-off-centre")
     return None
-
-
-def _turned(before: Pose, poses: Sequence[Pose]) -> float:
-    pairs = zip([before, *poses], poses, strict=False)
-    return sum(angle(following.heading - pose.heading) for pose, following in pairs)
 
 
 def limits(trial: Trial) -> Iterator[Fault]:
@@ -109,14 +105,15 @@ def limits(trial: Trial) -> Iterator[Fault]:
     if trial.stands():
         return
     for name, limit in zip(("fast", "spin"), trial.wanted.limits, strict=True):
-        for leg, before, poses in trial.stretches(name):
-            ahead, left, turned = displacement(before, poses[-1])
-            driven = math.hypot(ahead, left) if name == "fast" else abs(turned)
-            commanded = limit * leg.seconds
-            stopped = driven < commanded and any(pose.blocked for pose in poses)
-            if not is_about(driven, commanded) and not stopped:
-                unit = "m" if name == "fast" else "rad"
-                text = f"told to go {name}, does {driven / leg.seconds:.2f} of {limit} {unit}/s"
+        for stretch in trial.stretches(name) if limit else ():
+            steady, turning = stretch.steady, name == "spin"
+            ahead, left, _ = displacement(steady.before, steady.poses[-1])
+            speed = (abs(steady.turned) if turning else math.hypot(ahead, left)) / steady.seconds
+            stopped = speed < limit and any(pose.blocked for pose in stretch.poses)
+            if not trial.follows(speed, limit, turning=turning) and not stopped:
+                unit = "rad" if turning else "m"
+                text = f"told to go {name}, does {speed:.2f} of {limit} {unit}/s"
+                text += trial.expected_text(limit, ".2f")
                 yield trial.motion_fault(text, "wrong-speed-limit")
                 break
 
@@ -126,13 +123,15 @@ def again(trial: Trial) -> Iterator[Fault]:
     if trial.stands():
         return
     for number, session in enumerate(trial.drive):
-        poses = [pose for pose in trial.recording.path if pose.session == number]
         leg = session.legs[-1]
+        played = [pose for pose in trial.recording.path if pose.session == number]
+        poses = [pose for pose in played if pose.leg == leg.name]
         if not number or leg.command is None or not poses:
             continue
-        start = next(pose for pose in poses if pose.leg == leg.name)
-        ahead, left, _ = displacement(start, poses[-1])
-        if not is_about(ahead, leg.forward * leg.seconds) or abs(left) > trial.tolerance.slip[0]:
+        steady = Stretch(leg, poses[0], poses[1:]).steady
+        ahead, left, _ = displacement(steady.before, steady.poses[-1])
+        is_told = trial.follows(ahead, leg.forward * steady.seconds)
+        if not is_told or abs(left) > trial.tolerance.slip[0]:
             text = f"does not follow {trial.wanted.commands}{trial.when([number])}"
             yield trial.motion_fault(text, "no-drive-after-restart")
 

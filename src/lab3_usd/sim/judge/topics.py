@@ -28,6 +28,7 @@ _MAP = "nav_msgs/msg/OccupancyGrid"
 _KEPT = "transient_local"
 _RATE = "omni:sensor:tickRate"
 _LIMITS = ("maxLinearSpeed", "maxAngularSpeed")
+_RADIUS = "wheelRadius"
 _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 
 
@@ -46,6 +47,7 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
     frames = odometry[0].fields or {} if odometry else {}
     lidar, camera = map(lab.first_sensor, ("lidar", "camera"))
     view = camera.looks if camera else None
+    ahead, turning, radius = _drive_settings(lab, *_LIMITS, _RADIUS)
     return Interface(
         types={topic.name: topic.type for topic in required if not topic.subscribed},
         domain=lab.ros.system.domain,
@@ -55,9 +57,11 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         base=frames.get(_CHILD, ""),
         scan_rate=_rate(lidar),
         image_rate=_rate(camera),
-        limits=_limits(lab),
+        limits=(ahead, turning),
         looks=view.along if view else (0.0, 0.0, 0.0),
         upward=view.up if view else (0.0, 0.0, 0.0),
+        frames=tuple(child for _, child in lab.frames.edges) if checkpoint.frames else (),
+        wheel_radius=radius,
         profile={name: attribute.value for name, attribute in lidar.attributes.items()}
         if lidar
         else {},
@@ -95,16 +99,15 @@ def _rate(sensor: SensorSpec | None) -> float:
     return 0.0 if rate is None else float(rate.value)
 
 
-def _limits(lab: Lab) -> tuple[float, float]:
-    """Return the speeds to which commands are cut down."""
+def _drive_settings(lab: Lab, *names: str) -> tuple[float, ...]:
+    """Return what controllers are to be told, by the names of inputs; 0 where nothing is asked."""
     settings: dict[str, Any] = {
         setting.port.rpartition(":")[2]: setting.value
         for graph in lab.graphs.values()
         for node in graph.nodes.values()
         for setting in node.settings
     }
-    ahead, turning = (float(settings.get(limit, 0.0)) for limit in _LIMITS)
-    return (ahead, turning)
+    return tuple(float(settings.get(name, 0.0)) for name in names)
 
 
 def topics(trial: Trial) -> Iterator[Fault]:
@@ -179,7 +182,7 @@ STALE = 0.5  # seconds without a new transform
 
 
 def tree(trial: Trial) -> Iterator[Fault]:
-    """One parent and one publisher for each frame, one root, and every frame that is named."""
+    """One parent and publisher for each frame, one root, and every frame that is asked for."""
     for session in range(len(trial.drive)):
         faults = list(_tree_faults(trial, session))
         if faults:
@@ -206,9 +209,12 @@ def _tree_faults(trial: Trial, session: int) -> Iterator[Fault]:
             yield Fault(f"{child} has {len(several)} parents or publishers", kind, [*several][1][1])
         if messages and min(several.values()) < messages[-1].at - STALE:
             yield Fault(f"the transform of {child} ends", "transform-ends", next(iter(several))[1])
+    lost = [frame for frame in trial.wanted.frames if frame not in parents]
     if parents:
         up = {child: next(iter(several))[0] for child, several in parents.items()}
         yield from _loose_frames(trial, up, session)
+        if lost:
+            yield Fault(f"the tree lacks {', '.join(lost)}", "missing-frame")
 
 
 def _loose_frames(trial: Trial, up: dict[str, str], session: int) -> Iterator[Fault]:

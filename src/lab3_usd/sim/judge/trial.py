@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
 from msgspec import Struct
@@ -14,20 +15,22 @@ from lab3_usd.model.transforms import length, minus
 from lab3_usd.sim.execution.drive import RATE, Leg, Session
 from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, Transform
 
-SIZE = (0.6, 1.5)  # how much of a command a robot that follows it may do
+SIZE = (0.6, 1.5)  # how much of a command a robot with mass that follows it may do
 SOON = 6  # frames in which a robot may come to rest
+STARTED = 3  # frames after which a command has come through the graphs to the wheels
 
 
 class Tolerance(Struct, frozen=True):
-    """How far from the ideal is still right: seconds, and (metres, radians)."""
+    """How far from the ideal is still right: seconds, (metres, radians), and parts of a command."""
 
     lag: float  # between a stamp and the clock
     still: tuple[float, float]
     slip: tuple[float, float]
+    size: tuple[float, float]
 
 
-EXACT = Tolerance(0.1, (2e-3, math.radians(0.3)), (0.02, math.radians(3.0)))
-PHYSICAL = Tolerance(0.5, (0.02, math.radians(2.0)), (0.1, math.radians(10.0)))
+EXACT = Tolerance(0.1, (2e-3, math.radians(0.3)), (0.02, math.radians(3.0)), (0.95, 1.05))
+PHYSICAL = Tolerance(0.5, (0.02, math.radians(2.0)), (0.1, math.radians(10.0)), SIZE)
 
 
 class Interface(Struct, frozen=True):
@@ -53,6 +56,8 @@ class Interface(Struct, frozen=True):
     limits: tuple[float, float]
     looks: tuple[float, float, float]
     upward: tuple[float, float, float]
+    frames: tuple[str, ...] = ()  # that the tree is to have below its root
+    wheel_radius: float = 0.0  # that controllers are to be told, metres
     profile: dict[str, Any] = {}  # of a lidar whose own cannot be read
     static: frozenset[str] = frozenset()  # topics of transforms that are kept
 
@@ -95,6 +100,30 @@ class Stretch(NamedTuple):
     before: Pose
     poses: Sequence[Pose]
 
+    @property
+    def seconds(self) -> float:
+        """How long it takes."""
+        return len(self.poses) / RATE
+
+    @property
+    def steady(self) -> Stretch:
+        """The part in which the wheels turn as told; all of it where it is too short."""
+        if len(self.poses) <= 2 * STARTED:
+            return self
+        return Stretch(self.leg, self.poses[STARTED - 1], self.poses[STARTED:])
+
+    @property
+    def turned(self) -> float:
+        """How far the robot turned, beyond a whole turn as well."""
+        pairs = pairwise([self.before, *self.poses])
+        return sum(angle(later.heading - pose.heading) for pose, later in pairs)
+
+    @property
+    def way(self) -> float:
+        """How far the robot went, along its path."""
+        pairs = pairwise([self.before, *self.poses])
+        return sum(math.hypot(later.x - pose.x, later.y - pose.y) for pose, later in pairs)
+
 
 class Trial(Struct):
     """A recording with what it is judged by; `walls` returns the expected scan at a place."""
@@ -108,6 +137,8 @@ class Trial(Struct):
     room: tuple[Segment, ...] = ()  # what stands still, cut at the height of the lidar
     radius: float = 0.0  # of the robot
     tolerance: Tolerance = EXACT
+    factor: float = 1.0  # how far the wheels roll a metre that controllers are told
+    scrubs: bool = False  # whether its wheels slide in a turn, so that it turns about as told
 
     def stretches(self, *names: str) -> Iterator[Stretch]:
         """Yield the legs of the first session that have one of these names."""
@@ -130,6 +161,15 @@ class Trial(Struct):
         if cause is None:
             return Fault(message, kind)
         return Fault(message, cause.kind or kind, cause.prim, cause.reason)
+
+    def follows(self, driven: float, told: float, *, turning: bool = False) -> bool:
+        """Whether the robot does what it is told, by the wheels that it has."""
+        least, most = SIZE if turning and self.scrubs else self.tolerance.size
+        return least <= driven / (told * self.factor) <= most
+
+    def expected_text(self, told: float, unit: str) -> str:
+        """Say what the wheels make of a command, where that is something else."""
+        return f", expected {told * self.factor:{unit}}" if self.factor != 1.0 else ""
 
     def when(self, sessions: Sequence[int]) -> str:
         """Say in which sessions, if not in all from the first on."""

@@ -75,6 +75,11 @@ class Wheel(Struct, frozen=True):
     along: tuple[float, float]  # where its contact goes when the joint turns forward
     contact: tuple[float, float]
 
+    def sideways(self, motion: Vector) -> float:
+        """Return how much a motion of the base (x, y, turn) moves its contact along its axle."""
+        (x, y), (u, v), (ahead, left, turn) = self.contact, self.along, motion
+        return u * (left + turn * x) - v * (ahead - turn * y)
+
 
 GRAVITY = 9.81
 
@@ -103,6 +108,7 @@ class Machine(Struct):
     fall: float = 0.0
     blocked: bool = False
     clearance: float = 0.0
+    scrubs: bool = False  # whether wheels slide in a turn, as four that do not steer
     walls: list[Segment] = field(default_factory=list)
 
     @property

@@ -141,6 +141,7 @@ _UPRIGHT = 0.5  # an axle that stands steeper rolls nowhere
 TOUCH = 5e-3  # metres between the lowest point of all and that of a wheel that still touches
 STEP_UP = 0.05  # metres that the ground may be above a robot's origin
 SKIRT = 0.05  # metres above the ground at which walls stop a robot
+_SLIDES = 1e-4  # sideways for each unit that a wheel rolls, from which on it slides
 STILL = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -268,6 +269,11 @@ class Machines:
                 wheel = _wheel_at(machine, joint, points, low + TOUCH * unit)
                 machine.wheels += [wheel] if wheel is not None else []
             machine.solve = _solution(machine.wheels)
+            machine.scrubs = any(
+                abs(wheel.sideways(motion)) > _SLIDES
+                for motion in machine.solve
+                for wheel in machine.wheels
+            )
 
     def _points(self, body: str, machine: Machine) -> list[Vector]:
         """Return the corners of a body's collision shapes, with the base turned as at the start."""
