@@ -122,7 +122,19 @@ def test_a_missing_sublayer_is_a_note_and_no_fault(tmp_path: Path) -> None:
     path.write_text("#usda 1.0\n(\n    subLayers = [@./gone.usda@]\n)\n")
     result = lint_stage(path)
     findings = [(finding.rule, finding.severity) for finding in result.findings]
-    assert (result.verdict, findings) == ("pass", [("F03", "note")])
+    assert (result.verdict, findings) == ("not judged", [("F03", "note")])
+
+
+def test_what_could_not_be_judged_exits_1_and_says_why(tmp_path: Path) -> None:
+    stage = rover()
+    stage.GetRootLayer().subLayerPaths.append("./gone.usda")
+    path = saved(stage, tmp_path / "robot.usda")
+    done = lint(path)
+    assert done.returncode == 1
+    assert "not judged: the sublayer ./gone.usda of the stage cannot be found" in done.stdout
+    assert lint(path, "--exit-zero").returncode == 0
+    report = assert_valid(lint(path, "--format", "json").stdout)
+    assert [result["verdict"] for result in report["results"]] == ["not judged"]
 
 
 @pytest.mark.parametrize("checkpoint", ["00", "01", "02", "03", "04", "05", "06", "07", "08"])

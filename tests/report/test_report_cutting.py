@@ -16,7 +16,16 @@ from report_examples import MISSING_WIRE
 from lab3_usd.check.registry import all_rules
 from lab3_usd.judge.folder import FolderSettings, check_folder
 from lab3_usd.judge.stage import check_stage
-from lab3_usd.model.finding import ChecklistItem, Crash, Report, Score, StageResult, Submission
+from lab3_usd.model.finding import (
+    ChecklistItem,
+    Crash,
+    NodeCoverage,
+    NotJudged,
+    Report,
+    Score,
+    StageResult,
+    Submission,
+)
 from lab3_usd.report.formats.registry import FORMATS, render
 from lab3_usd.report.options import Options
 from lab3_usd.report.safe_text import LONGEST, truncated, truncated_report, truncated_values
@@ -42,7 +51,18 @@ def test_numbers_lists_and_what_is_absent_stay_what_they_are() -> None:
 def test_every_text_of_a_report_is_cut_but_the_names_of_files() -> None:
     path = "p" * 2000
     finding = replace(MISSING_WIRE, message=HUGE, prim=HUGE, related=(HUGE,), layer=path)
-    result = StageResult(path, "05", "fail", Score(0, 0), (finding,), (), (Crash("X", HUGE),))
+    result = StageResult(
+        path,
+        "05",
+        "fail",
+        Score(0, 0),
+        (finding,),
+        (),
+        (Crash("X", HUGE),),
+        (NotJudged("K14", HUGE, None, HUGE),),
+        NodeCoverage(1, unknown={HUGE: 1}),
+        (HUGE,),
+    )
     line = ChecklistItem("1", "text", "person", HUGE)
     report = truncated_report(Report((result,), (Submission(path, (finding,), (line,)),)))
     (found,) = report.results
@@ -51,6 +71,8 @@ def test_every_text_of_a_report_is_cut_but_the_names_of_files() -> None:
     assert (found.path, found.findings[0].layer) == (path, path)
     assert found.findings[0].message == found.findings[0].prim == short
     assert found.findings[0].related == (short,)
+    assert (found.not_judged[0].prim, found.gaps) == (short, (short,))
+    assert found.coverage == NodeCoverage(1, unknown={short: 1})
     assert (found.crashes[0].error, about.checklist[0].because) == (short, short)
 
 
@@ -132,7 +154,9 @@ def test_no_format_is_large(huge: Path) -> None:
         name: len(render(name, report, all_rules(), Options(verbosity="verbose")))
         for name in FORMATS
     }
-    most = MOST + 15_000 * len(report.results[0].findings)  # of markup: message, two values
+    (result,) = report.results
+    entries = len(result.findings) + len(result.not_judged)
+    most = MOST + 15_000 * entries  # of markup: message, two values
     assert {name: size for name, size in sizes.items() if size > most} == {}
 
 

@@ -10,7 +10,9 @@ from lab3_usd.report.entries import RuleCount, Summary, count_by_rule, statistic
 
 
 def test_the_summary_counts_files_and_findings() -> None:
-    assert summarize(REPORT) == Summary(files=3, passed=1, errors=3, warnings=1, notes=1)
+    assert summarize(REPORT) == Summary(
+        files=3, passed=1, not_judged=0, errors=3, warnings=1, notes=1
+    )
 
 
 def test_the_most_frequent_fault_comes_first() -> None:

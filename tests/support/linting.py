@@ -19,7 +19,7 @@ from lab3_usd.stage.read.reader import read_model
 def linted(stage: Usd.Stage, release: str = "6.0") -> RuleResults:
     lab = lint_lab(release)
     model = read_model(stage, lab, "stage.usda")
-    return lint(LintSubject(lab, load_isaac_types(), model, release))
+    return lint(LintSubject(lab, load_isaac_types(), model, release)).results
 
 
 def said_by(stage: Usd.Stage, *severities: str, release: str = "6.0") -> list[str]:

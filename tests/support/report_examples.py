@@ -11,6 +11,8 @@ from lab3_usd.model.finding import (
     ChecklistItem,
     Crash,
     Finding,
+    NodeCoverage,
+    NotJudged,
     Problem,
     Report,
     Requirement,
@@ -117,6 +119,18 @@ FAILED = StageResult(
 PASSED = StageResult("work/Lab3_00_INITIAL.usda", "00", "pass", Score(12.0, 12.0))
 BROKEN = StageResult(
     "work/Lab3_06_LOCALIZATION.usd", "06", "unreadable", Score(0, 40), (UNREADABLE,)
+)
+GAP = "the sublayer ./edits.usda of the stage cannot be found"
+NOT_JUDGED = StageResult(
+    "work/warehouse.usd",
+    None,
+    "not judged",
+    Score(0.0, 0.0),
+    not_judged=(NotJudged("K14", "/World/move", "inputs:targetPrim", "./robot.usd"),),
+    coverage=NodeCoverage(
+        nodes=9, waiting={"./robot.usd": 3}, unknown={"a.B": 1}, partly={"./robot.usd": 2}
+    ),
+    gaps=(GAP,),
 )
 CRASHED = StageResult(
     "work/Lab3_01_CLOCK.usda",

@@ -11,12 +11,23 @@ from jsonschema import Draft202012Validator
 from lab3_usd.data import data_folder
 
 ORDER = ["version", "tool", "results", "submissions", "summary", "error"]
-RESULT_ORDER = ["path", "checkpoint", "verdict", "score", "findings", "requirements", "crashes"]
+RESULT_ORDER = [
+    "path",
+    "checkpoint",
+    "verdict",
+    "score",
+    "findings",
+    "requirements",
+    "gaps",
+    "nodes",
+    "not_judged",
+    "crashes",
+]
 
 
 @cache
 def validator() -> Draft202012Validator:
-    text = (data_folder("schema") / "report-1.json").read_text(encoding="utf-8")
+    text = (data_folder("schema") / "report-2.json").read_text(encoding="utf-8")
     return Draft202012Validator(json.loads(text))
 
 
@@ -27,7 +38,7 @@ def problems_of(report: Any) -> list[str]:
 
 
 def assert_valid(report_json: str | bytes | dict[str, Any]) -> dict[str, Any]:
-    """Assert that a report is as `schema/report-1.json` says, and return it parsed.
+    """Assert that a report is as `schema/report-2.json` says, and return it parsed.
 
     Also: keys in their order, the summary counts what is there, no more points than possible, a
     column only with its line.
@@ -46,6 +57,7 @@ def assert_valid(report_json: str | bytes | dict[str, Any]) -> dict[str, Any]:
     assert report["summary"] == {
         "files": len(report["results"]),
         "passed": sum(result["verdict"] == "pass" for result in report["results"]),
+        "not_judged": sum(result["verdict"] == "not judged" for result in report["results"]),
         "errors": sum(finding["severity"] == "error" for finding in findings),
         "warnings": sum(finding["severity"] == "warning" for finding in findings),
         "notes": sum(finding["severity"] == "note" for finding in findings),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from msgspec import Struct
@@ -47,6 +47,7 @@ class Judgement(Struct, frozen=True):
     requirements: tuple[Requirement, ...]
     crashes: tuple[Crash, ...]
     not_judged: tuple[NotJudged, ...] = ()
+    gaps: tuple[str, ...] = ()
 
 
 def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
@@ -103,7 +104,26 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     findings = tuple(with_named_nodes(run.findings, live))
     graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
     judged = with_other_faults(outcome.requirements, findings, graphs)
-    return Judgement(findings, judged, tuple(run.crashes), tuple(run.not_judged))
+    return Judgement(
+        findings,
+        judged,
+        tuple(run.crashes),
+        tuple(run.not_judged),
+        tuple(_gaps(placed, stage, run.not_judged)),
+    )
+
+
+def _gaps(lab: Lab, stage: StageModel, left_open: Iterable[NotJudged]) -> Iterator[str]:
+    """Yield what matters and could not be judged: the robot, where a missing asset would hold it.
+
+    An asset that only a sensor or the environment refers to is no gap: what the lab asks of these
+    is mostly written in the stage itself.
+    """
+    robot = stage.unknown(lab.scene.robot.path)
+    count = 0 if robot is None else sum(entry.asset == robot.asset for entry in left_open)
+    if robot is not None and count:
+        left = "1 thing of the robot waits" if count == 1 else f"{count} things of the robot wait"
+        yield f"{left} for {robot.asset}, which cannot be found"
 
 
 def _without_repeats(findings: list[Finding]) -> list[Finding]:

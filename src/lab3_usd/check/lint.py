@@ -1,17 +1,35 @@
-"""Judges any stage of Isaac Sim without a spec."""
+"""Judges any stage of Isaac Sim without a spec, and counts what could not be judged."""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator, Mapping
+
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import import_rules, rules_of
+from lab3_usd.check.ros.execution import nodes_of_unknown_type
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.rule_runs import RuleResults, merge_results, run_rule
+from lab3_usd.model.finding import NodeCoverage, NotJudged
+from lab3_usd.model.stage import OVER, nodes_outside_graphs
 
 import_rules("F", "K")
 
 
-def lint(subject: LintSubject) -> RuleResults:
+class LintResults(Struct, frozen=True):
+    """What the rules found, how many nodes they could judge, and what matters and was not judged.
+
+    With a gap and without an error a stage is not judged: it is no pass.
+    """
+
+    results: RuleResults
+    coverage: NodeCoverage
+    gaps: tuple[str, ...] = ()
+
+
+def lint(subject: LintSubject) -> LintResults:
     """Run every rule over a stage, which is read as they ask.
 
     Raises:
@@ -24,7 +42,74 @@ def lint(subject: LintSubject) -> RuleResults:
         notes = replace(
             files, findings=tuple(replace(finding, severity="note") for finding in files.findings)
         )
-        return merge_results((notes, stage))
+        waiting = dict(_waiting(subject))
+        unknown = {node.path: node.type_name for node in nodes_of_unknown_type(subject)}
+        return LintResults(
+            merge_results((notes, stage)),
+            NodeCoverage(
+                nodes=len({*subject.live, *waiting}),
+                waiting=Counter(waiting.values()),
+                unknown=Counter(unknown.values()),
+                partly=_partly(stage.not_judged, subject, unknown),
+            ),
+            tuple(_gaps(subject, waiting, unknown)),
+        )
     finally:
         # What rules derive holds what they were given, and so the stage.
         subject.stage.judged.clear()
+
+
+def _waiting(subject: LintSubject) -> Iterator[tuple[str, str]]:
+    """Yield each node that may be in a missing asset only, and the asset.
+
+    It is an over, or stands below a graph that is one.
+    """
+    stage, ignores = subject.stage, subject.catalog.graph.ignores
+    stray = {node.path for node in nodes_outside_graphs(stage)}
+    paths = [node.path for node in stage.orphans if node.path not in stray]
+    paths += (prim.path for prim in stage.absent if prim.type_name and prim.reason == OVER)
+    paths += stage.overridden
+    for graph in subject.graphs():
+        paths += (prim.path for prim in graph.absent if prim.reason == OVER)
+        paths += (node.path for node in graph.nodes if not graph.active)
+    for path in paths:
+        asset = stage.unknown(path.rpartition("/")[0])
+        if asset is not None and not ignores(path):
+            yield path, asset.asset
+
+
+def _partly(
+    left_open: tuple[NotJudged, ...], subject: LintSubject, unknown: Mapping[str, str]
+) -> dict[str, int]:
+    """Count the nodes at which a rule left something open, by the first asset they wait for."""
+    assets: dict[str, str] = {}
+    for entry in left_open:
+        if entry.prim in subject.live and entry.prim not in unknown:
+            assets.setdefault(entry.prim, entry.asset)
+    return Counter(assets.values())
+
+
+def _gaps(
+    subject: LintSubject, waiting: Mapping[str, str], unknown: Mapping[str, str]
+) -> Iterator[str]:
+    """Yield what matters and could not be judged: a sublayer, a graph, whether there is a graph."""
+    stage = subject.stage
+    for missing in stage.unresolved:
+        if missing.kind == "sublayer":
+            yield f"the sublayer {missing.asset} of the stage cannot be found"
+    nodes = dict.fromkeys((*subject.live, *waiting))
+    graphs: dict[str, list[str]] = {}
+    for path in nodes:
+        graphs.setdefault(path.rpartition("/")[0], []).append(path)
+    for graph, paths in graphs.items():
+        if all(path in waiting or path in unknown for path in paths):
+            assets = sorted({waiting[path] for path in paths if path in waiting})
+            types = sorted({unknown[path] for path in paths if path in unknown})
+            reasons = [f"{asset} cannot be found" for asset in assets]
+            reasons += ["nothing is known of " + ", ".join(types)] if types else []
+            yield f"no node of {graph} could be judged: {'; '.join(reasons)}"
+    missing_parts = [missing for missing in stage.unresolved if missing.kind != "sublayer"]
+    if not graphs and missing_parts and not any(graph.active for graph in subject.graphs()):
+        assets = sorted({missing.asset for missing in missing_parts})
+        more = f" and {len(assets) - 1} more" if len(assets) > 1 else ""
+        yield f"there is no graph, unless in what cannot be found: {assets[0]}{more}"

@@ -37,7 +37,7 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     """Check stages and submissions against the lab.
 
     PATHS are stage files, folders of stages, or submission folders. The checkpoint is read from
-    each file's name. Exit status: 0 nothing found, 1 findings, 2 wrong usage or no
+    each file's name. Exit status: 0 nothing found, 1 findings or not judged, 2 wrong usage or no
     such path, 3 the tool itself failed.
     """
     options = with_config(paths, options)

@@ -33,8 +33,8 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
 
     PATHS are stage files, or folders with stages in them or below. Stages only have to work: what
     is found are nodes that never compute or compute on zeros, dead wires, topics, frames, robots
-    and sensors that do not fit together. Exit status: 0 nothing found, 1 findings, 2 wrong usage
-    or no such path, 3 the tool itself failed.
+    and sensors that do not fit together. Exit status: 0 nothing found, 1 findings or
+    not judged, 2 wrong usage or no such path, 3 the tool itself failed.
     """
     options = with_config(paths, options)
     from lab3_usd.commands.steps.judging import Judge, run

@@ -136,7 +136,9 @@ def fix_linted(path: Path, release: str, options: FixOptions) -> Fixed:
 
     def lint_stage(file: Path, stage: Any) -> Iterable[Finding]:
         model = read_model(stage, lab, str(file))
-        return _findings_of(file, lint(LintSubject(lab, load_isaac_types(), model, release)))
+        return _findings_of(
+            file, lint(LintSubject(lab, load_isaac_types(), model, release)).results
+        )
 
     return _fixed(path, lint_stage, lab, lab.checkpoints[lab.first], options)
 

@@ -94,15 +94,18 @@ def _linted(path: str | Path, release: str) -> StageResult:
             judged = lint(LintSubject(lab, load_isaac_types(), model, release))
     except StageError as error:
         return unreadable(str(path), None, str(error))
-    findings = ordered(located(judged.findings, path, stage))
+    results = judged.results
+    findings = ordered(located(results.findings, path, stage))
     return StageResult(
         path=str(path),
         checkpoint=None,
-        verdict=verdict_of(findings, judged.crashes),
+        verdict=verdict_of(findings, results.crashes, judged.gaps),
         score=Score(0.0, 0.0),
         findings=findings,
-        crashes=judged.crashes,
-        not_judged=judged.not_judged,
+        crashes=results.crashes,
+        not_judged=results.not_judged,
+        coverage=judged.coverage,
+        gaps=judged.gaps,
     )
 
 
@@ -118,7 +121,7 @@ def lint_open_stage(stage: Any) -> RuleResults:
 
     lab = lint_lab(NEWEST)
     model = read_model(reopened(stage), lab, stage.GetRootLayer().identifier)
-    judged = lint(LintSubject(lab, load_isaac_types(), model, NEWEST))
+    judged = lint(LintSubject(lab, load_isaac_types(), model, NEWEST)).results
     return replace(judged, findings=ordered(judged.findings))
 
 

@@ -75,8 +75,7 @@ def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult
         if note not in used and not is_for_others:
             unused = _unused(note)
             kept += unused if note.written else located(list(unused), path, stage)
-    findings = ordered(kept)
-    return replace(result, findings=findings, verdict=verdict_of(findings, result.crashes))
+    return with_findings(result, kept)
 
 
 def _notes_in(stage: Any, given: str) -> tuple[IgnoreNote, ...]:
@@ -134,10 +133,13 @@ def crashed(path: str, checkpoint: str | None, how: str) -> StageResult:
     return replace(unreadable(path, checkpoint, reason), crashes=(crash,))
 
 
-def verdict_of(findings: Iterable[Finding], crashes: Collection[Crash]) -> Verdict:
-    """Return the verdict on a stage that could be read."""
-    has_errors = any(finding.severity == "error" for finding in findings)
-    return "fail" if has_errors or crashes else "pass"
+def verdict_of(
+    findings: Iterable[Finding], crashes: Collection[Crash], gaps: Collection[str] = ()
+) -> Verdict:
+    """Return the verdict on a stage that could be read; `gaps` are what could not be judged."""
+    if crashes or any(finding.severity == "error" for finding in findings):
+        return "fail"
+    return "not judged" if gaps else "pass"
 
 
 def score_of(requirements: Collection[Requirement]) -> Score:
@@ -151,7 +153,7 @@ def with_findings(result: StageResult, findings: Iterable[Finding]) -> StageResu
     """Return a result with other findings, in order, and the verdict that they give."""
     new = ordered(findings)
     unread = result.verdict == "unreadable"
-    verdict: Verdict = "unreadable" if unread else verdict_of(new, result.crashes)
+    verdict = "unreadable" if unread else verdict_of(new, result.crashes, result.gaps)
     return replace(result, findings=new, verdict=verdict)
 
 

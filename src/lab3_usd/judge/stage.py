@@ -66,12 +66,13 @@ def check_stage(
     return StageResult(
         path=str(path),
         checkpoint=number,
-        verdict=verdict_of(findings, judged.crashes),
+        verdict=verdict_of(findings, judged.crashes, judged.gaps),
         score=score_of(judged.requirements),
         findings=findings,
         requirements=judged.requirements,
         crashes=judged.crashes,
         not_judged=judged.not_judged,
+        gaps=judged.gaps,
     )
 
 

@@ -22,7 +22,7 @@ _NUMBER, _DIGITS = re.compile(r"\d+"), 6
 SectionKey = tuple[int, str, int, int, str]
 
 Severity = Literal["error", "warning", "note"]
-Verdict = Literal["pass", "fail", "unreadable"]
+Verdict = Literal["pass", "fail", "not judged", "unreadable"]
 Unopened = Literal["", "stage", "file", "asset"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
@@ -69,7 +69,7 @@ class Problem(Struct, frozen=True):
 
 
 class Finding(Struct, frozen=True):
-    """One fault at its place, as every report shows it (see `schema/report-1.json`).
+    """One fault at its place, as every report shows it (see `schema/report-2.json`).
 
     No report shows what follows `fix`, which is the problem's own but for `supplied`: whether the
     rule judges what the starter brings.
@@ -180,6 +180,25 @@ class NotJudged(Struct, frozen=True):
     asset: str
 
 
+class NodeCoverage(Struct, frozen=True):
+    """How many nodes a stage without a spec has, and which of them could not be judged.
+
+    `waiting` counts nodes that the stage only overrides, by the missing asset that would define
+    them; `unknown` nodes of unknown types, by type; `partly` judged nodes at which a rule left
+    something open, by asset.
+    """
+
+    nodes: int = 0
+    waiting: dict[str, int] = {}
+    unknown: dict[str, int] = {}
+    partly: dict[str, int] = {}
+
+    @property
+    def judged(self) -> int:
+        """The number of nodes that were judged, in part at least."""
+        return self.nodes - sum(self.waiting.values()) - sum(self.unknown.values())
+
+
 class Crash(Struct, frozen=True):
     """A rule that failed itself: neither a pass nor a student's mistake."""
 
@@ -188,7 +207,10 @@ class Crash(Struct, frozen=True):
 
 
 class StageResult(Struct, frozen=True):
-    """The judgement of one file at one checkpoint; without a spec there is none."""
+    """The judgement of one file at one checkpoint; without a spec there is none.
+
+    `gaps` say what matters and could not be judged: with one, a stage without errors is no pass.
+    """
 
     path: str
     checkpoint: str | None
@@ -198,6 +220,8 @@ class StageResult(Struct, frozen=True):
     requirements: tuple[Requirement, ...] = ()
     crashes: tuple[Crash, ...] = ()
     not_judged: tuple[NotJudged, ...] = ()
+    coverage: NodeCoverage | None = None
+    gaps: tuple[str, ...] = ()
 
 
 class Report(Struct, frozen=True):

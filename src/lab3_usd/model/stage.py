@@ -69,7 +69,8 @@ class Node(Struct, frozen=True):
 
     `type_name` is `node:type` as saved ('' where absent), `type` its catalog entry or None.
     `namespace` joins the namespace attributes of the prim and its ancestors, `own_namespace` is
-    that of the prim alone.
+    that of the prim alone. `is_local` tells whether the stage's own layers define the node, rather
+    than an asset.
     """
 
     path: str
@@ -80,6 +81,7 @@ class Node(Struct, frozen=True):
     position: tuple[float, float] | None = None
     namespace: str = ""
     own_namespace: str = ""
+    is_local: bool = True
 
     @property
     def name(self) -> str:
@@ -200,7 +202,8 @@ class StageModel(Struct, frozen=True, eq=False):
     Two models are the same only when they are one. `derived` holds what was worked out from this
     one (`once_per_stage`), so that it goes when the model goes, and `judged` what was worked out
     for rules: it holds what they are given, and so the model. `instances` are the paths of the
-    prims that are instances.
+    prims that are instances. `overridden` are prims that look like nodes, which the stage only
+    overrides; they are read where an asset is missing.
     """
 
     up_axis: str
@@ -214,6 +217,7 @@ class StageModel(Struct, frozen=True, eq=False):
     colliders: Colliders = field(default_factory=Colliders)
     muted: tuple[MutedSublayer, ...] = ()
     instances: tuple[str, ...] = ()
+    overridden: tuple[str, ...] = ()
     scripts: tuple[Script, ...] = ()
     moving: tuple[AnimatedAttribute, ...] = ()
     derived: dict[Hashable, Any] = field(default_factory=dict)
@@ -271,6 +275,25 @@ class StageModel(Struct, frozen=True, eq=False):
             if asset is not None and (not above or self.prims[above].active):
                 return asset
         return None
+
+    def unknown_node(self, path: str) -> UnresolvedAsset | None:
+        """Return the missing asset that could hold a node at `path`.
+
+        A graph that is there holds the nodes that are there: an asset could only make nodes of
+        overs in it.
+        """
+        for graph in self.graphs:
+            if graph.active and is_at_or_below(path, graph.path):
+                overs = (prim.path for prim in graph.absent if prim.reason == OVER)
+                return self.unknown(path) if path in overs else None
+        return self.unknown(path)
+
+    def unknown_inputs(self, node: Node) -> UnresolvedAsset | None:
+        """Return the missing asset that could set inputs of a node.
+
+        A node that the stage's own layers define is judged as it stands there.
+        """
+        return None if node.is_local else self.unknown(node.path)
 
     def unknown_below(self, path: str, beside: Iterable[str] = ()) -> UnresolvedAsset | None:
         """Return the missing asset that could hold something at or below `path`.

@@ -104,7 +104,8 @@ class Block(Struct, frozen=True):
         findings = () if self.submission is None else self.submission.findings
         if "fail" in verdicts or any(finding.severity == "error" for finding in findings):
             return "fail"
-        return "unreadable" if "unreadable" in verdicts else "pass"
+        ranked: tuple[Verdict, ...] = ("unreadable", "not judged")
+        return next((verdict for verdict in ranked if verdict in verdicts), "pass")
 
     def span(self, indexes: Sequence[int]) -> str:
         """Name some of the stages in short: `02-05, 08`, with a dash for all in between."""

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from zlib import crc32
 
 from msgspec import Struct
 
-from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, Severity
+from lab3_usd.model.finding import SEVERITIES, Crash, Finding, NodeCoverage, Report, Severity
 from lab3_usd.report.safe_text import visible
+
+_NAMED = 3  # assets or types in the line that counts nodes
 
 
 def fingerprinted(report: Report) -> Iterator[tuple[Entry, str]]:
@@ -59,10 +61,11 @@ class Entry(Struct, frozen=True):
 
 
 class Summary(Struct, frozen=True):
-    """How many files were checked and passed, and how many findings there are."""
+    """How many files were checked, passed and were not judged, and how many findings there are."""
 
     files: int
     passed: int
+    not_judged: int
     errors: int
     warnings: int
     notes: int
@@ -88,6 +91,13 @@ def crashes(report: Report) -> Iterator[tuple[str, Crash]]:
             yield submission.path, crash
 
 
+def gaps(report: Report) -> Iterator[tuple[str, str]]:
+    """Yield what matters and could not be judged, with the path of the stage."""
+    for result in report.results:
+        for gap in result.gaps:
+            yield result.path, gap
+
+
 def summarize(report: Report) -> Summary:
     """Count files, passes and findings."""
     counts = dict.fromkeys(SEVERITIES, 0)
@@ -96,6 +106,7 @@ def summarize(report: Report) -> Summary:
     return Summary(
         files=len(report.results),
         passed=sum(result.verdict == "pass" for result in report.results),
+        not_judged=sum(result.verdict == "not judged" for result in report.results),
         errors=counts["error"],
         warnings=counts["warning"],
         notes=counts["note"],
@@ -169,16 +180,41 @@ def statistics_table(report: Report) -> list[str]:
 
 def summary_line(summary: Summary) -> str:
     """Return the line that ends a report: files, verdicts and findings."""
-    failed = summary.files - summary.passed
+    failed = summary.files - summary.passed - summary.not_judged
     counts = [
         plural(summary.errors, "error"),
         plural(summary.warnings, "warning"),
         plural(summary.notes, "note"),
     ]
     files = f"{plural(summary.files, 'file')}: {summary.passed} passed, {failed} failed"
+    files += f", {summary.not_judged} not judged" if summary.not_judged else ""
     return f"{files}; {', '.join(counts)}"
 
 
 def plural(count: int, noun: str) -> str:
     """Return a count with its noun."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def coverage_line(coverage: NodeCoverage) -> str:
+    """Say how many nodes were not judged, or only in part, and what they wait for; '' for none."""
+    parts = []
+    if coverage.judged < coverage.nodes:
+        left_out = coverage.nodes - coverage.judged
+        waiting = _counted(coverage.waiting, "waits for", "wait for")
+        unknown = _counted(coverage.unknown, "has the unknown type", "have the unknown type")
+        listed = "; ".join(filter(None, (waiting, unknown)))
+        parts.append(f"{left_out} of {plural(coverage.nodes, 'node')} not judged ({listed})")
+    if coverage.partly:
+        count = sum(coverage.partly.values())
+        listed = _counted(coverage.partly, "waits for", "wait for")
+        parts.append(f"{plural(count, 'node')} judged in part ({listed})")
+    return ", ".join(parts)
+
+
+def _counted(counts: Mapping[str, int], one: str, several: str) -> str:
+    """Return counts by name, the most first, with the verb that goes with them."""
+    ranked = sorted(counts.items(), key=lambda entry: (-entry[1], entry[0]))
+    named = [f"{count} {one if count == 1 else several} {name}" for name, count in ranked[:_NAMED]]
+    others = sum(count for _, count in ranked[_NAMED:])
+    return ", ".join([*named, *([f"{others} more"] if others else [])])

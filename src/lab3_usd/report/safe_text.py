@@ -10,7 +10,16 @@ from unicodedata import combining, east_asian_width
 from msgspec import Struct
 from msgspec.structs import asdict, replace
 
-from lab3_usd.model.finding import ChecklistItem, Crash, Finding, Report, StageResult, Submission
+from lab3_usd.model.finding import (
+    ChecklistItem,
+    Crash,
+    Finding,
+    NodeCoverage,
+    NotJudged,
+    Report,
+    StageResult,
+    Submission,
+)
 
 LONGEST = 1000  # characters
 # A cell that opens with one of these is a formula to a spreadsheet.
@@ -60,7 +69,7 @@ def truncated_values(document: Any) -> Any:
     if isinstance(document, str):
         return truncated(document)
     if isinstance(document, dict):
-        return {key: truncated_values(value) for key, value in document.items()}
+        return {truncated(key): truncated_values(value) for key, value in document.items()}
     return (
         type(document)(map(truncated_values, document))
         if isinstance(document, (list, tuple))
@@ -72,7 +81,7 @@ def truncated_report(report: Report) -> Report:
     """Return a report with every text truncated; paths stay, because files are opened again."""
     return replace(
         report,
-        results=tuple(map(_truncated_result, report.results)),
+        results=tuple(map(_truncated_stage, report.results)),
         submissions=tuple(
             replace(
                 _truncated_result(submission),
@@ -84,7 +93,7 @@ def truncated_report(report: Report) -> Report:
 
 
 _Result = TypeVar("_Result", StageResult, Submission)
-_Texts = TypeVar("_Texts", Finding, Crash, ChecklistItem)
+_Texts = TypeVar("_Texts", Finding, Crash, ChecklistItem, NotJudged)
 
 
 def _truncated_result(result: _Result) -> _Result:
@@ -92,6 +101,16 @@ def _truncated_result(result: _Result) -> _Result:
         result,
         findings=tuple(map(_truncated_texts, result.findings)),
         crashes=tuple(map(_truncated_texts, result.crashes)),
+    )
+
+
+def _truncated_stage(stage: StageResult) -> StageResult:
+    coverage = stage.coverage
+    return replace(
+        _truncated_result(stage),
+        not_judged=tuple(map(_truncated_texts, stage.not_judged)),
+        coverage=coverage and NodeCoverage(**truncated_values(asdict(coverage))),
+        gaps=truncated_values(stage.gaps),
     )
 
 
@@ -112,6 +131,7 @@ STYLES = {
     "note": "36",
     "pass": "32",
     "fail": "31",
+    "not judged": "33",
     "unreadable": "1;31",
     "met": "32",
     "not met": "31",

@@ -216,3 +216,13 @@ def is_wired(node: Node, subject: LintSubject) -> bool:
 def short(port: str) -> str:
     """Return the name of a port as people write it."""
     return port.removeprefix(INPUT)
+
+
+def nodes_of_unknown_type(subject: LintSubject) -> Iterator[Node]:
+    """Yield the nodes of a type that nothing is known of, not even that it is an event."""
+    catalog = subject.catalog
+    known = {*catalog.events, *catalog.once}
+    for node in subject.live.values():
+        modern = catalog.modern(node.type_name)
+        if node.type is None and modern not in known and not catalog.scripts.runs(node.type_name):
+            yield node

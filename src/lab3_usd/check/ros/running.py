@@ -11,6 +11,7 @@ from typing import Literal
 from msgspec import Struct
 
 from lab3_usd.model.finding import Severity
+from lab3_usd.model.physics import ARTICULATION_API, BODY_API
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
 from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, Value
@@ -20,6 +21,7 @@ from lab3_usd.spec.lab import Lab
 # A node that is not named among the states does not run.
 State = Literal["runs", "may run"]
 ENABLED = "inputs:enabled"
+_SENSORS = ("Camera", "OmniLidar", "OmniRadar")
 Nodes = Mapping[str, Node]
 _Followers = Mapping[str, list[str]]
 _OPENED_FIRST = ("publisher", "subscriber")
@@ -311,6 +313,16 @@ class LintSubject(Struct, frozen=True, eq=False):
     def runs(self, path: str) -> bool:
         """Whether a node runs, or may run, while the timeline plays."""
         return path in run_states(self.stage, self.lab)
+
+    @property
+    def is_module(self) -> bool:
+        """Whether the stage holds graphs and neither robot nor sensor, for others to refer to."""
+        if self.stage.unresolved:
+            return False
+        made = self.types.application_prims
+        bodies = (*self.stage.with_api(ARTICULATION_API), *self.stage.with_api(BODY_API))
+        sensors = (prim for kind in _SENSORS for prim in self.stage.of_type(kind))
+        return not bodies and all(prim.path in made for prim in sensors)
 
     def graphs(self) -> Iterator[GraphModel]:
         """Yield the graphs that no application made for itself, in the scene or not."""

@@ -60,7 +60,7 @@ def connections(subject: LintSubject) -> Iterator[Connection]:
 def why_dead(wire: Connection, subject: LintSubject) -> str | None:
     """Say why there is no node at the source of a wire, None where nobody can know."""
     stage, path = subject.stage, wire.source_prim
-    if stage.unknown(path) or subject.catalog.graph.ignores(path):
+    if stage.unknown_node(path) or subject.catalog.graph.ignores(path):
         return None
     if any(node.path == path for node in stage.orphans):
         return "stands outside every graph"

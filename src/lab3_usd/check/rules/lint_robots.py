@@ -58,6 +58,7 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
             property=command.port,
             expected="a prim with an articulation root",
             actual=command.robot,
+            severity="warning" if is_by_path and subject.is_module else None,
             rests_on=command.unknown,
         )
 
@@ -193,7 +194,7 @@ def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
                     property=port,
                     expected=str(named),
                     actual=str(given),
-                    rests_on=subject.stage.unknown(command.node.path),
+                    rests_on=subject.stage.unknown_inputs(command.node),
                 )
 
 

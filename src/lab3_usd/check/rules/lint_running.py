@@ -26,6 +26,7 @@ from lab3_usd.check.ros.running import (
 )
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import DEACTIVATED, OVER, nodes_outside_graphs
+from lab3_usd.spec.catalog import INPUT
 
 _REASONS = {
     "unwired": "{port} is not connected",
@@ -75,7 +76,7 @@ def _stopped(stop: Stop, subject: LintSubject) -> Problem:
         related=tuple(node.path for node in stop.waiting),
         hint=f"switch {stop.cause} on again" if is_off else None,
         severity="note" if is_off else None,
-        rests_on=subject.stage.unknown(stop.node.path),
+        rests_on=subject.stage.unknown_inputs(stop.node),
     )
 
 
@@ -265,7 +266,9 @@ def works_on_zeros(subject: LintSubject) -> Iterator[Problem]:
 
     Why: an input without a wire and without a value is 0 or empty. A publisher without a time
     stamps everything 0, a helper without a render product publishes nothing, a controller without
-    a wheel radius gives no command. Isaac Sim says nothing of it, or logs a line each frame.
+    a wheel radius gives no command. Isaac Sim says nothing of it, or logs a line each frame. In a
+    file that holds graphs and neither robot nor sensor, a stage that refers to it may name the
+    prims: a warning.
 
     Fix: wire the input from the node that computes it, or set it in the Property panel.
 
@@ -275,6 +278,11 @@ def works_on_zeros(subject: LintSubject) -> Iterator[Problem]:
         if not (subject.runs(node.path) or is_wired(node, subject)):
             continue
         for need in unmet_needs(node, subject):
+            may_be_filled = subject.is_module and any(
+                node.type is not None and node.type.ports[INPUT + name].is_target
+                for name in need.inputs
+                if node.has_port(INPUT + name)
+            )
             known = [name for name in need.inputs if node.has_port(f"inputs:{name}")]
             names = " and ".join(f"inputs:{name}" for name in known)
             is_unset = (
@@ -285,8 +293,8 @@ def works_on_zeros(subject: LintSubject) -> Iterator[Problem]:
                 f"{names} {is_unset} no value: {need.effect}",
                 property=f"inputs:{known[0]}",
                 expected="a wire or a value",
-                severity=need.severity if need.severity != "error" else None,
-                rests_on=subject.stage.unknown(node.path),
+                severity="warning" if need.severity == "warning" or may_be_filled else None,
+                rests_on=subject.stage.unknown_inputs(node),
             )
 
 
@@ -312,7 +320,7 @@ def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
                     f"{port} is not connected and has no value: an element of the array is empty",
                     property=port,
                     expected="a wire or a value",
-                    rests_on=subject.stage.unknown(node.path),
+                    rests_on=subject.stage.unknown_inputs(node),
                 )
         for port in items.beyond:
             yield Problem(
@@ -321,7 +329,7 @@ def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
                 property=items.count_port,
                 actual=str(items.count),
                 severity="warning",
-                rests_on=subject.stage.unknown(node.path),
+                rests_on=subject.stage.unknown_inputs(node),
             )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, VERSION, modern_types
+from lab3_usd.check.ros.execution import nodes_of_unknown_type
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.ros.topics import did_you_mean, likely_type
 from lab3_usd.model.changes import SetValue
@@ -25,7 +26,7 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Context with the prefix of its extension, `ros2.nodes`, not `ros2.bridge`.
     """
-    for node in _unknown(subject):
+    for node in nodes_of_unknown_type(subject):
         of_release, likely = _other_release(node, subject), _likely(node, subject)
         if of_release is None or (likely is None and not of_release):
             continue
@@ -60,16 +61,6 @@ def _likely(node: Node, subject: LintSubject) -> str | None:
         return None
     alike = subject.catalog.lookalikes.get(node.type_name)
     return alike or likely_type(node.type_name, subject.catalog.types)
-
-
-def _unknown(subject: LintSubject) -> Iterator[Node]:
-    """Yield the nodes of a type that nothing is known of, not even that it is an event."""
-    catalog = subject.catalog
-    known = {*catalog.events, *catalog.once}
-    for node in subject.live.values():
-        modern = catalog.modern(node.type_name)
-        if node.type is None and modern not in known and not catalog.scripts.runs(node.type_name):
-            yield node
 
 
 @rule("K31", "deprecated-types", scope="lint", severity="warning", formerly="old-names")
@@ -116,7 +107,7 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     Example: To String, a node of Kit's own.
     """
     paths_by_type: dict[str, list[str]] = {}
-    for node in _unknown(subject):
+    for node in nodes_of_unknown_type(subject):
         of_release = _other_release(node, subject)
         if of_release is None or (_likely(node, subject) is None and not of_release):
             paths_by_type.setdefault(node.type_name, []).append(node.path)

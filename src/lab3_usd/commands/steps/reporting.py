@@ -164,5 +164,7 @@ def exit_code(report: Report, options: Mapping[str, Any]) -> int:
     if options["exit_zero"]:
         return 0
     bad = ("error", "warning") if options["fail_on"] == "warning" else ("error",)
+    if any(result.verdict == "not judged" for result in report.results):
+        return EXIT_FOUND
     is_bad = any(finding.severity in bad for result in judged for finding in result.findings)
     return EXIT_FOUND if is_bad else 0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lab3_usd.model.finding import Report, Severity
-from lab3_usd.report.entries import crashes, entries, relative_path, site
+from lab3_usd.report.entries import crashes, entries, gaps, relative_path, site
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
@@ -29,6 +29,9 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
             texts.append(f"handout {finding.handout}")
         message = "\n".join(map(visible, texts))
         lines.append(_command(COMMANDS[finding.severity], properties, message))
+    for path, gap in gaps(report):
+        properties = {"file": relative_path(path, options.root), "title": "not judged"}
+        lines.append(_command("warning", properties, visible(gap)))
     for path, crash in crashes(report):
         file = relative_path(path, options.root)
         properties = {"file": file, "title": f"{crash.rule} crashed"}

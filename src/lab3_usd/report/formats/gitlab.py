@@ -5,7 +5,14 @@ from __future__ import annotations
 import json
 
 from lab3_usd.model.finding import Report, Severity
-from lab3_usd.report.entries import crashes, fingerprint, fingerprinted, relative_path, site
+from lab3_usd.report.entries import (
+    crashes,
+    fingerprint,
+    fingerprinted,
+    gaps,
+    relative_path,
+    site,
+)
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
@@ -27,6 +34,17 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
                 "fingerprint": fingerprint(entry.path, fingerprint_text),
                 "severity": SEVERITY_NAMES[finding.severity],
                 "location": {"path": file, "lines": {"begin": finding.line or 1}},
+            }
+        )
+    for path, gap in gaps(report):
+        file = relative_path(path, options.root)
+        issues.append(
+            {
+                "description": visible(f"not judged: {gap}"),
+                "check_name": "not judged",
+                "fingerprint": fingerprint(file, "not judged", gap),
+                "severity": "minor",
+                "location": {"path": file, "lines": {"begin": 1}},
             }
         )
     for path, crash in crashes(report):

@@ -8,7 +8,7 @@ from typing import Any
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Finding, Report, Requirement, StageResult
-from lab3_usd.report.entries import crashes, site, summarize, summary_line
+from lab3_usd.report.entries import crashes, gaps, site, summarize, summary_line
 from lab3_usd.report.formats.markdown import code, text
 from lab3_usd.report.options import Options, Rules
 
@@ -36,6 +36,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         name = f"Submission {submission.path}"
         tests.append(_test(name, 0, 0, submission.findings, "\n".join(items)))
     overview = [text(summary_line(summarize(report)))]
+    overview += [f"Not judged: {text(gap)} \\({code(path)}\\)" for path, gap in gaps(report)]
     overview += [
         f"Rule {text(crash.rule)} crashed on {code(path)}: {code(crash.error)}"
         for path, crash in crashes(report)

@@ -1,4 +1,4 @@
-"""The report as JSON in the form of `schema/report-1.json`; imports next to nothing, for speed."""
+"""The report as JSON in the form of `schema/report-2.json`; imports next to nothing, for speed."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any, Literal
 from msgspec import to_builtins
 from msgspec.structs import asdict
 
-from lab3_usd.model.finding import Crash, Finding, Report
+from lab3_usd.model.finding import Crash, Finding, NodeCoverage, Report
 from lab3_usd.report.entries import Summary, fault_id, summarize
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import truncated_values
 
-VERSION = 1
+VERSION = 2
 Json = dict[str, Any]
 
 
@@ -49,6 +49,12 @@ def report_json(report: Report, *, requirements: bool = False) -> Json:
         }
         if requirements:
             entry["requirements"] = [asdict(requirement) for requirement in result.requirements]
+        if result.gaps:
+            entry["gaps"] = list(result.gaps)
+        if result.coverage is not None:
+            entry["nodes"] = _nodes_json(result.coverage)
+        if result.not_judged:
+            entry["not_judged"] = [asdict(left_open) for left_open in result.not_judged]
         _add_crashes(entry, result.crashes)
         document["results"].append(entry)
     if report.submissions:
@@ -65,11 +71,21 @@ def report_json(report: Report, *, requirements: bool = False) -> Json:
     return document
 
 
+def _nodes_json(coverage: NodeCoverage) -> Json:
+    return {
+        "total": coverage.nodes,
+        "judged": coverage.judged,
+        "waiting": dict(sorted(coverage.waiting.items())),
+        "unknown_types": dict(sorted(coverage.unknown.items())),
+        "partly": dict(sorted(coverage.partly.items())),
+    }
+
+
 def error_report(message: str, kind: Literal["usage", "crash"]) -> Json:
     """Return the report of a run that came to nothing: wrong usage, or the tool itself failed."""
     document = _head()
     document["results"] = []
-    document["summary"] = asdict(Summary(0, 0, 0, 0, 0))
+    document["summary"] = asdict(Summary(0, 0, 0, 0, 0, 0))
     document["error"] = {"kind": kind, "message": message}
     return document
 

@@ -5,18 +5,22 @@ from __future__ import annotations
 import json
 
 from lab3_usd.model.finding import Report
-from lab3_usd.report.entries import crashes, entries
+from lab3_usd.report.entries import crashes, entries, gaps
 from lab3_usd.report.formats.json_report import finding_json
 from lab3_usd.report.options import Options, Rules
 
 
 def render(report: Report, rules: Rules | None, options: Options) -> str:
-    """Return a line for each finding, then one with the key `crash` for each rule that failed."""
+    """Return a line for each finding, then one for each gap and for each rule that failed.
+
+    They have the keys `not_judged` and `crash`.
+    """
     del rules, options
     rows: list[dict[str, object]] = [
         {"path": entry.path, "checkpoint": entry.checkpoint, **finding_json(entry.finding)}
         for entry in entries(report)
     ]
+    rows += [{"path": path, "not_judged": gap} for path, gap in gaps(report)]
     rows += [
         {"path": path, "rule": crash.rule, "crash": crash.error} for path, crash in crashes(report)
     ]

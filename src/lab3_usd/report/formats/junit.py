@@ -19,7 +19,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     """Return the suites.
 
     A case is a requirement, or a rule that found something: an error fails it, a warning or note
-    is its output. A rule that failed itself is an error.
+    is its output. A rule that failed itself is an error, what could not be judged is skipped.
     """
     del rules, options
     suites = ET.Element("testsuites", name="lab3")
@@ -42,6 +42,11 @@ def _suite(
         if not requirement.met:
             _outcome(case, "failure", requirement.kind, f"not met: {requirement.title}", [])
     _add_findings(suite, f"{classname}.rules", result.findings)
+    gaps = result.gaps if isinstance(result, StageResult) else ()
+    if gaps:
+        case = _case(suite, f"{classname}.rules", "not judged")
+        ET.SubElement(case, "skipped", {"message": visible("; ".join(gaps))})
+        suite.set("skipped", "1")
     for crash in result.crashes:
         case = _case(suite, f"{classname}.rules", f"{crash.rule} crashed")
         _outcome(case, "error", crash.rule, crash.error, [])

@@ -28,6 +28,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
             if result.checkpoint
             else f"**{text(result.verdict)}**"
         )
+        blocks += [f"Not judged: {text(gap)}" for gap in result.gaps]
         if result.findings:
             blocks.append(findings_table(result.findings))
         blocks += _crashes(result.crashes)

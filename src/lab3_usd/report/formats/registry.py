@@ -28,7 +28,7 @@ class Format(Struct, frozen=True):
 FORMATS: dict[str, Format] = {
     "text": Format("text", "for people, on a terminal or in a file"),
     "concise": Format("concise", "one line for each finding, for editors"),
-    "json": Format("json_report", "for programs; schema/report-1.json"),
+    "json": Format("json_report", "for programs; schema/report-2.json"),
     "jsonl": Format("jsonl", "one JSON object for each finding"),
     "sarif": Format("sarif", "SARIF 2.1.0, for code scanning", manual=True, changes=True),
     "junit": Format("junit", "JUnit XML, for Jenkins and its kind"),

@@ -10,7 +10,15 @@ from urllib.parse import quote
 
 from lab3_usd.check.registry import Rule
 from lab3_usd.model.finding import Report, site_of
-from lab3_usd.report.entries import Entry, crashes, entries, fingerprinted, relative_path, site
+from lab3_usd.report.entries import (
+    Entry,
+    crashes,
+    entries,
+    fingerprinted,
+    gaps,
+    relative_path,
+    site,
+)
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import visible
 
@@ -40,6 +48,14 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         for path, crash in crashes(report)
     ]
     invocation: Json = {"executionSuccessful": not notifications}
+    notifications += [
+        {
+            "level": "warning",
+            "message": message(f"not judged: {gap}"),
+            "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, options.root)}}],
+        }
+        for path, gap in gaps(report)
+    ]
     if notifications:
         invocation["toolExecutionNotifications"] = notifications
     driver = {

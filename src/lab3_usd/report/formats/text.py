@@ -8,16 +8,25 @@ from msgspec.structs import replace
 
 from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, StageResult, Submission
 from lab3_usd.report.blocks import Block, blocks
-from lab3_usd.report.entries import entries, plural, statistics_table, summarize, summary_line
+from lab3_usd.report.entries import (
+    coverage_line,
+    entries,
+    plural,
+    statistics_table,
+    summarize,
+    summary_line,
+)
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import paint, read_excerpts, visible
 from lab3_usd.report.text import (
+    INDENT,
     REPAIRABLE,
     Page,
     checklist_lines,
     fault_lines,
     finding_blocks,
     is_repairable,
+    wrapped,
 )
 from lab3_usd.spec.load.loader import load_lab
 
@@ -79,6 +88,7 @@ def _sections(block: Block, page: Page) -> Iterator[list[str]]:
     for result in (stage.result for stage in block.stages):
         lines = [_stage_heading(result, page), *_crash_lines(result.crashes, page)]
         if not quiet:
+            lines += _unknown_lines(result, page)
             lines += finding_blocks(((finding, "") for finding in result.findings), page)
         yield [*lines, *_not_judged_line([result], page)]
     if block.submission is not None:
@@ -92,7 +102,11 @@ def _sections(block: Block, page: Page) -> Iterator[list[str]]:
 
 def _student_lines(block: Block, page: Page) -> list[str]:
     """Return the lines of stages that were saved one after the other."""
-    lines = [_stage_heading(stage.result, page) for stage in block.stages]
+    lines = []
+    for stage in block.stages:
+        lines.append(_stage_heading(stage.result, page))
+        if page.options.verbosity != "quiet":
+            lines += _unknown_lines(stage.result, page)
     for stage in block.stages:
         lines += (f"{line} (in {stage.label})" for line in _crash_lines(stage.result.crashes, page))
     if block.submission is not None:
@@ -129,6 +143,15 @@ def _counts(findings: Sequence[Finding]) -> str:
         for severity in SEVERITIES
         if severity in severities
     )
+
+
+def _unknown_lines(result: StageResult, page: Page) -> Iterator[str]:
+    """Yield what matters and could not be judged, and the nodes that were not."""
+    for gap in result.gaps:
+        yield from wrapped(f"not judged: {gap}", INDENT, page.width)
+    coverage = "" if result.coverage is None else coverage_line(result.coverage)
+    if coverage:
+        yield from wrapped(coverage, INDENT, page.width)
 
 
 def _not_judged_line(results: Sequence[StageResult], page: Page) -> Iterator[str]:

@@ -13,6 +13,7 @@ from lab3_usd.check.tf.frames import published_edges, unknown_publishers, unreso
 from lab3_usd.errors import Lab3Error, StageError
 from lab3_usd.model.finding import ChecklistItem, Crash, Severity, StageResult, section_key
 from lab3_usd.report.blocks import Block, Fault, Stages
+from lab3_usd.report.entries import coverage_line
 from lab3_usd.report.picture.model import Picture
 from lab3_usd.report.pictures.graph_picture import stage_pictures
 from lab3_usd.report.safe_text import excerpt_lines, read_excerpts
@@ -186,6 +187,16 @@ class BlockView(Struct, frozen=True):
     topics: tuple[Topic, ...]
     checks: tuple[ChecklistSection, ...]
     crashes: tuple[tuple[str, Crash], ...] = ()
+
+    @property
+    def unknown(self) -> tuple[tuple[str, str], ...]:
+        """What could not be judged, with the file of the stage."""
+        lines = []
+        for stage in self.block.stages:
+            lines += [(stage.file, gap) for gap in stage.result.gaps]
+            coverage = stage.result.coverage
+            lines += [(stage.file, coverage_line(coverage))] if coverage is not None else []
+        return tuple((file, text) for file, text in lines if text)
 
     @property
     def cards(self) -> tuple[Card, ...]:

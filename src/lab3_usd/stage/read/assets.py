@@ -177,6 +177,13 @@ def _as_written(asset: str, layer_path: str) -> str:
     return asset
 
 
+def is_defined_in(prim: Usd.Prim, layers: Iterable[Sdf.Layer]) -> bool:
+    """Whether one of these layers defines the prim, rather than overrides it."""
+    return any(
+        spec.specifier == Sdf.SpecifierDef and spec.layer in layers for spec in prim.GetPrimStack()
+    )
+
+
 def is_in_scene(prim: Usd.Prim, hidden: Iterable[str]) -> bool:
     """Whether the prim is defined, or would be if the assets missing at `hidden` were there.
 

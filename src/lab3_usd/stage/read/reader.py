@@ -19,7 +19,13 @@ from lab3_usd.model.stage import (
 )
 from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType, Value
 from lab3_usd.spec.lab import Lab
-from lab3_usd.stage.read.assets import IS_PRESENT, find_muted, find_unresolved, is_in_scene
+from lab3_usd.stage.read.assets import (
+    IS_PRESENT,
+    find_muted,
+    find_unresolved,
+    is_defined_in,
+    is_in_scene,
+)
 from lab3_usd.stage.read.colliders import StageColliders
 from lab3_usd.stage.read.opening import cached, held, open_stage, quiet, stage_errors
 from lab3_usd.stage.read.prims import EVERYTHING, PrimIndex, PrimReader, StagePrims
@@ -79,6 +85,7 @@ def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
         colliders=StageColliders(prims, reader),
         muted=tuple(find_muted(stage)),
         instances=tuple(scan.instances),
+        overridden=tuple(scan.overridden),
         scripts=tuple(scan.scripts),
         moving=changes_after_start(stage),
     )
@@ -94,12 +101,14 @@ class _Scan:
         self._stage = stage
         self._lab = lab
         self._hidden = hidden
+        self._own_layers = stage.GetLayerStack() if hidden else ()
         self.others = PrimIndex()
         self.graphs: dict[str, Usd.Prim] = {}
         self.nodes: dict[str, list[Node]] = {"": []}
         self.absent: dict[str, list[AbsentPrim]] = {"": []}
         self.scripts: list[Script] = []
         self.instances: list[str] = []
+        self.overridden: list[str] = []
         self._namespaces: dict[str, str] = {"/": ""}
 
     def run(self) -> None:
@@ -137,6 +146,8 @@ class _Scan:
                 self.others.add(prim, kind, apis)
                 if above or kind == form.type or not scripts.isdisjoint(apis):
                     self._other(prim, kind, apis, above)
+                elif self._hidden and not kind and has_custom_ports(prim):
+                    self.overridden.append(str(prim.GetPath()))
 
     def _other(self, prim: Usd.Prim, kind: str, apis: Sequence[str], above: list[str]) -> None:
         """Look closer at a prim that is a graph, is in one or carries schemas."""
@@ -177,6 +188,7 @@ class _Scan:
                 position=_pair(properties[_POSITION].value()),
                 namespace=namespace,
                 own_namespace=own,
+                is_local=not self._hidden or is_defined_in(prim, self._own_layers),
             )
         )
 
@@ -233,6 +245,12 @@ class _Scan:
             absent=tuple(self.absent[path]),
             instanced=prim.IsInstanceProxy(),
         )
+
+
+def has_custom_ports(prim: Usd.Prim) -> bool:
+    """Whether a prim has ports as Kit writes those of nodes, and not those of shaders."""
+    properties = (spec for prim_spec in prim.GetPrimStack() for spec in prim_spec.properties)
+    return any(spec.custom and spec.name.startswith((INPUT, OUTPUT)) for spec in properties)
 
 
 def read_ports(properties: AuthoredProperties, kind: NodeType | None) -> Mapping[str, PortState]:

@@ -1,0 +1,221 @@
+"""The linter where assets are missing: what the file defines is judged, the rest is counted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from foreign_robots import TICK, rover, write_graph
+from missing_assets import ROVER, rover_of_a_missing_asset
+from pxr import Sdf, Usd
+
+from lab3_usd.judge.lint import lint_stage
+from lab3_usd.model.finding import NodeCoverage, StageResult
+
+CLOCK = {"tick": TICK, "clock": ("ros.ROS2PublishClock", {})}
+RUNS = ["tick.tick -> clock.execIn"]
+
+
+def result_of(stage: Usd.Stage, folder: Path) -> StageResult:
+    path = folder / "stage.usda"
+    stage.GetRootLayer().Export(str(path))
+    return lint_stage(path)
+
+
+def cut(stage: Usd.Stage, *wires: str) -> None:
+    for wire in wires:
+        attribute = stage.GetAttributeAtPath(wire)
+        assert attribute.GetConnections()
+        attribute.ClearConnections()
+
+
+def errors(result: StageResult) -> set[tuple[str, str]]:
+    return {
+        (finding.rule, finding.prim) for finding in result.findings if finding.severity == "error"
+    }
+
+
+def as_overs(stage: Usd.Stage, graph: str) -> None:
+    """Leave of a graph what is saved of one that an asset holds."""
+    layer = stage.GetRootLayer()
+    for path in (graph, *(f"{graph}/{name}" for name in CLOCK)):
+        spec = layer.GetPrimAtPath(path)
+        spec.specifier, spec.typeName = Sdf.SpecifierOver, ""
+        for name in [each.name for each in spec.properties if each.name.startswith("node:")]:
+            spec.RemoveProperty(spec.properties[name])
+
+
+def test_cut_wires_are_found_beside_a_missing_sublayer(tmp_path: Path) -> None:
+    stage = rover()
+    stage.GetRootLayer().subLayerPaths.append("./edits.usda")
+    cut(stage, "/World/Clock/clock.inputs:timeStamp", "/World/Clock/clock.inputs:execIn")
+    result = result_of(stage, tmp_path)
+    assert result.verdict == "fail"
+    assert errors(result) == {("K01", "/World/Clock/clock"), ("K10", "/World/Clock/clock")}
+
+
+def test_cut_wires_are_found_below_a_missing_robot(tmp_path: Path) -> None:
+    stage = rover_of_a_missing_asset()
+    graph = f"{ROVER}/Graph"
+    nodes = {
+        **CLOCK,
+        "time": ("core.IsaacReadSimulationTime", {}),
+        "odometry": ("ros.ROS2PublishOdometry", {}),
+        "late": ("ros.ROS2PublishClock", {"topicName": "late"}),
+    }
+    write_graph(stage, graph, nodes, RUNS)
+    result = result_of(stage, tmp_path)
+    assert result.verdict == "fail"
+    assert {("K10", f"{graph}/clock"), ("K01", f"{graph}/odometry"), ("K01", f"{graph}/late")} <= (
+        errors(result)
+    )
+
+
+def test_a_cycle_and_a_wire_of_the_wrong_type_are_found_below_a_missing_robot(
+    tmp_path: Path,
+) -> None:
+    stage = rover_of_a_missing_asset()
+    graph = f"{ROVER}/Graph"
+    nodes = {**CLOCK, "twist": ("ros.ROS2SubscribeTwist", {})}
+    wires = ["tick.tick -> twist.execIn", "twist.linearVelocity -> clock.timeStamp"]
+    write_graph(stage, graph, nodes, [*RUNS, *wires])
+    assert ("K22", f"{graph}/clock") in errors(result_of(stage, tmp_path))
+
+
+def test_a_wire_from_a_node_that_a_defined_graph_does_not_have_is_found(tmp_path: Path) -> None:
+    stage = rover_of_a_missing_asset()
+    graph = f"{ROVER}/Graph"
+    write_graph(stage, graph, CLOCK, RUNS)
+    stage.GetAttributeAtPath(f"{graph}/clock.inputs:execIn").SetConnections(
+        [Sdf.Path(f"{graph}/gone.outputs:tick")]
+    )
+    assert ("K20", f"{graph}/clock") in errors(result_of(stage, tmp_path))
+
+
+def test_a_wire_from_a_node_that_the_asset_may_have_is_not_judged(tmp_path: Path) -> None:
+    stage = rover_of_a_missing_asset()
+    graph = f"{ROVER}/Graph"
+    write_graph(stage, graph, CLOCK, [*RUNS])
+    layer = stage.GetRootLayer()
+    tick = layer.GetPrimAtPath(f"{graph}/tick")
+    tick.specifier, tick.typeName = Sdf.SpecifierOver, ""
+    assert ("K20", f"{graph}/clock") not in errors(result_of(stage, tmp_path))
+
+
+def test_nodes_that_are_overs_of_a_missing_asset_are_counted_and_not_judged(
+    tmp_path: Path,
+) -> None:
+    stage = rover_of_a_missing_asset()
+    for graph in ("/World/Own", f"{ROVER}/Graph"):
+        write_graph(stage, graph, CLOCK, RUNS)
+    as_overs(stage, f"{ROVER}/Graph")
+    result = result_of(stage, tmp_path)
+    assert ("K10", "/World/Own/clock") in errors(result)
+    assert ("K10", f"{ROVER}/Graph/clock") not in errors(result)
+    assert result.coverage is not None
+    assert result.coverage.waiting == {"./rover.usd": 2}
+    assert result.coverage.judged == result.coverage.nodes - 2
+    assert result.gaps == (
+        f"no node of {ROVER}/Graph could be judged: ./rover.usd cannot be found",
+    )
+
+
+def test_inputs_of_a_node_of_an_asset_may_come_from_a_missing_sublayer(tmp_path: Path) -> None:
+    asset = Usd.Stage.CreateNew(str(tmp_path / "robot.usda"))
+    asset.SetDefaultPrim(asset.DefinePrim("/Robot", "Xform"))
+    write_graph(asset, "/Robot/Graph", CLOCK, RUNS)
+    asset.Save()
+    stage = Usd.Stage.CreateInMemory()
+    own = {**CLOCK, "clock": ("ros.ROS2PublishClock", {"topicName": "own"})}
+    write_graph(stage, "/Own", own, RUNS)
+    stage.DefinePrim("/Robot", "Xform").GetReferences().AddReference("./robot.usda")
+    result = result_of(stage, tmp_path)
+    assert errors(result) == {("K10", "/Own/clock"), ("K10", "/Robot/Graph/clock")}
+    stage.GetRootLayer().subLayerPaths.append("./edits.usda")
+    result = result_of(stage, tmp_path)
+    assert errors(result) == {("K10", "/Own/clock")}
+    assert {(entry.rule, entry.prim) for entry in result.not_judged} == {
+        ("K10", "/Robot/Graph/clock")
+    }
+
+
+def test_a_graph_of_unknown_types_alone_is_not_judged(tmp_path: Path) -> None:
+    stage = rover()
+    types = {"one": "somebody.elses.One", "two": "somebody.elses.Two"}
+    stage.DefinePrim("/World/Other", "OmniGraph")
+    for name, kind in types.items():
+        node = stage.DefinePrim(f"/World/Other/{name}", "OmniGraphNode")
+        node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set(kind)
+    result = result_of(stage, tmp_path)
+    assert result.verdict == "not judged"
+    assert result.coverage is not None
+    assert result.coverage.unknown == dict.fromkeys(types.values(), 1)
+    assert [gap for gap in result.gaps if "/World/Other" in gap] == list(result.gaps)
+
+
+def test_one_node_that_is_known_has_its_graph_judged(tmp_path: Path) -> None:
+    stage = rover()
+    node = stage.DefinePrim("/World/Clock/other", "OmniGraphNode")
+    node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set("somebody.elses.One")
+    result = result_of(stage, tmp_path)
+    assert (result.verdict, result.gaps) == ("pass", ())
+    assert result.coverage is not None
+    assert result.coverage.judged == result.coverage.nodes - 1
+
+
+def test_a_robot_of_a_missing_asset_leaves_nodes_judged_in_part(tmp_path: Path) -> None:
+    result = result_of(rover_of_a_missing_asset(), tmp_path)
+    assert (result.verdict, result.gaps) == ("pass", ())
+    assert result.coverage is not None
+    assert result.coverage.judged == result.coverage.nodes > 0
+    assert list(result.coverage.partly) == ["./rover.usd"]
+
+
+def test_a_scene_without_a_graph_is_judged_unless_something_is_missing(tmp_path: Path) -> None:
+    stage = Usd.Stage.CreateInMemory()
+    chair = stage.DefinePrim("/World/chair", "Xform")
+    assert result_of(stage, tmp_path).verdict == "pass"
+    chair.GetReferences().AddReference("https://server/chair.usd")
+    result = result_of(stage, tmp_path)
+    assert (result.verdict, len(result.gaps)) == ("not judged", 1)
+    assert "https://server/chair.usd" in result.gaps[0]
+
+
+def test_everything_is_judged_where_nothing_is_missing(tmp_path: Path) -> None:
+    result = result_of(rover(), tmp_path)
+    assert result.gaps == ()
+    assert result.coverage == NodeCoverage(nodes=result.coverage.nodes if result.coverage else 0)
+
+
+def drive_module() -> Usd.Stage:
+    """A file with a graph and no robot, as robots refer to it."""
+    stage = Usd.Stage.CreateInMemory()
+    nodes = {
+        "tick": TICK,
+        "time": ("core.IsaacReadSimulationTime", {}),
+        "odometry": ("core.IsaacComputeOdometry", {}),
+        "clock": ("ros.ROS2PublishClock", {}),
+    }
+    wires = ["tick.tick -> odometry.execIn", *RUNS, "time.simulationTime -> clock.timeStamp"]
+    write_graph(stage, "/Graph", nodes, wires)
+    return stage
+
+
+def test_a_target_that_a_stage_above_may_name_is_a_warning(tmp_path: Path) -> None:
+    result = result_of(drive_module(), tmp_path)
+    found = {(each.rule, each.property): each.severity for each in result.findings}
+    assert found["K10", "inputs:chassisPrim"] == "warning"
+    assert result.verdict == "pass"
+
+
+def test_the_same_target_is_an_error_in_a_stage_with_a_robot(tmp_path: Path) -> None:
+    stage = drive_module()
+    stage.DefinePrim("/Robot", "Xform").AddAppliedSchema("PhysicsArticulationRootAPI")
+    result = result_of(stage, tmp_path)
+    found = {(each.rule, each.property): each.severity for each in result.findings}
+    assert found["K10", "inputs:chassisPrim"] == "error"
+
+
+def test_a_wire_that_is_missing_in_a_module_is_an_error(tmp_path: Path) -> None:
+    stage = drive_module()
+    cut(stage, "/Graph/clock.inputs:timeStamp")
+    assert errors(result_of(stage, tmp_path)) == {("K10", "/Graph/clock")}

@@ -1,0 +1,96 @@
+"""What could not be judged, in every format."""
+
+from __future__ import annotations
+
+import json
+from xml.etree import ElementTree as ET
+
+import pytest
+from report_examples import GAP, NOT_JUDGED, PASSED
+from report_schema import assert_valid
+
+from lab3_usd.model.finding import NodeCoverage, Report
+from lab3_usd.report.entries import coverage_line
+from lab3_usd.report.formats.registry import FORMATS, render
+from lab3_usd.report.options import Options
+
+REPORT = Report((NOT_JUDGED,))
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_every_format_names_what_could_not_be_judged(form: str) -> None:
+    shown = render(form, REPORT).replace("\\", "")
+    assert GAP in shown
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_no_format_speaks_of_gaps_where_everything_was_judged(form: str) -> None:
+    assert "not judged: " not in render(form, Report((PASSED,))).lower()
+
+
+def test_a_stage_that_was_not_judged_neither_passed_nor_failed() -> None:
+    last = render("text", REPORT).splitlines()[-1]
+    assert last.startswith("1 file: 0 passed, 0 failed, 1 not judged;")
+
+
+def test_json_counts_nodes_by_what_they_wait_for() -> None:
+    (result,) = assert_valid(render("json", REPORT))["results"]
+    assert (result["verdict"], result["gaps"]) == ("not judged", [GAP])
+    assert result["nodes"] == {
+        "total": 9,
+        "judged": 5,
+        "waiting": {"./robot.usd": 3},
+        "unknown_types": {"a.B": 1},
+        "partly": {"./robot.usd": 2},
+    }
+    assert [entry["rule"] for entry in result["not_judged"]] == ["K14"]
+
+
+def test_a_test_of_junit_is_skipped() -> None:
+    suite = ET.fromstring(render("junit", REPORT))[0]  # noqa: S314 - our own output
+    assert [case.find("skipped") is not None for case in suite] == [True]
+    assert [suite.get(name) for name in ("tests", "failures", "skipped")] == ["1", "0", "1"]
+
+
+def test_the_page_of_a_stage_that_was_not_judged_is_no_pass() -> None:
+    page = render("html", REPORT)
+    assert '<b class="verdict not judged">not judged</b>' in page
+    assert "<h2>Not judged</h2>" in page
+    assert ">No errors" not in page
+
+
+def test_a_line_of_jsonl_has_the_gap() -> None:
+    assert json.loads(render("jsonl", REPORT)) == {"path": NOT_JUDGED.path, "not_judged": GAP}
+
+
+@pytest.mark.parametrize(
+    ("coverage", "line"),
+    [
+        (NodeCoverage(nodes=4), ""),
+        (
+            NodeCoverage(nodes=4, waiting={"a.usd": 1}),
+            "1 of 4 nodes not judged (1 waits for a.usd)",
+        ),
+        (
+            NodeCoverage(nodes=9, waiting={"a": 1, "b": 4}, unknown={"x.Y": 1}),
+            "6 of 9 nodes not judged (4 wait for b, 1 waits for a; 1 has the unknown type x.Y)",
+        ),
+        (
+            NodeCoverage(nodes=2, partly={"a.usd": 2}),
+            "2 nodes judged in part (2 wait for a.usd)",
+        ),
+        (
+            NodeCoverage(nodes=9, waiting={"a": 5, "b": 1, "c": 1, "d": 1, "e": 1}),
+            "9 of 9 nodes not judged (5 wait for a, 1 waits for b, 1 waits for c, 2 more)",
+        ),
+    ],
+)
+def test_one_line_counts_the_nodes(coverage: NodeCoverage, line: str) -> None:
+    assert coverage_line(coverage) == line
+
+
+def test_the_text_has_that_line_unless_it_is_quiet() -> None:
+    line = coverage_line(NOT_JUDGED.coverage or NodeCoverage())
+    text = " ".join(render("text", REPORT).split())
+    assert line in text
+    assert line not in " ".join(render("text", REPORT, None, Options(verbosity="quiet")).split())
