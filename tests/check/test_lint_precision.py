@@ -34,7 +34,9 @@ def starter(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("name", MENUS)
 def test_a_menu_of_isaac_sim_builds_no_fault(name: str) -> None:
-    assert said_by(with_menus(name), "error", "warning") == []
+    rules = {line.split()[0] for line in said_by(with_menus(name), "error", "warning")}
+    # A menu that makes no clock leaves it to another one.
+    assert rules <= {"K47"}
 
 
 @pytest.mark.parametrize("pair", list(combinations(MENUS, 2)), ids=" and ".join)
@@ -94,6 +96,7 @@ def test_missing_connections_of_a_vendor_are_named() -> None:
         ("K11", "joint_name_array.inputs:input0"),
         ("K01", "publish_odometry.inputs:execIn"),
         ("K10", "publish_transform_tree.inputs:timeStamp"),
+        ("K47", "publish_odom_transform.None"),
         ("K53", "publish_odom_transform.None"),
     ]
 

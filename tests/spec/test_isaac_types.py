@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -54,7 +55,7 @@ def _declared(known: str, fact: Any) -> bool:
     return known != ("union" if isinstance(fact, list) else fact)
 
 
-def test_what_is_said_of_bodies_units_and_gates_names_ports_that_are_there() -> None:
+def test_what_is_said_of_bodies_units_targets_and_gates_names_ports_that_are_there() -> None:
     types = TYPES.catalog.types
     for name, body in TYPES.bodies.items():
         assert types[name].port(f"inputs:{body.prim}") is not None
@@ -68,6 +69,14 @@ def test_what_is_said_of_bodies_units_and_gates_names_ports_that_are_there() -> 
         assert ports <= set(types[name].ports)
         allowed = types[name].ports[f"inputs:{unit.by}"].allowed if unit.by else ()
         assert {unit.to_stage, unit.to_metres} - {""} <= set(allowed)
+    for name, quantity in TYPES.quantities.items():
+        outputs, inputs = (
+            {f"{side}:{short}" for short in ports}
+            for side, ports in (("outputs", quantity.gives), ("inputs", quantity.takes))
+        )
+        assert outputs | inputs <= set(types[name].ports)
+    for name, target in TYPES.targets.items():
+        assert types[name].ports[f"inputs:{target.input}"].is_target
     for name, port in TYPES.catalog.gates.items():
         assert f"inputs:{port}" in types[name].ports
 
@@ -90,7 +99,8 @@ def test_the_types_of_the_lab_win() -> None:
 
 def test_every_need_names_its_source() -> None:
     needs = [need for entries in TYPES.needs.values() for need in entries]
-    assert all(need.source.endswith((".cpp", ".py")) and need.effect for need in needs)
+    source = re.compile(r"\S+\.(cpp|py)(:[0-9]+(-[0-9]+)?)?")
+    assert all(source.fullmatch(need.source) and need.effect for need in needs)
 
 
 def test_an_earlier_release_has_its_own_defaults_and_ports() -> None:

@@ -89,6 +89,7 @@ MODULES = {
         "lint_topics",
         "lint_frames",
         "lint_robots",
+        "lint_motion",
         "lint_sensors",
     ),
     "UV": ("native",),

@@ -95,6 +95,31 @@ class UnitOf(Struct, frozen=True, forbid_unknown_fields=True):
     to_metres: str = ""
 
 
+class TargetOf(Struct, frozen=True, forbid_unknown_fields=True):
+    """The prims that a node can read by its input `input`.
+
+    Such a prim has one of these types and one of these schemas, where any are listed. A prim above
+    it carries the schema `inside`; it or a prim below it carries `holds`.
+    """
+
+    input: str
+    what: str
+    effect: str
+    source: str
+    types: tuple[str, ...] = ()
+    schemas: tuple[str, ...] = ()
+    inside: str = ""
+    holds: str = ""
+
+
+class QuantityOf(Struct, frozen=True, forbid_unknown_fields=True):
+    """The quantities that outputs give, and those that inputs are meant for."""
+
+    source: str
+    gives: Mapping[str, str] = {}
+    takes: Mapping[str, tuple[str, ...]] = {}
+
+
 class IsaacTypes(Struct, frozen=True, eq=False):
     """The catalog of all public node types, with what the linter must know beside it."""
 
@@ -104,6 +129,8 @@ class IsaacTypes(Struct, frozen=True, eq=False):
     sensors: Mapping[str, SensorOf]
     bodies: Mapping[str, BodyOf]
     units: Mapping[str, UnitOf]
+    targets: Mapping[str, TargetOf]
+    quantities: Mapping[str, QuantityOf]
     application_prims: tuple[str, ...]
 
     def releases_with(self, node_type: str, port: str) -> list[str]:

@@ -21,31 +21,8 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
-from lab3_usd.spec.catalog import INPUT, OUTPUT, DrivePorts, can_connect
+from lab3_usd.spec.catalog import INPUT, OUTPUT, DrivePorts
 from lab3_usd.spec.isaac import BodyOf
-
-
-def unit_of(node: Node, port: str, subject: LintSubject, depth: int = 8) -> float | None:
-    """Return how many metres are 1 in what comes into an input, None where nothing tells it."""
-    sources = list(live_sources(node, port, subject.live)) if depth else []
-    if len(sources) != 1:
-        return None
-    source, out = sources[0]
-    output = None if source.type is None else source.type.port(out)
-    target = None if node.type is None else node.type.port(port)
-    if output is not None and target is not None and not can_connect(output, target):
-        return None  # OmniGraph refuses the wire
-    units = None if source.type is None else subject.types.units.get(source.type.type)
-    if units is None or out.removeprefix(OUTPUT) in units.metres:
-        return None if units is None else 1.0
-    unit = unit_of(source, INPUT + units.passes, subject, depth - 1) if units.passes else None
-    if unit is None or not units.by:
-        return unit
-    stage_unit = subject.stage.meters_per_unit or 1.0
-    factors = {units.to_stage: stage_unit, units.to_metres: 1.0 / stage_unit}
-    factor = factors.get(str(effective_value(source, INPUT + units.by, subject.live)))
-    return None if factor is None else unit * factor
-
 
 AXES = {REVOLUTE: "angular", "PhysicsPrismaticJoint": "linear"}  # others have several drives
 _MIMIC = "Mimic"

@@ -13,7 +13,8 @@ from lab3_usd.model.stage import Node
 from lab3_usd.spec.catalog import INPUT, OUTPUT
 
 _CONTEXT = "context"
-_DOMAIN, _FROM_ENVIRONMENT = "inputs:domain_id", "inputs:useDomainIDEnvVar"
+DOMAIN, FROM_ENVIRONMENT = "inputs:domain_id", "inputs:useDomainIDEnvVar"
+_FIXED = "domain "
 STAMP = "inputs:timeStamp"
 _SYSTEM, _RESET = "inputs:useSystemTime", "inputs:resetSimulationTimeOnStop"
 _READER_RESET = "inputs:resetOnStop"
@@ -49,11 +50,11 @@ def domains(subject: LintSubject) -> dict[str, list[Node]]:
     for node in used.values():
         if node.type is None or OUTPUT + _CONTEXT not in node.type.ports:
             continue
-        number = effective_value(node, _DOMAIN, subject.live)
-        if effective_value(node, _FROM_ENVIRONMENT, subject.live) is True:
+        number = effective_value(node, DOMAIN, subject.live)
+        if effective_value(node, FROM_ENVIRONMENT, subject.live) is True:
             words = f"the environment's domain, else domain {number}"
         else:
-            words = f"domain {number}"
+            words = f"{_FIXED}{number}"
         by_domain.setdefault(words, []).append(node)
     return by_domain
 
@@ -65,6 +66,11 @@ def domain_of(node: Node, subject: LintSubject) -> str:
         if sources and sources[0] in contexts:
             return words
     return ""
+
+
+def may_meet(one: str, other: str) -> bool:
+    """Whether nodes of these domains may hear each other: the environment may name any."""
+    return one == other or not (one.startswith(_FIXED) and other.startswith(_FIXED))
 
 
 class Stamp(Struct, frozen=True, eq=False):

@@ -148,7 +148,7 @@ def _followers(nodes: Nodes, lab: Lab) -> tuple[_Followers, _Followers]:
     lasting: dict[str, list[str]] = {}
     once: dict[str, list[str]] = {}
     for node in nodes.values():
-        for source, port in _signals(node, nodes):
+        for source, port in signals(node, nodes):
             if not signals_once(source, port, nodes, lab):
                 lasting.setdefault(source.path, []).append(node.path)
             if not is_opened_first(node):
@@ -178,10 +178,10 @@ def signal_inputs(node: Node) -> tuple[str, ...]:
 
 def signal_sources(node: Node, nodes: Nodes) -> Iterator[Node]:
     """Yield the nodes that trigger this one, or may where a type is unknown."""
-    return (source for source, _ in _signals(node, nodes))
+    return (source for source, _ in signals(node, nodes))
 
 
-def _signals(node: Node, nodes: Nodes) -> Iterator[tuple[Node, str]]:
+def signals(node: Node, nodes: Nodes) -> Iterator[tuple[Node, str]]:
     """Yield the outputs that trigger this node, or may where a type is unknown."""
     for port in signal_inputs(node):
         for source, source_port in live_sources(node, port, nodes):

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.articulations import moving_source
+from lab3_usd.check.ros.clocks import domain_of
 from lab3_usd.check.ros.running import LintSubject, effective_value
 from lab3_usd.check.ros.topics import Endpoint, endpoints
-from lab3_usd.check.tf.frames import Edge, frames_in_cycles
+from lab3_usd.check.tf.frames import Edge, frames_in_cycles, moved_edges
 from lab3_usd.check.tf.trees import (
     all_edges,
     frame_sets,
@@ -130,6 +131,50 @@ def trees_apart(subject: LintSubject) -> Iterator[Problem]:
             f"{', '.join(sorted(trees[0][1]))}",
             related=(trees[0][0][0].publisher,),
         )
+
+
+@rule("K58", "tree-on-two-topics", scope="lint", severity="warning")
+def tree_on_two_topics(subject: LintSubject) -> Iterator[Problem]:
+    """One tree of frames is spread over two topics.
+
+    Why: a listener of tf2 hears one topic for transforms that move. A namespace moves some of them
+    elsewhere, as `isaac:namespace` on the robot does, and the tree falls apart.
+
+    Fix: publish all transforms of a robot on the same topic: give all nodes the same namespace.
+
+    Example: `odom -> base_link` on `/tf`, and `base_link -> wheel` on `/robot1/tf`.
+    """
+    trees: dict[tuple[str, str], list[Edge]] = {}
+    for edge in (*all_edges(subject), *moved_edges(subject.stage, subject.lab)):
+        node = subject.live.get(edge.publisher)
+        if node is not None and edge.parent != edge.child:
+            topic = edge.topic.removesuffix(_STATIC).removesuffix(_MOVING)
+            trees.setdefault((topic, domain_of(node, subject)), []).append(edge)
+    for (topic, domain), below in trees.items():
+        placed = {edge.child for edge in below}
+        hanging = [edge for edge in below if edge.parent not in placed]
+        for (other_topic, other_domain), above in trees.items():
+            if topic == other_topic or domain != other_domain or _share_edges(above, below):
+                continue
+            known = {edge.child: edge for edge in above}
+            lost = next((edge for edge in hanging if edge.parent in known), None)
+            if lost is not None:
+                carrier = known[lost.parent]
+                yield Problem(
+                    lost.cause,
+                    f"publishes {lost.parent} -> {lost.child} on {lost.topic}, but "
+                    f"{carrier.publisher} publishes {carrier.parent} -> {carrier.child} on "
+                    f"{carrier.topic}",
+                    expected=carrier.topic,
+                    actual=lost.topic,
+                    related=(carrier.publisher,),
+                )
+
+
+def _share_edges(one: list[Edge], other: list[Edge]) -> bool:
+    """Whether both have a transform of the same frames: each is the tree of a robot of its own."""
+    pairs = ({(edge.parent, edge.child) for edge in edges} for edges in (one, other))
+    return not next(pairs).isdisjoint(next(pairs))
 
 
 @rule("K54", "duplicate-transform", scope="lint", formerly="transform-of-two-publishers")

@@ -17,10 +17,10 @@ from lab3_usd.check.robot.articulations import (
     joints_of,
     number_of_commands,
     told_joints,
-    unit_of,
     wired_commands,
 )
 from lab3_usd.check.ros.execution import array_items
+from lab3_usd.check.ros.quantities import unit_of
 from lab3_usd.check.ros.running import LintSubject, effective_value, live_sources
 from lab3_usd.check.ros.topics import did_you_mean, likely_name
 from lab3_usd.check.rules.limits import stopping_limits

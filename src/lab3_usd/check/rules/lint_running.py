@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.clocks import context_inputs, domains
+from lab3_usd.check.ros.clocks import DOMAIN, FROM_ENVIRONMENT, context_inputs, domains
 from lab3_usd.check.ros.execution import (
     Stop,
     array_items,
@@ -22,10 +22,16 @@ from lab3_usd.check.ros.running import (
     effective_value,
     event_of,
     is_graph_evaluated,
+    is_switched_on,
+    run_states,
     shut_gate,
+    signal_inputs,
+    signal_sources,
+    signals,
+    signals_once,
 )
-from lab3_usd.model.finding import Problem
-from lab3_usd.model.stage import DEACTIVATED, OVER, nodes_outside_graphs
+from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.stage import DEACTIVATED, OVER, Node, nodes_outside_graphs
 from lab3_usd.spec.catalog import INPUT
 
 _REASONS = {
@@ -227,7 +233,16 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
     """
     for node in subject.live.values():
         if has_side_effects(node) and effective_value(node, ENABLED, subject.live) is False:
-            yield Problem(node.path, f"{subject.title(node)} is switched off", property=ENABLED)
+            # Nobody wires what should do nothing.
+            severity: Severity | None = "warning" if subject.runs(node.path) else None
+            yield Problem(
+                node.path,
+                f"{subject.title(node)} is switched off: it does nothing",
+                property=ENABLED,
+                expected="True",
+                actual="False",
+                severity=severity,
+            )
         gate = shut_gate(node, subject.live, subject.lab)
         waiting = feeds(node, subject) if gate is not None else []
         if waiting:
@@ -240,6 +255,53 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
                 related=tuple(target.path for target in waiting),
                 severity="warning",
             )
+
+
+@rule("K08", "two-events", scope="lint", severity="warning")
+def two_events(subject: LintSubject) -> Iterator[Problem]:
+    """Two events that fire at every update trigger the same node.
+
+    Why: the node executes twice in an update. A publisher sends every message twice with the same
+    time, of which tf2 refuses the second; a controller limits an acceleration twice.
+
+    Fix: delete one of the execution wires.
+
+    Example: Exec In of a ROS2 Publish Transform Tree is wired from two On Playback Tick nodes.
+    """
+    for node in subject.live.values():
+        is_judged = any(map(has_side_effects, (node, *feeds(node, subject))))
+        events = _events(node, subject) if is_judged else {}
+        # Of a node that is behind another one with the same events the first tells enough.
+        ahead = [_events(source, subject) for source in signal_sources(node, subject.live)]
+        if len(events) > 1 and all(set(known) != set(events) for known in ahead):
+            names = ", ".join(event.name for event in events.values())
+            yield Problem(
+                node.path,
+                f"executes once for each of {names}: {len(events)} times at each update",
+                property=signal_inputs(node)[0],
+                expected="a wire from one event",
+                actual=names,
+                related=tuple(events),
+            )
+
+
+def _events(node: Node, subject: LintSubject) -> dict[str, Node]:
+    """Return the events by which a node surely executes at every update, by path."""
+    usual = subject.catalog.graph.value(subject.catalog.graph.evaluation.stage)
+    states = run_states(subject.stage, subject.lab)
+    events: dict[str, Node] = {}
+    seen, ahead = {node.path}, [node]
+    while ahead:
+        current = ahead.pop(0)
+        if event_of(current, subject.lab) == usual and states.get(current.path) == "runs":
+            events[current.path] = current
+        for source, port in signals(current, subject.live):
+            is_new = source.path not in seen
+            is_lasting = not signals_once(source, port, subject.live, subject.lab)
+            if is_new and is_lasting and is_switched_on(source, subject.live):
+                seen.add(source.path)
+                ahead.append(source)
+    return events
 
 
 @rule("K07", "instanced-graph", scope="lint", severity="warning")
@@ -386,3 +448,29 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
                 actual=domain,
                 related=tuple(node.path for node in nodes),
             )
+
+
+@rule("K16", "domain-of-environment", scope="lint", severity="warning")
+def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
+    """A context names a domain, and the environment may name another one, which wins.
+
+    Why: with Use Domain ID Env Var on, which it is by default, the context takes the domain from
+    `ROS_DOMAIN_ID` where that is set, and leaves its own number aside. On another computer the
+    robot is in another domain.
+
+    Fix: switch Use Domain ID Env Var off, or leave Domain Id at 0.
+
+    Example: a ROS2 Context with `inputs:domain_id = 5` and nothing else.
+    """
+    for contexts in domains(subject).values():
+        for context in contexts:
+            number = effective_value(context, DOMAIN, subject.live)
+            is_asked = effective_value(context, FROM_ENVIRONMENT, subject.live) is True
+            if is_asked and number:
+                yield Problem(
+                    context.path,
+                    f"{DOMAIN} is {number}, but ROS_DOMAIN_ID wins where it is set",
+                    property=FROM_ENVIRONMENT,
+                    expected="False",
+                    actual="True",
+                )

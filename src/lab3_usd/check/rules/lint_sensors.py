@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.running import LintSubject, sensor_of
+from lab3_usd.check.ros.running import LintSubject, effective_value, sensor_of
 from lab3_usd.model.changes import ApplySchema
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import BODY_API, number
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import Node, absence_reason
-from lab3_usd.spec.isaac import SensorOf
+from lab3_usd.model.stage import Node, StageModel, absence_reason
+from lab3_usd.spec.catalog import INPUT
+from lab3_usd.spec.isaac import SensorOf, TargetOf
 
 _TICK = "omni:sensor:tickRate"
 _CORE = "omni:sensor:Core:"
 _SCAN, _FIRING = f"{_CORE}scanRateBaseHz", f"{_CORE}patternFiringRateHz"
 _NEAR, _FAR = f"{_CORE}nearRangeM", f"{_CORE}farRangeM"
 _PRODUCT = "inputs:renderProductPath"
+_OWN_PRODUCT, _MADE = "inputs:renderProductPrim", "outputs:renderProductPath"
+_SIZE = ("inputs:width", "inputs:height")
 
 
 def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
@@ -59,6 +62,52 @@ def _is_made_later(path: str, subject: LintSubject) -> bool:
     """Whether the application makes the prim, or it is a node or a graph."""
     made = path in subject.types.application_prims or subject.catalog.graph.ignores(path)
     return made or path in subject.live
+
+
+@rule("K15", "unreadable-target", scope="lint")
+def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
+    """A node should read a prim of a kind that it cannot read.
+
+    Why: the node finds no sensor, body or articulation there. It logs an error or stays silent,
+    and its outputs stay 0.
+
+    Fix: choose the prim that the node is made for in the Property panel.
+
+    Example: `inputs:lidarPrim` of an Isaac Read Lidar Beams, a node for PhysX lidars, names an
+    `OmniLidar`.
+    """
+    for node in subject.live.values():
+        asked = None if node.type is None else subject.types.targets.get(node.type.type)
+        path = next(iter(node.targets(INPUT + asked.input)), "") if asked is not None else ""
+        prim = subject.stage.prim(path)
+        if asked is not None and prim is not None and not _is_readable(prim, asked, subject.stage):
+            yield Problem(
+                node.path,
+                f"{INPUT}{asked.input} is {path}, which is not {asked.what}: {asked.effect}",
+                property=INPUT + asked.input,
+                expected=asked.what,
+                actual=path,
+                related=(path,),
+                rests_on=subject.stage.unknown_below(path),
+            )
+
+
+def _is_readable(prim: Prim, asked: TargetOf, stage: StageModel) -> bool:
+    above = [carrier for path in _paths_above(prim.path) if (carrier := stage.prim(path))]
+    is_held = any(asked.holds in held.apis for held in stage.below(prim.path) if held.present)
+    is_inside = any(asked.inside in carrier.apis for carrier in above)
+    return (
+        (not asked.types or prim.type in asked.types)
+        and (not asked.schemas or bool(set(asked.schemas) & set(prim.apis)))
+        and (not asked.inside or is_inside)
+        # A link stands for its articulation in some engines of physics.
+        and (not asked.holds or is_held or any(asked.holds in link.apis for link in above))
+    )
+
+
+def _paths_above(path: str) -> Iterator[str]:
+    while path := path.rpartition("/")[0]:
+        yield path
 
 
 @rule("K70", "product-of-another-sensor", scope="lint")
@@ -194,13 +243,35 @@ def unused_camera(subject: LintSubject) -> Iterator[Problem]:
 
 def _is_carried(prim: Prim, subject: LintSubject) -> bool:
     """Whether a prim moves with a body."""
-    above = prim.parent
-    while above:
-        body = subject.stage.prims.get(above)
-        if body is not None and BODY_API in body.apis:
-            return True
-        above = above.rpartition("/")[0]
-    return False
+    bodies = (subject.stage.prims.get(path) for path in _paths_above(prim.path))
+    return any(body is not None and BODY_API in body.apis for body in bodies)
+
+
+@rule("K75", "empty-render-product", scope="lint")
+def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
+    """A render product has a width or height of 0.
+
+    Why: there is no pixel to render. Whatever reads the product gives an error or publishes
+    nothing.
+
+    Fix: write the size of the image into Width and Height.
+
+    Example: `inputs:width = 0` on an Isaac Create Render Product.
+    """
+    for node in subject.live.values():
+        kind = node.type
+        if kind is None or not {_MADE, *_SIZE} <= set(kind.ports):
+            continue
+        # A product that is named is used as it is, with its own size.
+        for port in () if node.targets(_OWN_PRODUCT) else _SIZE:
+            if effective_value(node, port, subject.live) == 0:
+                yield Problem(
+                    node.path,
+                    f"{port} is 0: there is no image",
+                    property=port,
+                    expected="above 0",
+                    actual="0",
+                )
 
 
 @rule("K80", "script", scope="lint", severity="note")

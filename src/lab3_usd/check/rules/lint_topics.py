@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.clocks import CLOCK, Stamp, domain_of, stamps
+from lab3_usd.check.ros.clocks import CLOCK, Stamp, domain_of, may_meet, stamps
 from lab3_usd.check.ros.running import LintSubject, effective_value
 from lab3_usd.check.ros.topics import (
     PROFILE,
@@ -241,6 +241,46 @@ def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
 
 def _restarts(stamp: Stamp) -> str:
     return "restarts" if stamp.restarts else "continues"
+
+
+@rule("K47", "no-clock", scope="lint", severity="warning")
+def no_clock(subject: LintSubject) -> Iterator[Problem]:
+    """Messages have simulation time, and nobody publishes the clock.
+
+    Why: nodes that use simulation time wait forever for a `/clock`. Others compare the stamps,
+    which begin near 0, with the time of the computer, and find no transform.
+
+    Fix: add a ROS2 Publish Clock in the same domain, with its time from Isaac Read Simulation Time.
+
+    Example: a graph with an odometry and transforms alone.
+    """
+    stamped: dict[str, list[Stamp]] = {}
+    for stamp in stamps(subject):
+        if stamp.clock == "simulation":
+            stamped.setdefault(domain_of(stamp.node, subject), []).append(stamp)
+    clocks = [
+        node
+        for node in subject.live.values()
+        if node.type is not None and node.type.message.get("") == CLOCK
+    ]
+    # A script or a node of an unknown type may send it; of one that is not in the scene, and of one
+    # that never runs, other rules speak.
+    is_known = (
+        not (subject.stage.scripts or subject.stage.absent)
+        and all(graph.active for graph in subject.graphs())
+        and all(node.type is not None for node in subject.live.values())
+    )
+    for domain, simulated in stamped.items() if is_known else ():
+        if not any(may_meet(domain, domain_of(clock, subject)) for clock in clocks):
+            first, count = simulated[0], len(simulated)
+            others = "" if count == 1 else f", as {count - 1} more"
+            yield Problem(
+                first.node.path,
+                f"{first.topic} has simulation time{others}, and no /clock is published",
+                expected="a publisher of /clock",
+                related=tuple(dict.fromkeys(stamp.node.path for stamp in simulated[1:])),
+                rests_on=next(iter(subject.stage.unresolved), None),
+            )
 
 
 @rule("K34", "value-type", scope="lint", formerly="value-of-another-type")

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.execution import has_side_effects, is_nothing
+from lab3_usd.check.ros.quantities import quantity_of
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.ros.topics import did_you_mean, likely_name
 from lab3_usd.check.ros.wires import Connection, connections, find_cycles, why_dead
 from lab3_usd.model.changes import Connect, Edit, RenameProperty
 from lab3_usd.model.finding import Problem, display
-from lab3_usd.spec.catalog import OUTPUT, NodeType, Port, can_connect
+from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType, Port, can_connect
 
 
 @rule("K20", "dangling-wire", scope="lint", formerly="wire-from-nowhere")
@@ -265,3 +266,31 @@ def _has_pace(wire: Connection) -> bool:
     return (has_side_effects(wire.node) and kind.role != "service" and not kind.drives) or any(
         limits
     )
+
+
+@rule("K27", "another-quantity", scope="lint", severity="warning")
+def another_quantity(subject: LintSubject) -> Iterator[Problem]:
+    """A wire brings another quantity than the input is meant for.
+
+    Why: numbers of any meaning go through a wire. A speed in the place of a position, or sideways
+    speed in that of forward speed, gives no error: the robot does something else than it is told.
+
+    Fix: wire the output, or the component of the vector, that the input is meant for.
+
+    Example: `linear.y` is wired into `inputs:linearVelocity` of a Differential Controller.
+    """
+    for node in subject.live.values():
+        meant = None if node.type is None else subject.types.quantities.get(node.type.type)
+        for short, quantities in meant.takes.items() if meant is not None else ():
+            port = INPUT + short
+            given = quantity_of(node, port, subject)
+            if given is not None and given.name not in quantities:
+                yield Problem(
+                    node.path,
+                    f"{port} takes {' or '.join(quantities)}, and {given.maker.name} gives "
+                    f"{given.name}",
+                    property=port,
+                    expected=" or ".join(quantities),
+                    actual=given.name,
+                    related=(given.maker.path,),
+                )

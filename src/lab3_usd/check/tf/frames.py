@@ -110,7 +110,19 @@ def published_transforms(stage: StageModel, lab: Lab) -> tuple[PublishedTransfor
     is that of the nodes and their targets.
     """
     scene = _Scene(stage, lab, live_nodes(stage, lab), running_nodes(stage, lab))
-    return tuple(_published_by(node, topic, scene) for node, topic in _tree_publishers(scene))
+    tree = lab.policy.tree_topics
+    senders = _transform_publishers(scene)
+    return tuple(_published_by(node, topic, scene) for node, topic in senders if topic in tree)
+
+
+@once_per_stage
+def moved_edges(stage: StageModel, lab: Lab) -> tuple[Edge, ...]:
+    """Return every transform that a namespace or another name moves off the topics of the tree."""
+    scene = _Scene(stage, lab, live_nodes(stage, lab), running_nodes(stage, lab))
+    tree = lab.policy.tree_topics
+    senders = _transform_publishers(scene)
+    sent = (_published_by(node, topic, scene) for node, topic in senders if topic not in tree)
+    return tuple(edge for transforms in sent for edge in transforms.edges or ())
 
 
 def published_edges(stage: StageModel, lab: Lab) -> tuple[Edge, ...]:
@@ -135,8 +147,10 @@ def certain_edges(edges: Iterable[Edge]) -> list[Edge]:
     return [edge for edge in edges if edge.sure]
 
 
-def _tree_publishers(scene: _Scene) -> Iterator[tuple[Node, str]]:
+def _transform_publishers(scene: _Scene) -> Iterator[tuple[Node, str]]:
     """Yield the running nodes that publish transforms, with the topic they publish on."""
+    types = scene.lab.catalog.types.values()
+    messages = {kind.message[""] for kind in types if kind.tf and kind.role}
     for node in scene.running.values():
         kind = node.type
         if kind is None or kind.role != "publisher":
@@ -144,13 +158,9 @@ def _tree_publishers(scene: _Scene) -> Iterator[tuple[Node, str]]:
         written = effective_value(node, kind.topics[0], scene.live_nodes)
         space = namespace_of(node, scene.stage, scene.lab, scene.live_nodes)
         topic = resolve(space, written) if isinstance(written, str) else None
-        if topic not in scene.lab.policy.tree_topics:
-            continue
-        types = scene.lab.catalog.types.values()
-        if kind.tf is not None or message_type(node, kind, kind.topics[0], scene.live_nodes) in {
-            publisher.message[""] for publisher in types if publisher.tf and publisher.role
-        }:
-            yield node, str(topic)
+        message = message_type(node, kind, kind.topics[0], scene.live_nodes)
+        if topic is not None and (kind.tf is not None or message in messages):
+            yield node, topic
 
 
 def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:

@@ -28,7 +28,16 @@ from lab3_usd.spec.catalog import (
     is_known_type,
     typed_value,
 )
-from lab3_usd.spec.isaac import BodyOf, IsaacTypes, Need, Release, SensorOf, UnitOf
+from lab3_usd.spec.isaac import (
+    BodyOf,
+    IsaacTypes,
+    Need,
+    QuantityOf,
+    Release,
+    SensorOf,
+    TargetOf,
+    UnitOf,
+)
 from lab3_usd.spec.lab import CATALOG
 from lab3_usd.spec.yaml_file import read_yaml, record
 
@@ -255,6 +264,8 @@ RENAMES = "renames.yaml"
 SENSORS = "sensors.yaml"
 BODIES = "bodies.yaml"
 UNITS = "units.yaml"
+TARGETS = "targets.yaml"
+QUANTITIES = "quantities.yaml"
 APPLICATION = "application.yaml"
 
 
@@ -291,9 +302,14 @@ def assemble_types(folder: Path) -> IsaacTypes:
     sensors = record(read_yaml(folder / SENSORS), dict[str, SensorOf], f"{folder.name}/{SENSORS}")
     bodies = record(read_yaml(folder / BODIES), dict[str, BodyOf], f"{folder.name}/{BODIES}")
     units = record(read_yaml(folder / UNITS), dict[str, UnitOf], f"{folder.name}/{UNITS}")
+    targets = record(read_yaml(folder / TARGETS), dict[str, TargetOf], f"{folder.name}/{TARGETS}")
+    where = f"{folder.name}/{QUANTITIES}"
+    quantities = record(read_yaml(folder / QUANTITIES), dict[str, QuantityOf], where)
     where = f"{folder.name}/{APPLICATION}"
     made = record(read_yaml(folder / APPLICATION), _Application, where)
-    return IsaacTypes(catalog, needs, releases, sensors, bodies, units, made.prims)
+    return IsaacTypes(
+        catalog, needs, releases, sensors, bodies, units, targets, quantities, made.prims
+    )
 
 
 def _tuples(data: Any) -> Any:

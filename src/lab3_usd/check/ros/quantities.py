@@ -1,0 +1,73 @@
+"""What values mean: in which unit of length, and of which quantity, they come into an input."""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+from lab3_usd.check.ros.running import LintSubject, effective_value, live_sources
+from lab3_usd.model.stage import Node
+from lab3_usd.spec.catalog import INPUT, OUTPUT, can_connect
+from lab3_usd.spec.isaac import UnitOf
+
+_COMPONENTS = ("x", "y", "z")
+
+
+def unit_of(node: Node, port: str, subject: LintSubject, depth: int = 8) -> float | None:
+    """Return how many metres are 1 in what comes into an input, None where nothing tells it."""
+    fed = _only_source(node, port, subject) if depth else None
+    if fed is None:
+        return None
+    source, out = fed
+    units = _units(source, subject)
+    if units is None or out in units.metres:
+        return None if units is None else 1.0
+    unit = unit_of(source, INPUT + units.passes, subject, depth - 1) if units.passes else None
+    if unit is None or not units.by:
+        return unit
+    stage_unit = subject.stage.meters_per_unit or 1.0
+    factors = {units.to_stage: stage_unit, units.to_metres: 1.0 / stage_unit}
+    factor = factors.get(str(effective_value(source, INPUT + units.by, subject.live)))
+    return None if factor is None else unit * factor
+
+
+class Quantity(Struct, frozen=True, eq=False):
+    """What a value is, with the component of a vector behind a comma, and the node it is from."""
+
+    name: str
+    maker: Node
+
+
+def quantity_of(
+    node: Node, port: str, subject: LintSubject, component: str = "", depth: int = 8
+) -> Quantity | None:
+    """Return the quantity that comes into an input, None where nothing tells it."""
+    fed = _only_source(node, port, subject) if depth else None
+    if fed is None:
+        return None
+    source, out = fed
+    known = None if source.type is None else subject.types.quantities.get(source.type.type)
+    if known is not None and out in known.gives:
+        name = known.gives[out]
+        return Quantity(f"{name}, {component}" if component else name, source)
+    units = _units(source, subject)
+    if units is None or not units.passes:
+        return None
+    part = out if out in _COMPONENTS else component
+    return quantity_of(source, INPUT + units.passes, subject, part, depth - 1)
+
+
+def _units(node: Node, subject: LintSubject) -> UnitOf | None:
+    return None if node.type is None else subject.types.units.get(node.type.type)
+
+
+def _only_source(node: Node, port: str, subject: LintSubject) -> tuple[Node, str] | None:
+    """Return the node and the output, by its short name, that alone feed an input."""
+    sources = list(live_sources(node, port, subject.live))
+    if len(sources) != 1:
+        return None
+    source, out = sources[0]
+    output = None if source.type is None else source.type.port(out)
+    target = None if node.type is None else node.type.port(port)
+    if output is not None and target is not None and not can_connect(output, target):
+        return None  # OmniGraph refuses the wire
+    return source, out.removeprefix(OUTPUT)

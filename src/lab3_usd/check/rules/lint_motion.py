@@ -1,0 +1,208 @@
+"""Rules about wheels that turn and a robot that does not move, or an odometry of a wheel."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.articulations import (
+    Command,
+    commands,
+    ends,
+    followed_bodies,
+    told_joints,
+)
+from lab3_usd.check.ros.quantities import quantity_of
+from lab3_usd.check.ros.running import LintSubject
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.physics import (
+    BODIES,
+    BODY_API,
+    BODY_ENABLED,
+    FAR,
+    FIXED,
+    JOINT_ENABLED,
+    KINEMATIC,
+    LIMITS,
+    bodies,
+    is_switched_off,
+    joints,
+    limits,
+)
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import StageModel
+
+_VELOCITY = "inputs:velocityCommand"
+_WHEEL_SPEEDS = "speeds of wheels"
+
+
+def _wheel_commands(subject: LintSubject) -> Iterator[tuple[Command, list[Prim]]]:
+    """Yield the commands that a controller of wheels computes, with the joints of the wheels."""
+    for command in commands(subject):
+        given = quantity_of(command.node, _VELOCITY, subject) if command.roots else None
+        if given is not None and given.name == _WHEEL_SPEEDS and subject.runs(command.node.path):
+            yield command, told_joints(command, _VELOCITY, subject)
+
+
+@rule("K81", "robot-tied-to-world", scope="lint", severity="warning")
+def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
+    """A fixed joint ties a robot to the world while its wheels are commanded.
+
+    Why: the wheels turn and the robot stays where it is. Importers write such a joint where the
+    base is said to be fixed.
+
+    Fix: delete the joint, or import the robot again with a base that moves.
+
+    Example: `/World/robot/root_joint`, a fixed joint with `base_link` and no other body.
+    """
+    tied: set[str] = set()
+    for command, wheels in _wheel_commands(subject):
+        robot = _joined_bodies(wheels, subject.stage)
+        for joint in joints(subject.stage) if robot else ():
+            sides = bodies(joint)
+            is_tie = any(
+                side in robot and _is_world(other, subject.stage)
+                for side, other in (sides, sides[::-1])
+            )
+            if joint.type == FIXED and is_tie and joint.path not in tied:
+                tied.add(joint.path)
+                yield Problem(
+                    joint.path,
+                    f"ties the robot to the world, but {command.node.path} drives its wheels",
+                    related=(command.node.path,),
+                )
+
+
+def _joined_bodies(wheels: list[Prim], stage: StageModel) -> set[str]:
+    """Return the bodies of wheel joints, and all that further joints tie to them."""
+    joined = {path for joint in wheels for path in ends(joint)}
+    pairs = [bodies(joint) for joint in joints(stage)]
+    is_growing = bool(joined)
+    while is_growing:
+        new = {
+            path
+            for pair in pairs
+            if joined & set(pair)
+            for path in pair
+            if path and not _is_world(path, stage)
+        }
+        is_growing = not new <= joined
+        joined |= new
+    return joined
+
+
+def _is_world(path: str, stage: StageModel) -> bool:
+    """Whether the end of a joint moves with no body: none is named, or none is there."""
+    return not path or (stage.prim(path) is not None and _body(path, stage) is None)
+
+
+def _body(path: str, stage: StageModel) -> Prim | None:
+    """Return the body that a prim moves with."""
+    while path:
+        prim = stage.prim(path)
+        if prim is not None and BODY_API in prim.apis:
+            return prim
+        path = path.rpartition("/")[0]
+    return None
+
+
+@rule("K82", "wheel-cannot-turn", scope="lint")
+def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
+    """A wheel is commanded, and its body, its joint or a limit keeps it from turning.
+
+    Why: a joint that is switched off moves nothing. One with limits stops there. A body that is
+    kinematic, switched off, or no rigid body at all does not move, nor does one that a fixed joint
+    ties to another.
+
+    Fix: switch the joint and the body on, switch Kinematic off, and delete limits and fixed joints
+    of the wheel.
+
+    Example: `physics:upperLimit = 90` on the joint of a wheel.
+    """
+    judged: set[str] = set()
+    for command, wheels in _wheel_commands(subject):
+        for joint in wheels:
+            if joint.path in judged:
+                continue
+            judged.add(joint.path)
+            for site, name, message in _obstacles(joint, wheels, subject.stage):
+                yield Problem(
+                    site,
+                    f"{message}, but {command.node.path} drives the wheel",
+                    property=name,
+                    related=(command.node.path,),
+                    rests_on=subject.stage.unknown(site),
+                )
+
+
+def _obstacles(
+    joint: Prim, wheels: list[Prim], stage: StageModel
+) -> Iterator[tuple[str, str | None, str]]:
+    """Yield what keeps a wheel from turning: prim, property, and what is said of it."""
+    if is_switched_off(joint, JOINT_ENABLED):
+        yield joint.path, JOINT_ENABLED, "is switched off"
+    low, high = limits(joint.attributes)
+    if low > -FAR or high < FAR:
+        name = LIMITS[0] if low > -FAR else LIMITS[1]
+        yield joint.path, name, f"turns between {low:g} and {high:g} degrees only"
+    wheel = _wheel(joint, wheels)
+    body = None if wheel is None else _body(wheel, stage)
+    if wheel is None or stage.prim(wheel) is None:
+        return
+    if body is None:
+        side = BODIES[ends(joint).index(wheel)]
+        yield joint.path, side, f"moves {wheel}, which is no rigid body"
+        return
+    if is_switched_off(body, BODY_ENABLED):
+        yield body.path, BODY_ENABLED, "is switched off as a rigid body"
+    if body.attributes.get(KINEMATIC) is True:
+        yield body.path, KINEMATIC, "is kinematic"
+    for other in joints(stage):
+        if other.type == FIXED and wheel in bodies(other):
+            held = next((path for path in bodies(other) if path != wheel), "")
+            if not held or held in _bases(wheels):
+                yield other.path, None, f"ties {wheel} to {held or 'the world'}"
+
+
+def _bases(wheels: list[Prim]) -> set[str]:
+    """Return the bodies that several wheels hang on."""
+    counts = Counter(path for joint in wheels for path in set(ends(joint)))
+    return {path for path, count in counts.items() if count > 1}
+
+
+def _wheel(joint: Prim, wheels: list[Prim]) -> str | None:
+    """Return the body that a joint turns as a wheel, None where both ends may be the base."""
+    bases = _bases(wheels)
+    moved = [path for path in ends(joint) if path not in bases]
+    return moved[0] if len(moved) == 1 and len(ends(joint)) == len(BODIES) else None
+
+
+@rule("K83", "odometry-of-wheel", scope="lint", severity="warning")
+def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
+    """An odometry follows a wheel.
+
+    Why: a wheel turns. The odometry says that the robot rolls over and over, and its speed points
+    in all directions.
+
+    Fix: choose the base link of the robot as Chassis Prim.
+
+    Example: `inputs:chassisPrim` names `/World/robot/wheel_left_link`.
+    """
+    turning = {
+        wheel: joint.path
+        for _, wheels in _wheel_commands(subject)
+        for joint in wheels
+        if (wheel := _wheel(joint, wheels)) is not None
+    }
+    for odometry in followed_bodies(subject):
+        if odometry.body is not None and odometry.body.path in turning:
+            joint = turning[odometry.body.path]
+            yield Problem(
+                odometry.node.path,
+                f"{odometry.port} is {odometry.prim.path}, a wheel that {joint} turns",
+                property=odometry.port,
+                expected="the base link of the robot",
+                actual=odometry.prim.path,
+                related=(joint,),
+            )
