@@ -42,6 +42,10 @@ INFO = "ROS_Camera/ros2_camera_info_helper"
 
 STAGES: dict[FaultKind, tuple[Change, str]] = {
     "graph-not-evaluated": (value("ROS_Clock.pipelineStage", "pipelineStageOnDemand"), "topics"),
+    "unknown-port": (
+        steps({"connect": [f"{CLOCK}.inputs:timeStamp", f"{READ_TIME}.outputs:time"]}),
+        "graphs",
+    ),
     "not-executed": (cut(f"{CLOCK}.inputs:execIn"), "topics"),
     "switched-off": (value(f"{LIDAR_PRODUCT}.inputs:enabled", False), "topics"),  # noqa: FBT003
     "zero-gate-step": (

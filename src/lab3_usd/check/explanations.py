@@ -10,6 +10,7 @@ from lab3_usd.model.fault import FaultKind
 EXPLAINED_BY: Mapping[FaultKind, str] = {
     # nodes and their graphs
     "graph-not-evaluated": "G03",
+    "unknown-port": "W03",
     "not-executed": "W01",
     "switched-off": "P01",
     "zero-gate-step": "P01",

@@ -7,9 +7,9 @@ from typing import Literal
 # fmt: off
 FaultKind = Literal[
     # nodes and their graphs
-    "graph-not-evaluated", "not-executed", "switched-off", "zero-gate-step", "invalid-conversion",
-    "no-number-input", "no-vector-input", "wrong-array-type", "invalid-context",
-    "invalid-qos-profile", "invalid-topic-name",
+    "graph-not-evaluated", "unknown-port", "not-executed", "switched-off", "zero-gate-step",
+    "invalid-conversion", "no-number-input", "no-vector-input", "wrong-array-type",
+    "invalid-context", "invalid-qos-profile", "invalid-topic-name",
     # commands and the drive
     "ramp-without-time-step", "invalid-wheel-size", "no-joint-controller", "no-articulation",
     "excluded-joint", "unknown-joint", "wrong-command-count", "non-numeric-command",

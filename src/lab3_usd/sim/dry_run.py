@@ -73,6 +73,9 @@ def is_asked(name: str, trial: Trial) -> bool:
     }
     if name in topics:
         return all(topic and trial.recording.topic(topic) for topic in topics[name])
+    if name == "graphs":
+        dead = trial.causes.of_graphs() if trial.causes is not None else ()
+        return bool(trial.recording.fired) or any(dead)
     if name == "topics":
         return bool(wanted.types)
     legs = trial.drive[0].legs

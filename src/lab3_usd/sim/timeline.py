@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
-from lab3_usd.sim.execution.program import Program, compile_graphs
+from lab3_usd.sim.execution.program import Program, compile_graphs, depending
 from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, View
 from lab3_usd.sim.execution.running import FRAME, STEP
 from lab3_usd.sim.execution.world import Endpoint, Twist, World, Writer, send, world_of
@@ -196,7 +196,15 @@ def record(
         seen = sweep(beam, tuple(world.surroundings.around(in_metres(at, 1.0 / unit))))
         return tuple(distance if distance < 0 else distance * unit for distance in seen)
 
-    causes = RunCauses(player.program, recording.messages, robot, wanted.commands)
+    missing = scene.missing.keys() - world.assumed.keys()
+    causes = RunCauses(
+        player.program,
+        recording.messages,
+        robot,
+        wanted.commands,
+        missing,
+        depending(player.program, missing),
+    )
     recording.remarks = list(causes.remarks())
     room = _room(player, start)
     if robot is None:

@@ -18,6 +18,7 @@ from lab3_usd.report.safe_text import paint, printable, truncated_values
 WHAT_IT_IS = "a dry run from published node source, not Isaac Sim"
 WHAT_A_RECORDING_IS = "a recording of the running system"
 LOOKS = {
+    "graphs": "every graph can run, and every wire joins ports that are there",
     "topics": "every topic comes, of its type, from one node, in the lab's domain",
     "rest": "stands still without a command, after one, and when told to go sideways",
     "follows": "follows commands in sense and size",

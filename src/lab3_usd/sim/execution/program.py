@@ -6,16 +6,17 @@ are read, once a frame. Push graphs compute every node in every frame.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from lab3_usd.model.dry_run import Graph, Input, Node, Scene
 from lab3_usd.sim.execution.running import (
     CONSTANT,
     FRAME,
     STEP,
+    Failure,
     Running,
     event_of,
     function_of,
@@ -49,18 +50,23 @@ _DEFAULTS = {"inputs:step": 1}  # of the ports of those types, where there is on
 
 _STAGES = {FRAME: "pipelineStageSimulation", STEP: "pipelineStageOnDemand"}
 _PUSH = ("push", "dirty_push")
-_MODES = ("Automatic", "Standalone")
 _UNSAVED = Input("")
 
 
 class Program(Struct):
-    """All graphs of a stage that are evaluated, and what cannot be run."""
+    """All graphs of a stage that are evaluated, and what cannot be run.
+
+    `unwritten` are the nodes that no function is written for, with their types where the catalog
+    has them; `dead` is what Kit does not run of the graphs.
+    """
 
     events: dict[str, list[Running]]
     pushed: list[Running]
     nodes: dict[str, Running]
     not_simulated: dict[str, str]
     idle: dict[str, str]  # graphs that are not evaluated in the frame loop, and why
+    unwritten: dict[str, NodeType | None]
+    dead: list[tuple[str, Failure]] = field(default_factory=list)
 
     def run(self, what: str, world: World) -> None:
         """Run what an event starts; push graphs run with each frame."""
@@ -80,17 +86,74 @@ class Program(Struct):
 
 def compile_graphs(scene: Scene, catalog: Catalog) -> Program:
     """Make the graphs of a scene ready to run."""
-    program = Program({}, [], {}, {}, {})
+    program = Program({}, [], {}, {}, {}, {})
     for graph in scene.graphs:
-        if graph.mode not in _MODES:
-            program.not_simulated[graph.path] = f"evaluation mode {graph.mode}"
+        if not _is_evaluated(graph, scene, catalog, program):
             continue
         nodes = dict(_running(graph, catalog, program))
         for node in nodes.values():
             _connect(node, nodes)
+            program.dead += _dropped(node, nodes, catalog)
         program.nodes.update(nodes)
         _schedule(graph, nodes, program)
     return program
+
+
+def _is_evaluated(graph: Graph, scene: Scene, catalog: Catalog, program: Program) -> bool:
+    """Whether a graph runs once a frame; an instanced one runs once for each prim that names it."""
+    evaluation = catalog.graph.evaluation
+    if graph.mode not in evaluation.by_reference:
+        return True
+    prims = [
+        prim.path
+        for prim in scene.prims.values()
+        if graph.path in prim.targets.get(evaluation.reference, ())
+    ]
+    if not prims:
+        reason = f"it is {graph.mode}, and no prim refers to it by {evaluation.reference}"
+        program.dead.append((graph.path, Failure(reason, "graph-not-evaluated")))
+    elif len(prims) > 1:
+        program.not_simulated[graph.path] = f"it runs for {len(prims)} prims"
+        program.unwritten.update((node.path, catalog.get(node.type)) for node in graph.nodes)
+    return len(prims) == 1
+
+
+def _dropped(
+    node: Running, nodes: dict[str, Running], catalog: Catalog
+) -> Iterator[tuple[str, Failure]]:
+    """Yield the wires of a node that Kit drops, as a type that is known has no such port."""
+    for name, state in node.node.inputs.items():
+        if not state.sources or name.partition(":")[2] in node.fed:
+            continue
+        if catalog.get(node.node.type) is not None and node.type.port(name) is None:
+            yield node.path, Failure(f"its type has no {name}", "unknown-port")
+        for path, _, output in (wire.rpartition(".") for wire in state.sources):
+            source = nodes.get(path)
+            known = source is not None and catalog.get(source.node.type) is not None
+            if source is not None and known and source.type.port(output) is None:
+                text = f"{name} is wired to {path}, whose type has no {output}"
+                yield node.path, Failure(text, "unknown-port")
+
+
+def depending(program: Program, missing: Collection[str]) -> frozenset[str]:
+    """Return the nodes that depend on what is not known, over other nodes as well.
+
+    That is what no function is written for, and a target on an asset that cannot be found.
+    """
+    unsure = set(program.unwritten)
+    for node in program.nodes.values():
+        targets = (path for paths in node.node.targets.values() for path in paths)
+        if any(is_within(path, missing) for path in targets):
+            unsure.add(node.path)
+    spreading = True
+    while spreading:
+        spreading = False
+        for node in program.nodes.values():
+            sources = (wire for state in node.node.inputs.values() for wire in state.sources)
+            if node.path not in unsure and any(w.rpartition(".")[0] in unsure for w in sources):
+                unsure.add(node.path)
+                spreading = True
+    return frozenset(unsure)
 
 
 def _schedule(graph: Graph, nodes: dict[str, Running], program: Program) -> None:
@@ -112,6 +175,7 @@ def _running(graph: Graph, catalog: Catalog, program: Program) -> Iterator[tuple
         function = function_of(known) if known is not None else None
         if known is None or function is None:
             program.not_simulated[node.path] = f"node type {node.type or 'none'}"
+            program.unwritten[node.path] = known
             continue
         running = Running(node.path, known, function, initial(known), node)
         running.pulled = (
@@ -137,6 +201,7 @@ def _connect(node: Running, nodes: dict[str, Running]) -> None:
                 out = source.type.ports.get(output) if source is not None else None
                 if source is not None and out is not None and can_connect(out, port):
                     source.follows.setdefault(out.short, []).append(node)
+                    node.fed.add(port.short)
         else:
             _feed(node, port, state, nodes)
 
@@ -148,6 +213,7 @@ def _feed(node: Running, port: Port, state: Input, nodes: dict[str, Running]) ->
         out = source.type.port(name) if source is not None else None
         if source is None or out is None or not can_connect(out, port):
             continue  # Kit drops such a wire when it opens the stage
+        node.fed.add(port.short)
         if name.startswith(OUTPUT):
             node.wires[port.short] = (source, out.short)
         else:
@@ -164,6 +230,11 @@ def value_of(port: Port, state: Input, node: Running) -> Any:
     if state.value is not None and (not state.type or are_alike(state.type, port.usd_type)):
         return state.value
     return node.type.default(port.name, node.node.version or None)
+
+
+def is_within(path: str, tops: Collection[str]) -> bool:
+    """Whether a prim is one of these or stands below one."""
+    return any(f"{path}/".startswith(f"{top}/") for top in tops)
 
 
 def _in_order(nodes: dict[str, Running]) -> list[Running]:

@@ -91,6 +91,7 @@ class Running(Struct):
     values: dict[str, Any] = field(default_factory=dict)
     wires: dict[str, tuple[Running, str]] = field(default_factory=dict)
     follows: dict[str, list[Running]] = field(default_factory=dict)
+    fed: set[str] = field(default_factory=set)  # inputs into which a wire leads that Kit keeps
     memory: dict[str, Any] = field(default_factory=dict)
     enabled: list[str] = field(default_factory=list)
     pulled: bool = False

@@ -3,30 +3,55 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from posixpath import commonpath
 
 from msgspec import Struct
 
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import FAR
-from lab3_usd.sim.execution.program import Program
+from lab3_usd.sim.execution.program import Program, is_within
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.judge.trial import Cause
+from lab3_usd.sim.judge.trial import Cause, Fault
 from lab3_usd.sim.robot.machine import Joint, Machine
+from lab3_usd.spec.catalog import NodeType
 
 _RADIUS = "wheelRadius"
 _TYPE = "type"  # the input of a helper that says what it publishes
 SUBSCRIBER = "subscriber"
 
 
+# What a fault of these kinds misses could be part of any asset, or of the asset of the robot.
+_AROUND: tuple[FaultKind, ...] = (
+    "no-ground", "no-wheel-contact", "no-gravity", "no-ray-returns", "no-driven-robot",
+)  # fmt: skip
+_PART: tuple[FaultKind, ...] = (
+    "no-articulation", "unknown-joint", "wrong-command-count", "no-chassis-body", "no-target-prim",
+    "missing-frame", "unknown-frame", "missing-camera-prim",
+)  # fmt: skip
+_DRIVEN = ("rest", "follows", "limits", "again")  # checks that show how the robot moves
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
+_SHOWN_BY = {  # checks, and the types of the messages in which they look
+    "odometry": ("nav_msgs/msg/Odometry",),
+    "clock": ("rosgraph_msgs/msg/Clock",),
+    "tree": (_TRANSFORMS,),
+    "moving frames": (_TRANSFORMS, "nav_msgs/msg/Odometry"),
+    "mounted": (_TRANSFORMS, "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Image"),
+    "scan": (_TRANSFORMS, "sensor_msgs/msg/LaserScan"),
+    "camera": (_TRANSFORMS, "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"),
+}
+
+
 class RunCauses(Struct, frozen=True):
-    """What a run knows of its nodes and its robot."""
+    """What a run knows of its nodes and its robot, and which assets it did not find."""
 
     program: Program
     sent: Sequence[Message]
     robot: Machine | None
     commands: str
+    missing: Collection[str] = ()
+    unsure: frozenset[str] = frozenset()  # nodes that depend on what is not known
 
     def of_silence(self, topic: str, message: str) -> Cause | None:
         """Return why no message of this type comes on a topic."""
@@ -36,6 +61,42 @@ class RunCauses(Struct, frozen=True):
             if sent == message and SUBSCRIBER not in node.type.role:
                 return self._elsewhere(node, topic) or self._broken(node)
         return None
+
+    def of_graphs(self) -> Iterator[Cause]:
+        """Yield what of the graphs never runs or is dropped."""
+        for path, failure in self.program.dead:
+            yield Cause(path, failure.reason, failure.kind)
+
+    def doubt(self, check: str, fault: Fault) -> bool:
+        """Whether a fault may come from what is not known: nodes, or assets."""
+        if fault.prim in self.unsure or (fault.kind in _AROUND and self.missing):
+            return True
+        if check in _DRIVEN:
+            bodies = self.robot.rest if self.robot is not None else ()
+            return (
+                any(is_within(body, self.missing) for body in bodies)
+                or (fault.kind in _PART and self._has_missing_parts())
+                or any(node.drives is not None for node in self._unsure_types())
+            )
+        if fault.kind in _PART and self._has_missing_parts():
+            return True
+        sent = {message for kind in self._unsure_types() for message in kind.message.values()}
+        shown = _SHOWN_BY.get(check, sent if fault.kind == "silent-topic" else ())
+        return not sent.isdisjoint(shown) and not (check == "topics" and fault.prim)
+
+    def _has_missing_parts(self) -> bool:
+        """Whether an asset that was not found belongs to the robot, or could be it."""
+        if self.robot is None:
+            return bool(self.missing)
+        top = commonpath(self.robot.rest)
+        return any(is_within(path, (top,)) or is_within(top, (path,)) for path in self.missing)
+
+    def _unsure_types(self) -> Iterator[NodeType]:
+        for path in self.unsure:
+            running = self.program.nodes.get(path)
+            kind = running.type if running is not None else self.program.unwritten.get(path)
+            if kind is not None and SUBSCRIBER not in kind.role:
+                yield kind
 
     def remarks(self) -> Iterator[str]:
         """Say what the sizes of the robot do to its commands."""

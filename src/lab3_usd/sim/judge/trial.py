@@ -79,6 +79,12 @@ class Causes(Protocol):
     def of_motion(self) -> Cause | None:
         """Return why commands do not move the robot as they should."""
 
+    def of_graphs(self) -> Iterator[Cause]:
+        """Yield what of the graphs never runs or is dropped."""
+
+    def doubt(self, check: str, fault: Fault) -> bool:
+        """Whether a fault may come from what is not known."""
+
 
 class Fault(NamedTuple):
     """What is wrong, its kind, and the prim at fault if one is known.

@@ -1,0 +1,115 @@
+"""What a dry run does not know silences only what depends on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from breaking import Step, broken, correct_stage, the_lab
+from dry_runs import driven
+from pxr import Sdf, Usd
+
+from lab3_usd.model.dry_run import Check
+from lab3_usd.sim.judge.checks import judge
+
+SWAPPED: Step = {
+    "swap": ["ROS_Drive/make_array.inputs:input0", "ROS_Drive/make_array.inputs:input1"]
+}
+DRIVE, CLOCK = "/turtlebot3_burger/ROS_Drive", "/World/ROS_Clock"
+NOWHERE = "https://nowhere.invalid/thing.usd"
+
+
+def checks(stage: Usd.Stage) -> dict[str, Check]:
+    return {check.name: check for check in judge(driven(stage, the_lab().catalog))}
+
+
+def faulty(stage: Usd.Stage, verdict: str = "bad") -> set[str]:
+    return {name for name, check in checks(stage).items() if check.verdict == verdict}
+
+
+def node_of(stage: Usd.Stage, path: str, kind: str) -> Usd.Prim:
+    node = stage.DefinePrim(path, "OmniGraphNode")
+    node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set(kind)
+    return node
+
+
+def print_text(stage: Usd.Stage) -> None:
+    node_of(stage, f"{DRIVE}/print", "omni.graph.ui_nodes.PrintText")
+
+
+def chair(stage: Usd.Stage) -> None:
+    stage.DefinePrim("/World/Chair", "Xform").GetReferences().AddReference(NOWHERE)
+
+
+def unused_graph(stage: Usd.Stage) -> None:
+    graph = stage.DefinePrim("/World/Spare", "OmniGraph")
+    graph.CreateAttribute("evaluationMode", Sdf.ValueTypeNames.Token).Set("Instanced")
+
+
+@pytest.mark.parametrize("unknown", [print_text, chair, unused_graph])
+def test_what_nothing_depends_on_hides_no_fault(unknown: Callable[[Usd.Stage], None]) -> None:
+    stage = broken("02", [SWAPPED])
+    unknown(stage)
+    assert checks(stage)["follows"].verdict == "bad"
+    right = correct_stage("02")
+    unknown(right)
+    assert "follows" not in faulty(right)
+
+
+def test_what_comes_out_of_an_unknown_node_is_no_fault() -> None:
+    stage = correct_stage("02")
+    node = node_of(stage, f"{DRIVE}/halved", "my.Half")
+    node.CreateAttribute("outputs:half", Sdf.ValueTypeNames.Double)
+    angular = stage.GetAttributeAtPath(f"{DRIVE}/differential_controller.inputs:angularVelocity")
+    angular.SetConnections([f"{DRIVE}/halved.outputs:half"])
+    found = checks(stage)
+    assert (found["follows"].verdict, found["clock"].verdict) == ("not judged", "ok")
+    stage = broken("02", [{"disconnect": "ROS_Clock/ros2_publish_clock.inputs:execIn"}])
+    node_of(stage, f"{DRIVE}/halved", "my.Half")
+    assert faulty(stage) == {"topics"}
+
+
+def test_a_graph_that_runs_for_a_prim_runs_only_with_one() -> None:
+    stage = broken("05", [{"set": ["ROS_Drive.evaluationMode", "Instanced"]}])
+    found = checks(stage)
+    assert (found["graphs"].kind, found["graphs"].prim) == ("graph-not-evaluated", DRIVE)
+    robot = stage.GetPrimAtPath("/turtlebot3_burger")
+    robot.CreateRelationship("omniGraphs").SetTargets([DRIVE])
+    assert faulty(stage) == set()
+    camera = stage.GetPrimAtPath("/World")
+    camera.CreateRelationship("omniGraphs").SetTargets([DRIVE])
+    assert faulty(stage) == set()
+    assert checks(stage)["follows"].verdict == "not judged"
+
+
+TIME = "ROS_Clock/ros2_publish_clock.inputs:timeStamp"
+
+
+def test_a_wire_from_a_port_that_is_not_there_is_a_fault() -> None:
+    stage = correct_stage("01")
+    stamp = stage.GetAttributeAtPath(f"/World/{TIME}")
+    right = [*stamp.GetConnections()]
+    wrong = f"{CLOCK}/isaac_read_simulation_time.outputs:time"
+    stamp.SetConnections([wrong])
+    found = checks(stage)["graphs"]
+    assert (found.kind, found.prim) == ("unknown-port", f"{CLOCK}/ros2_publish_clock")
+    stamp.SetConnections([*right, wrong])  # Kit drops one and keeps the other
+    assert "graphs" not in faulty(stage)
+
+
+def test_a_wire_into_a_port_that_is_not_there_is_a_fault() -> None:
+    stage = correct_stage("01")
+    publisher = stage.GetPrimAtPath(f"{CLOCK}/ros2_publish_clock")
+    extra = publisher.CreateAttribute("inputs:simTime", Sdf.ValueTypeNames.Double)
+    extra.SetConnections([f"{CLOCK}/isaac_read_simulation_time.outputs:simulationTime"])
+    assert "inputs:simTime" in checks(stage)["graphs"].message
+
+
+def test_a_robot_that_cannot_be_found_is_not_judged() -> None:
+    stage = correct_stage("05")
+    for name in stage.GetPrimAtPath("/turtlebot3_burger").GetChildrenNames():
+        if not name.startswith("ROS_"):
+            stage.RemovePrim(f"/turtlebot3_burger/{name}")
+    stage.GetPrimAtPath("/turtlebot3_burger").GetReferences().AddReference(NOWHERE)
+    assert checks(stage)["follows"].verdict == "not judged"
+    assert faulty(stage) == set()
