@@ -108,7 +108,7 @@ def test_a_base_that_is_mounted_backward_drives_backward() -> None:
     stage = built("02")
     put(f"{JOINTS}/base_joint", "physics:localRot0", Gf.Quatf(0, 0, 0, 1))(stage)
     found = {(finding.rule, finding.severity) for finding in findings_of(stage, "02")}
-    assert found == {("S09", "warning"), ("S17", "error")}  # the lidar goes with the base
+    assert found == {("S09", "error"), ("S17", "error")}  # the lidar goes with the base
 
 
 def test_a_body_that_no_fixed_joint_ties_is_taken_as_it_stands() -> None:

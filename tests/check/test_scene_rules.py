@@ -290,13 +290,13 @@ def test_links_of_a_missing_robot_are_not_listed() -> None:
     assert told(stage, "00") == [("S01", ROBOT, None)]
 
 
-def test_both_wheels_backward_is_a_warning_for_each() -> None:
+def test_both_wheels_backward_are_an_error_for_each() -> None:
     stage = built("02")
     for name in WHEELS:
         backward = Gf.Quatf(0.70710678, 0.70710678, 0, 0)
         put(f"{JOINTS}/{name}", "physics:localRot0", backward)(stage)
     found = findings_of(stage, "02")
-    assert [(each.rule, each.severity) for each in found] == [("S09", "warning")] * 2
+    assert [(each.rule, each.severity) for each in found] == [("S09", "error")] * 2
 
 
 def test_an_axis_left_out_is_the_same_as_x() -> None:

@@ -21,7 +21,7 @@ from lab3_usd.check.robot.wheels import (
 )
 from lab3_usd.check.rules.robot import joined_links
 from lab3_usd.model.changes import ApplySchema, Edit, MovePrim, RemovePrim, Restore
-from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
     DAMPING,
     DRIVE_API,
@@ -352,10 +352,6 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
         if not angle_between(direction, wanted) <= limit
     }
     back = scaled(wanted, -1.0)
-    is_all_back = len(wrong) == len(axles) > 1 and all(
-        angle_between(direction, back) <= limit for direction in wrong.values()
-    )
-    severity: Severity | None = "warning" if is_all_back else None
     section = subject.lab.handout.behind("S09", scene.robot.wheels.handout)
     for joint, direction in wrong.items():
         if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
@@ -373,7 +369,6 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
             actual,
             section,
             joint.related,
-            severity,
             fix=_wheel_fix(joint, name),
             unmet=(f"Scene/axis/{joint.name}",),
         )
