@@ -89,7 +89,7 @@ def test_other_topics_do_not_count(inputs: dict[str, str]) -> None:
 
 def test_a_namespace_on_a_prim_above_moves_the_topic() -> None:
     graph = raw_graph()
-    moved = replace(graph, nodes=tuple(replace(n, namespace="ns") for n in graph.nodes))
+    moved = replace(graph, nodes=tuple(replace(n, namespaces=("ns",)) for n in graph.nodes))
     assert edges(m.only(moved)) == ()
 
 

@@ -116,9 +116,9 @@ def test_a_namespace_above_the_sensor_moves_a_helpers_topic() -> None:
 def test_a_tf_publisher_takes_the_outermost_namespace_only() -> None:
     stage = m.stage()
     for role in (m.RAW, "ros2_publish_odometry"):
-        stage = m.with_node(stage, replace(m.role(stage, role), namespace="a/b"))
-    assert of(stage, m.RAW).topic == "/a/tf"
-    assert of(stage, "ros2_publish_odometry").topic == "/a/b/odom"
+        stage = m.with_node(stage, replace(m.role(stage, role), namespaces=("a/b", "c")))
+    assert of(stage, m.RAW).topic == "/a/b/tf"
+    assert of(stage, "ros2_publish_odometry").topic == "/a/b/c/odom"
 
 
 def test_a_second_topic_counts_once_it_is_switched_on() -> None:

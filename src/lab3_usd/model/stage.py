@@ -68,9 +68,9 @@ class Node(Struct, frozen=True):
     """A node prim that is active and defined.
 
     `type_name` is `node:type` as saved ('' where absent), `type` its catalog entry or None.
-    `namespace` joins the namespace attributes of the prim and its ancestors, `own_namespace` is
-    that of the prim alone. `is_local` tells whether the stage's own layers define the node, rather
-    than an asset.
+    `namespaces` are the namespace attributes of the prim and its ancestors, outermost first,
+    `own_namespace` is that of the prim alone. `is_local` tells whether the stage's own layers
+    define the node, rather than an asset.
     """
 
     path: str
@@ -79,7 +79,7 @@ class Node(Struct, frozen=True):
     version: int | None
     ports: Mapping[str, PortState]
     position: tuple[float, float] | None = None
-    namespace: str = ""
+    namespaces: tuple[str, ...] = ()
     own_namespace: str = ""
     is_local: bool = True
 

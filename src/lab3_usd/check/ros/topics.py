@@ -307,10 +307,10 @@ def namespace_of(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> str:
     if isinstance(own, str) and own:
         return own
     if node.type is not None and node.type.tf is not None:
-        return node.namespace.partition("/")[0]
+        return next(iter(node.namespaces), "")  # whole, with its slashes
     sensor = sensor_of(node, live)
     if sensor is None:
-        return node.namespace
+        return "/".join(node.namespaces)
     return "/".join(value for _, value in namespaces_above(sensor, stage, lab))
 
 

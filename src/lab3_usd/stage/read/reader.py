@@ -109,7 +109,7 @@ class _Scan:
         self.scripts: list[Script] = []
         self.instances: list[str] = []
         self.overridden: list[str] = []
-        self._namespaces: dict[str, str] = {"/": ""}
+        self._namespaces: dict[str, tuple[str, ...]] = {"/": ()}
 
     def run(self) -> None:
         """Look at every prim; at those that the application made for itself only for scripts."""
@@ -174,9 +174,9 @@ class _Scan:
         ports = read_ports(properties, kind)
         if not type_name and not ports:
             return  # a leftover, which is no node
-        namespace = "/".join(filter(None, (self._namespace_above(prim, path), own)))
+        namespaces = self._namespaces_above(prim, path)
         if own:
-            self._namespaces[path] = namespace
+            namespaces = self._namespaces[path] = (*namespaces, own)
         self._note_script(path, type_name, apis)
         self.nodes[graph].append(
             Node(
@@ -186,7 +186,7 @@ class _Scan:
                 version=version if isinstance(version, int) else None,
                 ports=ports,
                 position=_pair(properties[_POSITION].value()),
-                namespace=namespace,
+                namespaces=namespaces,
                 own_namespace=own,
                 is_local=not self._hidden or is_defined_in(prim, self._own_layers),
             )
@@ -212,8 +212,8 @@ class _Scan:
         if carrier is not None:
             self.scripts.append(Script(path, carrier))
 
-    def _namespace_above(self, prim: Usd.Prim, path: str) -> str:
-        """Join the namespaces of the prims above the one at a path, outermost first.
+    def _namespaces_above(self, prim: Usd.Prim, path: str) -> tuple[str, ...]:
+        """Return the namespaces of the prims above the one at a path, outermost first.
 
         A node that is none says nothing.
         """
@@ -221,13 +221,14 @@ class _Scan:
         while (path := path.rpartition("/")[0] or "/") not in self._namespaces:
             prim = Usd.Prim.GetParent(prim)
             ahead.append((path, prim))
-        joined = self._namespaces[path]
+        found = self._namespaces[path]
         for path, prim in reversed(ahead):
             is_node = Usd.Prim.GetTypeName(prim) == self._lab.catalog.graph.node_type
             own = None if is_node else plain_value(authored_data(prim, _NAMESPACE))
-            joined = "/".join(filter(None, (joined, own if isinstance(own, str) else "")))
-            self._namespaces[path] = joined
-        return joined
+            if isinstance(own, str) and own:
+                found = (*found, own)
+            self._namespaces[path] = found
+        return found
 
     def graph(self, path: str) -> GraphModel:
         """Return a graph with its nodes and what looks like one."""
