@@ -330,14 +330,15 @@ def namespace(subject: GraphSubject) -> Iterator[Problem]:
     """A node namespace changes the name of a topic.
 
     Why: with a namespace, `{scan}` becomes `/<namespace>{scan}`, and nothing in the lab subscribes
-    to it.
+    to it. White space is no name of a namespace.
 
     Fix: select the node and clear nodeNamespace in the Property panel.
 
     Example: `nodeNamespace` 'tb3' on the clock publisher: the topic is /tb3/clock.
     """
     for node, spec, port, value in _changed(subject):
-        if port.short == subject.lab.policy.namespace and resolved_topic(str(value)):
+        is_name = resolved_topic(str(value)) or str(value).isspace()
+        if port.short == subject.lab.policy.namespace and is_name:
             message = f"{port.name} is {display(value)}, expected no namespace"
             hint = f"select {role_title(spec)} and clear {port.short} in the Property panel"
             yield Problem(
