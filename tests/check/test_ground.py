@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from scene_changes import FLOOR, Change, define, several, slab, switch, weld, with_api
-from scene_stages import built, told
+from scene_stages import built, findings_of, told
 
 from lab3_usd.stage.compare.values import applied_schemas
 
@@ -40,8 +40,9 @@ FALLS = {
 def test_a_ground_that_falls_is_no_ground(change: Change, checkpoint: str) -> None:
     stage = built(checkpoint)
     change(stage)
-    (site,) = (site for rule, site, _ in told(stage, checkpoint) if rule == "S13")
-    assert BODY in applied_schemas(stage.GetPrimAtPath(site))
+    (found,) = (finding for finding in findings_of(stage, checkpoint) if finding.rule == "S13")
+    assert BODY in applied_schemas(stage.GetPrimAtPath(found.prim))
+    assert found.unmet == ("Scene/ground",)
 
 
 STAYS = {

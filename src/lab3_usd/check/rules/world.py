@@ -108,6 +108,7 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
             related=tuple(sorted({part.usual, plane.path} - {body.path})),
             hint=f"remove Rigid Body from {body.name} in the Property panel",
             fix=(RemoveSchema(body.path, BODY_API),),
+            unmet=(_GROUND,),
             rests_on=asset,
         )
     elif steep is not None:
