@@ -205,6 +205,15 @@ def test_graphs_of_one_name_are_numbered(clock: Usd.Stage, tmp_path: Path) -> No
     assert names[1:] == ["Lab3_01_ros_clock-Mine.svg", "Lab3_01_ros_clock-Mine-2.svg"]
 
 
+def test_names_that_differ_in_case_are_numbered(clock: Usd.Stage, tmp_path: Path) -> None:
+    for graph in ("/A/ROS_Clock", "/A/ros_clock", "/B/Ros_Clock_2"):
+        clock.DefinePrim(graph, "OmniGraph")
+    clock.GetRootLayer().Save()
+    lines = draw(clock.GetRootLayer().realPath, "-o", tmp_path / "out").stdout.splitlines()
+    names = [Path(line).name.casefold() for line in lines]
+    assert len(names) == len({*names}) == 4
+
+
 @pytest.mark.parametrize(("theme", "dark"), [("dark", True), ("light", False)])
 def test_a_theme_can_be_chosen(tmp_path: Path, theme: str, dark: bool) -> None:  # noqa: FBT001
     text = text_of(draw("ROS_Clock", "-o", tmp_path, "--theme", theme))

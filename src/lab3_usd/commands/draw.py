@@ -160,10 +160,11 @@ def _encoder(form: str, theme: Theme) -> Callable[[Picture], bytes]:
 
 
 def _paths(drawing: Drawing, folder: Path, ending: str) -> Iterator[Path]:
-    """Yield a file for each picture; graphs of one name are numbered."""
-    seen: dict[str, int] = {}
+    """Yield a file for each picture, none of which is another's where case does not count."""
+    seen: set[str] = set()
     for picture in drawing.pictures:
         name = drawing.stem + re.sub(r"[^\w-]", "_", picture.title)
-        seen[name] = seen.get(name, 0) + 1
-        number = f"-{seen[name]}" if seen[name] > 1 else ""
-        yield folder / f"{name}{number}.{ending}"
+        names = (name, *(f"{name}-{number}" for number in range(2, len(drawing.pictures) + 1)))
+        free = next(each for each in names if each.casefold() not in seen)
+        seen.add(free.casefold())
+        yield folder / f"{free}.{ending}"
