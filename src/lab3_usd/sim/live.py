@@ -51,7 +51,8 @@ DEPTH = 10
 FASTEST = 1e6  # metres or radians a second: what is beyond it, or no number, is no command
 _BLOCKED = duration(milliseconds=100)  # as in the profiles of ROS 2
 # Peers are asked one by one, as a loopback interface need not have multicast; ROS 2 asks 32.
-# They are asked all the time, as they may come later and need not ask us.
+# They are asked all the time, as they may come later and need not ask us: five times a second, as
+# many of the programs that ask for topics are gone after a second.
 CONFIGURATION = """
 <CycloneDDS><Domain id="any">
   <General>
@@ -62,7 +63,7 @@ CONFIGURATION = """
     <ParticipantIndex>auto</ParticipantIndex>
     <MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
     <Peers><Peer address="127.0.0.1"/></Peers>
-    <SPDPInterval>1s</SPDPInterval>
+    <SPDPInterval>200ms</SPDPInterval>
     <InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay>
   </Discovery>
 </Domain></CycloneDDS>
