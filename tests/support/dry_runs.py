@@ -35,6 +35,7 @@ INTERFACE = Interface(
     scan_rate=10.0,
     image_rate=10.0,
     limits=(0.22, 1.0),
+    turn_rate=10.0,
     frames=(
         "base_footprint",
         "base_link",

@@ -104,6 +104,10 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
         steps({"deactivate": LEFT}, {"deactivate": RIGHT}),
         "follows",
     ),
+    "kinematic-link": (
+        switch(f"{ROBOT}/wheel_left_link", "physics:kinematicEnabled", on=True),
+        "follows",
+    ),
     "base-fixed-to-world": (weld(f"{JOINTS}/hold", body1=f"{ROBOT}/base_footprint"), "follows"),
     "no-gravity": (put("/physicsScene", "physics:gravityMagnitude", 0.0), "follows"),
     "no-ground": (steps({"deactivate": "/Environment/GroundPlane/CollisionPlane"}), "follows"),
@@ -244,6 +248,7 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
     "invalid-scan-profile": (value(f"{LIDAR}.omni:sensor:Core:scanRateBaseHz", 0), "topics"),
     "loose-sensor": (steps({"deactivate": f"{JOINTS}/scan_joint"}), "mounted"),
     "wrong-scan-rate": (value(f"{LIDAR}.omni:sensor:tickRate", 30.0), "scan"),
+    "wrong-turn-rate": (value(f"{LIDAR}.omni:sensor:Core:scanRateBaseHz", 20), "scan"),
     "no-ray-returns": (value(f"{LIDAR}.omni:sensor:Core:farRangeM", 0.05), "scan"),
     "scan-off-walls": (put(LIDAR, "xformOp:translate", (0.3, 0.0, 0.0)), "scan"),
     "image-info-frames-differ": (value(f"{INFO}.inputs:frameId", "lens"), "camera"),

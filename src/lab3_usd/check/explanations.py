@@ -33,6 +33,7 @@ EXPLAINED_BY: Mapping[FaultKind, str] = {
     "no-chassis-body": "R02",
     # the robot
     "no-driven-robot": "S07",
+    "kinematic-link": "S05",
     "base-fixed-to-world": "S21",
     "no-gravity": "S15",
     "no-ground": "S13",
@@ -100,6 +101,7 @@ EXPLAINED_BY: Mapping[FaultKind, str] = {
     "invalid-scan-profile": "L09",
     "loose-sensor": "S12",
     "wrong-scan-rate": "L05",
+    "wrong-turn-rate": "L05",
     "no-ray-returns": "L09",
     "scan-off-walls": "L04",
     "image-info-frames-differ": "P02",

@@ -15,8 +15,8 @@ FaultKind = Literal[
     "excluded-joint", "unknown-joint", "wrong-command-count", "non-numeric-command",
     "no-chassis-body",
     # the robot
-    "no-driven-robot", "base-fixed-to-world", "no-gravity", "no-ground", "no-wheel-contact",
-    "locked-joint", "no-velocity-drive", "limited-joint",
+    "no-driven-robot", "kinematic-link", "base-fixed-to-world", "no-gravity", "no-ground",
+    "no-wheel-contact", "locked-joint", "no-velocity-drive", "limited-joint",
     # motion
     "moves-uncommanded", "moves-sideways", "does-not-stop", "does-not-move", "wall-ahead",
     "wrong-distance", "wrong-turn", "wrong-arc", "sideways-drift", "turn-off-centre",
@@ -35,7 +35,7 @@ FaultKind = Literal[
     # sensors
     "no-camera-target", "missing-camera-prim", "empty-image", "no-render-product",
     "unknown-output", "not-a-camera", "not-a-lidar", "no-lidar-schema", "invalid-scan-profile",
-    "loose-sensor", "wrong-scan-rate", "no-ray-returns", "scan-off-walls",
+    "loose-sensor", "wrong-scan-rate", "wrong-turn-rate", "no-ray-returns", "scan-off-walls",
     "image-info-frames-differ", "image-info-sizes-differ", "image-info-rates-differ",
     "low-image-rate", "misplaced-camera-frame", "camera-not-ahead", "camera-not-upright",
     # localization and navigation

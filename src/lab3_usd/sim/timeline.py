@@ -79,7 +79,13 @@ def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
         shown = {(first + k) % beam.count for k in range(int(writer.covered * beam.count))}
         ranges = [distance if k in shown else -1.0 for k, distance in enumerate(ranges)]
     return Scan(
-        seen_by.start, seen_by.step, seen_by.near, seen_by.far, tuple(ranges), in_metres(at, unit)
+        seen_by.start,
+        seen_by.step,
+        seen_by.near,
+        seen_by.far,
+        tuple(ranges),
+        in_metres(at, unit),
+        1.0 / writer.turns if writer.turns else 0.0,
     )
 
 

@@ -190,7 +190,9 @@ def _scan(message: Any) -> Decoded | None:
     returned = ranges[(ranges >= near) & (ranges <= far)]
     seen = (float(returned.min()) if len(returned) else -1.0,)
     angles = (message.angle_min, message.angle_increment, near, far)
-    return Decoded(_head(message.header), Scan(*angles, seen)) if _finite(angles) else None
+    if not _finite((*angles, message.scan_time)):
+        return None
+    return Decoded(_head(message.header), Scan(*angles, seen, scan_time=message.scan_time))
 
 
 def _info(message: Any) -> Decoded:

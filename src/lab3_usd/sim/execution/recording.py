@@ -30,7 +30,10 @@ class Odometry(Struct, frozen=True):
 
 
 class Scan(Struct, frozen=True):
-    """What a scan says beside its header; a ray without return is -1."""
+    """What a scan says beside its header; a ray without return is -1.
+
+    `scan_time` is how long the lidar takes for a turn, 0 where that is unknown.
+    """
 
     angle_min: float
     angle_increment: float
@@ -38,6 +41,7 @@ class Scan(Struct, frozen=True):
     range_max: float
     ranges: tuple[float, ...]
     place: Affine | None = None  # of the lidar, where it is known; metres
+    scan_time: float = 0.0
 
 
 class View(Struct, frozen=True):

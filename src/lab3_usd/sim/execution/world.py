@@ -163,6 +163,7 @@ class Writer(Struct):
     kind: str
     beam: Beam | None = None
     covered: float = 1.0  # the part of a turn that one picture shows
+    turns: float = 0.0  # of a lidar, a second
     rendered: int = 0
     due: float = 0.0
     matrix: tuple[float, ...] = field(default_factory=tuple)

@@ -152,16 +152,7 @@ class RunCauses(Struct, frozen=True):
         robot = self.robot
         if robot is None:
             return Cause("", "the stage has no robot with joints that turn", "no-driven-robot")
-        if robot.held:
-            return Cause(robot.base, "a joint ties the robot to the world", "base-fixed-to-world")
-        if not robot.pulled:
-            return Cause(robot.base, "gravity does not hold the robot on the ground", "no-gravity")
-        if not robot.grounded:
-            return Cause(robot.base, "no ground is below the robot", "no-ground")
-        if not robot.wheels:
-            return Cause(robot.base, "no wheel of the robot touches the ground", "no-wheel-contact")
-        causes = (_of_joint(joint, robot.base) for joint in robot.joints.values())
-        return next(filter(None, causes), None) or self._of_commands()
+        return next(_of_robot(robot), None) or self._of_commands()
 
     def _of_commands(self) -> Cause | None:
         nodes = self.program.nodes.values()
@@ -175,6 +166,22 @@ class RunCauses(Struct, frozen=True):
         chain = [running for node in controllers for running in self._before(node)]
         speeds = next((running for running in chain if running.type.step_limits), controllers[0])
         return Cause(speeds.path, "", None)
+
+
+def _of_robot(robot: Machine) -> Iterator[Cause]:
+    """Yield what keeps a robot from moving as it is commanded."""
+    base = robot.base
+    if robot.kinematic:
+        yield Cause(robot.kinematic, "it is kinematic: nothing moves it", "kinematic-link")
+    if robot.held:
+        yield Cause(base, "a joint ties the robot to the world", "base-fixed-to-world")
+    if not robot.pulled:
+        yield Cause(base, "gravity does not hold the robot on the ground", "no-gravity")
+    if not robot.grounded:
+        yield Cause(base, "no ground is below the robot", "no-ground")
+    if not robot.wheels:
+        yield Cause(base, "no wheel of the robot touches the ground", "no-wheel-contact")
+    yield from filter(None, (_of_joint(joint, base) for joint in robot.joints.values()))
 
 
 def _of_joint(joint: Joint, site: str) -> Cause | None:

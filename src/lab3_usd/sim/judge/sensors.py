@@ -12,6 +12,7 @@ WALL = 0.03  # metres between a scan and the walls
 SHORT = 2.0  # seconds of a recording in which a stream may come once
 AHEAD = 0.5  # between directions of length 1
 MISSED = 0.1  # the part of a scan that may be elsewhere
+TURNS = 0.01  # part by which a lidar may turn faster or slower
 
 
 def mounted(trial: Trial) -> Iterator[Fault]:
@@ -51,6 +52,10 @@ def scan(trial: Trial) -> Iterator[Fault]:
     if is_long and wanted.scan_rate and abs(rate - wanted.scan_rate) > 0.2 * wanted.scan_rate:
         text = f"{rate:.1f} scans a second, not {wanted.scan_rate}"
         yield Fault(text, "wrong-scan-rate", messages[0].node)
+    turn, turns = messages[-1].data.scan_time, wanted.turn_rate
+    if turn > 0 and turns and abs(turn * turns - 1.0) > TURNS:
+        text = f"the lidar turns {1.0 / turn:g} times a second, not {turns:g}"
+        yield Fault(text, "wrong-turn-rate", messages[-1].node)
     if all(distance < 0 for distance in messages[-1].data.ranges):
         yield Fault("no ray comes back", "no-ray-returns", messages[-1].node)
     for message in (messages[:2][-1], messages[len(messages) // 2], messages[-1]):

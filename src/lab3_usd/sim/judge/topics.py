@@ -26,7 +26,7 @@ _PARTS = {
 _COMMANDS = "geometry_msgs/msg/Twist"
 _MAP = "nav_msgs/msg/OccupancyGrid"
 _KEPT = "transient_local"
-_RATE = "omni:sensor:tickRate"
+_RATE, _TURNS = "omni:sensor:tickRate", "omni:sensor:Core:scanRateBaseHz"
 _LIMITS = ("maxLinearSpeed", "maxAngularSpeed")
 _RADIUS = "wheelRadius"
 _PARENT, _CHILD = "header.frame_id", "child_frame_id"
@@ -55,11 +55,12 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         **names,
         root=frames.get(_PARENT, ""),
         base=frames.get(_CHILD, ""),
-        scan_rate=_rate(lidar),
-        image_rate=_rate(camera),
+        scan_rate=_rate(lidar, _RATE),
+        image_rate=_rate(camera, _RATE),
         limits=(ahead, turning),
         looks=view.along if view else (0.0, 0.0, 0.0),
         upward=view.up if view else (0.0, 0.0, 0.0),
+        turn_rate=_rate(lidar, _TURNS),
         frames=tuple(child for _, child in lab.frames.edges) if checkpoint.frames else (),
         wheel_radius=radius,
         profile={name: attribute.value for name, attribute in lidar.attributes.items()}
@@ -93,9 +94,9 @@ def _named(topics: list[TopicSpec], kind: str) -> str:
     return next((topic.name for topic in topics if topic.type == kind), "")
 
 
-def _rate(sensor: SensorSpec | None) -> float:
+def _rate(sensor: SensorSpec | None, name: str) -> float:
     """Return the rate that is asked of a sensor, 0 where none is."""
-    rate = None if sensor is None else sensor.attributes.get(_RATE)
+    rate = None if sensor is None else sensor.attributes.get(name)
     return 0.0 if rate is None else float(rate.value)
 
 

@@ -56,6 +56,7 @@ class Interface(Struct, frozen=True):
     limits: tuple[float, float]
     looks: tuple[float, float, float]
     upward: tuple[float, float, float]
+    turn_rate: float = 0.0  # of the lidar, a second
     frames: tuple[str, ...] = ()  # that the tree is to have below its root
     wheel_radius: float = 0.0  # that controllers are to be told, metres
     profile: dict[str, Any] = {}  # of a lidar whose own cannot be read

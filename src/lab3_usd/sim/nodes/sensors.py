@@ -174,10 +174,10 @@ def _publish(node: Running, world: World, prim: Prim, product: Product) -> bool:
     writer = attach(node, world, product, f"lidar {kind}", rate)
     if writer is None:
         return False
-    turns = float(prim.values.get(f"{CORE}scanRateBaseHz") or 0)
+    writer.turns = float(prim.values.get(f"{CORE}scanRateBaseHz") or 0)
     writer.beam = beam
     if rate > 0 and not prim.values.get(f"{CORE}accumulateOutputs"):
-        writer.covered = min(1.0, turns / rate)
+        writer.covered = min(1.0, writer.turns / rate)
     return True
 
 

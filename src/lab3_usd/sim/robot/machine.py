@@ -37,6 +37,7 @@ class Joint(Struct, eq=False):
     excluded: bool = False  # from the articulation, whose controller does not know it
     authored: tuple[float, float] = (0.0, 0.0)  # the targets that the stage gives
     limits: tuple[float, float] = (-math.inf, math.inf)  # of its position
+    kinematic: str = ""  # the body at its end that nothing moves, which counts as the world
 
     @property
     def holds(self) -> bool:
@@ -93,6 +94,7 @@ class Machine(Struct):
     parents: dict[str, Joint]
     joints: dict[str, Joint]  # those that move, by name, in the order of the articulation
     held: bool
+    kinematic: str = ""  # the body at a joint of it that nothing moves
     wheels: list[Wheel] = field(default_factory=list)
     solve: list[tuple[float, float, float]] = field(default_factory=list)
     middle: tuple[float, float] = (0.0, 0.0)

@@ -20,6 +20,11 @@ def is_dynamic(prim: Prim) -> bool:
     return BODY in prim.apis and on and not prim.values.get("physics:kinematicEnabled")
 
 
+def is_kinematic(prim: Prim) -> bool:
+    """Whether a prim is a body that nothing moves."""
+    return BODY in prim.apis and prim.values.get("physics:kinematicEnabled") is True
+
+
 def collides(prim: Prim) -> bool:
     """Whether a prim is a collision shape."""
     return COLLIDER in prim.apis and prim.values.get("physics:collisionEnabled") is not False
@@ -55,6 +60,7 @@ class Bodies:
         if any(end and end[0] not in self.scene.prims for end in ends):
             return None  # PhysX makes no joint to a prim that is not there
         bodies = [self.of(end[0]) if end else "" for end in ends]
+        still = (self._kinematic(end[0]) for end in ends if end)
         drive = DRIVE.get(prim.type, "")
         kind = drive.split(":")[1] if drive else ""
         force = number(prim.values.get(f"{drive}maxForce"))
@@ -76,8 +82,16 @@ class Bodies:
             0.0,
             authored=(of_drive("targetVelocity") * unit, of_drive("targetPosition") * unit),
             excluded=prim.values.get(EXCLUDED) is True,
+            kinematic=next(filter(None, still), ""),
             limits=(low * unit, high * unit),
         )
+
+    def _kinematic(self, path: str) -> str:
+        """Return the body that a prim goes with where that is kinematic."""
+        if self.of(path):
+            return ""
+        bodies = (prim.path for prim in self.scene.above(path) if is_kinematic(prim))
+        return next(bodies, "")
 
     def _frame(self, prim: Prim, number: int, ends: tuple[str, ...], body: str) -> Affine:
         """Return the frame of a joint in its body, without scale."""
@@ -113,12 +127,14 @@ def _machine(base: str, bodies: dict[str, Prim], ends: dict[str, list[Joint]]) -
     parents: dict[str, Joint] = {}
     moving: dict[str, Joint] = {}
     closing: list[Joint] = []
+    kinematic = ""
     while waiting:
         body = waiting.popleft()
         for joint in ends[body]:
             number = joint.bodies.index(body)
             neighbour = joint.bodies[1 - number]
             held = held or not neighbour
+            kinematic = kinematic or joint.kinematic
             if not neighbour or neighbour in rest:
                 tree = (parents.get(body), parents.get(neighbour))
                 closing += [joint] if joint.kind == FIXED and joint not in tree else []
@@ -133,7 +149,7 @@ def _machine(base: str, bodies: dict[str, Prim], ends: dict[str, list[Joint]]) -
         for body in joint.bodies:
             if body in parents and parents[body] is not joint:
                 parents[body].locked = True
-    return Machine(base, bodies[base].world.rigid(), rest, parents, moving, held)
+    return Machine(base, bodies[base].world.rigid(), rest, parents, moving, held, kinematic)
 
 
 _UPRIGHT = 0.5  # an axle that stands steeper rolls nowhere
