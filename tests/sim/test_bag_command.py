@@ -74,6 +74,30 @@ def test_a_good_recording_is_all_right(plain: Path) -> None:
     assert judged(plain)["verdict"] == "ok"
 
 
+def test_a_recording_of_a_dry_run_is_not_blamed_for_the_pictures_that_it_lacks(
+    plain: Path,
+) -> None:
+    document = judged(plain.parent / "dry")
+    assert document["verdict"] == "ok"
+    assert [each["prim"] for each in document["not_simulated"]] == ["/camera/image_raw"]
+    stage = plain.parent / "Lab3_05.usda"
+    found = judged(plain.parent / "dry", "--stage", str(stage))["differences"]
+    assert "/camera/image_raw" not in {each["name"] for each in found}
+
+
+def test_pictures_that_a_real_recording_lacks_are_missed(plain: Path, tmp_path: Path) -> None:
+    run = rewritten(plain, tmp_path / "run", on("/camera/image_raw", lambda _: "drop"))
+    assert wrong(run)["topics"] == "nothing on /camera/image_raw"
+
+
+def test_a_lidar_that_turns_otherwise_is_told_by_its_scans(plain: Path, tmp_path: Path) -> None:
+    def twice(said: Any) -> None:
+        said.scan_time = 0.05
+
+    run = rewritten(plain, tmp_path / "run", on("/scan", twice))
+    assert wrong(run) == {"scan": "the lidar turns 20 times a second, not 10"}
+
+
 def test_the_topics_have_both_rates_and_their_qos(plain: Path) -> None:
     document = judged(plain)
     assert document["recording"] == str(plain)

@@ -213,6 +213,7 @@ def _check_database(path: Path) -> None:
 
 ENDINGS = (".mcap", ".db3")
 METADATA = "metadata.yaml"
+NOT_SENT = "lab3_not_sent"  # in the metadata: topics whose messages a dry run does not make
 LARGEST_METADATA = 4_000_000
 T = TypeVar("T")
 
@@ -239,10 +240,14 @@ class Offered(NamedTuple):
 
 
 class Layout(Struct, frozen=True):
-    """The files of a recording in order, and whether each message is compressed by itself."""
+    """The files of a recording in order, and whether each message is compressed by itself.
+
+    `not_sent` are the topics whose messages a dry run, which was recorded, does not make.
+    """
 
     paths: tuple[Path, ...]
     by_message: bool = False
+    not_sent: frozenset[str] = frozenset()
 
 
 class Bag(Struct, frozen=True):
@@ -334,7 +339,9 @@ def layout_of(files: Sequence[Path]) -> Layout:
     if not wanted:
         raise RecordingError("holds no .mcap and no .db3 file")
     by_message = str(metadata.get("compression_mode", "")).lower() == "message"
-    return Layout(tuple(by_name[name] for name in wanted), by_message)
+    custom = metadata.get("custom_data")
+    not_sent = str(custom.get(NOT_SENT, "")).split() if isinstance(custom, dict) else ()
+    return Layout(tuple(by_name[name] for name in wanted), by_message, frozenset(not_sent))
 
 
 def is_file_of_bag(name: str) -> bool:
