@@ -13,14 +13,17 @@ from lab3_usd.check.ros.running import (
     running_nodes,
     severity_if_uncertain,
 )
+from lab3_usd.judge.lint import lint_lab
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
 from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.isaac import NEWEST
 
 TICK = "omni.graph.action.OnPlaybackTick"
 STEP = "isaacsim.core.nodes.OnPhysicsStep"
 CUSTOM = "omni.graph.action.OnCustomEvent"
 ODOMETRY = "isaacsim.ros2.bridge.ROS2PublishOdometry"
+BRANCH = "omni.graph.action.Branch"
 GATE = "isaacsim.core.nodes.IsaacCreateRenderProduct"
 PLACE = "/Graph/more"
 SENDER = f"{PLACE}/sender"
@@ -256,3 +259,14 @@ def test_a_push_graph_signals_nothing_once() -> None:
     given = graph(None, once, evaluator__type="push")
     sender = m.wired(given.nodes[0], "inputs:execIn", f"{once.path}.outputs:step")
     assert state_of(m.only(replace(given, nodes=(sender, *given.nodes[1:])))) == "runs"
+
+
+def test_what_is_behind_a_branch_may_run() -> None:
+    lab = lint_lab(NEWEST)
+    branch = replace(m.node(f"{PLACE}/branch", BRANCH), type=lab.catalog.types[BRANCH])
+    branch = m.wired(branch, "inputs:execIn", f"{PLACE}/root.outputs:tick")
+    first = graph(TICK, branch)
+    sender = m.wired(first.nodes[0], "inputs:execIn", f"{PLACE}/branch.outputs:execTrue")
+    stage = m.only(replace(first, nodes=(sender, *first.nodes[1:])))
+    states = run_states(stage, lab)
+    assert (states[branch.path], states[SENDER]) == ("runs", "may run")

@@ -307,7 +307,7 @@ class NodeType(Struct, frozen=True, dict=True):
     is looked for; `step_limits` the inputs that must be 0 while the input of `time_step` is;
     `sizes` how long the arrays of some outputs always are. In a stage in metres a node gives what
     comes into its inputs `same_in_metres` as it is. One that `grows_by_message` has its fields as
-    ports, too.
+    ports, too. Of one that `is_open` only some ports are known, and not whether signals go on.
     """
 
     type: str
@@ -331,6 +331,7 @@ class NodeType(Struct, frozen=True, dict=True):
     drives: DrivePorts | None = None
     same_in_metres: tuple[str, ...] = ()
     grows_by_message: bool = False
+    is_open: bool = False
 
     @cached_property
     def execution_inputs(self) -> tuple[str, ...]:
@@ -350,9 +351,14 @@ class NodeType(Struct, frozen=True, dict=True):
     def port(self, name: str) -> Port | None:
         """Return the port with this full name (`inputs:execIn`), dynamic ones included."""
         port = self.ports.get(name)
-        if port is None and self.grows_by_message and ":" in name:
+        if port is None and (self.grows_by_message or self.is_open) and ":" in name:
             return Port(name, "any", "token")
         return port or (self._grown(name[len(INPUT) :]) if name.startswith(INPUT) else None)
+
+    def is_known_port(self, name: str) -> bool:
+        """Whether it is known what goes through the port with this full name."""
+        port = self.ports.get(name)
+        return not self.is_open or (port is not None and not port.is_union)
 
     def default(self, name: str, version: int | None) -> Value | None:
         """Return what a port without a value means in a file with this version of the type."""

@@ -143,7 +143,7 @@ def stops(graph: GraphModel, subject: LintSubject) -> Iterator[Stop]:
         node
         for node in graph.nodes
         if node.path in live and node.type is not None and not subject.runs(node.path)
-        if event_of(node, subject.lab) is None and signal_inputs(node)
+        if event_of(node, subject.lab) is None and node.type.execution_inputs
     ]
     for node in idle:
         ahead = [source for source in signal_sources(node, live) if source.path != node.path]

@@ -132,15 +132,28 @@ def _may_start(node: Node, nodes: Nodes) -> bool:
 def _spread(
     state: State, states: dict[str, State], followers: _Followers, live: Nodes, lab: Lab
 ) -> None:
-    """Carry a state on to all that the nodes in it trigger, unless those are surer already."""
-    ahead = [path for path, known in states.items() if known == state]
+    """Carry a state on to all that the nodes in it trigger, unless those are surer already.
+
+    What a node triggers of which it is unknown whether it passes a signal on, may run.
+    """
+    ahead = [
+        path
+        for path, known in states.items()
+        if known == state or (state == "may run" and _is_unsure(live[path], lab))
+    ]
     while ahead:
         path = ahead.pop()
         is_passing = is_switched_on(live[path], live) and not shut_gate(live[path], live, lab)
+        is_passing = is_passing and not (state == "runs" and _is_unsure(live[path], lab))
         for follower in followers.get(path, ()) if is_passing else ():
             if states.get(follower) not in ("runs", state):
                 states[follower] = state
                 ahead.append(follower)
+
+
+def _is_unsure(node: Node, lab: Lab) -> bool:
+    """Whether it is unknown if the node passes a signal on that reaches it."""
+    return node.type is not None and node.type.is_open and event_of(node, lab) is None
 
 
 def _followers(nodes: Nodes, lab: Lab) -> tuple[_Followers, _Followers]:
@@ -170,10 +183,14 @@ def is_opened_first(node: Node) -> bool:
 
 
 def signal_inputs(node: Node) -> tuple[str, ...]:
-    """Return the execution inputs; every input where the type is unknown."""
-    if node.type is None:
-        return tuple(name for name in node.ports if name.startswith(INPUT))
-    return node.type.execution_inputs
+    """Return the execution inputs, and those of which nothing is known."""
+    kind = node.type
+    unknown = (
+        name
+        for name in node.ports
+        if name.startswith(INPUT) and (kind is None or not kind.is_known_port(name))
+    )
+    return (*(() if kind is None else kind.execution_inputs), *unknown)
 
 
 def signal_sources(node: Node, nodes: Nodes) -> Iterator[Node]:
@@ -185,7 +202,9 @@ def signals(node: Node, nodes: Nodes) -> Iterator[tuple[Node, str]]:
     """Yield the outputs that trigger this node, or may where a type is unknown."""
     for port in signal_inputs(node):
         for source, source_port in live_sources(node, port, nodes):
-            known = None if source.type is None else source.type.port(source_port)
+            kind = source.type
+            is_known = kind is not None and kind.is_known_port(source_port)
+            known = kind.port(source_port) if kind is not None and is_known else None
             if source_port.startswith(OUTPUT) and (known is None or known.is_execution):
                 yield source, source_port
 

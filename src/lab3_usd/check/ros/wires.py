@@ -44,7 +44,10 @@ class Connection(Struct, frozen=True, eq=False):
         """The ports at both ends, None where one of them is not known."""
         if self.source is None or self.source.type is None or self.node.type is None:
             return None
-        ends = (self.source.type.port(self.source_port), self.node.type.port(self.port))
+        source, target = self.source.type, self.node.type
+        if not (source.is_known_port(self.source_port) and target.is_known_port(self.port)):
+            return None
+        ends = (source.port(self.source_port), target.port(self.port))
         return (ends[0], ends[1]) if ends[0] is not None and ends[1] is not None else None
 
 

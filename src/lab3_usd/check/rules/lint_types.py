@@ -104,7 +104,7 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
 
     Fix: nothing is wrong. Look yourself at what these nodes feed.
 
-    Example: To String, a node of Kit's own.
+    Example: a node of an extension that somebody wrote.
     """
     paths_by_type: dict[str, list[str]] = {}
     for node in nodes_of_unknown_type(subject):
@@ -132,7 +132,9 @@ def newer_version(subject: LintSubject) -> Iterator[Problem]:
     Example: ROS2 Camera Helper of version 4, while 6.0.1 has 3.
     """
     for node in subject.live.values():
-        if node.type is not None and node.version is not None and node.version > node.type.version:
+        if node.type is None or node.type.is_open or node.version is None:
+            continue
+        if node.version > node.type.version:
             yield Problem(
                 node.path,
                 f"{subject.title(node)} has version {node.version}; "

@@ -187,8 +187,10 @@ def two_sources(subject: LintSubject) -> Iterator[Problem]:
     """
     fed: dict[tuple[str, str], list[Connection]] = {}
     for wire in connections(subject):
-        port = _input(wire)
-        if wire.is_live and port is not None and not port.is_execution:
+        kind, port = wire.node.type, _input(wire)
+        if kind is None or port is None or not kind.is_known_port(wire.port):
+            continue
+        if wire.is_live and not port.is_execution:
             fed.setdefault((wire.node.path, wire.port), []).append(wire)
     for (path, port_name), wires in fed.items():
         if len(wires) > 1:

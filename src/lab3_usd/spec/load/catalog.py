@@ -85,6 +85,7 @@ class _TypeEntry(Struct, forbid_unknown_fields=True):
     drives: _DrivesEntry | None = None
     same_in_metres: tuple[str, ...] = ()
     grows_by_message: bool = False
+    is_open: bool = False
 
 
 class _EventEntry(Struct, forbid_unknown_fields=True):
@@ -177,6 +178,7 @@ def _node_type(
         drives=_drive_ports(entry.drives, ports, f"{where}: drives"),
         same_in_metres=_named(entry.same_in_metres, INPUT, ports, f"{where}: same_in_metres"),
         grows_by_message=entry.grows_by_message,
+        is_open=entry.is_open,
     )
 
 
@@ -258,6 +260,7 @@ def _drive_ports(
 
 
 TYPES = "node_types.yaml"
+KIT_TYPES = "kit_types.yaml"
 NEEDS = "needs.yaml"
 VERSIONS = "versions.yaml"
 RENAMES = "renames.yaml"
@@ -289,10 +292,12 @@ def assemble_types(folder: Path) -> IsaacTypes:
     data = read_yaml(folder / TYPES)
     usd_types = {**lab_data["usd_types"], **data["usd_types"]}
     types = parse_types(data["types"], usd_types, f"{folder.name}/{TYPES}")
+    kit = read_yaml(folder / KIT_TYPES)["types"]
+    kit_types = parse_types(kit, usd_types, f"{folder.name}/{KIT_TYPES}")
     names = record(read_yaml(folder / RENAMES), _Renames, f"{folder.name}/{RENAMES}")
     catalog = replace(
         lab,
-        types={**types, **lab.types},
+        types={**kit_types, **types, **lab.types},
         prefixes={**names.prefixes, **lab.prefixes},
         renamed={**names.renamed, **lab.renamed},
     )
