@@ -1,4 +1,4 @@
-"""What time samples make of a stage: what plays when the timeline starts counts."""
+"""What time samples and splines make of a stage: what plays when the timeline starts counts."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
 
 LIDAR = "/turtlebot3_burger/base_scan/Lidar2D"
+CAMERA = "/turtlebot3_burger/base_footprint/Camera_1"
+MASS = "/turtlebot3_burger/base_link.physics:mass"
+RADIUS = "ROS_Drive/differential_controller.inputs:wheelRadius"
 TOPIC = "ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:topicName"
 
 
@@ -62,6 +65,17 @@ def errors(*steps: dict[str, object]) -> list[tuple[str, str]]:
             ],
             [("S30", "error")],
         ),
+        ([{"spline": [f"{CAMERA}.focalLength", (0, 24.0)]}], [("C06", "error")]),
+        (
+            [{"clear": f"{CAMERA}.focalLength"}, {"spline": [f"{CAMERA}.focalLength", (0, 18.0)]}],
+            [],
+        ),
+        ([{"spline": [f"{LIDAR}.omni:sensor:tickRate", (5, 20.0)]}], [("L05", "error")]),
+        ([{"spline": [RADIUS, (0, 0.05)]}], [("P01", "error")]),
+        ([{"spline": [RADIUS, (0, 0.05)]}, {"sample": [RADIUS, 0, 0.025]}], []),
+        ([{"spline": [RADIUS, (0, 0.025), (9, 0.05)]}], [("S30", "warning")]),
+        ([{"begin": 9}, {"spline": [MASS, (0, 5.0), (9, 0.825735)]}], []),
+        ([{"spline": [MASS, (0, 5.0), (9, 0.825735)]}], [("S04", "error"), ("S30", "warning")]),
     ],
 )
 def test_what_plays_at_the_start_counts(
@@ -149,6 +163,16 @@ def test_a_stage_without_samples_is_left_alone() -> None:
     hold_start_values(stage)
     assert stage.GetSessionLayer().empty
     assert changes_after_start(stage) == ()
+
+
+@pytest.mark.parametrize("ending", ["usda", "usdc"])
+def test_splines_are_seen_in_files_and_in_memory(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"Lab3_05.{ending}"
+    stage = broken("05", [{"spline": [MASS, (0, 5.0)]}])
+    stage.GetRootLayer().Export(str(path))
+    for varying in (stage, Usd.Stage.Open(str(path))):
+        hold_start_values(varying)
+        assert varying.GetAttributeAtPath(MASS).Get() == 5.0
 
 
 def test_a_stage_is_held_once() -> None:

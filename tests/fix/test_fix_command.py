@@ -240,6 +240,7 @@ BALL = "/turtlebot3_burger/caster_back_link/collisions/ball"
 TREE = "ROS_OdomTF/ros2_publish_raw_transform_tree"
 FAULTS: dict[str, Step] = {
     "time samples hold another value": {"sample": [RADIUS, 0, 0.033]},
+    "a spline holds another value": {"spline": [RADIUS, (0, 0.033)]},
     "time samples move the camera": {
         "sample": [
             "/turtlebot3_burger/base_footprint/Camera_1.xformOp:translate",

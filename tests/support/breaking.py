@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from pxr import Sdf, Usd
+from pxr import Sdf, Ts, Usd
 
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.spec.lab import Lab
@@ -107,6 +107,17 @@ def _clear(stage: Usd.Stage, where: str) -> None:
 
 def _sample(stage: Usd.Stage, where: str, time: float, value: Any) -> None:
     _attribute(stage, where).Set(tuple(value) if isinstance(value, list) else value, time)
+
+
+def _spline(stage: Usd.Stage, where: str, *knots: tuple[float, float]) -> None:
+    """Write a curve that keeps the value of each knot until the next one."""
+    attribute = _attribute(stage, where)
+    spline = Ts.Spline(str(attribute.GetTypeName()))
+    for time, value in knots:
+        knot = Ts.Knot(spline.GetValueTypeName(), time=time, value=value)
+        knot.SetNextInterpolation(Ts.InterpHeld)
+        spline.SetKnot(knot)
+    attribute.SetSpline(spline)
 
 
 def _begin(stage: Usd.Stage, time: float) -> None:
@@ -228,6 +239,7 @@ STEPS: dict[str, Callable[..., None]] = {
     "declare": _declare,
     "clear": _clear,
     "sample": _sample,
+    "spline": _spline,
     "begin": _begin,
     "beside": _beside,
     "connect": _connect,

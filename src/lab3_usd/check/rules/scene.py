@@ -298,7 +298,7 @@ _SENSOR = "omni:sensor:"
 
 @rule("S30", "value-changes-with-time", scope="stage", severity="warning")
 def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
-    """Time samples change a value while the timeline plays.
+    """Time samples or a spline change a value while the timeline plays.
 
     Why: at Play the timeline runs over the samples, and the robot, a sensor or a setting no longer
     has its saved value. The value at the start is judged like any other. This rule reports later
@@ -316,7 +316,7 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
             yield Problem(
                 attribute.prim,
                 f"{attribute.property} is {attribute.first} at the start and {attribute.then} "
-                f"at time {attribute.time:g}, expected no time samples",
+                f"at time {attribute.time:g}, expected one value",
                 property=attribute.property,
                 expected=attribute.first,
                 actual=attribute.then,

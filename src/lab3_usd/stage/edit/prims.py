@@ -28,6 +28,7 @@ from lab3_usd.stage.write.graphs import author_graph, catalog_value
 
 _PORTS = ("inputs:", "outputs:")
 _SCHEMAS = "apiSchemas"
+_VARYING = ("timeSamples", "spline")  # which beat the default value of the same layer
 _LISTS = ("explicitItems", "prependedItems", "appendedItems", "addedItems")
 
 
@@ -39,8 +40,8 @@ def set_value(session: EditSession, edit: SetValue) -> None:
 def set_typed(session: EditSession, prim: str, name: str, type_name: str, value: Any) -> None:
     """Give an attribute a value of usd-core."""
     spec = _attribute(session, prim, name, type_name)
-    if spec.HasInfo("timeSamples"):
-        spec.ClearInfo("timeSamples")
+    for varying in filter(spec.HasInfo, _VARYING):
+        spec.ClearInfo(varying)
     spec.default = value
 
 
@@ -91,7 +92,8 @@ def clear_value(session: EditSession, edit: ClearValue) -> None:
     spec = layer.GetAttributeAtPath(f"{edit.prim}.{edit.property}")
     if spec is not None:
         session.touch(layer, edit.prim)
-        spec.ClearInfo("timeSamples")
+        for varying in _VARYING:
+            spec.ClearInfo(varying)
         spec.ClearDefaultValue()
     attribute = prim.GetAttribute(edit.property)
     if attribute.HasAuthoredValue():  # a weaker layer says one

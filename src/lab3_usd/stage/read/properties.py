@@ -1,8 +1,8 @@
 """Reads the properties of composed prims as plain values, as the timeline starts with them.
 
-Isaac Sim opens a stage at its first time code and plays from there on, and a time sample beats
-the default value. So the values of that moment are written into the session layer of a stage, where
-everybody who asks for a value finds them.
+Isaac Sim opens a stage at its first time code and plays from there on, and a time sample or a
+spline beats the default value. So the values of that moment are written into the session layer of
+a stage, where everybody who asks for a value finds them.
 
 usd-core parses every schema that it has, once in a process, when it is first asked for a
 property that no layer holds or for the type of one. That takes as long as judging a stage. Here the
@@ -17,6 +17,7 @@ without that look, a prim that is none ends the process.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
@@ -42,6 +43,9 @@ _KEY = "changes after the start"  # of the session layer's custom data
 _NEAR_ZERO = 1e-6
 RELATIONSHIP = "rel"
 _WITH_VARIABLES = {Sdf.AssetPath, Sdf.AssetPathArray}  # of which the stage makes a path
+_CRATE = b"PXR-USDC"  # which a version of three bytes follows
+_CRATE_WITH_SPLINES = bytes((0, 12, 0))
+_SPLINE, _SPLINE_TEXT = "spline", b".spline"
 _VALUE, _SOURCES = "default", "connectionPaths"
 
 
@@ -95,21 +99,22 @@ def elements(vector: Any) -> list[Any]:
 
 
 def hold_start_values(stage: Usd.Stage) -> None:
-    """Have every attribute with time samples hold the value that it starts with.
+    """Have every attribute with time samples or a spline hold the value that it starts with.
 
     A stage is held once, as it was when that was asked first. Prims of instances stay as they are,
     for no layer can say anything else of one instance.
     """
     session = stage.GetSessionLayer()
     layers = stage.GetUsedLayers()
-    if _KEY in session.customLayerData or not any(layer.ListAllTimeSamples() for layer in layers):
+    is_varying = any(layer.ListAllTimeSamples() or _may_have_splines(layer) for layer in layers)
+    if _KEY in session.customLayerData or not is_varying:
         return
     start = stage.GetStartTimeCode()
     sampled = [
         attribute
         for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate)
         for attribute in prim.GetAuthoredAttributes()
-        if attribute.GetNumTimeSamples()
+        if attribute.GetNumTimeSamples() or attribute.HasSpline()
     ]
     held = [(attribute, attribute.Get(start)) for attribute in sampled]
     changes = [change for attribute, value in held for change in _changes(attribute, value, start)]
@@ -121,6 +126,29 @@ def hold_start_values(stage: Usd.Stage) -> None:
         import json
 
         session.customLayerData = {_KEY: json.dumps([astuple(change) for change in changes])}
+
+
+def _may_have_splines(layer: Sdf.Layer) -> bool:
+    """Whether attributes of a layer may have splines, which usd-core lists nowhere.
+
+    A binary file with splines is of a format that has them; to look at every property of any other
+    layer takes a tenth of the time of judging it.
+    """
+    try:
+        with Path(layer.realPath).open("rb") as file:
+            data = file.read(len(_CRATE) + len(_CRATE_WITH_SPLINES))
+            if data.startswith(_CRATE):
+                return data[len(_CRATE) :] >= _CRATE_WITH_SPLINES
+            return _SPLINE_TEXT in data + file.read()
+    except (OSError, ValueError):  # in memory, or in a package
+        found: list[Sdf.Path] = []
+
+        def visit(path: Sdf.Path) -> None:
+            if path.IsPropertyPath() and layer.GetPropertyAtPath(path).HasInfo(_SPLINE):
+                found.append(path)
+
+        layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+        return bool(found)
 
 
 def release_start_values(stage: Usd.Stage) -> None:
@@ -140,8 +168,8 @@ def changes_after_start(stage: Usd.Stage) -> tuple[AnimatedAttribute, ...]:
 
 
 def _changes(attribute: Usd.Attribute, first: Any, start: float) -> Iterator[AnimatedAttribute]:
-    """Yield the first sample after the start that is not as the value there."""
-    for time in attribute.GetTimeSamples():
+    """Yield the first sample or knot after the start that is not as the value there."""
+    for time in attribute.GetTimeSamples() or attribute.GetSpline().GetKnots():
         then = attribute.Get(time) if time > start else first
         if then == first:
             continue
