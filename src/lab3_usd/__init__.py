@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from lab3_usd.model.finding import Finding, Report, Requirement, Score, StageResult
     from lab3_usd.spec.load.loader import load_lab
     from lab3_usd.stage.read.reader import read_stage
+    from lab3_usd.stage.read.server_assets import assets_at
     from lab3_usd.stage.write.builder import build_checkpoint
     from lab3_usd.stage.write.starter import build_starter
 
@@ -35,6 +36,7 @@ _HOMES = {
     "StageError": "lab3_usd.errors",
     "StageResult": "lab3_usd.model.finding",
     "UsageError": "lab3_usd.errors",
+    "assets_at": "lab3_usd.stage.read.server_assets",
     "build_checkpoint": "lab3_usd.stage.write.builder",
     "build_starter": "lab3_usd.stage.write.starter",
     "check_stage": "lab3_usd.judge.stage",
@@ -53,6 +55,7 @@ __all__ = [
     "StageError",
     "StageResult",
     "UsageError",
+    "assets_at",
     "build_checkpoint",
     "build_starter",
     "check_stage",

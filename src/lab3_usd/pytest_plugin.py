@@ -93,20 +93,21 @@ class RequirementItem(pytest.Item):
 
 
 class NoFaultsItem(pytest.Item):
-    """Passes when nothing in the stage is an error and no rule failed itself."""
+    """Passes when the stage was judged, nothing in it is an error, and no rule failed itself."""
 
     result: StageResult
 
     def runtest(self) -> None:
-        """Fail with every error of the stage, and every rule that crashed."""
+        """Fail with every error of the stage, every gap, and every rule that crashed."""
         errors = [
             sentence(finding) for finding in self.result.findings if finding.severity == "error"
         ]
         crashes = [
             f"rule {crash.rule} failed itself: {crash.error}" for crash in self.result.crashes
         ]
-        if errors or crashes:
-            raise UnmetError([*errors, *crashes])
+        gaps = [f"not judged: {gap}" for gap in self.result.gaps]
+        if errors or gaps or crashes:
+            raise UnmetError([*errors, *gaps, *crashes])
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException]) -> str:  # type: ignore[override]
         """Say what is wrong, without a traceback."""

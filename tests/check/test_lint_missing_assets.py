@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from foreign_robots import TICK, rover, write_graph
 from missing_assets import ROVER, rover_of_a_missing_asset
 from pxr import Sdf, Usd
@@ -219,3 +220,18 @@ def test_a_wire_that_is_missing_in_a_module_is_an_error(tmp_path: Path) -> None:
     stage = drive_module()
     cut(stage, "/Graph/clock.inputs:timeStamp")
     assert errors(result_of(stage, tmp_path)) == {("K10", "/Graph/clock")}
+
+
+@pytest.mark.parametrize(("is_module", "severity"), [(True, "warning"), (False, "error")])
+def test_a_target_that_is_elsewhere_may_be_in_a_stage_above(
+    is_module: bool,  # noqa: FBT001 - a parameter of the test
+    severity: str,
+    tmp_path: Path,
+) -> None:
+    stage = drive_module()
+    node = stage.GetPrimAtPath("/Graph/odometry")
+    node.CreateRelationship("inputs:chassisPrim").SetTargets([Sdf.Path("/Robot/base")])
+    if not is_module:
+        stage.DefinePrim("/Camera", "Camera")
+    found = {each.rule: each.severity for each in result_of(stage, tmp_path).findings}
+    assert found["K14"] == severity

@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 from invoking import invoke
 from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
+from pxr import Sdf
 from workers_here import graded_here, workers_here
 
 from lab3_usd.commands import grade as grade_command
@@ -367,7 +368,7 @@ def test_the_salt_stands_for_rubric_and_starter(tmp_path: Path) -> None:
     rubric = load_rubric(None, load_lab())
     other = tmp_path / "other.usda"
     other.write_bytes(starter().read_bytes() + b"\n")
-    assert salt_of(rubric, starter()) != salt_of(rubric, other)
+    assert salt_of(rubric, starter(), {}) != salt_of(rubric, other, {})
 
 
 def starter_of_parts(folder: Path) -> Path:
@@ -387,11 +388,41 @@ def starter_of_parts(folder: Path) -> Path:
 def test_the_salt_stands_for_every_file_of_the_starter(tmp_path: Path, name: str) -> None:
     rubric = load_rubric(None, load_lab())
     path = starter_of_parts(tmp_path / "one")
-    before = salt_of(rubric, path)
-    assert salt_of(rubric, starter_of_parts(tmp_path / "two")) == before
+    before = salt_of(rubric, path, {})
+    assert salt_of(rubric, starter_of_parts(tmp_path / "two"), {}) == before
     with (path.parent / name).open("a") as file:
         file.write("\n")
-    assert salt_of(rubric, path) != before
+    assert salt_of(rubric, path, {}) != before
+
+
+def test_assets_of_a_server_are_read_only_where_the_grader_has_them(tmp_path: Path) -> None:
+    path = submission(tmp_path / "class" / "jane", "00") / "work" / stage("00").name
+    layer = Sdf.Layer.FindOrOpen(str(path))
+    chair = Sdf.CreatePrimInLayer(layer, "/World/chair")
+    chair.specifier = Sdf.SpecifierDef
+    chair.referenceList.Prepend(Sdf.Reference("https://server.example/Assets/chair.usda"))
+    layer.Save()
+    folder = tmp_path / "assets"
+    folder.mkdir()
+    (folder / "chair.usda").write_text('#usda 1.0\n(\n    defaultPrim = "C"\n)\ndef "C" {}\n')
+    rules = {}
+    for name, assets in (("without", {}), ("with", {"https://server.example/Assets": folder})):
+        out = tmp_path / name
+        settings = ClassSettings(tmp_path / "class", starter(), out, assets=assets)
+        assert [row["status"] for row in grade_class(settings)] == ["graded"]
+        report = json.loads((out / "students" / "jane" / "report.json").read_text())
+        found = [finding["rule"] for each in report["results"] for finding in each["findings"]]
+        rules[name] = found.count("F02")
+    assert rules == {"without": 1, "with": 0}
+
+
+def test_the_salt_stands_for_where_assets_lie(tmp_path: Path) -> None:
+    rubric = load_rubric(None, load_lab())
+    salts = {
+        salt_of(rubric, starter(), assets)
+        for assets in ({}, {"https://a": tmp_path}, {"https://b": tmp_path})
+    }
+    assert len(salts) == 3
 
 
 def test_a_gradebook_among_the_submissions_is_refused(tmp_path: Path) -> None:

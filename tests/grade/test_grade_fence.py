@@ -19,6 +19,7 @@ from lab3_usd.stage.fence import Fence, fenced, files_of, memory_errors
 from lab3_usd.stage.read.assets import blocked_path, find_unresolved, original_asset
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.server_assets import assets_at
 
 INNER = """#usda 1.0
 (
@@ -415,3 +416,67 @@ def test_only_what_a_twin_was_barred_from_is_shared(root: Path, fence: Fence) ->
     for name in ("a.usda", "b.usda"):
         open_stage(write(root / name, INNER))
     assert sorted(fence.found) == [("other.usda", "../elsewhere.usda")]
+
+
+SERVER = "https://server.example/Assets"
+
+
+@pytest.fixture
+def supplied(root: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Fence]:
+    """A fence where the grader has the assets of a server, in a folder beside the submission."""
+    monkeypatch.chdir(root)
+    folder = root.parent / "assets"
+    write(folder / "robot.usda", sublayer("parts/wheel.usda") + INNER.partition("\n)\n")[2])
+    write(folder / "parts" / "wheel.usda", INNER)
+    made = Fence(
+        root.resolve(),
+        partial(check_layer, limits=Limits()),
+        supplied=(os.path.realpath(folder),),
+        graphs=(GRAPH,),
+    )
+    with fenced(made), assets_at({SERVER: folder}):
+        yield made
+
+
+def test_assets_that_the_grader_has_are_read_by_their_address(root: Path, supplied: Fence) -> None:
+    stage = open_stage(write(root / "a.usda", arc("references", f"{SERVER}/robot.usda")))
+    assert used(stage) == {"a.usda", "robot.usda", "wheel.usda"}
+    assert reasons(supplied) == {}
+
+
+@pytest.mark.parametrize(
+    ("asset", "is_error"),
+    [
+        (f"{SERVER}/gone.usda", False),
+        (f"{SERVER}/../../../outside.usda", False),
+        ("https://another.example/robot.usda", False),
+        ("../assets/robot.usda", True),
+        ("search/robot.usda", False),
+    ],
+)
+def test_nothing_else_is_read_beside_them(
+    root: Path, supplied: Fence, asset: str, *, is_error: bool
+) -> None:
+    write(root.parent / "outside.usda", INNER)
+    stage = open_stage(write(root / "a.usda", arc("references", asset)))
+    assert used(stage) == {"a.usda"}
+    assert reasons(supplied) == {asset: is_error}
+
+
+def test_a_file_of_the_submission_in_a_folder_named_as_a_server_is_not_an_asset(
+    root: Path, supplied: Fence
+) -> None:
+    write(root / "https:" / "server.example" / "Assets" / "robot.usda", INNER)
+    open_stage(write(root / "a.usda", arc("references", f"{SERVER}/robot.usda")))
+    assert reasons(supplied) == {f"{SERVER}/robot.usda": False}
+
+
+def test_a_search_path_is_not_followed_unless_the_grader_supplies_it(
+    root: Path, fence: Fence
+) -> None:
+    folder = root.parent / "assets"
+    write(folder / "robot.usda", INNER)
+    with assets_at({SERVER: folder}):
+        stage = open_stage(write(root / "a.usda", arc("references", f"{SERVER}/robot.usda")))
+    assert used(stage) == {"a.usda"}
+    assert reasons(fence) == {f"{SERVER}/robot.usda": False}

@@ -6,6 +6,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
+from missing_assets import behind_a_missing_robot
 from pxr import Usd
 
 from lab3_usd import build_checkpoint, check_stage
@@ -41,6 +42,15 @@ def test_an_unmet_requirement_fails_and_says_why(pytester: pytest.Pytester, cloc
     result = run(pytester, "--lab3", str(clock))
     result.assert_outcomes(passed=len(check_stage(clock).requirements) - 1, failed=2)
     result.stdout.fnmatch_lines(["*P01*inputs:topicName is '/other', expected '/clock'*"])
+
+
+def test_a_robot_that_is_missing_is_no_pass(pytester: pytest.Pytester, tmp_path: Path) -> None:
+    path = tmp_path / "Lab3_05_odometry_tf.usda"
+    stage = behind_a_missing_robot("05")
+    stage.GetRootLayer().Export(str(path))
+    result = run(pytester, "--lab3", str(path))
+    result.assert_outcomes(passed=len(check_stage(path).requirements), failed=1)
+    result.stdout.fnmatch_lines(["*not judged: *./turtlebot3_burger.usd*"])
 
 
 def test_a_folder_gives_the_tests_of_all_its_stages(pytester: pytest.Pytester, clock: Path) -> None:

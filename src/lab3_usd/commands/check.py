@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lab3_usd.commands.steps.options import (
+    assets_option,
     config_options,
     native_option,
     report_options,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 @click.option("--starter", type=click.Path(), help="The supplied starter, to compare with.")
 @click.option("--maps", type=click.Path(), help="Folder that holds the map files.")
 @click.option("--sim", is_flag=True, help="Also play each stage, and note what goes wrong.")
+@assets_option
 @native_option
 @report_options
 @click.option("--require-evidence", is_flag=True, help="Missing evidence is an error.")

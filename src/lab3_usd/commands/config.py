@@ -20,6 +20,7 @@ _DEFAULTS = {
     "starter": "none",
     "maps": "none",
     "lab": "the bundled one",
+    "assets": "where usd-core finds them",
 }
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lab3_usd.commands.steps.options import text_or_json, use_configured_lab
+from lab3_usd.commands.steps.options import assets_option, text_or_json, use_config
 from lab3_usd.errors import EXIT_FOUND
 from lab3_usd.files import refuse_existing, write_whole
 
@@ -30,7 +30,16 @@ if TYPE_CHECKING:
     help="Draw each graph that differs into this folder, as SVG.",
 )
 @click.option("--force", is_flag=True, help="Replace pictures that exist.")
-def command(before: Path, after: Path, form: str, pictures: Path | None, *, force: bool) -> None:
+@assets_option
+def command(
+    before: Path,
+    after: Path,
+    form: str,
+    pictures: Path | None,
+    assets: tuple[str, ...],
+    *,
+    force: bool,
+) -> None:
     """Say what differs between two stages: nodes, values, wires, targets, robot, topics, frames.
 
     What counts is the composed scene as Isaac Sim opens it: order of properties, layout of the
@@ -43,7 +52,7 @@ def command(before: Path, after: Path, form: str, pictures: Path | None, *, forc
     from lab3_usd.report import diff
     from lab3_usd.spec.load.loader import load_lab
 
-    use_configured_lab(before)
+    use_config(before, assets)
     comparison = compare_stages(before, after, load_lab())
     if pictures is not None:
         from lab3_usd.report.picture.svg import svg_file

@@ -6,12 +6,12 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 from msgspec import Struct
 
-from lab3_usd.commands.steps.options import checkpoint_number, use_configured_lab
+from lab3_usd.commands.steps.options import assets_option, checkpoint_number, use_config
 from lab3_usd.errors import EXIT_CRASH, UsageError
 from lab3_usd.files import refuse_existing, write_whole
 from lab3_usd.report.picture.svg import THEMES, Theme
@@ -53,15 +53,8 @@ TREE = "TF"
 )
 @click.option("--all-ports", is_flag=True, help="Draw unused ports as well.")
 @click.option("--force", is_flag=True, help="Replace pictures that exist.")
-def command(
-    target: str,
-    folder: Path,
-    form: str,
-    checkpoint: str | None,
-    theme: Theme,
-    all_ports: bool,  # noqa: FBT001 - click passes it by name
-    force: bool,  # noqa: FBT001
-) -> None:
+@assets_option
+def command(target: str, folder: Path, **options: Any) -> None:
     """Draw each Action Graph and the TF tree of a stage, with its faults marked.
 
     FILE is a stage; its checkpoint is read from its name unless --checkpoint says it, and a stage
@@ -70,17 +63,17 @@ def command(
     """
     from lab3_usd.spec.load.loader import load_lab
 
-    use_configured_lab(Path(target))
+    use_config(Path(target), options["assets"])
     lab = load_lab()
-    path = Path(target)
+    path, form, force = Path(target), options["form"], options["force"]
     if target in lab.graphs or target == TREE:
-        drawing = Drawing([_reference(lab, target, all_ports)], "")
+        drawing = Drawing([_reference(lab, target, options["all_ports"])], "")
     elif path.suffix or path.exists():
-        drawing = _of_stage(lab, path, checkpoint, all_ports)
+        drawing = _of_stage(lab, path, options["checkpoint"], options["all_ports"])
     else:
         names = ", ".join([*lab.graphs, TREE])
         raise UsageError(f"'{target}' is no stage file and no graph of the lab; graphs are {names}")
-    encode = _encoder(form, theme)
+    encode = _encoder(form, options["theme"])
     if not drawing.pictures:
         raise UsageError(
             f"{target}: has no Action Graph and no TF tree, so there is nothing to draw"

@@ -11,7 +11,12 @@ from typing import Any
 
 import click
 
-from lab3_usd.commands.steps.options import checkpoint_number, config_options, with_config
+from lab3_usd.commands.steps.options import (
+    assets_option,
+    checkpoint_number,
+    config_options,
+    with_config,
+)
 from lab3_usd.commands.steps.reporting import selected_findings
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
@@ -157,6 +162,7 @@ def _line(finding: Finding) -> str:
     "--select", multiple=True, metavar="RULES", help="Only these rules (W01) or families (W)."
 )
 @click.option("--ignore", multiple=True, metavar="RULES", help="Not these rules or families.")
+@assets_option
 @config_options
 def command(stage: Path, **options: Any) -> None:
     """Repair a stage.

@@ -13,6 +13,7 @@ from typing import Any, TextIO
 
 import click
 
+from lab3_usd.commands.steps.options import asset_places, assets_option
 from lab3_usd.errors import EXIT_CRASH
 
 _SECONDS_BETWEEN = 0.1
@@ -112,6 +113,7 @@ def _refuse_empty(context: click.Context, parameter: click.Parameter, submission
     metavar="MB",
     help="Memory that a worker may use.",
 )
+@assets_option
 @click.option("--resume", is_flag=True, help="Go on with a gradebook; what is finished is kept.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tcp://host:port.")
 def command(submissions: str, **options: Any) -> None:
@@ -134,6 +136,7 @@ def command(submissions: str, **options: Any) -> None:
         limits=Limits(seconds=options["timeout"], memory=options["memory"] * MEGABYTE),
         jobs=options["jobs"] or _processors(),
         resume=options["resume"],
+        assets=asset_places(options["assets"]),
         runner=_runner(options["cluster"]),
         notify=lambda line: click.echo(f"lab3: {line}", err=True),
     )

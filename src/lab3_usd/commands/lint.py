@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from lab3_usd.commands.steps.options import (
+    assets_option,
     config_options,
     native_option,
     report_options,
@@ -24,6 +25,7 @@ from lab3_usd.commands.steps.options import (
     metavar="RELEASE",
     help="Judge by this release of Isaac Sim (5.0, 5.1, 6.0), where defaults and ports differ.",
 )
+@assets_option
 @native_option
 @report_options
 @config_options

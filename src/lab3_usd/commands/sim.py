@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.steps.options import text_or_json, use_configured_lab
+from lab3_usd.commands.steps.options import assets_option, text_or_json, use_config
 from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
 
 if TYPE_CHECKING:
@@ -126,6 +126,7 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
     help='What to drive instead: a file, or legs "v,w,s ..." (m/s, rad/s, seconds).',
 )
 @text_or_json
+@assets_option
 @click.option("--page", type=click.Path(path_type=Path), help="Write an HTML page to this file.")
 @click.option(
     "--bag", type=click.Path(path_type=Path), help="Record it as a bag (MCAP) in this new folder."
@@ -148,7 +149,7 @@ def command(stage: Path, **options: Any) -> None:
     from lab3_usd.judge.stage import checkpoint_of
     from lab3_usd.spec.load.loader import load_lab
 
-    use_configured_lab(stage)
+    use_config(stage, options["assets"])
     lab = load_lab()
     numbers = [*lab.checkpoints]
     given = options["checkpoint"]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import use_configured_lab
+from lab3_usd.commands.steps.options import assets_option, use_config
 
 
 @click.command("tf")
@@ -19,8 +19,9 @@ from lab3_usd.commands.steps.options import use_configured_lab
     show_default=True,
     help="How to write the tree.",
 )
+@assets_option
 @click.option("-v", "--verbose", is_flag=True, help="Name the publisher of each transform.")
-def command(stage: Path, form: str, *, verbose: bool) -> None:
+def command(stage: Path, form: str, assets: tuple[str, ...], *, verbose: bool) -> None:
     """Print the TF tree that a stage publishes.
 
     The transforms are those that Isaac Sim 6.0.1 would send while STAGE plays, from all its
@@ -34,7 +35,7 @@ def command(stage: Path, form: str, *, verbose: bool) -> None:
     from lab3_usd.spec.load.loader import load_lab
     from lab3_usd.stage.read.reader import read_stage
 
-    use_configured_lab(stage)
+    use_config(stage, assets)
     lab = load_lab()
     model = read_stage(stage, lab)
     tree = TreeReport(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import use_configured_lab
+from lab3_usd.commands.steps.options import assets_option, use_config
 
 
 @click.command("topics")
@@ -19,7 +19,8 @@ from lab3_usd.commands.steps.options import use_configured_lab
     show_default=True,
     help="How to write the table.",
 )
-def command(stage: Path, form: str) -> None:
+@assets_option
+def command(stage: Path, form: str, assets: tuple[str, ...]) -> None:
     """Print the topics that a stage publishes and subscribes to.
 
     For each topic: its name as ROS 2 will see it, message type, node, frames, queue size, the QoS
@@ -33,7 +34,7 @@ def command(stage: Path, form: str) -> None:
     from lab3_usd.spec.load.loader import load_lab
     from lab3_usd.stage.read.reader import read_stage
 
-    use_configured_lab(stage)
+    use_config(stage, assets)
     lab = load_lab()
     model = read_stage(stage, lab)
     edges, hidden = published_edges(model, lab), unresolved_frames(model, lab)

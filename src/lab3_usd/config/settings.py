@@ -20,7 +20,7 @@ class Config(Struct, frozen=True):
     """What is set: None or empty where nothing is.
 
     `file` holds it. `per_file_ignores` and `checkpoints` are by patterns of file names, or of
-    paths below the folder of `file`; `severity` is by rules and families.
+    paths below the folder of `file`; `severity` is by rules and families, `assets` by addresses.
     """
 
     file: Path | None = None
@@ -32,6 +32,7 @@ class Config(Struct, frozen=True):
     starter: Path | None = None
     maps: Path | None = None
     lab: Path | None = None
+    assets: tuple[tuple[str, Path], ...] = ()
 
 
 def config_for(paths: Iterable[str]) -> Config:
@@ -110,6 +111,11 @@ def _checkpoints(value: Any, where: str, _folder: Path) -> tuple[tuple[str, str]
     return tuple(value.items())
 
 
+def _assets(value: Any, where: str, folder: Path) -> tuple[tuple[str, Path], ...]:
+    table = _table(value, where)
+    return tuple((name, _path(place, f"{where}: {name}", folder)) for name, place in table.items())
+
+
 _KEYS: dict[str, Callable[[Any, str, Path], Any]] = {
     "select": _rules,
     "ignore": _rules,
@@ -119,6 +125,7 @@ _KEYS: dict[str, Callable[[Any, str, Path], Any]] = {
     "starter": _path,
     "maps": _path,
     "lab": _path,
+    "assets": _assets,
 }
 
 

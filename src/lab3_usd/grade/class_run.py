@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 
@@ -28,12 +28,14 @@ from lab3_usd.grade.workers.sandbox import WALLS
 from lab3_usd.grade.workers.submission_grading import ungraded_record
 from lab3_usd.report.options import tool_version
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read.server_assets import assets_at
 
 
 class ClassSettings(Struct, frozen=True):
     """What to grade, with what, and where to write.
 
     `runner` has the tasks judged; `notify` is told, in a line each, what of a class is passed over.
+    `assets` are folders in which assets of servers lie, by their addresses.
     """
 
     submissions: Path | str
@@ -43,6 +45,7 @@ class ClassSettings(Struct, frozen=True):
     limits: Limits = field(default_factory=Limits)
     jobs: int = 1
     resume: bool = False
+    assets: Mapping[str, Path] = {}
     runner: Runner = run_tasks
     notify: Callable[[str], None] = lambda _line: None
 
@@ -63,9 +66,10 @@ def grade_class(
     place = local_path(settings.submissions)
     check_apart(place, settings.out)
     rubric = load_rubric(settings.rubric, load_lab())
-    check_starter(settings.starter)
-    check_target(settings.out, resume=settings.resume)
-    salt = salt_of(rubric, settings.starter)
+    with assets_at(settings.assets):
+        check_starter(settings.starter)
+        check_target(settings.out, resume=settings.resume)
+        salt = salt_of(rubric, settings.starter, settings.assets)
     late = set(rubric.late.students)
     with submissions_in(place) as location:
         submissions = [
@@ -88,6 +92,7 @@ def grade_class(
             readable,
             min(settings.jobs, len(submissions)),
             own_lab(),
+            dict(settings.assets),
         )
         progress(0, len(submissions))
         notified: set[str] = set()
@@ -123,13 +128,18 @@ def check_starter(starter: Path) -> None:
     open_stage(starter)
 
 
-def salt_of(rubric: Rubric, starter: Path) -> str:
-    """Return a digest of everything that a grade depends on beside the submission."""
+def salt_of(rubric: Rubric, starter: Path, assets: Mapping[str, Path]) -> str:
+    """Return a digest of everything that a grade depends on beside the submission.
+
+    Of assets that are not the starter's it holds where they lie.
+    """
     from lab3_usd.stage.fence import files_of
 
     digest = hashlib.sha256(f"{tool_version()}\0{rubric.digest}\0".encode())
     for path in [starter, *sorted(lab_folder().glob("*.yaml"))]:
         digest.update(hashlib.sha256(path.read_bytes()).digest())
+    for address, folder in sorted(assets.items()):
+        digest.update(f"{address}\0{folder.resolve()}\0".encode("utf-8", "backslashreplace"))
     # The files that the starter consists of; one in a package is read with the package.
     paths = (Path(file.partition("[")[0]) for file in files_of(starter))
     contents = [

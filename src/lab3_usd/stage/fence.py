@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from msgspec import Struct
-from pxr import Sdf, Tf, Usd, UsdUtils
+from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from lab3_usd.errors import StageError
 from lab3_usd.stage.read.assets import blocked_path, find_unresolved
@@ -56,7 +56,8 @@ class Fence:
     holds files that are not opened, and why; `announce` is told of every stage before it is
     opened. `graphs` are paths at which a graph belongs, `digests` those of files, as far as they
     are known. Stages in `closed` are not opened again. Files go by their names in the submission.
-    `alone` are the layers that lead to no other.
+    `alone` are the layers that lead to no other. `supplied` are folders in which the grader has the
+    assets of servers: addresses may lead there.
     """
 
     root: Path
@@ -64,6 +65,7 @@ class Fence:
     allowed: frozenset[str] = frozenset()
     broken: Mapping[str, str] = field(default_factory=dict)
     announce: Callable[[str], None] = lambda _name: None
+    supplied: tuple[str, ...] = ()
     graphs: Collection[str] = ()
     nesting: int = 200
     digests: Mapping[str, str] = field(default_factory=dict)
@@ -93,7 +95,7 @@ def open_layer(fence: Fence, identifier: str, file: str) -> Sdf.Layer:
         StageError: usd-core should not be given the file, or reads no layer from it.
         MemoryError: there is not enough for it.
     """
-    name, is_trusted = shown_name(fence, file), file in fence.allowed
+    name, is_trusted = shown_name(fence, file), _is_trusted(fence, file)
     try:
         text = None if is_trusted else fence.check(Path(file))
     except StageError as error:
@@ -146,16 +148,17 @@ def close_openings(fence: Fence, root: Sdf.Layer, name: str) -> None:
         layer = waiting.pop()
         if layer.identifier in fence.alone:
             continue
-        is_trusted = os.path.realpath(layer.realPath) in fence.allowed
+        is_trusted = _is_trusted(fence, os.path.realpath(layer.realPath))
         assets = [asset for asset in layer.GetCompositionAssetDependencies() if asset]
-        if len(assets) > _MOST_ASSETS:
+        if len(assets) > _MOST_ASSETS and not is_trusted:
             raise StageError(
                 f"{shown_name(fence, root.realPath)}: refers to {len(assets)} files; not opened"
             )
         for asset in assets:
             if is_trusted:  # what is missing in the starter stays missing
                 identifier, file = _located(layer, asset)
-                opened = open_layer(fence, identifier, file) if file in fence.allowed else None
+                may_open = _is_trusted(fence, file) and Path(file).is_file()
+                opened = open_layer(fence, identifier, file) if may_open else None
             else:
                 opened = _open_inside(fence, layer, asset)
             if isinstance(opened, tuple):
@@ -169,7 +172,18 @@ def close_openings(fence: Fence, root: Sdf.Layer, name: str) -> None:
 def _located(layer: Sdf.Layer, asset: str) -> tuple[str, str]:
     """Return the identifier of an asset of a layer, and the file itself."""
     identifier = layer.ComputeAbsolutePath(asset)
-    return identifier, os.path.realpath(identifier.partition("[")[0])
+    is_searched = _ADDRESS.match(asset) is not None
+    path = str(Ar.GetResolver().Resolve(identifier)) if is_searched else ""
+    return identifier, os.path.realpath((path or identifier).partition("[")[0])
+
+
+def _is_trusted(fence: Fence, file: str) -> bool:
+    """Whether a file is of the starter, or an asset that the grader has supplied."""
+    return file in fence.allowed or _is_supplied(fence, file)
+
+
+def _is_supplied(fence: Fence, file: str) -> bool:
+    return file.startswith(tuple(f"{folder}{os.sep}" for folder in fence.supplied))
 
 
 def _open_inside(fence: Fence, layer: Sdf.Layer, asset: str) -> Sdf.Layer | _Refusal:
@@ -178,7 +192,7 @@ def _open_inside(fence: Fence, layer: Sdf.Layer, asset: str) -> Sdf.Layer | _Ref
     if _FORMAT_ARGUMENTS in asset:
         return "it carries arguments for a file format", True
     if _ADDRESS.match(asset):
-        return "it is not on this computer", False
+        return _open_supplied(fence, *_located(layer, asset))
     identifier, file = _located(layer, asset)
     if file not in fence.allowed:
         if _ABSOLUTE.match(asset):
@@ -186,6 +200,12 @@ def _open_inside(fence: Fence, layer: Sdf.Layer, asset: str) -> Sdf.Layer | _Ref
         if name_of(fence, file) is None:
             return "it leads out of the submission", True
     return _open_file(fence, identifier, file)
+
+
+def _open_supplied(fence: Fence, identifier: str, file: str) -> Sdf.Layer | _Refusal:
+    if not (_is_supplied(fence, file) and Path(file).is_file()):
+        return "it is not on this computer", False
+    return open_layer(fence, identifier, file)
 
 
 def _open_file(fence: Fence, identifier: str, file: str) -> Sdf.Layer | _Refusal:

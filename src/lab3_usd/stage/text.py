@@ -18,6 +18,7 @@ from lab3_usd.model.changes import Site
 from lab3_usd.model.finding import IgnoreNote
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.read.properties import AuthoredProperties
+from lab3_usd.stage.read.server_assets import local_file
 
 STRING = (
     r'"""[^"\\]*(?:(?:\\.|"(?!""))[^"\\]*)*"""'
@@ -310,12 +311,13 @@ def _nearest_prim(stage: Usd.Stage, path: str) -> Usd.Prim | None:
 
 def layer_name(layer: Sdf.Layer, root: Sdf.Layer, given: str) -> str:
     """Return the path of a layer as somebody would write it who wrote `given` for the root."""
-    if not layer.realPath or not root.realPath:
-        return str(layer.realPath)
+    file = local_file(layer.realPath)
+    if not file or not root.realPath:
+        return file
     try:
-        relative = os.path.relpath(layer.realPath, Path(root.realPath).parent)
+        relative = os.path.relpath(file, Path(root.realPath).parent)
     except ValueError:  # another drive
-        return str(layer.realPath)
+        return file
     return os.path.normpath(Path(given).parent / relative)
 
 

@@ -34,7 +34,8 @@ def not_verifiable(subject: ModelSubject) -> Iterator[Problem]:
     passed nor failed. Graphs, nodes and connections must be in the stage itself.
 
     Fix: hand in the asset beside the stage with a relative path, or choose File > Collect As in
-    Isaac Sim. Assets on NVIDIA's own server need no action.
+    Isaac Sim. Assets on NVIDIA's own server need no action. `--assets` names the folder in which a
+    server's assets lie on this computer.
 
     Example: the lidar refers to `Example_Rotary_2D.usda` on a server.
     """

@@ -37,7 +37,8 @@ def target_not_there(subject: LintSubject) -> Iterator[Problem]:
     """A node names a prim that is not in the scene.
 
     Why: the node logs an error or leaves the target out: a camera that is not there gives no
-    image, a link that is not there no frame.
+    image, a link that is not there no frame. In a file that holds graphs and neither robot nor
+    sensor, a stage that has it as a sublayer may have the prim: a warning.
 
     Fix: choose the prim again in the Property panel.
 
@@ -53,7 +54,7 @@ def target_not_there(subject: LintSubject) -> Iterator[Problem]:
                     f"{name} names {target}, which {absence_reason(subject.stage, target)}",
                     property=name,
                     actual=target,
-                    severity=None if len(state.targets) == 1 else "warning",
+                    severity="warning" if len(state.targets) > 1 or subject.is_module else None,
                     rests_on=subject.stage.unknown(target),
                 )
 

@@ -72,6 +72,14 @@ native_option = click.option(
 )
 
 
+assets_option = click.option(
+    "--assets",
+    multiple=True,
+    metavar="URL=FOLDER",
+    help="Where the assets of a server lie on this computer; may be repeated.",
+)
+
+
 # How many judge at once, and how much is shown.
 view_options = all_of(
     click.option(
@@ -198,6 +206,7 @@ def with_config(paths: Iterable[str], options: Mapping[str, Any]) -> dict[str, A
     else:
         config = config_for(paths)
     use_lab(config.lab)
+    use_assets(options.get("assets", ()), config.assets)
     return {
         **options,
         "config": config,
@@ -212,15 +221,47 @@ def _text(path: Path | None) -> str | None:
     return None if path is None else str(path)
 
 
-def use_configured_lab(path: Path) -> None:
-    """Read the lab that the configuration of a stage names.
+def use_config(path: Path, assets: Iterable[str]) -> None:
+    """Read the lab, and find the assets, that the configuration of a stage names.
+
+    `assets` are those of the command line, which count first.
 
     Raises:
-        UsageError: the configuration is wrong.
+        UsageError: the configuration or an option is wrong.
     """
     from lab3_usd.config.settings import config_for
 
-    use_lab(config_for([str(path)]).lab)
+    config = config_for([str(path)])
+    use_lab(config.lab)
+    use_assets(assets, config.assets)
+
+
+def use_assets(given: Iterable[str], configured: Iterable[tuple[str, Path]] = ()) -> None:
+    """Let addresses lead to folders for this call: `URL=FOLDER` each, and what is configured.
+
+    Raises:
+        UsageError: one is no address, or a folder is missing.
+    """
+    places = dict(configured) | asset_places(given)
+    if places:
+        from lab3_usd.stage.read.server_assets import assets_at
+
+        click.get_current_context().with_resource(assets_at(places))
+
+
+def asset_places(given: Iterable[str]) -> dict[str, Path]:
+    """Return the folders of `URL=FOLDER` by their addresses.
+
+    Raises:
+        UsageError: one has no equals sign.
+    """
+    places: dict[str, Path] = {}
+    for text in given:
+        address, sign, folder = text.partition("=")
+        if not sign:
+            raise UsageError(f"--assets {text}: expected URL=FOLDER")
+        places[address] = Path(folder)
+    return places
 
 
 def use_lab(folder: Path | None) -> None:

@@ -28,7 +28,8 @@ _Message = TypeVar("_Message", bound=Struct)
 class PoolSettings(Struct, frozen=True):
     """How to judge: with which starter and rubric, and what workers may use and read.
 
-    `lab` is the folder of another lab than the bundled one.
+    `lab` is the folder of another lab than the bundled one, `assets` the folders in which the
+    grader has what lies at these addresses.
     """
 
     starter: Path | None
@@ -37,6 +38,7 @@ class PoolSettings(Struct, frozen=True):
     readable: tuple[Path, ...] = ()
     jobs: int = 1
     lab: Path | None = None
+    assets: dict[str, Path] = {}
 
 
 class Task(Struct, frozen=True):

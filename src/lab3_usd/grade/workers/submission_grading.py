@@ -33,7 +33,8 @@ from lab3_usd.stage.fence import BlockedAsset, Fence, fenced
 class GradingSetup(Struct, frozen=True):
     """What every submission of a class is judged with.
 
-    `starter` is open already, and `allowed` are the files that it consists of.
+    `starter` is open already, and `allowed` are the files that it consists of. `supplied` are the
+    folders in which the grader has assets of servers.
     """
 
     lab: Lab
@@ -41,6 +42,7 @@ class GradingSetup(Struct, frozen=True):
     starter: Starter | None
     allowed: frozenset[str]
     limits: Limits
+    supplied: tuple[str, ...] = ()
 
 
 def grade_submission(
@@ -62,6 +64,7 @@ def grade_submission(
         root=staged.folder.resolve(),
         check=partial(check_layer, limits=setup.limits),
         allowed=setup.allowed,
+        supplied=setup.supplied,
         broken=task.broken,
         announce=announce,
         graphs=tuple(spec.path for spec in setup.lab.graphs.values()),

@@ -38,6 +38,7 @@ from lab3_usd.grade.workers.sandbox import fence_files, give_up_privileges, limi
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
 from lab3_usd.judge.starter import open_starter
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read.server_assets import assets_at
 
 _NEEDED = ("/usr", "/lib", "/lib64", "/etc/localtime", "/proc/self", "/dev/urandom")
 _TOO_LONG = f"{TOO_LARGE}: its reports would be longer than is sane"
@@ -50,7 +51,9 @@ def main() -> None:
     gc.set_threshold(_UNTIL_COLLECTED)
     tasks, answers = _channels()
     with tasks, answers:
-        _serve(decode(tasks.readline(), Start), tasks, answers)
+        start = decode(tasks.readline(), Start)
+        with assets_at(start.settings.assets):
+            _serve(start, tasks, answers)
 
 
 def _channels() -> tuple[BinaryIO, BinaryIO]:
@@ -76,7 +79,8 @@ def _serve(start: Start, tasks: BinaryIO, answers: BinaryIO) -> None:
     # The folders of modules and data are still read while submissions are judged.
     ours = [lab_folder(), *map(data_folder, _OURS)]
     python = [sys.prefix, sys.base_prefix, sys.exec_prefix, *filter(None, sys.path)]
-    readable = [*settings.readable, *ours, *map(Path, (*setup.allowed, *python, *_NEEDED))]
+    given = (*setup.allowed, *setup.supplied, *python, *_NEEDED)
+    readable = [*settings.readable, *ours, *map(Path, given)]
     confined["files"] = fence_files(readable, [scratch, Path(os.devnull)])
     send(encode(Ready(confined, _most_memory())))
     for line in tasks:
@@ -115,6 +119,7 @@ def load_setup(settings: PoolSettings) -> GradingSetup:
         starter=None if starter is None else open_starter(starter, lab),
         allowed=frozenset() if starter is None else files_of(starter),
         limits=settings.limits,
+        supplied=tuple(map(os.path.realpath, settings.assets.values())),
     )
 
 
