@@ -144,3 +144,13 @@ def test_the_stages_of_the_lab_are_without_fault(checkpoint: str, tmp_path: Path
     # The handout's wheel radius is not that of the model's wheels, and stays so.
     warnings = {finding.rule for finding in result.findings if finding.severity == "warning"}
     assert warnings <= {"K64"}
+
+
+def test_notes_are_counted_in_a_line_and_listed_when_asked_for(tmp_path: Path) -> None:
+    stage = rover()
+    for name in ("first", "second"):
+        stage.DefinePrim(f"/World/{name}").GetReferences().AddReference(f"./{name}.usda")
+    path = saved(stage, tmp_path / "robot.usda")
+    assert "\n2 assets not found; -v lists them\n" in lint(path).stdout
+    assert "F02" not in lint(path).stdout
+    assert lint(path, "-v").stdout.count("note F02") == 2

@@ -39,7 +39,7 @@ LEFT: dict[str, list[Step]] = {
         {"connect": [f"{CLOCK}.inputs:timeStamp", "/World/Clock/time.outputs:whatever"]}
     ],
     "a port that a node of Kit is wired from": [
-        {"node": ["/World/Clock/text", "omni.graph.nodes.ToString"]},
+        {"node": ["/World/Clock/text", "omni.graph.nodes.Noise"]},
         {"declare": ["/World/Clock/text.inputs:value", "token"]},
         {"connect": ["/World/Clock/text.inputs:value", "/World/Clock/time.outputs:simTime"]},
     ],

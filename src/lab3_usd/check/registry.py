@@ -123,7 +123,8 @@ class Rule(Struct, frozen=True):
     `manual` is its docstring: what is wrong; `Why:`; `Fix:`; `Example:`. Names of a lab are filled
     in by `check.manual`. `formerly` is the name of an earlier release, which is still understood.
     `demands` yields what a checkpoint requires of the scene and the rule judges; several rules may
-    judge the same demands.
+    judge the same demands. `counted` is what a report calls one of its notes and several, where it
+    only counts them.
     """
 
     id: str
@@ -134,6 +135,7 @@ class Rule(Struct, frozen=True):
     manual: str = ""
     formerly: str = ""
     demands: Demands | None = None
+    counted: tuple[str, str] = ("", "")
 
     @property
     def family(self) -> str:
@@ -168,6 +170,7 @@ def rule(
     severity: Severity = "error",
     formerly: str = "",
     demands: Demands | None = None,
+    counted: tuple[str, str] = ("", ""),
 ) -> Callable[[Check], Check]:
     """Register a generator of `Problem`s as the rule `rule_id`, which is never used again."""
 
@@ -176,7 +179,9 @@ def rule(
         if known is not None and _origin(known.check) != _origin(check):
             raise ValueError(f"rule {rule_id} is registered twice")
         manual = inspect.getdoc(check) or ""
-        _RULES[rule_id] = Rule(rule_id, name, severity, scope, check, manual, formerly, demands)
+        _RULES[rule_id] = Rule(
+            rule_id, name, severity, scope, check, manual, formerly, demands, counted
+        )
         _in_order.cache_clear()
         return check
 

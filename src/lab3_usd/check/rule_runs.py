@@ -98,4 +98,5 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         frames=problem.frames,
         if_supplied=problem.if_supplied,
         supplied=rule.judges_supplied,
+        counted=rule.counted,
     )

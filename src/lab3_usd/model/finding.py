@@ -72,7 +72,7 @@ class Finding(Struct, frozen=True):
     """One fault at its place, as every report shows it (see `schema/report-2.json`).
 
     No report shows what follows `fix`, which is the problem's own but for `supplied`: whether the
-    rule judges what the starter brings.
+    rule judges what the starter brings. `counted` is the rule's, too.
     """
 
     rule: str
@@ -100,6 +100,7 @@ class Finding(Struct, frozen=True):
     frames: tuple[str, ...] = ()
     if_supplied: str = ""
     supplied: bool = False
+    counted: tuple[str, str] = ("", "")
 
 
 Site = tuple[str, str, str | None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby
 
@@ -86,6 +87,18 @@ def finding_blocks(findings: Iterable[tuple[Finding, str]], page: Page) -> Itera
             reason = rule.section("Why")
             if reason:
                 yield from _labelled("why", reason, page)
+
+
+def counted_notes(findings: Sequence[Finding], page: Page) -> Iterator[str]:
+    """Yield the line that counts notes by their rules, the most frequent first; none for none."""
+    counts = Counter((finding.counted, finding.name) for finding in findings)
+    texts = [
+        f"{count} {counted[count > 1] or name}" for (counted, name), count in counts.most_common()
+    ]
+    if texts:
+        pronoun = "it" if len(findings) == 1 else "them"
+        yield ""
+        yield from wrapped(f"{', '.join(texts)}; -v lists {pronoun}", "", page.width)
 
 
 def _heading(finding: Finding, page: Page, rest: str) -> Iterator[str]:

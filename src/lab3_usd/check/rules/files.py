@@ -26,7 +26,13 @@ def unreadable_file(reason: str) -> Iterator[Problem]:
     yield Problem("/", reason, unopened="stage")
 
 
-@rule("F02", "not-verifiable", scope="model", severity="note")
+@rule(
+    "F02",
+    "not-verifiable",
+    scope="model",
+    severity="note",
+    counted=("asset not found", "assets not found"),
+)
 def not_verifiable(subject: ModelSubject) -> Iterator[Problem]:
     """The stage refers to an asset that cannot be found, or an asset lacks a sublayer.
 
@@ -53,7 +59,9 @@ def not_verifiable(subject: ModelSubject) -> Iterator[Problem]:
         yield Problem(first, message, actual=asset, related=tuple(others), unopened="asset")
 
 
-@rule("F03", "missing-sublayer", scope="model")
+@rule(
+    "F03", "missing-sublayer", scope="model", counted=("sublayer not found", "sublayers not found")
+)
 def missing_sublayer(subject: ModelSubject) -> Iterator[Problem]:
     """A sublayer of the stage cannot be found.
 

@@ -41,7 +41,16 @@ _REASONS = {
 }
 
 
-@rule("K01", "never-executes", scope="lint", formerly="never-computes")
+@rule(
+    "K01",
+    "never-executes",
+    scope="lint",
+    formerly="never-computes",
+    counted=(
+        "node switched off with what is behind it",
+        "nodes switched off with what is behind them",
+    ),
+)
 def never_computes(subject: LintSubject) -> Iterator[Problem]:
     """No running event reaches a node that has something to do.
 
@@ -86,7 +95,13 @@ def _stopped(stop: Stop, subject: LintSubject) -> Problem:
     )
 
 
-@rule("K02", "graph-not-in-scene", scope="lint", severity="note")
+@rule(
+    "K02",
+    "graph-not-in-scene",
+    scope="lint",
+    severity="note",
+    counted=("graph switched off", "graphs switched off"),
+)
 def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
     """A graph is deactivated, or is only an override of something that is not there.
 
@@ -220,7 +235,13 @@ def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
                 yield Problem(prim.path, f"is not a node but {prim.reason}, and never executes")
 
 
-@rule("K06", "switched-off", scope="lint", severity="note")
+@rule(
+    "K06",
+    "switched-off",
+    scope="lint",
+    severity="note",
+    counted=("node switched off", "nodes switched off"),
+)
 def switched_off(subject: LintSubject) -> Iterator[Problem]:
     """A node that talks to ROS is switched off, or one that passes signals on to others.
 

@@ -219,7 +219,13 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K74", "unused-camera", scope="lint", severity="note")
+@rule(
+    "K74",
+    "unused-camera",
+    scope="lint",
+    severity="note",
+    counted=("camera nobody reads", "cameras nobody reads"),
+)
 def unused_camera(subject: LintSubject) -> Iterator[Problem]:
     """A camera on a robot is read by nobody.
 
@@ -275,7 +281,7 @@ def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
                 )
 
 
-@rule("K80", "script", scope="lint", severity="note")
+@rule("K80", "script", scope="lint", severity="note", counted=("script", "scripts"))
 def script(subject: LintSubject) -> Iterator[Problem]:
     """The stage holds code.
 

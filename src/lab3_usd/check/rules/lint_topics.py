@@ -213,7 +213,13 @@ def system_time(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K46", "stamps-restart", scope="lint", severity="note")
+@rule(
+    "K46",
+    "stamps-restart",
+    scope="lint",
+    severity="note",
+    counted=("time that restarts", "times that restart"),
+)
 def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
     """Time restarts on Stop for some messages, and goes on for others.
 

@@ -95,7 +95,13 @@ def old_names(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K32", "unknown-type", scope="lint", severity="note")
+@rule(
+    "K32",
+    "unknown-type",
+    scope="lint",
+    severity="note",
+    counted=("unknown node type", "unknown node types"),
+)
 def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     """Nothing is known of a node type.
 
@@ -121,7 +127,13 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
         )
 
 
-@rule("K33", "newer-version", scope="lint", severity="note")
+@rule(
+    "K33",
+    "newer-version",
+    scope="lint",
+    severity="note",
+    counted=("node of a newer version", "nodes of a newer version"),
+)
 def newer_version(subject: LintSubject) -> Iterator[Problem]:
     """A node was saved by a newer version of its type than the one that is known.
 
@@ -146,7 +158,12 @@ def newer_version(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule(
-    "K36", "other-release-ports", scope="lint", severity="note", formerly="saved-by-another-release"
+    "K36",
+    "other-release-ports",
+    scope="lint",
+    severity="note",
+    formerly="saved-by-another-release",
+    counted=("sign of another release", "signs of another release"),
 )
 def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
     """Nodes have ports that their types have no longer.

@@ -15,7 +15,13 @@ from lab3_usd.model.finding import Problem, display
 from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType, Port, can_connect
 
 
-@rule("K20", "dangling-wire", scope="lint", formerly="wire-from-nowhere")
+@rule(
+    "K20",
+    "dangling-wire",
+    scope="lint",
+    formerly="wire-from-nowhere",
+    counted=("wire of unknown source", "wires of unknown source"),
+)
 def dead_source(subject: LintSubject) -> Iterator[Problem]:
     """A wire comes from a node that is not there.
 
@@ -204,7 +210,14 @@ def two_sources(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K25", "value-and-wire", scope="lint", severity="note", formerly="value-under-a-wire")
+@rule(
+    "K25",
+    "value-and-wire",
+    scope="lint",
+    severity="note",
+    formerly="value-under-a-wire",
+    counted=("value under a wire", "values under wires"),
+)
 def value_under_a_wire(subject: LintSubject) -> Iterator[Problem]:
     """An input is wired and holds a value too.
 

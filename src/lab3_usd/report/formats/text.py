@@ -23,6 +23,7 @@ from lab3_usd.report.text import (
     REPAIRABLE,
     Page,
     checklist_lines,
+    counted_notes,
     fault_lines,
     finding_blocks,
     is_repairable,
@@ -36,8 +37,8 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
 
     Stages of one folder, each of another checkpoint, are reported together: a fault once, with the
     stages that have it. quiet: the lines that sum up. normal: warnings and errors in full, notes in
-    a line. verbose: all in full, with what each rule's fault does on the robot, and the whole
-    checklist.
+    a line each, or in one that counts them where no lab asks for anything. verbose: all in full,
+    with what each rule's fault does on the robot, and the whole checklist.
     """
     quiet = options.verbosity == "quiet"
     findings = [entry.finding for entry in entries(report)]
@@ -89,7 +90,7 @@ def _sections(block: Block, page: Page) -> Iterator[list[str]]:
         lines = [_stage_heading(result, page), *_crash_lines(result.crashes, page)]
         if not quiet:
             lines += _unknown_lines(result, page)
-            lines += finding_blocks(((finding, "") for finding in result.findings), page)
+            lines += _finding_lines(result, page)
         yield [*lines, *_not_judged_line([result], page)]
     if block.submission is not None:
         lines = [*_submission_heading(block.submission, page)]
@@ -98,6 +99,15 @@ def _sections(block: Block, page: Page) -> Iterator[list[str]]:
             lines += finding_blocks(findings, page)
             lines += checklist_lines(block.submission.checklist, page.options, page.width)
         yield lines
+
+
+def _finding_lines(result: StageResult, page: Page) -> Iterator[str]:
+    """Yield the findings of a stage; the notes of one that no lab asks for are counted only."""
+    is_counted = result.checkpoint is None and not page.verbose
+    notes = [finding for finding in result.findings if is_counted and finding.severity == "note"]
+    listed = (finding for finding in result.findings if finding not in notes)
+    yield from finding_blocks(((finding, "") for finding in listed), page)
+    yield from counted_notes(notes, page)
 
 
 def _student_lines(block: Block, page: Page) -> list[str]:
