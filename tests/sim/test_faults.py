@@ -10,8 +10,9 @@ from typing import get_args
 import pytest
 from breaking import broken, correct_stage, the_lab
 from dry_runs import INTERFACE, driven
-from fault_stages import MOTION, NAMES, STAGES
+from fault_stages import IMAGE_PRODUCT, MOTION, NAMES, STAGES
 from places import REPOSITORY
+from scene_changes import CAMERA
 
 from lab3_usd.check.explanations import EXPLAINED_BY
 from lab3_usd.check.registry import all_rules
@@ -53,6 +54,19 @@ def test_a_stage_shows_its_kind_of_fault(kind: FaultKind) -> None:
     stage = correct_stage("02" if check in MOTION else "05")
     change(stage)
     assert (check, kind) in shown(driven(stage, the_lab().catalog))
+
+
+def test_a_render_product_that_is_named_has_its_own_size() -> None:
+    product = "/Render/Product"
+    steps = [
+        {"define": [product, "RenderProduct"]},
+        {"targets": [f"{product}.camera", CAMERA]},
+        {"declare": [f"{product}.resolution", "int2", [320, 200]]},
+        {"targets": [f"{IMAGE_PRODUCT}.inputs:renderProductPrim", product]},
+    ]
+    trial = driven(broken("04", steps), the_lab().catalog)
+    (image, *_) = trial.recording.topic("/camera/image_raw")
+    assert (image.data.width, image.data.height) == (320, 200)
 
 
 def test_wheels_in_the_wrong_order_turn_an_arc_the_wrong_way() -> None:

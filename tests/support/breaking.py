@@ -97,8 +97,9 @@ def _declare(stage: Usd.Stage, where: str, usd_type: str, value: Any = None) -> 
     kind = Sdf.ValueTypeNames.Find(usd_type)
     attribute = prim.CreateAttribute(path.name, kind, custom=True)
     if value is not None:
-        made = tuple(value) if isinstance(value, list) else value
-        attribute.Set(kind.type.pythonClass(made) if kind.isArray else made)
+        is_vector = isinstance(value, list) and not kind.isArray
+        made = kind.type.pythonClass(*value) if is_vector else value
+        attribute.Set(kind.type.pythonClass(tuple(value)) if kind.isArray else made)
 
 
 def _clear(stage: Usd.Stage, where: str) -> None:

@@ -236,6 +236,10 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
     ),
     "empty-image": (value(f"{LIDAR_PRODUCT}.inputs:width", 0), "topics"),
     "no-render-product": (cut(f"{LIDAR_HELPER}.inputs:renderProductPath"), "topics"),
+    "wrong-render-product": (
+        steps({"targets": [f"{IMAGE_PRODUCT}.inputs:renderProductPrim", f"{ROBOT}/base_link"]}),
+        "topics",
+    ),
     "not-a-camera": (
         steps({"targets": [f"{IMAGE_PRODUCT}.inputs:cameraPrim", f"{ROBOT}/base_link"]}),
         "topics",

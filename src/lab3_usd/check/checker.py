@@ -16,6 +16,7 @@ from lab3_usd.check.requirements import (
     frame_requirements,
     graph_requirements,
     scene_requirements,
+    with_named_faults,
     with_other_faults,
     with_unmet,
 )
@@ -98,6 +99,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     requirements = [item for subject in subjects for item in graph_requirements(subject)]
     requirements += scene_requirements(lab, checkpoint, run.findings)
     requirements += frame_requirements(whole)
+    requirements = with_named_faults(requirements, run.findings)
     outcome = Outcome(whole, tuple(requirements), tuple(run.findings))
     for rule in rules_of("outcome", *STAGE_FAMILIES):
         run.rule(rule, outcome)

@@ -94,6 +94,7 @@ EXPLAINED_BY: Mapping[FaultKind, str] = {
     "missing-camera-prim": "R02",
     "empty-image": "P01",
     "no-render-product": "W01",
+    "wrong-render-product": "R04",
     "unknown-output": "P01",
     "not-a-camera": "C03",
     "not-a-lidar": "L03",

@@ -142,6 +142,17 @@ def scene_requirements(
         yield Requirement(demand.id, demand.group, "scene", demand.title, met, demand.handout)
 
 
+def with_named_faults(
+    requirements: Iterable[Requirement], findings: Iterable[Finding]
+) -> list[Requirement]:
+    """Return the requirements, those that errors name as unmet."""
+    unmet = unmet_by(findings)
+    return [
+        replace(requirement, met=False) if requirement.id in unmet else requirement
+        for requirement in requirements
+    ]
+
+
 def unmet_by(findings: Iterable[Finding]) -> set[str]:
     """Return the ids of the requirements that errors fail."""
     errors = (finding for finding in findings if finding.severity == "error")

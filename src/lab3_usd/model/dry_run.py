@@ -155,6 +155,9 @@ class Graph(Struct, frozen=True):
     nodes: tuple[Node, ...]
 
 
+RENDER_PRODUCT = "RenderProduct"
+
+
 class Prim(Struct, frozen=True):
     """Any other prim that is in the scene; `world` is where it is authored to stand."""
 

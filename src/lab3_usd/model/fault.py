@@ -34,7 +34,8 @@ FaultKind = Literal[
     "unknown-frame", "transform-ends", "transform-gap", "transform-unlike-odometry",
     # sensors
     "no-camera-target", "missing-camera-prim", "empty-image", "no-render-product",
-    "unknown-output", "not-a-camera", "not-a-lidar", "no-lidar-schema", "invalid-scan-profile",
+    "wrong-render-product", "unknown-output", "not-a-camera", "not-a-lidar", "no-lidar-schema",
+    "invalid-scan-profile",
     "loose-sensor", "wrong-scan-rate", "wrong-turn-rate", "no-ray-returns", "scan-off-walls",
     "image-info-frames-differ", "image-info-sizes-differ", "image-info-rates-differ",
     "low-image-rate", "misplaced-camera-frame", "camera-not-ahead", "camera-not-upright",

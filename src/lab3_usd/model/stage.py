@@ -176,6 +176,14 @@ class MutedSublayer(Struct, frozen=True):
     prims: tuple[str, ...]
 
 
+class RenderProduct(Struct, frozen=True):
+    """A render product that the file holds: its prim, the camera that it shows, and its size."""
+
+    prim: str
+    camera: str
+    size: tuple[int, ...]
+
+
 class Script(Struct, frozen=True):
     """Code in the file: the prim that carries it, and by which node type or schema."""
 
@@ -202,7 +210,8 @@ class StageModel(Struct, frozen=True, eq=False):
     Two models are the same only when they are one. `derived` holds what was worked out from this
     one (`once_per_stage`), so that it goes when the model goes, and `judged` what was worked out
     for rules: it holds what they are given, and so the model. `instances` are the paths of the
-    prims that are instances. `overridden` are prims that look like nodes, which the stage only
+    prims that are instances, `products` the render products that nodes name, by path. `overridden`
+    are prims that look like nodes, which the stage only
     overrides; they are read where an asset is missing.
     """
 
@@ -220,6 +229,7 @@ class StageModel(Struct, frozen=True, eq=False):
     overridden: tuple[str, ...] = ()
     scripts: tuple[Script, ...] = ()
     moving: tuple[AnimatedAttribute, ...] = ()
+    products: Mapping[str, RenderProduct] = field(default_factory=dict)
     derived: dict[Hashable, Any] = field(default_factory=dict)
     judged: dict[Hashable, Any] = field(default_factory=dict)
 

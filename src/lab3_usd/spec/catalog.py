@@ -329,6 +329,7 @@ class NodeType(Struct, frozen=True, dict=True):
     step_limits: tuple[str, ...] = ()
     sizes: Mapping[str, int] = field(default_factory=dict)
     drives: DrivePorts | None = None
+    product: ProductPorts | None = None
     same_in_metres: tuple[str, ...] = ()
     grows_by_message: bool = False
     is_open: bool = False
@@ -455,6 +456,18 @@ class TfPorts(Struct, frozen=True, forbid_unknown_fields=True):
     prims: tuple[str, ...] = ()
     gives: tuple[str, ...] = ()
     static: str | None = None
+
+
+class ProductPorts(Struct, frozen=True):
+    """Which ports of a type make a render product.
+
+    `named` is the prim of a product that is used as it is, where there is one; `camera` and `size`
+    make one otherwise.
+    """
+
+    named: str
+    camera: str
+    size: tuple[str, str]
 
 
 class DrivePorts(Struct, frozen=True):

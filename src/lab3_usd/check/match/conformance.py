@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lab3_usd.check.match.subject import Roles
-from lab3_usd.model.stage import Node, same_value
+from lab3_usd.model.stage import Node, RenderProduct, same_value
 from lab3_usd.spec.catalog import INPUT, Value, can_connect
-from lab3_usd.spec.graph import Setting, Target, Wire, resolved_topic
+from lab3_usd.spec.graph import NodeSpec, Setting, Target, Wire, resolved_topic
 
 
 def setting_value(nodes: Mapping[str, Node], node: Node, port: str, depth: int = 8) -> Value | None:
@@ -67,6 +67,29 @@ def targets_handout_prims(node: Node, target: Target) -> bool:
 def targets_prims(node: Node, target: Target, prims: Sequence[str]) -> bool:
     """Whether the relationship names exactly these prims, in any order."""
     return sorted(set(node.targets(target.port))) == sorted(set(prims))
+
+
+def wrong_product(
+    node: Node, spec: NodeSpec, products: Mapping[str, RenderProduct]
+) -> tuple[str, RenderProduct, tuple[str, ...]] | None:
+    """Return the input by which a node uses a render product that is not the lab's, and that one.
+
+    The ports that do not count then, and should, are the third. Of several products that are named
+    Isaac Sim takes none (OgnIsaacCreateRenderProduct.py:116-123).
+    """
+    ports = None if node.type is None else node.type.product
+    if ports is None or len(node.targets(ports.named)) != 1:
+        return None
+    product = products.get(node.targets(ports.named)[0])
+    if product is None:
+        return None  # one that is not in the file is made anew
+    cameras = [target.prims for target in spec.targets if target.port == ports.camera]
+    sizes = {setting.port: setting.value for setting in spec.settings}
+    wrong = [ports.camera] if cameras and cameras[0] != (product.camera,) else []
+    for index, port in enumerate(ports.size):
+        if port in sizes and product.size[index : index + 1] != (sizes[port],):
+            wrong.append(port)
+    return (ports.named, product, tuple(wrong)) if wrong else None
 
 
 def source_path(source: Node, wire: Wire) -> str:

@@ -9,7 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.hints import with_setting
-from lab3_usd.check.match.conformance import setting_matches, setting_value
+from lab3_usd.check.match.conformance import setting_matches, setting_value, wrong_product
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
@@ -315,7 +315,9 @@ def _aimed(
     for node, spec in subject.matched():
         for port in subject.spec.free_targets[spec.role]:
             prims = tuple(path for path in node.targets(port.name) if not path.startswith(own))
-            if prims and not _lacks_source(subject, spec):
+            wrong = wrong_product(node, spec, subject.stage.products)  # of which R04 speaks
+            is_told = wrong is not None and wrong[0] == port.name
+            if prims and not is_told and not _lacks_source(subject, spec):
                 yield node, spec, port.name, prims
 
 

@@ -9,7 +9,12 @@ from collections.abc import Iterator
 
 from msgspec.structs import replace
 
-from lab3_usd.check.match.conformance import target_matches, targets_handout_prims, targets_prims
+from lab3_usd.check.match.conformance import (
+    target_matches,
+    targets_handout_prims,
+    targets_prims,
+    wrong_product,
+)
 from lab3_usd.check.match.subject import GraphSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at, edits_in_stage, edits_of_harm
@@ -25,7 +30,7 @@ from lab3_usd.check.tf.lab_frames import (
     self_parent_pairs,
 )
 from lab3_usd.check.tf.targets import Pair, listed_targets, parent_prim, tf_ports
-from lab3_usd.model.finding import Problem, format_paths
+from lab3_usd.model.finding import Problem, display, format_paths
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.graph import NodeSpec, Target
 
@@ -141,6 +146,47 @@ def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
                         unknown_targets=(path,),
                         rests_on=asset,
                     )
+
+
+@rule("R04", "named-render-product", scope="graph")
+def named_render_product(subject: GraphSubject) -> Iterator[Problem]:
+    """A node names a render product that shows another camera, or has another size.
+
+    Why: Isaac Create Render Product uses the product that it names as it is. Its own camera prim
+    and size count for nothing then: the topic shows what another sensor sees.
+
+    Fix: select the node and clear Render Product Prim in the Property panel.
+
+    Example: `renderProductPrim` of the camera graph names `/Render/Product`, whose camera is the
+    observation camera of the scene.
+    """
+    for node, spec in subject.matched():
+        found = wrong_product(node, spec, subject.stage.products)
+        if found is None:
+            continue
+        name, product, ports = found
+        size = " x ".join(map(str, product.size)) or "no size"
+        wanted = {target.port: format_paths(target.prims) for target in spec.targets}
+        wanted |= {setting.port: display(setting.value) for setting in spec.settings}
+        expected = ", ".join(f"{port.partition(':')[2]} {wanted[port]}" for port in ports)
+        actual = f"{format_paths((product.camera,) if product.camera else ())}, {size}"
+        role = subject.roles.role_of[node.path]
+        kinds = dict.fromkeys((target.port for target in spec.targets), "target")
+        yield Problem(
+            node.path,
+            f"{name} names {product.prim}, which shows {actual}, expected {expected}",
+            name,
+            expected,
+            actual,
+            spec.handout,
+            related=(product.prim,),
+            hint=f"select the node and clear {name.partition(':')[2]} in the Property panel",
+            fix=edits_at(subject, f"{node.path}.{name}"),
+            unmet=tuple(
+                f"{subject.spec.name}/{kinds.get(port, 'setting')}/{role}.{port.partition(':')[2]}"
+                for port in ports
+            ),
+        )
 
 
 @rule("T09", "frame-is-its-own-parent", scope="frames")

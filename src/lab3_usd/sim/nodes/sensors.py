@@ -10,11 +10,13 @@ import math
 
 from msgspec.structs import replace
 
-from lab3_usd.model.dry_run import Prim
+from lab3_usd.model.dry_run import RENDER_PRODUCT, Prim
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.running import Running, computes
 from lab3_usd.sim.execution.world import Product, World, Writer, open_endpoint
 from lab3_usd.sim.lidar import Beam
+
+RESOLUTION = "resolution"
 
 
 @computes("OgnIsaacRunOneSimulationFrame")
@@ -37,9 +39,17 @@ def create_render_product(node: Running, world: World) -> bool:
         kind: FaultKind = "missing-camera-prim" if targets else "no-camera-target"
         return node.fails("its camera prim is not there", kind)
     width, height = (int(node.number(name, world)) for name in ("width", "height"))
+    product = Product(targets[0], width, height)
+    named = node.targets("renderProductPrim")
+    prim = world.scene.prims.get(named[0]) if len(named) == 1 else None
+    if prim is not None:  # it is used as it is, whatever it shows (:113-142)
+        camera, size = next(iter(prim.targets.get("camera", ())), ""), prim.values.get(RESOLUTION)
+        if prim.type != RENDER_PRODUCT or camera not in world.scene.prims:
+            return node.fails(f"{prim.path} shows no camera", "wrong-render-product")
+        width, height = size if isinstance(size, tuple) and len(size) == 2 else (0, 0)  # noqa: PLR2004
+        product = Product(camera, width, height)
     if width <= 0 or height <= 0:
         return node.fails("its picture has no size", "empty-image")
-    product = Product(targets[0], width, height)
     name = next((name for name, known in world.products.items() if known == product), "")
     name = name or node.memory.get("path") or f"/Render/Product{len(world.products)}"
     world.products[name] = product

@@ -20,6 +20,7 @@ from lab3_usd.spec.catalog import (
     GraphEntry,
     NodeType,
     Port,
+    ProductPorts,
     Scripts,
     SingleSignal,
     TfPorts,
@@ -63,6 +64,12 @@ class _DrivesEntry(Struct, forbid_unknown_fields=True):
     commands: tuple[str, ...]
 
 
+class _ProductEntry(Struct, forbid_unknown_fields=True):
+    named: str
+    camera: str
+    size: tuple[str, str]
+
+
 class _TypeEntry(Struct, forbid_unknown_fields=True):
     version: int
     name: str
@@ -83,6 +90,7 @@ class _TypeEntry(Struct, forbid_unknown_fields=True):
     step_limits: tuple[str, ...] = ()
     sizes: dict[str, int] = {}
     drives: _DrivesEntry | None = None
+    product: _ProductEntry | None = None
     same_in_metres: tuple[str, ...] = ()
     grows_by_message: bool = False
     is_open: bool = False
@@ -176,6 +184,7 @@ def _node_type(
         step_limits=_named(entry.step_limits, INPUT, ports, f"{where}: step_limits"),
         sizes=_by_port(entry.sizes, OUTPUT, ports, f"{where}: sizes"),
         drives=_drive_ports(entry.drives, ports, f"{where}: drives"),
+        product=_product_ports(entry.product, ports, f"{where}: product"),
         same_in_metres=_named(entry.same_in_metres, INPUT, ports, f"{where}: same_in_metres"),
         grows_by_message=entry.grows_by_message,
         is_open=entry.is_open,
@@ -257,6 +266,17 @@ def _drive_ports(
         (*entry.robot, entry.joints, *entry.commands), INPUT, ports, where
     )
     return DrivePorts(path, target, joints, tuple(commands))
+
+
+def _product_ports(
+    entry: _ProductEntry | None, ports: Mapping[str, Port], where: str
+) -> ProductPorts | None:
+    if entry is None:
+        return None
+    named, camera, width, height = _named(
+        (entry.named, entry.camera, *entry.size), INPUT, ports, where
+    )
+    return ProductPorts(named, camera, (width, height))
 
 
 TYPES = "node_types.yaml"

@@ -14,6 +14,7 @@ from lab3_usd.model.stage import (
     GraphModel,
     Node,
     PortState,
+    RenderProduct,
     Script,
     StageModel,
 )
@@ -42,6 +43,7 @@ from lab3_usd.stage.read.properties import (
 
 _POSITION = "ui:nodegraph:node:pos"
 _NAMESPACE = "isaac:namespace"
+_CAMERA, _RESOLUTION = "camera", "resolution"
 _NODE_TYPE, _VERSION = "node:type", "node:typeVersion"
 
 
@@ -88,7 +90,31 @@ def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
         overridden=tuple(scan.overridden),
         scripts=tuple(scan.scripts),
         moving=changes_after_start(stage),
+        products=_named_products(stage, scan),
     )
+
+
+def _named_products(stage: Usd.Stage, scan: _Scan) -> dict[str, RenderProduct]:
+    """Return the render products that nodes name, also those that the application ignores."""
+    named = (
+        node.targets(node.type.product.named)
+        for nodes in scan.nodes.values()
+        for node in nodes
+        if node.type is not None and node.type.product is not None
+    )
+    products = {}
+    for path in (path for paths in named for path in paths):
+        prim = stage.GetPrimAtPath(path)
+        if prim:
+            properties = AuthoredProperties(prim)
+            camera, size = properties[_CAMERA].targets(), properties[_RESOLUTION].value()
+            pixels = size if isinstance(size, tuple) else ()
+            products[path] = RenderProduct(
+                path,
+                next(iter(camera), ""),
+                tuple(number for number in pixels if isinstance(number, int)),
+            )
+    return products
 
 
 class _Scan:

@@ -6,7 +6,7 @@ from typing import Any
 
 from pxr import Usd, UsdGeom
 
-from lab3_usd.model.dry_run import HERE, Affine, Graph, Input, Node, Prim, Scene
+from lab3_usd.model.dry_run import HERE, RENDER_PRODUCT, Affine, Graph, Input, Node, Prim, Scene
 from lab3_usd.stage.read.assets import find_unresolved
 from lab3_usd.stage.read.properties import CENTIMETRES, stage_number, targets_of
 
@@ -38,10 +38,10 @@ def read_scene(stage: Usd.Stage) -> Scene:
     prims: dict[str, Prim] = {}
     everything = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
-        path = str(prim.GetPath())
-        if path == "/" or path.split("/")[1] in IGNORED:
+        path, kind = str(prim.GetPath()), str(prim.GetTypeName())
+        # A node may name a product, wherever that is.
+        if path == "/" or (path.split("/")[1] in IGNORED and kind != RENDER_PRODUCT):
             continue
-        kind = str(prim.GetTypeName())
         if kind == GRAPH and not prim.IsInstanceProxy():
             graphs[path], nodes[path] = prim, []
         if kind == NODE:
