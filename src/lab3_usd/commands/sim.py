@@ -49,7 +49,7 @@ def check_live(options: Mapping[str, Any]) -> None:
         raise UsageError(message)
 
 
-def live(stage: Path, lab: Lab, checkpoint: str, seconds: float | None) -> None:
+def live(stage: Path, lab: Lab, checkpoint: str, topic: str, seconds: float | None) -> None:
     """Play a stage until Ctrl-C, or for so many simulated seconds.
 
     Raises:
@@ -58,14 +58,21 @@ def live(stage: Path, lab: Lab, checkpoint: str, seconds: float | None) -> None:
     """
     from lab3_usd.report.behaviour.text import WHAT_IT_IS
     from lab3_usd.report.safe_text import printable
+    from lab3_usd.sim.any_stage import interface_of, robots_of
     from lab3_usd.sim.dry_run import scene_of
     from lab3_usd.sim.execution.drive import RATE
     from lab3_usd.sim.judge.topics import interface
     from lab3_usd.sim.live import Link, play_live
     from lab3_usd.sim.timeline import player_of
+    from lab3_usd.spec.load.compiled import load_isaac_types
 
-    wanted = interface(lab, lab.checkpoints[checkpoint])
-    player = player_of(scene_of(stage), lab.catalog, wanted)
+    scene, catalog = scene_of(stage), load_isaac_types().catalog
+    if checkpoint:
+        wanted = interface(lab, lab.checkpoints[checkpoint])
+    else:
+        robots = robots_of(scene, catalog, topic)
+        wanted = interface_of(robots[0] if robots else None)
+    player = player_of(scene, catalog, wanted)
     player.world.network.environment = os.environ.get("ROS_DOMAIN_ID", "")
     with closing(Link(wanted.domain, wanted.commands)) as link:
         click.echo(f"{printable(str(stage))}: {WHAT_IT_IS}")
@@ -125,6 +132,7 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
     metavar="FILE|LEGS",
     help='What to drive instead: a file, or legs "v,w,s ..." (m/s, rad/s, seconds).',
 )
+@click.option("--topic", metavar="NAME", help="Drive the robots that listen to this topic only.")
 @text_or_json
 @assets_option
 @click.option("--page", type=click.Path(path_type=Path), help="Write an HTML page to this file.")
@@ -140,7 +148,8 @@ def command(stage: Path, **options: Any) -> None:
 
     The graphs of STAGE run as they are wired, by functions written from the published source of
     Isaac Sim 6.0.1; the robot moves by exact kinematics. What is asked for is that of the
-    checkpoint in the file's name, else of the last. Nothing of it counts in a score. Exit status:
+    checkpoint in the file's name. A stage of none is judged by what it shows itself: each robot is
+    driven by its own commands. Nothing of it counts in a score. Exit status:
     0 all right, 1 something is wrong or not judged, 2 unreadable or wrong usage, 3 the tool itself
     failed.
     """
@@ -153,12 +162,15 @@ def command(stage: Path, **options: Any) -> None:
     lab = load_lab()
     numbers = [*lab.checkpoints]
     given = options["checkpoint"]
-    named = checkpoint_of(stage.name, lab) or numbers[-1]
+    named = checkpoint_of(stage.name, lab) or ""
     checkpoint = named if given is None else checkpoint_number(given, numbers)
+    topic = options["topic"] or ""
+    if checkpoint and topic:
+        raise UsageError(f"--topic {topic}: at checkpoint {checkpoint} commands have a topic")
     check_live(options)
     _check_outputs(options["page"], options["bag"])
     if options["live"]:
-        live(stage, lab, checkpoint, options["seconds"])
+        live(stage, lab, checkpoint, topic, options["seconds"])
     else:
         sys.exit(_judge(stage, lab, checkpoint, options))
 
@@ -169,7 +181,7 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
     from lab3_usd.report.behaviour import text
     from lab3_usd.sim.dry_run import dry_run
 
-    run = dry_run(stage, lab, checkpoint, options["drive"])
+    run = dry_run(stage, lab, checkpoint, options["drive"], options["topic"] or "")
     behaviour = run.behaviour
     page, bag = options["page"], options["bag"]
     if page is not None:

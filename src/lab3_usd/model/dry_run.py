@@ -204,7 +204,8 @@ Verdict = Literal["ok", "bad", "not judged"]
 class Topic(Struct, frozen=True):
     """A topic: its rate in messages a second, and the frame that its messages are in.
 
-    A recording also has the rate of arrival, and the QoS that each publisher offered.
+    A recording also has the rate of arrival, and the QoS that each publisher offered, a dry run
+    the domain.
     """
 
     name: str
@@ -213,6 +214,7 @@ class Topic(Struct, frozen=True):
     frame: str
     arrival_hz: float | None = None
     qos: tuple[str, ...] = ()
+    domain: int | None = None
 
 
 class Frame(Struct, frozen=True):
@@ -227,7 +229,7 @@ class Check(Struct, frozen=True):
     """A verdict: what was looked at, what is wrong, the prim at fault, and the kind of the fault.
 
     The message of a check that is not judged says what did not happen. `cause` is what the prim at
-    fault does or does not do, where that is known.
+    fault does or does not do, where that is known; `of` names one of several robots or topics.
     """
 
     name: str
@@ -236,6 +238,7 @@ class Check(Struct, frozen=True):
     prim: str = ""
     kind: FaultKind | None = None
     cause: str = ""
+    of: str = ""
 
     @property
     def text(self) -> str:
@@ -266,15 +269,23 @@ class Leg(Struct, frozen=True):
     driven: tuple[float, float]
 
 
+class Driven(Struct, frozen=True):
+    """A robot that was driven: the prim that stands for it, and where its commands came."""
+
+    prim: str
+    topic: str
+    domain: int
+
+
 class Behaviour(Struct, frozen=True):
-    """What one stage does in a dry run.
+    """What one stage does in a dry run; without a checkpoint nothing of a lab is asked.
 
     `path` are (seconds, x, y, heading) in metres and radians; `legs` the drive of the first
     session, `remarks` what else is known of the robot. `missing` says why it is not judged.
     """
 
     stage: str
-    checkpoint: str
+    checkpoint: str  # '' for a stage of none
     seconds: float
     verdict: Literal["ok", "bad", "not judged", "unreadable"]
     topics: tuple[Topic, ...] = ()
@@ -287,6 +298,7 @@ class Behaviour(Struct, frozen=True):
     recording: str = ""  # what was judged, where it is no dry run
     differences: tuple[Difference, ...] | None = None  # from the dry run of its stage, if played
     missing: str = ""
+    robots: tuple[Driven, ...] = ()
 
 
 Place = tuple[float, float, float]  # x, y, heading

@@ -7,12 +7,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.errors import StageError
 from lab3_usd.model.dry_run import (
     Affine,
     Behaviour,
     Check,
+    Driven,
     Frame,
     Leg,
     Moment,
@@ -24,6 +26,7 @@ from lab3_usd.model.dry_run import (
     heading,
     rotation,
 )
+from lab3_usd.sim.any_stage import Played, domain_of, interface_of, play_any
 from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Scan
 from lab3_usd.sim.judge.checks import judge, whole_verdict
@@ -32,6 +35,7 @@ from lab3_usd.sim.judge.topics import interface
 from lab3_usd.sim.judge.trial import Trial, displacement, in_root
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.compiled import load_isaac_types
 
 EVERY = 6  # frames of the path, of which one is kept
 
@@ -56,6 +60,54 @@ def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
         tuple(_remarks(trial, checks)),
         missing=missing,
     )
+
+
+def outcome_of_any(stage: str, played: Played) -> Behaviour:
+    """Return what a stage of no checkpoint does, judged by what it shows itself."""
+    first = played.plays[0]
+    verdict, missing = whole_verdict(played.checks)
+    if not played.robots and verdict != "bad":
+        verdict, missing = "not judged", played.missing
+    recording = first.recording
+    reasons = {**recording.not_simulated, **recording.assumed}
+    several = len(played.robots) > 1
+    legs = (
+        replace(leg, name=f"{robot.name}: {leg.name}" if several else leg.name)
+        for robot, play in zip(played.robots, played.plays, strict=False)
+        for leg in driven_legs(play)
+    )
+    everywhere = replace(
+        first, recording=replace(recording, messages=[*map(_at_home, recording.messages)])
+    )
+    remarks = [remark for play in played.plays for remark in _remarks(play, played.checks)]
+    remarks += [
+        f"the wheels of {robot.name} slide in a turn: how far it turns is not known"
+        for robot, play in zip(played.robots, played.plays, strict=False)
+        if play.scrubs
+    ]
+    return Behaviour(
+        stage,
+        "",
+        sum(play.recording.seconds for play in played.plays),
+        verdict,
+        tuple(_topics(first)),
+        tuple(_frames(everywhere)),
+        played.checks,
+        tuple(path_rows(first)) if played.robots else (),
+        tuple(Unknown(prim, reasons[prim]) for prim in sorted(reasons)),
+        tuple(legs),
+        tuple(dict.fromkeys(remarks)),
+        missing=missing,
+        robots=tuple(
+            Driven(robot.name, robot.commands.topic, robot.commands.domain)
+            for robot in played.robots
+        ),
+    )
+
+
+def _at_home(message: Message) -> Message:
+    """Return a message as if its domain were that of the lab."""
+    return replace(message, away=None)
 
 
 def is_asked(name: str, trial: Trial) -> bool:
@@ -88,14 +140,15 @@ def is_asked(name: str, trial: Trial) -> bool:
 
 
 def _topics(trial: Trial) -> Iterator[Topic]:
-    """Yield the topics of the first session on the lab's domain, by name."""
-    streams: dict[tuple[str, str], list[Message]] = {}
+    """Yield the topics of the first session, by name; at a checkpoint those of its domain."""
+    streams: dict[tuple[str, str, int], list[Message]] = {}
     for message in trial.recording.messages:
-        if message.away is None and not message.session:
-            streams.setdefault((message.topic, message.type), []).append(message)
-    for (topic, kind), messages in sorted(streams.items()):
+        if not message.session and (message.away is None or trial.wanted.has_ground):
+            key = (message.topic, message.type, domain_of(message, trial))
+            streams.setdefault(key, []).append(message)
+    for (topic, kind, domain), messages in sorted(streams.items()):
         frames = dict.fromkeys(message.frame for message in messages if message.frame)
-        yield Topic(topic, kind, round(rate_of(messages), 2), ", ".join(frames))
+        yield Topic(topic, kind, round(rate_of(messages), 2), ", ".join(frames), domain=domain)
 
 
 def _frames(trial: Trial) -> Iterator[Frame]:
@@ -130,7 +183,7 @@ def driven_legs(trial: Trial) -> Iterator[Leg]:
         yield Leg(leg.name, leg.seconds, commanded, driven)
 
 
-def _remarks(trial: Trial, checks: tuple[Check, ...]) -> Iterator[str]:
+def _remarks(trial: Trial, checks: Sequence[Check]) -> Iterator[str]:
     """Yield what else is known of the robot."""
     blocked = next((pose for pose in trial.recording.path if pose.blocked), None)
     if blocked is not None:
@@ -169,13 +222,18 @@ def scene_of(path: Path) -> Scene:
         return read_scene(open_stage(path))
 
 
-def dry_run(path: Path, lab: Lab, checkpoint: str, drive: str | None = None) -> DryRun:
+def dry_run(
+    path: Path, lab: Lab, checkpoint: str, drive: str | None = None, topic: str = ""
+) -> DryRun:
     """Play a stage and judge what it does by what the lab asks for at a checkpoint.
 
+    Without a checkpoint it is judged by what it shows itself, driven over the topic, if one is
+    named, else over those that its robots listen to.
+
     Raises:
-        UsageError: the drive is none.
+        UsageError: the drive is none, or the topic is not that of a robot.
     """
-    wanted = interface(lab, lab.checkpoints[checkpoint])
+    wanted = interface(lab, lab.checkpoints[checkpoint]) if checkpoint else interface_of(None)
     sessions = fixed_drive() if drive is None else drive_of(drive, wanted.limits)
     try:
         scene = scene_of(path)
@@ -183,7 +241,11 @@ def dry_run(path: Path, lab: Lab, checkpoint: str, drive: str | None = None) -> 
         reason = str(error).removeprefix(f"{path}: ")
         unknown = (Unknown("/", reason),)
         return DryRun(Behaviour(str(path), checkpoint, 0.0, "unreadable", not_simulated=unknown))
-    trial = record(scene, lab.catalog, sessions, wanted)
+    catalog = load_isaac_types().catalog
+    if not checkpoint:
+        played = play_any(scene, catalog, drive, topic)
+        return DryRun(outcome_of_any(str(path), played), played.plays[0])
+    trial = record(scene, catalog, sessions, wanted)
     return DryRun(outcome(str(path), checkpoint, trial), trial)
 
 

@@ -95,10 +95,11 @@ EYES = 0.15  # metres above the robot at which a room without a lidar is drawn
 class Player:
     """A stage, and the graphs that run in it."""
 
-    def __init__(self, world: World, catalog: Catalog) -> None:
+    def __init__(self, world: World, catalog: Catalog, body: str = "") -> None:
         self.world = world
         self.program: Program = compile_graphs(world.scene, catalog)
-        self.robot = driven(world)
+        self.robot = world.machines.member.get(body) or driven(world)
+        self.body = body or (self.robot.base if self.robot is not None else "")
         self.recording = Recording()
         self.commands = 0
 
@@ -141,7 +142,7 @@ class Player:
         world, robot = self.world, self.robot
         if robot is None:
             return Pose(world.session, world.since_play, leg.name, 0.0, 0.0, 0.0)
-        place = robot.pose()
+        place = world.machines.place(self.body)
         x, y, z = in_metres(place, world.scene.meters_per_unit).origin
         turned = heading(place)
         return Pose(
@@ -157,9 +158,9 @@ def driven(world: World) -> Machine | None:
 
 def player_of(scene: Scene, catalog: Catalog, wanted: Interface) -> Player:
     """Return a scene ready to play, which takes commands from the topic that is asked for."""
-    world = world_of(scene, wanted.profile)
+    world = world_of(scene, wanted.profile, has_ground=wanted.has_ground)
     world.network.commands = Endpoint(wanted.domain, wanted.commands)
-    player = Player(world, catalog)
+    player = Player(world, catalog, wanted.robot)
     world.not_simulated.update(player.program.not_simulated)
     return player
 
@@ -174,7 +175,7 @@ def record(
     player = player_of(scene, catalog, wanted)
     world = player.world
     robot, unit = player.robot, scene.meters_per_unit
-    start = in_metres(robot.pose(), unit) if robot is not None else HERE
+    start = in_metres(world.machines.place(player.body), unit) if robot is not None else HERE
     for session in drive:
         player.play(session)
     recording = player.recording
@@ -212,6 +213,8 @@ def record(
         depending(player.program, missing),
     )
     recording.remarks = list(causes.remarks())
+    if robot is not None and robot.is_given_ground:
+        recording.remarks.append(f"no ground is below {robot.base}: a ground plane is supplied")
     room = _room(player, start)
     if robot is None:
         return Trial(recording, drive, wanted, level, walls, causes, room)

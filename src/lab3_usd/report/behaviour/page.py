@@ -16,7 +16,7 @@ from msgspec import Struct
 from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.errors import Lab3Error
 from lab3_usd.model.dry_run import Behaviour, Check, Frame, Moment, Place, Replay, Segment
-from lab3_usd.report.behaviour.text import LOOKS, WHAT_IT_IS, leg_text, rate, sum_text
+from lab3_usd.report.behaviour.text import WHAT_IT_IS, leg_text, looks_of, rate, sum_text
 from lab3_usd.report.html.templates import (
     content_policy,
     environment,
@@ -307,7 +307,7 @@ def render(behaviour: Behaviour, replay: Replay | None, lab: Lab) -> str:
             behaviour=behaviour,
             what=WHAT_IT_IS,
             name=PurePath(behaviour.stage).name,
-            looks=LOOKS,
+            looks=looks_of(behaviour),
             verdicts=VERDICTS,
             rule_of=explaining_rule,
             rate=rate,

@@ -35,6 +35,15 @@ LOOKS = {
 }
 
 
+LOOKS_OF_ANY_STAGE = {
+    **LOOKS,
+    "topics": "every publisher that is switched on sends",
+    "rest": "stands still without a command, and after one",
+    "moving frames": "TF moves the base as the robot moves",
+    "mounted": "the lidar goes with the robot",
+    "scan": "scans show the walls where TF has the lidar",
+    "again": "drives again after Stop and Play",
+}
 LOOKS_OF_A_RECORDING = {
     **LOOKS,
     "topics": "every topic comes, of its type",
@@ -50,6 +59,13 @@ LOOKS_OF_A_RECORDING = {
     "localization": "localization ties the map to odometry",
     "goal": "the last goal was reached",
 }
+
+
+def looks_of(behaviour: Behaviour) -> Mapping[str, str]:
+    """Return what each check that is ok has shown."""
+    if behaviour.recording:
+        return LOOKS_OF_A_RECORDING
+    return LOOKS if behaviour.checkpoint else LOOKS_OF_ANY_STAGE
 
 
 def rate(hz: float) -> str:
@@ -89,11 +105,14 @@ def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
         lines += [f"  {printable(unknown.reason)}" for unknown in behaviour.not_simulated]
         return "\n".join(lines) + "\n"
     lines += ["", *_topics(behaviour), ""]
-    looks = LOOKS_OF_A_RECORDING if behaviour.recording else LOOKS
+    looks = looks_of(behaviour)
     for check in behaviour.checks:
         lines += _check(check, looks, width, color=color)
-    legs = "; ".join(map(leg_text, behaviour.legs)) or "no command is asked for"
+    legs = "; ".join(map(leg_text, behaviour.legs)) or "no command was sent"
     remarks = (f"drive: {behaviour.seconds:.1f} s; {legs}", *map(printable, _remarks(behaviour)))
+    for robot in behaviour.robots:
+        told = f"{robot.prim}: commands on {robot.topic} in domain {robot.domain}"
+        remarks = (*remarks, printable(told))
     lines.append("")
     for remark in remarks:
         lines += textwrap.wrap(remark, max(width, 40), subsequent_indent="  ")
@@ -106,6 +125,9 @@ def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
 def _topics(behaviour: Behaviour) -> Iterator[str]:
     rows: list[tuple[str, ...]] = [("topic", "type", "rate", "frame")]
     rows += [(topic.name, topic.type, rate(topic.hz), topic.frame) for topic in behaviour.topics]
+    if len({topic.domain for topic in behaviour.topics}) > 1:
+        domains = ("domain", *(str(topic.domain) for topic in behaviour.topics))
+        rows = [(*row, domain) for row, domain in zip(rows, domains, strict=True)]
     if behaviour.recording:
         offers = [("arrival", "QoS"), *map(_offer, behaviour.topics)]
         rows = [(*row, *offer) for row, offer in zip(rows, offers, strict=True)]
@@ -130,6 +152,7 @@ def _offer(topic: Topic) -> tuple[str, str]:
 def _check(check: Check, looks: Mapping[str, str], width: int, *, color: bool) -> Iterator[str]:
     mark = paint(_SHORT[check.verdict].ljust(4), _COLOURS[check.verdict], color=color)
     text = looks[check.name] if check.verdict == "ok" else printable(check.message)
+    text = f"{printable(check.of)}: {text}" if check.of else text
     first, *more = textwrap.wrap(text, max(width - _NAME - 4, 30)) or [""]
     yield f"{mark}{check.name.ljust(_NAME)}{first}"
     lead = " " * (_NAME + 4)
@@ -181,10 +204,12 @@ def behaviour_json(behaviour: Behaviour) -> dict[str, Any]:
                 "verdict": check.verdict,
                 "prim": check.prim,
                 "message": check.text,
+                "of": check.of,
                 "rule": explaining_rule(check),
             }
             for check in behaviour.checks
         ],
+        "robots": [asdict(robot) for robot in behaviour.robots],
         "path": [list(row) for row in behaviour.path],
         "not_simulated": [asdict(unknown) for unknown in behaviour.not_simulated],
     }
@@ -196,5 +221,7 @@ def behaviour_json(behaviour: Behaviour) -> dict[str, Any]:
 def _topic_json(topic: Topic) -> dict[str, Any]:
     """Return a topic; only a recording has a rate of arrival and QoS."""
     fields = asdict(topic)
-    arrival, qos = fields.pop("arrival_hz"), fields.pop("qos")
+    arrival, qos, domain = (fields.pop(name) for name in ("arrival_hz", "qos", "domain"))
+    if domain is not None:
+        fields["domain"] = domain
     return fields if arrival is None else {**fields, "arrival_hz": arrival, "qos": list(qos)}

@@ -205,8 +205,10 @@ class World(Struct):
         self.network.contexts.clear()
 
 
-def world_of(scene: Scene, profile: dict[str, Any] | None = None) -> World:
-    """Return a scene as it is before it plays."""
-    machines = Machines(scene)
+def world_of(
+    scene: Scene, profile: dict[str, Any] | None = None, *, has_ground: bool = False
+) -> World:
+    """Return a scene before it plays, if told so with ground below each robot that has none."""
+    machines = Machines(scene, has_ground=has_ground)
     surroundings = Surroundings.of(scene, machines)
     return World(scene, machines, surroundings, Network(""), {}, profile or {})

@@ -59,7 +59,7 @@ class RunCauses(Struct, frozen=True):
             kind = node.values.get(_TYPE) if _TYPE in node.values else ""
             sent = node.type.message.get(str(kind or ""), node.type.message.get("", ""))
             if sent == message and SUBSCRIBER not in node.type.role:
-                return self._elsewhere(node, topic) or self._broken(node)
+                return self._elsewhere(node, topic) or self.broken(node)
         return None
 
     def of_graphs(self) -> Iterator[Cause]:
@@ -89,7 +89,9 @@ class RunCauses(Struct, frozen=True):
         if self.robot is None:
             return bool(self.missing)
         top = commonpath(self.robot.rest)
-        return any(is_within(path, (top,)) or is_within(top, (path,)) for path in self.missing)
+        return "/" in self.missing or any(
+            is_within(path, (top,)) or is_within(top, (path,)) for path in self.missing
+        )
 
     def _unsure_types(self) -> Iterator[NodeType]:
         for path in self.unsure:
@@ -123,12 +125,12 @@ class RunCauses(Struct, frozen=True):
             return Cause(node.path, f"it publishes in domain {away.away}", "wrong-domain")
         return None
 
-    def _broken(self, node: Running, seen: frozenset[str] = frozenset()) -> Cause | None:
+    def broken(self, node: Running, seen: frozenset[str] = frozenset()) -> Cause | None:
         """Return what is broken: first of what feeds or drives a node, then of the node."""
         seen |= {node.path}
         for running in self._before(node):
             if running.path not in seen:
-                cause = self._broken(running, seen)
+                cause = self.broken(running, seen)
                 if cause is not None:
                     return cause
         if node.failure is not None:
@@ -160,7 +162,7 @@ class RunCauses(Struct, frozen=True):
         if not controllers:
             return Cause("", "no node commands the joints", "no-joint-controller")
         for controller in controllers:
-            cause = self._broken(controller)
+            cause = self.broken(controller)
             if cause is not None:
                 return cause
         chain = [running for node in controllers for running in self._before(node)]

@@ -42,7 +42,7 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         and (topic.subscribed or topic.source is None)
         and not topic.optional
     ]
-    names = {part: _named(required, kind) for part, kind in _PARTS.items()}
+    names: dict[str, Any] = {part: _named(required, kind) for part, kind in _PARTS.items()}
     odometry = [topic for topic in lab.topics.values() if topic.type == _PARTS["odometry"]]
     frames = odometry[0].fields or {} if odometry else {}
     lidar, camera = map(lab.first_sensor, ("lidar", "camera"))

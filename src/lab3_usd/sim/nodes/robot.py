@@ -90,16 +90,25 @@ def articulation_controller(node: Running, world: World) -> bool:
     """CN/python/nodes/OgnIsaacArticulationController.py:41-300."""
     memory = node.memory
     if "machine" not in memory:
-        targets = node.targets("targetPrim")
-        path = node.text("robotPath", world) or (targets[0] if targets else "")
-        memory["machine"] = world.machines.articulation(path)
+        memory["machine"] = articulated(node, world)
         memory["names"], memory["joints"] = None, None
         if memory["machine"] is None:
             memory.clear()  # it is looked for again at the next tick
+            path = _robot_path(node, world)
             place = f"at or below {path}" if path else "without a target"
             return node.fails(f"there is no articulation with joints {place}", "no-articulation")
     joints = _joints(node, world, memory["machine"])
     return joints is not None and _command(node, world, joints)
+
+
+def articulated(node: Running, world: World) -> Machine | None:
+    """Return the articulation of a controller, None where there is none."""
+    return world.machines.articulation(_robot_path(node, world))
+
+
+def _robot_path(node: Running, world: World) -> str:
+    targets = node.targets("targetPrim")
+    return node.text("robotPath", world) or (targets[0] if targets else "")
 
 
 def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None:

@@ -100,6 +100,7 @@ class Machine(Struct):
     middle: tuple[float, float] = (0.0, 0.0)
     radius: float = 0.0
     grounded: bool = True
+    is_given_ground: bool = False  # as the stage has none below it
     pulled: bool = True  # down, by gravity
     home: float = 0.0  # how far it drops when playing starts
     x: float = 0.0

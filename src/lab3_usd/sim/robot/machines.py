@@ -164,8 +164,9 @@ STILL = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 class Machines:
     """Everything that moves on a stage."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, *, has_ground: bool = False) -> None:
         self.scene = scene
+        self.has_ground = has_ground
         self._bodies = Bodies(scene)
         self.bodies = self._bodies.prims
         self.static = [
@@ -273,6 +274,9 @@ class Machines:
         unit = 1.0 / self.scene.meters_per_unit
         x, y, z = machine.start.origin
         ground = height_at(self.static, x, y, z + STEP_UP * unit)
+        if ground is None and self.has_ground and not machine.held:
+            machine.is_given_ground = True
+            ground = z + min(point[2] for point in every)
         if ground is None:
             machine.grounded = machine.held
         else:

@@ -1,0 +1,466 @@
+"""Plays a stage of no checkpoint, and judges what it shows itself: its robots, topics and TF.
+
+Nothing of a lab is asked. Each robot is driven by its own commands, in a play of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.errors import UsageError
+from lab3_usd.model.dry_run import AXES, HERE, Affine, Check, Scene, about, heading
+from lab3_usd.sim.execution.drive import Leg, Session, drive_of
+from lab3_usd.sim.execution.recording import Message, Recording, Transform
+from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.execution.world import Endpoint, World, open_endpoint
+from lab3_usd.sim.judge.causes import SUBSCRIBER, RunCauses
+from lab3_usd.sim.judge.checks import graphs, verdict
+from lab3_usd.sim.judge.motion import again, follows, odometry, rest
+from lab3_usd.sim.judge.sensors import MISSED, WALL, mounted
+from lab3_usd.sim.judge.topics import clock, tree
+from lab3_usd.sim.judge.trial import Cause, Fault, Interface, Trial, agree, in_root
+from lab3_usd.sim.nodes.robot import articulated
+from lab3_usd.sim.nodes.transforms import frame_name
+from lab3_usd.sim.robot.machine import Machine
+from lab3_usd.sim.timeline import Player, in_metres, player_of, record
+from lab3_usd.spec.catalog import Catalog
+
+TWIST = "geometry_msgs/msg/Twist"
+CLOCK, ODOMETRY = "rosgraph_msgs/msg/Clock", "nav_msgs/msg/Odometry"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+LOOKED_AT = 12  # frames of a first play without commands, which shows who listens to what
+AHEAD, TURN = 0.15, 0.8  # metres and radians a second, unless a controller allows less
+LEG, RAMPS, LONGEST = 2.0, 12.0, 20.0  # seconds; how many times a robot takes to get going
+THROUGH = 0.02  # part of a range by which a ray may be longer
+PUBLISHING = ("publisher", "helper")
+NO_LIMITS = (math.inf, math.inf)
+
+
+Look = Callable[[Trial], Iterator[Fault]]
+
+
+class Robot(Struct, frozen=True):
+    """A robot that commands over ROS are to move.
+
+    `body` is the link by which it is watched, and `start` where that is when playing starts.
+    `odometry` and `scan` are the nodes that publish them, '' where none does.
+    """
+
+    machine: Machine | None  # None where its controller finds no articulation
+    controller: str
+    commands: Endpoint
+    body: str = ""
+    start: Affine = HERE
+    speeds: tuple[float, float] = (AHEAD, TURN)  # that its controllers let through
+    ramp: float = 0.0  # seconds until it goes as told
+    odometry: str = ""
+    scan: str = ""
+
+    @property
+    def name(self) -> str:
+        """The prim that stands for it."""
+        return self.body or self.controller
+
+
+def robots_of(scene: Scene, catalog: Catalog, topic: str = "") -> tuple[Robot, ...]:
+    """Return the robots that listen to commands, or to those of one topic.
+
+    Raises:
+        UsageError: nothing listens to the topic, or one robot listens to several.
+    """
+    player = player_of(scene, catalog, interface_of(None))
+    for _ in range(LOOKED_AT):
+        player.step()
+    found = list(_listening(player))
+    known = sorted({robot.commands.topic for robot in found})
+    if topic and topic not in known:
+        raise UsageError(f"--topic {topic}: moves no robot; robots listen to {known or 'nothing'}")
+    robots: dict[str, Robot] = {}
+    for robot in found:
+        if topic not in ("", robot.commands.topic):
+            continue
+        other = robots.setdefault(robot.name, robot).commands
+        if other != robot.commands:
+            topics = f"{other.topic} and {robot.commands.topic}"
+            raise UsageError(f"{robot.name} listens to {topics}: name one with --topic")
+    return tuple(robots.values())
+
+
+def _listening(player: Player) -> Iterator[Robot]:
+    """Yield a robot for each subscriber from which wires lead to a controller of joints."""
+    world, nodes = player.world, player.program.nodes
+    for node in nodes.values():
+        if SUBSCRIBER not in node.type.role or TWIST not in node.type.message.values():
+            continue
+        endpoint: Endpoint | None = node.memory.get("endpoint") or open_endpoint(node, world)
+        if endpoint is None:
+            continue
+        behind = [nodes[path] for path in _behind(world.scene, node.path) if path in nodes]
+        for controller in behind:
+            if controller.type.drives is not None:
+                machine = articulated(controller, world)
+                speeds, ramp = _allowed(behind, world)
+                robot = Robot(machine, controller.path, endpoint, speeds=speeds, ramp=ramp)
+                yield robot if machine is None else _watched(robot, machine, player)
+
+
+def _behind(scene: Scene, start: str) -> list[str]:
+    """Return the nodes into which wires lead from a node, over others as well."""
+    found = {start: None}
+    nodes = [node for graph in scene.graphs for node in graph.nodes]
+    before = 0
+    while len(found) > before:
+        before = len(found)
+        for node in nodes:
+            sources = (wire for state in node.inputs.values() for wire in state.sources)
+            if any(wire.rpartition(".")[0] in found for wire in sources):
+                found.setdefault(node.path)
+    return [*found][1:]
+
+
+def _allowed(nodes: Sequence[Running], world: World) -> tuple[tuple[float, float], float]:
+    """Return the speeds that controllers let through, and how long it takes to get there."""
+    ahead, turn, ramp = AHEAD, TURN, 0.0
+    for node in nodes:
+        if not node.type.step_limits:
+            continue
+        value = {name: abs(node.number(name, world)) for name in node.values}
+        ahead = min(ahead, 0.9 * (value.get("maxLinearSpeed") or math.inf))
+        turn = min(turn, 0.9 * (value.get("maxAngularSpeed") or math.inf))
+        rim = value.get("maxWheelSpeed", 0.0) * value.get("wheelRadius", 0.0)
+        if rim:
+            ahead = min(ahead, 0.9 * rim)
+            turn = min(turn, 1.8 * rim / (value.get("wheelDistance") or math.inf))
+        if value.get("maxAcceleration") and value.get("maxDeceleration"):
+            ramp = max(ramp, ahead / min(value["maxAcceleration"], value["maxDeceleration"]))
+        if value.get("maxAngularAcceleration"):
+            ramp = max(ramp, turn / value["maxAngularAcceleration"])
+    return (ahead, turn), ramp
+
+
+def _watched(robot: Robot, machine: Machine, player: Player) -> Robot:
+    """Return a robot with the body by which it is watched: that of odometry, of TF, or its base."""
+    world, nodes = player.world, player.program.nodes
+    prims, sent = world.scene.prims, world.network.sent
+    frames = {transform.child for message in sent for transform in message.transforms}
+    body = next((body for body in machine.rest if frame_name(prims[body]) in frames), machine.base)
+    publisher = ""
+    for node in nodes.values():
+        if node.memory.get("path") in machine.rest:
+            body = str(node.memory["path"])
+            behind = {message.node for message in sent if message.type == ODOMETRY}
+            publisher = next(
+                (path for path in _behind(world.scene, node.path) if path in behind), ""
+            )
+            break
+    carried = (
+        writer.node.path
+        for writer in world.writers
+        if writer.beam is not None and world.machines.body_of(writer.product.sensor) in machine.rest
+    )
+    world.machines.reset()
+    start = in_metres(world.machines.place(body), world.scene.meters_per_unit)
+    return replace(robot, body=body, start=start, odometry=publisher, scan=next(carried, ""))
+
+
+def interface_of(robot: Robot | None) -> Interface:
+    """Return what is known before a play: which robot is watched, and where its commands come."""
+    return Interface(
+        types={},
+        domain=robot.commands.domain if robot is not None else 0,
+        commands=robot.commands.topic if robot is not None else "",
+        clock="",
+        odometry="",
+        transforms="",
+        scan="",
+        image="",
+        info="",
+        root="",
+        base="",
+        scan_rate=0.0,
+        image_rate=0.0,
+        limits=NO_LIMITS,
+        looks=(0.0, 0.0, 0.0),
+        upward=(0.0, 0.0, 0.0),
+        robot=robot.body if robot is not None else "",
+        has_ground=True,
+    )
+
+
+def drive_for(robot: Robot | None) -> tuple[Session, ...]:
+    """Return the drive of a robot, as slow as its controllers let it go."""
+    if robot is None:
+        return (Session((Leg("idle", LEG),)),)
+    ahead, turn = robot.speeds
+    seconds = min(LONGEST, max(LEG, RAMPS * robot.ramp))
+    # A robot that slows down in its own time is not asked to stop at once.
+    pause = Leg("pause" if robot.ramp else "stop", 0.3 + 2 * robot.ramp, (0.0, 0.0, 0.0))
+    forward = Leg("ahead", seconds, (ahead, 0.0, 0.0))
+    back, left = Leg("back", seconds, (-ahead, 0.0, 0.0)), Leg("left", seconds, (0.0, 0.0, turn))
+    legs = (Leg("idle", 0.5), forward, pause, back, pause, left, pause)
+    return (Session(legs), Session((Leg("idle", 0.3), forward)))
+
+
+class Played(Struct, frozen=True):
+    """What came of a stage: its robots, a play of each or one without any, and the checks."""
+
+    robots: tuple[Robot, ...]
+    plays: tuple[Trial, ...]
+    checks: tuple[Check, ...]
+
+    @property
+    def missing(self) -> str:
+        """What there is to move, where nothing was; '' where something was."""
+        if self.robots:
+            return ""
+        trial = self.plays[0]
+        if isinstance(trial.causes, RunCauses) and trial.causes.robot is not None:
+            return "no wires lead from commands over ROS to the joints of a robot"
+        return "no robot was found: no bodies that joints hold together"
+
+
+def play_any(scene: Scene, catalog: Catalog, drive: str | None, topic: str = "") -> Played:
+    """Play a stage once for each of its robots, and judge what it shows.
+
+    Raises:
+        UsageError: the drive is none, or the topic is not that of a robot.
+    """
+    robots = robots_of(scene, catalog, topic)
+    plays = []
+    for robot in robots or (None,):
+        legs = drive_for(robot) if drive is None else drive_of(drive, NO_LIMITS)
+        plays.append(record(scene, catalog, legs, interface_of(robot)))
+    checks = [*_stage_checks(plays[0], robots)]
+    for robot, play in zip(robots, plays, strict=False):
+        name = robot.name if len(robots) > 1 else ""
+        own = _own(robot, play, scene) if robot.machine is not None else play
+        looks = _robot_checks(own) if robot.machine is not None else [_unmoved(robot, own)]
+        checks += [replace(check, of=name) for check in looks]
+    return Played(robots, tuple(plays), tuple(checks))
+
+
+def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
+    """Yield what a stage shows whoever moves in it: its graphs, and clock and TF of each domain."""
+    recording = trial.recording
+    if recording.fired or any(trial.causes.of_graphs() if trial.causes is not None else ()):
+        yield verdict("graphs", list(graphs(trial)), trial)
+    if any(_publishers(trial)):
+        yield verdict("topics", list(published(trial)), trial)
+    topics = dict.fromkeys(
+        (message.type, domain_of(message, trial), message.topic)
+        for message in recording.messages
+        if message.type == CLOCK or (message.type == TRANSFORMS and not message.static)
+    )
+    for kind, domain, topic in sorted(topics):
+        seen = _alone(trial, domain, topic)
+        if kind == CLOCK:
+            check = verdict("clock", list(clock(seen)), seen)
+        else:
+            count = sum(robot.commands.domain == domain for robot in robots)
+            check = verdict("tree", list(one_tree(seen, count)), seen)
+        several = sum(each[0] == kind for each in topics) > 1
+        yield replace(check, of=f"{topic} in domain {domain}" if several else "")
+
+
+def _publishers(trial: Trial) -> Iterator[tuple[str, Cause | None]]:
+    """Yield the nodes that are to publish, each with what keeps it from doing so."""
+    causes = trial.causes
+    if not isinstance(causes, RunCauses):
+        return
+    for node in causes.program.nodes.values():
+        cause = causes.broken(node) if node.type.role in PUBLISHING else None
+        if node.type.role in PUBLISHING and (cause is None or cause.kind != "switched-off"):
+            yield node.path, cause
+
+
+def published(trial: Trial) -> Iterator[Fault]:
+    """Every publisher that is not switched off sends."""
+    sent = {message.node for message in trial.recording.messages}
+    for path, cause in _publishers(trial):
+        if path in sent:
+            continue
+        if cause is None:
+            yield Fault(f"{path} sends nothing", "silent-topic", path, sure=False)
+        else:
+            kind = cause.kind or "silent-topic"
+            yield Fault(f"{path} sends nothing", kind, cause.prim, cause.reason)
+
+
+def domain_of(message: Message, trial: Trial) -> int:
+    """Return the domain in which a message came."""
+    return trial.wanted.domain if message.away is None else message.away
+
+
+def _alone(trial: Trial, domain: int, topic: str) -> Trial:
+    """Return a trial of the first play with what came on one topic, and with static transforms."""
+    there = [
+        replace(message, away=None)
+        for message in trial.recording.messages
+        if not message.session and domain_of(message, trial) == domain
+    ]
+    recording = Recording(
+        trial.recording.seconds,
+        [message for message in there if message.topic == topic],
+        trial.recording.path,
+        static=_static(there),
+    )
+    wanted = replace(trial.wanted, domain=domain, clock=topic, transforms=topic)
+    return Trial(recording, trial.drive[:1], wanted, causes=trial.causes)
+
+
+def _static(messages: Sequence[Message]) -> tuple[tuple[Transform, str], ...]:
+    """Return the transforms that hold throughout, with the nodes that send them."""
+    static = (message for message in messages if message.static)
+    return tuple((frame, message.node) for message in static for frame in message.transforms)
+
+
+def one_tree(trial: Trial, robots: int) -> Iterator[Fault]:
+    """Each frame has one parent and one publisher, and there are no more trees than robots."""
+    up = _parents(trial)
+    tops = list(dict.fromkeys(_top(frame, up) for frame in up))
+    if not tops:
+        return
+    wanted = replace(trial.wanted, root=tops[0], base=tops[0])
+    seen = Trial(trial.recording, trial.drive, wanted, causes=trial.causes)
+    for fault in tree(seen):
+        if fault.kind != "disconnected-frame" or len(tops) > max(1, robots):
+            yield fault
+
+
+def _parents(trial: Trial) -> dict[str, str]:
+    """Return the parent of each frame, as far as TF has them."""
+    moving = (
+        frame for m in trial.recording.topic(trial.wanted.transforms) for frame in m.transforms
+    )
+    static = (frame for frame, _ in trial.recording.static)
+    return {frame.child: frame.parent for frame in (*static, *moving)}
+
+
+def _top(frame: str, up: dict[str, str]) -> str:
+    """Return the frame at the top of a tree; that of a ring is any of its frames."""
+    for _ in up:
+        if frame not in up:
+            break
+        frame = up[frame]
+    return frame
+
+
+def _robot_checks(trial: Trial) -> Iterator[Check]:
+    """Yield what a robot shows: how it moves, and what its odometry, TF and lidar say of that."""
+    wanted, legs = trial.wanted, trial.drive[0].legs
+    odometry_came = trial.recording.topic(wanted.odometry, 0)
+    scan_came = trial.recording.topic(wanted.scan, 0)
+    has_base = trial.recording.topic(wanted.transforms, 0)
+    looks: dict[str, tuple[Look, object]] = {
+        "rest": (rest, True),
+        "follows": (as_told, any(leg.command and any(leg.command[::2]) for leg in legs)),
+        "odometry": (odometry, odometry_came),
+        "moving frames": (moving, has_base),
+        "mounted": (mounted, has_base and scan_came),
+        "scan": (placed_scan, scan_came),
+        "again": (again, len(trial.drive) > 1),
+    }
+    for name, (look, is_asked) in looks.items():
+        if is_asked:
+            yield verdict(name, list(look(trial)), trial)
+
+
+def as_told(trial: Trial) -> Iterator[Fault]:
+    """It goes as told; where wheels slide in a turn, it is known only to which side it turns."""
+    turns = [stretch for stretch in trial.stretches("left", "right", "arc") if stretch.leg.turn]
+    is_right = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
+    for fault in follows(trial):
+        if not (trial.scrubs and is_right and fault.kind in {"wrong-turn", "wrong-arc"}):
+            yield fault
+
+
+def _unmoved(robot: Robot, trial: Trial) -> Check:
+    """Return that commands reach no joints."""
+    text = f"commands on {robot.commands.topic} move nothing"
+    reason = "there is no articulation at its target"
+    return verdict("follows", [Fault(text, "no-articulation", robot.controller, reason)], trial)
+
+
+def moving(trial: Trial) -> Iterator[Fault]:
+    """TF moves the base as the robot moves."""
+    wanted = trial.wanted
+    messages = trial.recording.topic(wanted.transforms, 0)
+    for message in messages[len(messages) // 4 :: max(1, len(messages) // 4)]:
+        base = Message("", message.stamp, wanted.base, at=message.at, session=message.session)
+        place, pose = in_root(trial, base), trial.pose(message)
+        if place is None:
+            continue
+        stands = trial.start.then(place)
+        level = Affine(about(AXES[2], heading(stands)), stands.origin)
+        actual = Affine(about(AXES[2], pose.heading), (pose.x, pose.y, stands.origin[2]))
+        if not agree(level, actual):
+            text = f"{wanted.root} -> {wanted.base} does not go with the robot"
+            yield Fault(text, "transform-unlike-odometry", message.node)
+            return
+
+
+def placed_scan(trial: Trial) -> Iterator[Fault]:
+    """Scans end before walls where TF puts the lidar; what stands nearer may be the robot."""
+    message = trial.recording.topic(trial.wanted.scan, 0)[-1]
+    place, seen = in_root(trial, message), message.data
+    if place is None or trial.walls is None:
+        text = f"TF does not have {message.frame} below {trial.wanted.root or 'any frame'}"
+        yield Fault(text, "unknown-frame", message.node, sure=False)
+        return
+    walls = trial.walls(trial.start.then(place), seen)
+    there = [number for number, wall in enumerate(walls) if wall >= 0]
+    through = sum(
+        seen.ranges[number] < 0 or seen.ranges[number] > walls[number] * (1 + THROUGH) + WALL
+        for number in there
+    )
+    if not there:
+        yield Fault("no wall is in range of the lidar", "no-ray-returns", sure=False)
+    elif through > MISSED * len(there):
+        text = f"{through} of {len(there)} rays go through walls"
+        yield Fault(text, "scan-off-walls", message.node)
+
+
+def _own(robot: Robot, played: Trial, scene: Scene) -> Trial:
+    """Return the play of a robot with the topics and frames that are its own.
+
+    What hangs above the frame of its odometry is left out: the robot is seen from there.
+    """
+    messages = [message for message in played.recording.messages if message.away is None]
+    first = next((message for message in messages if message.node == robot.odometry), None)
+    named = first.data.child if first is not None else ""
+    base = named or (frame_name(scene.prims[robot.body]) if robot.body else "")
+    root = first.frame if first is not None else ""
+    tf = [m for m in messages if m.type == TRANSFORMS and not m.static]
+    has_base = (m.topic for m in tf if any(frame.child == base for frame in m.transforms))
+    topics = {message.node: message.topic for message in messages}
+    wanted = replace(
+        played.wanted,
+        odometry=first.topic if first is not None else "",
+        transforms=next(has_base, ""),
+        scan=topics.get(robot.scan, ""),
+        base=base,
+    )
+    up = {
+        frame.child: frame.parent
+        for m in tf
+        for frame in m.transforms
+        if m.topic == wanted.transforms
+    }
+    root = root or _top(base, up)
+    below = [
+        replace(m, data=tuple(frame for frame in m.transforms if frame.child != root))
+        if m.type == TRANSFORMS
+        else m
+        for m in messages
+    ]
+    recording = replace(played.recording, messages=below, static=_static(below), _sorted={})
+    trial = replace(
+        played, recording=recording, wanted=replace(wanted, root=root), start=robot.start
+    )
+    sent = recording.topic(wanted.transforms, 0)
+    place = in_root(trial, replace(sent[0], frame=base)) if sent else None
+    return trial if place is None else replace(trial, start=robot.start.then(place.inverse()))

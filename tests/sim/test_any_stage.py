@@ -1,0 +1,284 @@
+"""A stage of no checkpoint is judged by what it shows itself, whatever its robots are."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from breaking import the_lab
+from foreign_robots import (
+    CONTEXT,
+    TICK,
+    add_api,
+    body,
+    empty_stage,
+    revolute,
+    rover,
+    wheel,
+    write_graph,
+    write_node,
+)
+from invoking import invoke
+from jsonschema import Draft202012Validator
+from pxr import Gf, Sdf, Usd, UsdGeom
+
+from lab3_usd.data import data_folder
+from lab3_usd.errors import UsageError
+from lab3_usd.model.dry_run import Behaviour, Check
+from lab3_usd.sim.dry_run import dry_run
+
+NOWHERE = "https://nowhere.invalid/thing.usd"
+ROBOT, DRIVE = "/World/Rover", "/World/Drive"
+MOVED = ["rest", "follows", "odometry", "moving frames", "mounted", "scan", "again"]
+
+
+def played(stage: Usd.Stage, folder: Path, topic: str = "") -> Behaviour:
+    path = folder / "stage.usda"
+    stage.GetRootLayer().Export(str(path))
+    return dry_run(path, the_lab(), "", topic=topic).behaviour
+
+
+def by_name(behaviour: Behaviour) -> dict[str, Check]:
+    return {check.name: check for check in behaviour.checks}
+
+
+def bad(behaviour: Behaviour) -> set[str]:
+    return {check.name for check in behaviour.checks if check.verdict == "bad"}
+
+
+def box(stage: Usd.Stage, path: str, at: tuple[float, float, float], size: float) -> None:
+    cube = UsdGeom.Cube.Define(stage, path)
+    cube.CreateSizeAttr(size)
+    cube.AddTranslateOp().Set(Gf.Vec3d(*at))
+    add_api(cube.GetPrim(), "PhysicsCollisionAPI")
+
+
+def walled_rover() -> Usd.Stage:
+    """The rover before walls of 2 m, in centimetres: one is 3 m ahead, one 2 m to its left."""
+    stage = rover()
+    box(stage, "/World/Ahead", (400, 0, 100), 200)
+    box(stage, "/World/Left", (0, 300, 100), 200)
+    return stage
+
+
+def test_a_rover_is_judged_by_its_own_topics(tmp_path: Path) -> None:
+    found = played(walled_rover(), tmp_path)
+    assert {name: check.verdict for name, check in by_name(found).items()} == dict.fromkeys(
+        ["graphs", "topics", "clock", "tree", *MOVED], "ok"
+    )
+    assert found.verdict == "ok"
+    assert [(robot.prim, robot.topic) for robot in found.robots] == [
+        (f"{ROBOT}/chassis", "/cmd_vel")
+    ]
+    assert any("a ground plane is supplied" in remark for remark in found.remarks)
+
+
+def test_no_text_speaks_of_a_checkpoint(tmp_path: Path) -> None:
+    path = tmp_path / "stage.usda"
+    rover_stage = rover()
+    rover_stage.GetRootLayer().Export(str(path))
+    printed = invoke("sim", path, "--page", tmp_path / "sim.html").stdout
+    assert "checkpoint" not in printed + (tmp_path / "sim.html").read_text(encoding="utf-8")
+    document: dict[str, Any] = json.loads(invoke("sim", path, "--format", "json").stdout)
+    schema = json.loads((data_folder("schema") / "sim-2.json").read_text(encoding="utf-8"))
+    assert list(Draft202012Validator(schema).iter_errors(document)) == []
+    assert document["robots"] == [{"prim": f"{ROBOT}/chassis", "topic": "/cmd_vel", "domain": 0}]
+
+
+def set_value(stage: Usd.Stage, port: str, value: object) -> None:
+    stage.GetAttributeAtPath(f"{port}").Set(value)
+
+
+def swap_wheels(stage: Usd.Stage) -> None:
+    set_value(stage, f"{DRIVE}/left.inputs:value", "right_wheel_joint")
+    set_value(stage, f"{DRIVE}/right.inputs:value", "left_wheel_joint")
+
+
+def test_swapped_wheels_turn_the_wrong_way(tmp_path: Path) -> None:
+    stage = rover()
+    swap_wheels(stage)
+    found = played(stage, tmp_path)
+    assert (bad(found), by_name(found)["follows"].kind) == ({"follows"}, "wrong-turn")
+
+
+def test_transforms_that_stand_still_do_not_go_with_the_robot(tmp_path: Path) -> None:
+    stage = rover()
+    stage.GetAttributeAtPath("/World/Odometry/transform.inputs:translation").ClearConnections()
+    assert bad(played(stage, tmp_path)) == {"moving frames"}
+
+
+def test_a_scan_in_the_frame_of_a_wheel_goes_through_walls(tmp_path: Path) -> None:
+    stage = walled_rover()
+    stage.GetPrimAtPath(f"{ROBOT}/left_wheel").GetAttribute("xformOp:translate").Set((0, 60, 10))
+    joint = stage.GetPrimAtPath(f"{ROBOT}/left_wheel_joint")
+    joint.GetAttribute("physics:localPos0").Set((0, 60, 0))
+    set_value(stage, "/World/Lidar/helper.inputs:frameId", "left_wheel")
+    assert "scan" in bad(played(stage, tmp_path))
+
+
+def test_a_publisher_that_nothing_drives_is_named(tmp_path: Path) -> None:
+    stage = rover()
+    stage.GetAttributeAtPath("/World/Clock/clock.inputs:execIn").ClearConnections()
+    found = by_name(played(stage, tmp_path))
+    assert (found["topics"].kind, found["topics"].prim) == ("not-executed", "/World/Clock/clock")
+    assert "clock" not in found
+
+
+def test_robots_in_two_domains_are_each_driven_by_their_own_commands(tmp_path: Path) -> None:
+    rover_file = tmp_path / "rover.usda"
+    single = rover()
+    single.SetDefaultPrim(single.GetPrimAtPath("/World"))
+    single.GetRootLayer().Export(str(rover_file))
+    stage = empty_stage("Z", 0.01)
+    for number, name in enumerate(("A", "B")):
+        placed = UsdGeom.Xform.Define(stage, f"/{name}")
+        placed.GetPrim().GetReferences().AddReference(str(rover_file))
+        placed.AddTranslateOp().Set(Gf.Vec3d(0, 500 * number, 0))
+    for prim in stage.Traverse():
+        if prim.GetName() == "context" and prim.GetPath().HasPrefix("/B"):
+            prim.CreateAttribute("inputs:domain_id", Sdf.ValueTypeNames.UChar).Set(5)
+            prim.CreateAttribute("inputs:useDomainIDEnvVar", Sdf.ValueTypeNames.Bool).Set(False)  # noqa: FBT003
+    found = played(stage, tmp_path)
+    assert [(robot.prim, robot.domain) for robot in found.robots] == [
+        ("/A/Rover/chassis", 0),
+        ("/B/Rover/chassis", 5),
+    ]
+    assert bad(found) == set()
+    follows = [check for check in found.checks if check.name == "follows"]
+    assert [(check.of, check.verdict) for check in follows] == [
+        ("/A/Rover/chassis", "ok"),
+        ("/B/Rover/chassis", "ok"),
+    ]
+    assert {topic.domain for topic in found.topics if topic.name == "/odom"} == {0, 5}
+    set_value(stage, "/B/Drive/left.inputs:value", "right_wheel_joint")
+    set_value(stage, "/B/Drive/right.inputs:value", "left_wheel_joint")
+    wrong = [check.of for check in played(stage, tmp_path).checks if check.verdict == "bad"]
+    assert wrong == ["/B/Rover/chassis"]
+
+
+def test_of_two_topics_that_move_one_robot_one_is_to_be_named(tmp_path: Path) -> None:
+    stage = rover()
+    write_node(stage, f"{DRIVE}/joystick", "ros.ROS2SubscribeTwist", {"topicName": "joy_vel"})
+    for port, source in (
+        ("joystick.inputs:execIn", "tick.outputs:tick"),
+        ("turn_of_it.inputs:tuple", "joystick.outputs:angularVelocity"),
+    ):
+        if port.startswith("turn"):
+            write_node(stage, f"{DRIVE}/turn_of_it", "nodes.BreakVector3", {})
+        kind = Sdf.ValueTypeNames.UInt if "exec" in port else Sdf.ValueTypeNames.Vector3d
+        stage.GetPrimAtPath(f"{DRIVE}/{port.partition('.')[0]}").CreateAttribute(
+            port.partition(".")[2], kind
+        ).AddConnection(f"{DRIVE}/{source}")
+    stage.GetAttributeAtPath(f"{DRIVE}/drive.inputs:angularVelocity").SetConnections(
+        [f"{DRIVE}/turn_of_it.outputs:z"]
+    )
+    with pytest.raises(UsageError, match="name one with --topic"):
+        played(stage, tmp_path)
+    with pytest.raises(UsageError, match="moves no robot"):
+        played(stage, tmp_path, "/nowhere")
+    assert played(stage, tmp_path, "/cmd_vel").robots[0].topic == "/cmd_vel"
+
+
+def test_without_a_robot_nothing_is_all_right(tmp_path: Path) -> None:
+    found = played(empty_stage("Z", 1.0), tmp_path)
+    assert (found.verdict, found.checks) == ("not judged", ())
+    stage = rover()
+    stage.RemovePrim(DRIVE)
+    found = played(stage, tmp_path)
+    assert (found.verdict, bad(found)) == ("not judged", set())
+    assert "no wires lead from commands" in found.missing
+    for name in ("Rover", "Odometry", "Lidar", "Camera"):
+        stage.RemovePrim(f"/World/{name}")
+    assert "no robot was found" in played(stage, tmp_path).missing
+
+
+def warehouse() -> Usd.Stage:
+    """The rover in a warehouse of which the floor, the racks and a chair cannot be found."""
+    stage = walled_rover()
+    for name in ("Floor", "Racks", "Chair"):
+        stage.DefinePrim(f"/World/{name}", "Xform").GetReferences().AddReference(NOWHERE)
+    return stage
+
+
+def test_missing_assets_silence_only_what_depends_on_them(tmp_path: Path) -> None:
+    stage = warehouse()
+    found = played(stage, tmp_path)
+    assert (found.verdict, len(found.not_simulated)) == ("ok", 4)  # and the joint states
+    swap_wheels(stage)
+    assert bad(played(stage, tmp_path)) == {"follows"}
+
+
+def test_a_robot_of_an_asset_that_is_missing_is_not_judged(tmp_path: Path) -> None:
+    stage = warehouse()
+    for name in stage.GetPrimAtPath(ROBOT).GetChildrenNames():
+        stage.RemovePrim(f"{ROBOT}/{name}")
+    stage.GetPrimAtPath(ROBOT).GetReferences().AddReference(NOWHERE)
+    found = played(stage, tmp_path)
+    assert (found.verdict, bad(found)) == ("not judged", set())
+
+
+def four_wheels() -> Usd.Stage:
+    """A rover of four driven wheels, two controllers of two joints each."""
+    stage = empty_stage("Z", 1.0)
+    robot = "/World/Four"
+    add_api(UsdGeom.Xform.Define(stage, robot).GetPrim(), "PhysicsArticulationRootAPI")
+    body(stage, f"{robot}/base", (0, 0, 0.1))
+    for end, x in (("front", 0.2), ("rear", -0.2)):
+        for side, y in (("left", 0.15), ("right", -0.15)):
+            name = f"{end}_{side}"
+            wheel(stage, f"{robot}/{name}", (x, y, 0.1), 0.1)
+            link = f"{robot}/{name}"
+            revolute(stage, f"{robot}/{name}_joint", f"{robot}/base", link, (x, y, 0), "Y")
+    move = "core.IsaacArticulationController"
+    write_graph(
+        stage,
+        "/World/Drive",
+        {
+            "tick": TICK,
+            "context": CONTEXT,
+            "twist": ("ros.ROS2SubscribeTwist", {"topicName": "four/cmd_vel"}),
+            "linear": ("nodes.BreakVector3", {}),
+            "angular": ("nodes.BreakVector3", {}),
+            "drive": (
+                "wheeled.DifferentialController",
+                {"wheelRadius": 0.1, "wheelDistance": 0.3},
+            ),
+            "front": (
+                move,
+                {"targetPrim": robot, "jointNames": ["front_left_joint", "front_right_joint"]},
+            ),
+            "rear": (
+                move,
+                {"targetPrim": robot, "jointNames": ["rear_left_joint", "rear_right_joint"]},
+            ),
+        },
+        [
+            "tick.tick -> twist.execIn",
+            "twist.execOut -> drive.execIn",
+            "twist.execOut -> front.execIn",
+            "twist.execOut -> rear.execIn",
+            "context.context -> twist.context",
+            "twist.linearVelocity -> linear.tuple",
+            "twist.angularVelocity -> angular.tuple",
+            "linear.x -> drive.linearVelocity",
+            "angular.z -> drive.angularVelocity",
+            "drive.velocityCommand -> front.velocityCommand",
+            "drive.velocityCommand -> rear.velocityCommand",
+        ],
+    )
+    return stage
+
+
+def test_four_wheels_drive(tmp_path: Path) -> None:
+    stage = four_wheels()
+    found = played(stage, tmp_path)
+    assert found.verdict == "ok"
+    assert any("slide in a turn" in remark for remark in found.remarks)
+    ahead = next(leg for leg in found.legs if leg.name == "ahead")
+    assert ahead.driven[0] == pytest.approx(0.3, rel=0.03)
+    names = stage.GetAttributeAtPath("/World/Drive/rear.inputs:jointNames")
+    names.Set(["rear_left_joint", "missing_joint"])
+    found = played(stage, tmp_path)
+    assert by_name(found)["follows"].verdict == "bad"
