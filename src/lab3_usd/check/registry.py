@@ -66,7 +66,7 @@ SUPPLIED = ("S",)
 MODULES = {
     "F": ("files",),
     "G": ("graphs",),
-    "N": ("nodes",),
+    "N": ("nodes", "writers"),
     "P": ("settings", "limits"),
     "R": ("targets",),
     "W": ("wires",),

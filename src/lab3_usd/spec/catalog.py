@@ -400,13 +400,27 @@ class SingleSignal(Struct, frozen=True, forbid_unknown_fields=True):
     again: str = ""
 
 
+class WriterPorts(Struct, frozen=True, forbid_unknown_fields=True):
+    """Which inputs of a type say what it changes in the scene.
+
+    `prims` are relationships, `paths` texts or lists of texts, and `wires` lead to the node whose
+    work is changed. `property` names what is written, '' where the prims themselves are.
+    """
+
+    prims: tuple[str, ...] = ()
+    paths: tuple[str, ...] = ()
+    wires: tuple[str, ...] = ()
+    property: str = ""
+
+
 class Catalog(Struct, frozen=True):
     """Every node type the lab knows, by its name in 6.0.1, and the names that mean another.
 
     `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
     in which it does, '' where a stage does not tell whether it will. `once` are the types with
     outputs that signal a single time after Play, `gates` those that pass no signal on while the
-    input named there is 0. Below `world_frame` hangs what has no parent prim.
+    input named there is 0. Below `world_frame` hangs what has no parent prim. `writers` change the
+    scene; what begins with one of the `looks` is a property that only changes what one sees.
     """
 
     types: Mapping[str, NodeType]
@@ -419,6 +433,8 @@ class Catalog(Struct, frozen=True):
     gates: Mapping[str, str]
     scripts: Scripts
     world_frame: str
+    writers: Mapping[str, WriterPorts] = field(default_factory=dict)
+    looks: tuple[str, ...] = ()
 
     def modern(self, name: str) -> str:
         """Return the 6.0.1 name of a type saved before 4.5; other names come back unchanged."""

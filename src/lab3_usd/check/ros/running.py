@@ -116,12 +116,17 @@ def _starts(graph: GraphModel, nodes: Nodes, lab: Lab) -> Iterator[tuple[str, St
         needed = event_of(node, lab)
         if needed is not None and needed == pace:
             yield path, "may run" if graph.instanced else "runs"
-        elif needed not in form.on_demand and (needed is not None or _may_start(node, nodes)):
+        elif needed not in form.on_demand and (needed is not None or _may_start(node, nodes, lab)):
             yield path, "may run"
 
 
-def _may_start(node: Node, nodes: Nodes) -> bool:
-    """Whether a node that is no known event may be one: it sends signals and waits for none."""
+def _may_start(node: Node, nodes: Nodes, lab: Lab) -> bool:
+    """Whether a node that is no known event may be one: it sends signals and waits for none.
+
+    What changes the scene waits for a signal.
+    """
+    if lab.catalog.modern(node.type_name) in lab.catalog.writers:
+        return False
     if node.type is None:
         return not any(True for _ in signal_sources(node, nodes))
     if node.type.execution_inputs:

@@ -25,6 +25,7 @@ from lab3_usd.spec.catalog import (
     SingleSignal,
     TfPorts,
     Value,
+    WriterPorts,
     graph_form,
     is_known_type,
     typed_value,
@@ -112,6 +113,8 @@ class _CatalogFile(Struct, forbid_unknown_fields=True):
     world_frame: str
     graph: GraphEntry
     types: dict[str, _TypeEntry]
+    writers: dict[str, WriterPorts] = {}
+    looks: tuple[str, ...] = ()
 
 
 def parse_catalog(data: Mapping[str, Any]) -> Catalog:
@@ -133,6 +136,8 @@ def parse_catalog(data: Mapping[str, Any]) -> Catalog:
         events={name: event.stage for name, event in content.events.items()},
         once=content.once,
         gates=content.gates,
+        writers=content.writers,
+        looks=content.looks,
         scripts=content.scripts,
         world_frame=content.world_frame,
     )

@@ -1,0 +1,103 @@
+"""Rules about nodes that change the scene while it plays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.requirements import demands_of
+from lab3_usd.check.robot.ground import planes
+from lab3_usd.check.ros.running import (
+    Nodes,
+    effective_value,
+    live_nodes,
+    live_sources,
+    running_nodes,
+    severity_if_uncertain,
+)
+from lab3_usd.check.rules.world import AT_REST
+from lab3_usd.check.tf.lab_frames import role_specs
+from lab3_usd.model.changes import RemovePrim
+from lab3_usd.model.finding import Problem, Severity, node_title
+from lab3_usd.model.physics import SCENE
+from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.stage import Node
+from lab3_usd.spec.catalog import INPUT, WriterPorts
+
+
+@rule("N13", "scene-written", scope="stage")
+def scene_written(subject: StageSubject) -> Iterator[Problem]:
+    """A node changes the scene, or commands the robot, while the simulation runs.
+
+    Why: what it writes is no longer what was saved. An error if it moves, switches off or drives
+    the robot or its ground, or changes a node of the lab. Other nodes that write are a warning: the
+    lab needs none.
+
+    Fix: delete the node, or aim it at a prim that is not part of the lab.
+
+    Example: Write Prim Attribute sets `drive:angular:physics:targetVelocity` of `{joint}`.
+    """
+    stage, lab = subject.stage, subject.lab
+    live, played = live_nodes(stage, lab), role_specs(subject)
+    extra = {node.path for roles in subject.roles.values() for node in roles.extra}
+    for path, node in running_nodes(stage, lab).items():
+        ports = lab.catalog.writers.get(lab.catalog.modern(node.type_name))
+        if ports is None:
+            continue
+        written = _written(node, ports, live)
+        hit = next((prim for prim in written if _is_of_lab(prim, subject)), "")
+        name = effective_value(node, INPUT + ports.property, live) if ports.property else ""
+        is_seen_only = isinstance(name, str) and bool(name) and name.startswith(lab.catalog.looks)
+        is_harmful = bool(hit) and not is_seen_only
+        if not is_harmful and path in extra:
+            continue  # of which the rule of extra nodes speaks
+        what = f"{hit}.{name}" if hit and isinstance(name, str) and name else hit
+        message = f"{node_title(node)} changes {what or 'the scene'} while the simulation runs"
+        severity: Severity | None = "warning"
+        if is_harmful:
+            severity = severity_if_uncertain(stage, lab, path)
+        role = played.get(hit)
+        yield Problem(
+            path,
+            message,
+            expected="no node that writes",
+            actual=node.type_name,
+            handout=role.handout if role is not None else lab.scene.robot.handout,
+            related=(hit,) if hit else (),
+            severity=severity,
+            fix=(RemovePrim(path),),
+            unmet=_unmet(hit, subject) if is_harmful else (),
+        )
+
+
+def _written(node: Node, ports: WriterPorts, live: Nodes) -> Iterator[str]:
+    """Yield the paths that a node may write to, as far as the stage tells them."""
+    for short in ports.prims:
+        yield from node.targets(INPUT + short)
+    for short in ports.paths:
+        value = effective_value(node, INPUT + short, live)
+        texts = value if isinstance(value, tuple) else (value,)
+        yield from (text for text in texts if isinstance(text, str) and text.startswith("/"))
+    for short in ports.wires:
+        yield from (source.path for source, _ in live_sources(node, INPUT + short, live))
+
+
+def _is_of_lab(path: str, subject: StageSubject) -> bool:
+    """Whether a prim is, holds or belongs to the robot, what carries it, or a graph of the lab."""
+    robot = subject.lab.scene.robot.path
+    if is_at_or_below(path, robot) or path in role_specs(subject):
+        return True
+    parts = [robot, *(prim.path for prim in planes(subject.stage, robot))]
+    parts += [prim.path for prim in subject.stage.of_type(SCENE) if prim.present]
+    parts += [roles.graph.path for roles in subject.roles.values() if roles.graph is not None]
+    return any(is_at_or_below(part, path) for part in parts)
+
+
+def _unmet(path: str, subject: StageSubject) -> tuple[str, ...]:
+    """Return what a lab asks of a prim, else that the robot stays as it is."""
+    for name, roles in subject.roles.items():
+        if path in roles.role_of:
+            return (f"{name}/node/{roles.role_of[path]}",)
+    demands = demands_of(subject.lab, subject.checkpoint)
+    return tuple(demand.id for demand in demands if demand.prim == path) or (AT_REST,)
