@@ -8,6 +8,7 @@ from typing import Any
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.robot.axles import anchor, axle
 from lab3_usd.check.robot.wheels import WheelJoint, tied_joints
+from lab3_usd.check.tf.targets import articulation_links
 from lab3_usd.errors import UsageError
 from lab3_usd.model.physics import (
     ARTICULATION_API,
@@ -45,7 +46,7 @@ def describe_robot(stage: StageModel, graphs: Iterable[GraphSpec], until: str) -
     root = _root(stage, target)
     prim = stage.prims.get(root)
     local = None if prim is None else prim.local
-    base = _base(target, root, graphs)
+    base = _base(stage, target, root, graphs)
     articulation = {"articulation": {"target": target, "handout": PART}}
     return {
         "path": root,
@@ -106,15 +107,22 @@ def _root(stage: StageModel, target: str) -> str:
     return target.rpartition("/")[0] or target
 
 
-def _base(target: str, root: str, graphs: Iterable[GraphSpec]) -> str:
-    """Return the frame of the robot's base: the one below which the graphs hang the others."""
+def _base(stage: StageModel, target: str, root: str, graphs: Iterable[GraphSpec]) -> str:
+    """Return the frame of the robot's base: the one below which the graphs hang the others.
+
+    Where they name none, it is the articulation root, or of the links below it the first one that
+    hangs below no other.
+    """
     for graph in graphs:
         for node in graph.nodes.values():
             ports = () if node.type.tf is None else node.type.tf.prims
             for prim_target in node.targets:
                 if ports and prim_target.port == ports[0] and prim_target.prims[0] != root:
                     return prim_target.prims[0].rpartition("/")[2]
-    return target.rpartition("/")[2]
+    prim = stage.prims.get(root)
+    links = None if prim is None or target != root else articulation_links(prim, stage)
+    first = next((path for path, parent in (links or {}).items() if not parent), target)
+    return first.rpartition("/")[2]
 
 
 def _links(stage: StageModel, root: str) -> Iterator[Prim]:

@@ -80,7 +80,8 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
         )
     rest = [frame for frame in missing if frame not in renamed]
     why = _why_not_all(maker, rest, view)
-    together = len(rest) == len(maker.prims) or (bool(why) and bool(rest))
+    stands = [path for path in maker.asked if path not in maker.prims.values()]
+    together = len(rest) == len(maker.prims) or (bool(why or stands) and bool(rest))
     strangers = [path for path in targets if stage.prim(path) is None and not stage.unknown(path)]
     nowhere = f"; {', '.join(strangers)} is not in the scene" if strangers else ""
     for frames in [rest] if together else [[frame] for frame in rest]:
@@ -88,7 +89,7 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
             maker.node.path,
             f"nothing publishes {frame_list_text(frames)}{nowhere}{why}",
             property=maker.port,
-            expected=", ".join(maker.prims[frame] for frame in frames),
+            expected=", ".join(maker.asked if stands else [maker.prims[name] for name in frames]),
             actual=", ".join(targets) or "no targets",
             handout=maker.handout,
             fix=edits_in_stage(view.subject, maker.node.path, maker.port),
@@ -180,12 +181,15 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
 
 @rule("T20", "lost-frames", scope="outcome", severity="note")
 def lost_frames(outcome: Outcome) -> Iterator[Problem]:
-    """Frames of the required TF tree are not published because of other faults.
+    """Frames of the required TF tree are not published.
 
     Why: every frame is a requirement, so one deleted connection can cost all of them. This note
-    lists the frames that no other finding names.
+    lists the frames that no other finding names. Where no other error explains their absence, it
+    is an error itself.
 
-    Fix: repair the other findings about the graph. The frames come back with them.
+    Fix: repair the other findings about the graph. The frames come back with them. Without other
+    findings, compare the target prims and frame names of the graph with those that the lab asks
+    for.
 
     Example: Isaac Compute Transform Tree is missing, and with it six frames.
     """
@@ -197,11 +201,20 @@ def lost_frames(outcome: Outcome) -> Iterator[Problem]:
         and not requirement.met
         and not _is_named(requirement.id.rpartition("/")[2], faults)
     ]
-    for path in _publishers(outcome) if lost else ():
+    publishers = dict.fromkeys(_graphs(outcome, publish=True)) if lost else ()
+    others = [path for path in _graphs(outcome, publish=False) if path not in publishers]
+    has_cause = any(
+        finding.severity == "error"
+        and not any(is_at_or_below(finding.prim, path) for path in others)
+        for finding in faults
+    )
+    because = "through other faults, " if has_cause else ""
+    for path in publishers:
         sites = [finding.prim for finding in faults if is_at_or_below(finding.prim, path)]
         yield Problem(
             path,
-            f"through other faults, not published: {', '.join(lost)}",
+            f"{because}not published: {', '.join(lost)}",
+            severity=None if has_cause else "error",
             expected=", ".join(lost),
             handout=outcome.subject.lab.frames.handout,
             related=tuple(dict.fromkeys(prim for prim in sites if prim != path)),
@@ -218,11 +231,11 @@ def _is_named(frame: str, findings: list[Finding]) -> bool:
     )
 
 
-def _publishers(outcome: Outcome) -> Iterator[str]:
-    """Yield where the graphs of the lab that publish frames are, or should be."""
+def _graphs(outcome: Outcome, *, publish: bool) -> Iterator[str]:
+    """Yield where the graphs of the lab that publish frames are, or should be, or the others."""
     for name, roles in outcome.subject.roles.items():
         spec = outcome.subject.lab.graphs[name]
-        if any(node.type.tf is not None for node in spec.nodes.values()):
+        if publish == any(node.type.tf is not None for node in spec.nodes.values()):
             yield spec.path if roles.graph is None else roles.graph.path
 
 

@@ -24,12 +24,13 @@ from lab3_usd.check.tf.lab_frames import (
     differs_from_spec,
     frame_list_text,
     frame_sources,
+    is_unasked_parent,
     lacks_only_the_camera,
     lists_its_parent,
     missing_frames,
     self_parent_pairs,
 )
-from lab3_usd.check.tf.targets import Pair, listed_targets, parent_prim, tf_ports
+from lab3_usd.check.tf.targets import Pair, frame_name, listed_targets, parent_prim, tf_ports
 from lab3_usd.model.finding import Problem, display, format_paths
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.graph import NodeSpec, Target
@@ -196,7 +197,8 @@ def frame_is_its_own_parent(view: TfView) -> Iterator[Problem]:
     Why: tf2 rejects such a transform (TF_SELF_TRANSFORM) and logs an error for every message. Isaac
     Sim omits the parent prim only if a robot root is the target, not if the parent prim itself is
     listed. If an articulation root above it is the target, the other frames still arrive: a
-    warning.
+    warning. Where the lab asks for no parent prim, they arrive below it, and its own frame not at
+    all: an error.
 
     Fix: remove the parent prim from the Target Prims of Isaac Compute Transform Tree. It is the
     parent of the other frames, and odometry places it.
@@ -238,10 +240,32 @@ def _own_parents(node: Node, view: TfView) -> Iterator[Problem]:
             f"{around} stands for its bodies, the parent prim {parent} among them: "
             "its frame is its own parent"
         )
+        if is_unasked_parent(node, view):
+            yield _unasked_parent(node, what, view)
+            return
         found = _self_problem(node, what, _instead(around, node, view), view)
         yield replace(found, severity="warning", hint=f"name the links, not {around}")
     else:
         yield from (_named_alike(node, pair, view) for pair in pairs)
+
+
+def _unasked_parent(node: Node, what: str, view: TfView) -> Problem:
+    """Say what is its own parent where the lab asks for no parent prim at all."""
+    parent, frames = parent_prim(node), view.subject.lab.frames
+    frame = frame_name(parent, view.subject.stage)
+    is_placed = any(edge.parent != frame for edge in view.children.get(frame, ()))
+    is_lost = not is_placed and any(child == frame for _, child in frames.edges)
+    return Problem(
+        node.path,
+        what,
+        property=tf_ports(node).prims[0],
+        expected="no prim",
+        actual=parent,
+        handout=frames.handout,
+        severity=None if is_lost else "warning",
+        hint="clear Parent Prim",
+        frames=(frame,) if is_lost else (),
+    )
 
 
 def _instead(around: str, node: Node, view: TfView) -> list[str]:

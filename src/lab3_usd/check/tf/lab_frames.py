@@ -18,6 +18,7 @@ from lab3_usd.check.tf.targets import (
     computed_pairs,
     computes,
     expands,
+    links_given_by,
     listed_targets,
     parent_prim,
     tf_ports,
@@ -25,7 +26,7 @@ from lab3_usd.check.tf.targets import (
 )
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.stage import Node, UnresolvedAsset, once_per_stage
-from lab3_usd.spec.graph import NodeSpec
+from lab3_usd.spec.graph import NodeSpec, Target
 
 
 @once_per_stage
@@ -183,10 +184,14 @@ def differs_from_spec(path: str, view: TfView) -> bool:
 
 
 class FrameSource(Struct, frozen=True):
-    """A node that must give frames, the port that lists their prims, and the prim of each frame."""
+    """A node that must give frames, the port that lists their prims, and the prim of each frame.
+
+    `asked` are the prims that the lab wants to be listed, which may stand for others.
+    """
 
     node: Node
     port: str
+    asked: tuple[str, ...]
     prims: dict[str, str]
     handout: str
 
@@ -207,8 +212,20 @@ def frame_sources(view: TfView) -> Iterator[FrameSource]:
             continue
         for target in spec.targets:
             if target.port in spec.frames_from:
-                prims = {prim.rpartition("/")[2]: prim for prim in target.prims}
-                yield FrameSource(node, target.port, prims, target.handout)
+                homes = _homes(node, target, view)
+                yield FrameSource(node, target.port, target.prims, homes, target.handout)
+
+
+def _homes(node: Node, target: Target, view: TfView) -> dict[str, str]:
+    """Return the prims whose frames a target must give, by frame.
+
+    The root of the robot stands for its links, those that the lab names and those that are there.
+    """
+    robot, homes = view.subject.lab.scene.robot, list[str]()
+    for prim in target.prims:
+        homes += robot.link_paths if prim == robot.path else ()
+        homes += links_given_by(prim, node, view.subject.stage)
+    return {home.rpartition("/")[2]: home for home in homes}
 
 
 def missing_frames(maker: FrameSource, view: TfView) -> list[str]:
@@ -267,6 +284,13 @@ def lists_its_parent(node: Node, view: TfView) -> bool:
     if view.subject.stage.prim(parent) is None:
         return unknown_target(parent, view.subject.stage) is not None
     return any(pair.target == parent == pair.prim for pair in self_parent_pairs(node, view))
+
+
+def is_unasked_parent(node: Node, view: TfView) -> bool:
+    """Whether a node has a parent prim where its role asks for none."""
+    spec, ports = view.role_specs.get(node.path), tf_ports(node).prims
+    is_asked = spec is not None and any(target.port == ports[0] for target in spec.targets)
+    return spec is not None and not is_asked and bool(parent_prim(node))
 
 
 def lacks_only_the_camera(maker: FrameSource, view: TfView) -> bool:

@@ -262,6 +262,12 @@ def _frames_of(target: str, node: Node, stage: StageModel) -> Links:
     return {} if unknown_target(target, stage) else {target: ""}
 
 
+def links_given_by(target: str, node: Node, stage: StageModel) -> tuple[str, ...]:
+    """Return the prims for which a target prim of a node stands; itself where it is a frame."""
+    links = _expansion(target, node, stage) if stage.prim(target) is not None else None
+    return (target,) if links is None else tuple(links)
+
+
 def _expansion(target: str, node: Node, stage: StageModel) -> Links | None:
     prim = stage.prims[target]
     if computes(node):
