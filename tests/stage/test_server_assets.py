@@ -179,7 +179,7 @@ def test_a_configuration_names_folders_beside_itself(stage: Path, server: Path) 
     file = stage.parents[1] / "lab3.toml"
     file.write_text(f'[assets]\n"{SERVER}" = "{server.name}"\n')
     assert "error K10" in lab3("lint", stage).stdout
-    assert "note F02" in lab3("lint", stage, "--isolated").stdout
+    assert "F02" in lab3("lint", stage, "--isolated", "--format", "concise").stdout
     assert f"{SERVER}: {server}" in lab3("config", stage.parent).stdout
     assert "late" in lab3("topics", stage).stdout
 
@@ -190,7 +190,7 @@ def test_the_command_line_counts_before_the_configuration(
     (tmp_path / "empty").mkdir()
     file = stage.parents[1] / "lab3.toml"
     file.write_text(f'assets = {{"{SERVER}" = "empty"}}\n')
-    assert "note F02" in lab3("lint", stage).stdout
+    assert "F02" in lab3("lint", stage, "--format", "concise").stdout
     assert "error K10" in lab3("lint", stage, "--assets", f"{SERVER}={server}").stdout
 
 
