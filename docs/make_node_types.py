@@ -1,11 +1,14 @@
 """Writes the files of `graphs/isaac/` that hold facts of Isaac Sim's public source.
 
-Run `python docs/make_node_types.py CLONE`, where CLONE is a git clone of isaac-sim/IsaacSim with
-its tags. Names, ports, types, defaults and tokens come from the `.ogn` files, and nothing else.
+Run `python docs/make_node_types.py CLONE PAGES`. CLONE is a git clone of isaac-sim/IsaacSim with
+its tags: names, ports, types, defaults and tokens come from the `.ogn` files. PAGES is a JSON file
+of what the node pages in the released wheels tell: the types of `omni.physx` in 6.0.1, and under
+each later release the types that it `added` and the ports that it `changed`.
 """
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import subprocess
@@ -16,7 +19,19 @@ from typing import Any
 
 FOLDER = Path(__file__).resolve().parents[1] / "graphs" / "isaac"
 TAG = "v6.0.1"
+RELEASE = TAG.removeprefix("v")
 EARLIER = {"5.0": "v5.0.0", "5.1": "v5.1.0"}
+LATER = ("6.1", "6.2")
+# What later releases take more, which pages do not list: tokens by type, port and kind of message.
+LATER_TOKENS = {
+    "isaacsim.ros2.bridge.ROS2CameraHelper": (
+        "inputs:type",
+        "rgb_hevc",
+        "sensor_msgs/msg/CompressedImage",
+    ),
+    "isaacsim.ros2.bridge.ROS2PublishCompressedImage": ("inputs:input_format", "hevc", ""),
+}
+TEXTS = ("string", "token", "path")
 SIDES = ("inputs", "outputs")
 SOURCE = "Facts read off the .ogn files of isaac-sim/IsaacSim {tags} (Apache-2.0)"
 _MODULE = re.compile(r"source/\w+/isaacsim\.[^/]+/.*\.ogn$")
@@ -27,6 +42,17 @@ USD_TYPES = {
     "colorf[4]": "color4f",
     "matrixd[4]": "matrix4d",
     "path": "string",
+}
+WHEEL_TYPES = {  # of node pages alone
+    "bundle": "rel",
+    "float[4]": "float4",
+    "normalf[3]": "normal3f",
+    "pointf[3]": "point3f",
+    "matrixd[3]": "matrix3d",
+    "float[3][]": "float3[]",
+    "float[4][]": "float4[]",
+    "normalf[3][]": "normal3f[]",
+    "vectorf[3][]": "vector3f[]",
 }
 RENAMES = "source/extensions/isaacsim.core.deprecation_manager/config/extension.toml"
 _RENAME = re.compile(r'deprecated = "([^"]+)", new = "([^"]+)"')
@@ -78,19 +104,25 @@ def catalog_lines(types: Types) -> Iterator[str]:
     yield from (f"  {json.dumps(kind)}: {usd}" for kind, usd in USD_TYPES.items())
     yield ""
     yield "types:"
+    yield from type_lines(types, "  ")
+
+
+def type_lines(types: Types, indent: str) -> Iterator[str]:
+    """Yield the lines of node types as the catalog writes them."""
     for name, entry in types.items():
         title = entry.get("metadata", {}).get("uiName") or entry.get("uiName") or name
-        yield f"  {name}:"
-        yield f"    version: {entry.get('version', 1)}"
-        yield f"    name: {json.dumps(title)}"
-        yield f"    prim: {prim_name(title)}"
+        yield f"{indent}{name}:"
+        yield f"{indent}  version: {entry.get('version', 1)}"
+        yield f"{indent}  name: {json.dumps(title)}"
+        yield f"{indent}  prim: {prim_name(title)}"
         for side in SIDES:
             if entry.get(side):
-                yield f"    {side}:"
+                yield f"{indent}  {side}:"
                 for port, said in entry[side].items():
                     if not port.startswith("$"):
                         text = port_text(said, has_default=side == "inputs")
-                        yield f"      {json.dumps(port) if ':' in port else port}: {text}"
+                        key = json.dumps(port) if ":" in port else port
+                        yield f"{indent}    {key}: {text}"
 
 
 def prim_name(title: str) -> str:
@@ -157,25 +189,38 @@ def rename_lines(clone: Path) -> Iterator[str]:
 def version_lines(now: Types, earlier: Mapping[str, Types]) -> Iterator[str]:
     """Yield the lines of `versions.yaml`: what earlier releases had otherwise."""
     source = SOURCE.format(tags=", ".join((*EARLIER.values(), TAG)))
-    yield "# What earlier releases of Isaac Sim have otherwise than 6.0.1, by release and type:"
-    yield "# `gone` types, types that 6.0.1 `added`, and of the others the ports that are gone,"
-    yield "# the ports that the release lacks, and other defaults."
+    yield "# What earlier releases of Isaac Sim have otherwise than 6.0.1: types that a release"
+    yield "# `lacks`, types that 6.0.1 lacks, and of the others the version, `ports` that 6.0.1"
+    yield "# lacks, ports that the release `lacks`, other defaults, and tokens of inputs that take"
+    yield "# others."
     yield f"# {source}"
     yield "# by docs/make_node_types.py: change that, not this."
     for release, types in earlier.items():
+        gone = {name: entry for name, entry in types.items() if name not in now}
+        changed = {
+            name: changes_of(types[name], now[name]) for name in sorted(set(now) & set(types))
+        }
         yield ""
         yield f'"{release}":'
-        yield f"  gone: {json.dumps(sorted(set(types) - set(now)))}"
-        yield f"  added: {json.dumps(sorted(set(now) - set(types)))}"
-        yield "  types:"
-        for name in sorted(set(now) & set(types)):
-            changes = _changes(_ports(types[name]), _ports(now[name]))
-            if changes:
-                yield f"    {name}:"
-                yield from (f"      {key}: {json.dumps(each)}" for key, each in changes.items())
+        yield f"  lacks: {json.dumps(sorted(set(now) - set(types)))}"
+        yield from release_lines(gone, changed, "  ")
 
 
-def _ports(entry: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+def release_lines(
+    has: Types, changed: Mapping[str, Mapping[str, Any]], indent: str
+) -> Iterator[str]:
+    """Yield the types that a release has more, and what it has otherwise of the others."""
+    yield f"{indent}has:"
+    yield from type_lines(has, f"{indent}  ")
+    yield f"{indent}types:"
+    for name, changes in changed.items():
+        if changes:
+            yield f"{indent}  {name}:"
+            yield from (f"{indent}    {key}: {json.dumps(said)}" for key, said in changes.items())
+
+
+def ports_of(entry: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Return the ports of a type by their full names."""
     return {
         f"{side}:{name}": said
         for side in SIDES
@@ -184,34 +229,120 @@ def _ports(entry: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     }
 
 
-def _changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+def changes_of(entry: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a type of another release has otherwise than that of 6.0.1."""
+    other, now = ports_of(entry), ports_of(base)
+    both = sorted(set(other) & set(now))
     defaults = {
-        name: old[name].get("default")
-        for name in sorted(set(old) & set(new))
+        name: other[name].get("default")
+        for name in both
         if name.startswith("inputs:")
-        and old[name].get("default") is not None
-        and old[name].get("default") != new[name].get("default")
+        and other[name].get("default") is not None
+        and other[name].get("default") != now[name].get("default")
     }
+    tokens = {
+        name: tuple(
+            allowed_tokens(said.get("metadata", {}).get("allowedTokens") or ())
+            for said in (other[name], now[name])
+        )
+        for name in both
+    }
+    version = entry.get("version", 1)
     found = {
-        "gone": sorted(set(old) - set(new)),
-        "lacks": sorted(set(new) - set(old)),
+        "version": None if version == base.get("version", 1) else version,
+        "ports": {
+            name: json.loads(port_text(other[name], has_default=name.startswith("inputs:")))
+            for name in sorted(set(other) - set(now))
+        },
+        "lacks": sorted(set(now) - set(other)),
         "defaults": defaults,
+        "allowed": {name: theirs for name, (theirs, ours) in tokens.items() if theirs != ours},
     }
+    return {key: said for key, said in found.items() if said}
+
+
+def page_types(pages: Mapping[str, Any]) -> Types:
+    """Return node types that node pages tell, as `.ogn` files write them."""
+    return {
+        name: {
+            **entry,
+            **{
+                side: {port: page_port(said) for port, said in entry.get(side, {}).items()}
+                for side in SIDES
+            },
+        }
+        for name, entry in sorted(pages.items())
+    }
+
+
+def page_port(said: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a port that a node page tells, as `.ogn` files write it."""
+    kind, written = said["type"], said["default"]
+    if kind.startswith("["):
+        return {"type": ast.literal_eval(kind)}
+    if kind in TEXTS:
+        return {"type": kind, "default": "" if written == "None" else written}
+    return {"type": kind, "default": ast.literal_eval(written)}
+
+
+def page_changes(name: str, said: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a type of a later release has otherwise, by its node page."""
+    ports: dict[str, Any] = {}
+    defaults: dict[str, Any] = {}
+    for side in SIDES:
+        for short, change in said.get(side, {}).items():
+            port = page_port(change["then"])
+            if change[RELEASE] is None:
+                text = port_text(port, has_default=side == "inputs")
+                ports[f"{side}:{short}"] = json.loads(text)
+            else:
+                defaults[f"{side}:{short}"] = port["default"]
+    version = said.get("version", (None, None))[1]
+    found: dict[str, Any] = {"version": version, "ports": ports, "defaults": defaults}
+    if name in LATER_TOKENS:
+        port_name, token, message = LATER_TOKENS[name]
+        tokens = allowed_tokens(ports_of(base)[port_name]["metadata"]["allowedTokens"])
+        found["allowed"] = {port_name: [*tokens, token]}
+        found["message"] = {token: message} if message else {}
     return {key: each for key, each in found.items() if each}
 
 
-def main(clone: Path) -> None:
-    """Write the three files."""
+def wheel_lines(pages: Mapping[str, Any], now: Types) -> Iterator[str]:
+    """Yield the lines of `wheels.yaml`: what only the released wheels tell."""
+    yield "# What the node pages in the released wheels of Isaac Sim tell: the types of"
+    yield "# omni.physx, which its public source lacks, and what later releases have otherwise than"
+    yield "# 6.0.1, as in versions.yaml. By docs/make_node_types.py: change that, not this."
+    yield ""
+    yield "usd_types:"
+    yield from (f"  {json.dumps(kind)}: {usd}" for kind, usd in WHEEL_TYPES.items())
+    yield ""
+    yield "types:"
+    yield from type_lines(page_types(pages[f"physx_graph_types_of_{RELEASE}"]), "  ")
+    yield ""
+    yield "releases:"
+    for release in LATER:
+        said = pages[release]
+        changed = {
+            name: page_changes(name, change, now[name])
+            for name, change in sorted(said["changed"].items())
+        }
+        yield f'  "{release}":'
+        yield from release_lines(page_types(said["added"]), changed, "    ")
+
+
+def main(clone: Path, pages: Path) -> None:
+    """Write the four files."""
     now = node_types(clone, TAG)
     earlier = {release: node_types(clone, tag) for release, tag in EARLIER.items()}
     for name, lines in (
         ("node_types.yaml", catalog_lines(now)),
         ("renames.yaml", rename_lines(clone)),
         ("versions.yaml", version_lines(now, earlier)),
+        ("wheels.yaml", wheel_lines(json.loads(pages.read_text(encoding="utf-8")), now)),
     ):
         (FOLDER / name).write_text("\n".join(lines) + "\n")
     sys.stdout.write(f"{len(now)} node types\n")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -8,6 +8,7 @@ import models as m
 import pytest
 from msgspec.structs import replace
 
+from lab3_usd.check.ros.contexts import Domain
 from lab3_usd.check.tf.frames import (
     Edge,
     published_edges,
@@ -65,6 +66,7 @@ def test_every_edge_says_who_sends_it_and_who_made_it() -> None:
         topic="/tf",
         target=m.CAMERA,
         prim=m.CAMERA,
+        domain=Domain("0", from_environment=False),
     )
 
 

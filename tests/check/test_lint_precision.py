@@ -6,24 +6,28 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
-from foreign_robots import rover
+from foreign_robots import add_api, rover, write_node
 from layerings import copied
 from linting import linted, said_by
 from menu_graphs import MENUS, with_menus
 from places import REPOSITORY
-from pxr import Sdf
+from pxr import Sdf, Usd
 from scene_changes import deactivate
 from second_author import MIXED, STYLES, author_lab
 
 from lab3_usd import build_checkpoint
-from lab3_usd.judge.lint import lint_stage
+from lab3_usd.check.ros.topics import endpoints
+from lab3_usd.judge.lint import lint_lab, lint_stage
 from lab3_usd.report.entries import site
+from lab3_usd.spec.load.compiled import load_isaac_types
+from lab3_usd.stage.read.reader import read_model
 
 EXAMPLE = REPOSITORY / "docs" / "examples" / "carter.usda"
 # The pairs that publish or move the same thing twice.
 RIVALS = {
     ("tf", "odometry"): {"K50"},
     ("differential", "NVIDIA's differential test"): {"K65"},
+    ("odometry", "NVIDIA's differential test"): {"K40"},
 }
 
 
@@ -45,7 +49,7 @@ def test_two_menus_build_no_fault_unless_they_are_rivals(pair: tuple[str, str]) 
     assert rules == RIVALS.get(pair, set())
 
 
-@pytest.mark.parametrize("release", ["5.0", "5.1"])
+@pytest.mark.parametrize("release", ["5.0", "5.1", "6.1", "6.2"])
 def test_the_clock_of_a_menu_has_no_fault_in_an_earlier_release(release: str) -> None:
     assert said_by(with_menus("clock"), "error", "warning", release=release) == []
 
@@ -54,9 +58,12 @@ def test_the_clock_of_a_menu_has_no_fault_in_an_earlier_release(release: str) ->
     ("node_type", "release", "told"),
     [
         ("isaacsim.robot.wheeled_robots.AckermannSteering", "6.0", "K30"),
-        ("isaacsim.robot.wheeled_robots.AckermannSteering", "5.1", "K32"),
+        ("isaacsim.robot.wheeled_robots.AckermannSteering", "5.1", None),
         ("isaacsim.core.nodes.IsaacComputeTransformTree", "5.1", "K30"),
         ("isaacsim.core.nodes.IsaacComputeTransformTree", "6.0", None),
+        ("isaacsim.zmq.nodes.ZMQPublishClock", "6.0", "K30"),
+        ("isaacsim.zmq.nodes.ZMQPublishClock", "6.1", None),
+        ("omni.physx.graph.OnTriggerCollider", "5.0", None),
     ],
 )
 def test_a_type_is_judged_by_the_release_that_is_asked_for(
@@ -67,6 +74,123 @@ def test_a_type_is_judged_by_the_release_that_is_asked_for(
     node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set(node_type)
     said = {each.split()[0] for each in said_by(stage, release=release) if "Clock/other" in each}
     assert said & {"K30", "K32"} == ({told} if told else set())
+
+
+def test_a_type_of_a_later_release_tells_which_release_fits() -> None:
+    stage = rover()
+    write_node(stage, "/World/Clock/other", "isaacsim.zmq.nodes.ZMQPublishClock", {})
+    told = {each.rule: each for each in linted(stage).findings if "other" in each.prim}
+    assert told["K30"].hint == (
+        "replace the node by one that this release has, or use another; "
+        "judge by that release with --isaac 6.1"
+    )
+    assert told["K36"].actual == "6.2"
+
+
+def test_a_camera_helper_took_a_window_before_six() -> None:
+    stage = rover()
+    helper = stage.GetPrimAtPath("/World/Camera/helper")
+    helper.GetAttribute("inputs:renderProductPath").ClearConnections()
+    helper.CreateAttribute("inputs:viewport", Sdf.ValueTypeNames.Token).Set("Viewport")
+    found = "K10 /World/Camera/helper inputs:renderProductPath"
+    assert found in said_by(stage)
+    assert found not in said_by(stage, release="5.1")
+    model = read_model(stage, lint_lab("5.1"), "stage.usda")
+    (image,) = (end for end in endpoints(model, lint_lab("5.1")) if end.topic == "/rgb")
+    assert image.runs
+
+
+def test_a_camera_with_the_schema_of_a_lidar_was_one_before_six() -> None:
+    stage = rover()
+    camera = "/World/Rover/chassis/eye"
+    add_api(stage.GetPrimAtPath(camera), "IsaacRtxLidarSensorAPI")
+    stage.GetPrimAtPath("/World/Lidar/product").GetRelationship("inputs:cameraPrim").SetTargets(
+        [camera]
+    )
+    found = "K70 /World/Lidar/helper inputs:renderProductPath"
+    assert found in said_by(stage)
+    assert found not in said_by(stage, release="5.1")
+
+
+@pytest.mark.parametrize(
+    ("kind", "releases"),
+    [
+        ("rgb_h264", ["6.0", "6.1", "6.2"]),
+        ("rgb_hevc", ["6.1", "6.2"]),
+        ("camera_info", []),
+        ("depth", ["5.0", "5.1", "6.0", "6.1", "6.2"]),
+    ],
+)
+def test_a_release_takes_the_kinds_of_images_that_it_has(kind: str, releases: list[str]) -> None:
+    stage = rover()
+    helper = stage.GetPrimAtPath("/World/Camera/helper")
+    helper.CreateAttribute("inputs:type", Sdf.ValueTypeNames.Token).Set(kind)
+    found = "K35 /World/Camera/helper inputs:type"
+    known = load_isaac_types().known_releases
+    assert [each for each in known if found not in said_by(stage, release=each)] == releases
+
+
+def test_camera_info_is_the_work_of_another_node_now() -> None:
+    stage = rover()
+    helper = stage.GetPrimAtPath("/World/Camera/helper")
+    helper.CreateAttribute("inputs:type", Sdf.ValueTypeNames.Token).Set("camera_info")
+    (found,) = (each for each in linted(stage).findings if each.rule == "K35")
+    assert found.expected == "ROS2 Camera Info Helper"
+    assert found.hint == "replace the node by a ROS2 Camera Info Helper"
+
+
+def test_a_list_of_zeros_counts_from_a_later_release_on() -> None:
+    stage = rover()
+    controller = stage.GetPrimAtPath("/World/Drive/move")
+    controller.GetAttribute("inputs:jointNames").ClearConnections()
+    controller.CreateAttribute("inputs:jointIndices", Sdf.ValueTypeNames.IntArray).Set([0])
+    found = "K69 /World/Drive/move inputs:jointIndices"
+    known = load_isaac_types().known_releases
+    ignoring = [each for each in known if found in said_by(stage, release=each)]
+    assert ignoring == ["5.0", "5.1", "6.0"]
+
+
+def test_a_robot_stands_for_its_first_link_from_six_on() -> None:
+    stage = rover()
+    robot = stage.GetPrimAtPath("/World/Rover")
+    robot.CreateRelationship("isaac:physics:robotLinks").SetTargets(["/World/Rover/chassis"])
+    compute = stage.GetPrimAtPath("/World/Odometry/compute")
+    compute.GetRelationship("inputs:chassisPrim").SetTargets([robot.GetPath()])
+    found = "K67 /World/Odometry/compute inputs:chassisPrim"
+    assert found not in said_by(stage)
+    assert found in said_by(stage, release="5.1")
+
+
+def in_two_domains(first: int | None, second: int) -> Usd.Stage:
+    """Return a robot whose graphs stand there twice, each time in a domain of its own."""
+    stage = rover()
+    layer = stage.GetRootLayer()
+    stage.DefinePrim("/Second", "Xform")
+    for name in ("Clock", "Odometry", "Lidar", "Camera"):
+        Sdf.CopySpec(layer, f"/World/{name}", layer, f"/Second/{name}")
+        for top, domain in (("/World", first), ("/Second", second)):
+            context = stage.GetPrimAtPath(f"{top}/{name}/context")
+            for port, kind, value in (
+                ("domain_id", Sdf.ValueTypeNames.UChar, domain or 0),
+                ("useDomainIDEnvVar", Sdf.ValueTypeNames.Bool, domain is None),
+            ):
+                context.CreateAttribute(f"inputs:{port}", kind).Set(value)
+    return stage
+
+
+def test_two_robots_in_two_domains_are_no_rivals() -> None:
+    assert said_by(in_two_domains(1, 2), "error") == []
+
+
+def test_two_robots_in_one_domain_are_rivals() -> None:
+    rules = {each.split()[0] for each in said_by(in_two_domains(1, 1), "error")}
+    assert rules == {"K40", "K54"}
+
+
+def test_a_domain_that_the_environment_may_change_makes_rivals_uncertain() -> None:
+    stage = in_two_domains(None, 0)
+    assert said_by(stage, "error") == []
+    assert {"K40", "K54"} <= {each.split()[0] for each in said_by(stage, "warning")}
 
 
 @pytest.mark.parametrize("style", [*STYLES.values(), MIXED])
@@ -114,5 +238,5 @@ def test_every_finding_of_a_real_stage_was_judged(shared: Path) -> None:
 
 
 def test_nothing_crashes_on_any_release() -> None:
-    for release in ("5.0", "5.1", "6.0"):
+    for release in load_isaac_types().known_releases:
         assert not linted(with_menus(*MENUS), release).crashes

@@ -20,9 +20,15 @@ TRIGGERS = [
     for name, entry in {"": case, **case.get("more", {})}.items()
 ]
 ALIKE = [
-    pytest.param(rule, case.get("robot", "rover"), steps, id=f"{rule} {name}".strip())
+    pytest.param(
+        rule,
+        entry.get("robot", case.get("robot", "rover")),
+        entry["steps"],
+        id=f"{rule} {name}".strip(),
+    )
     for rule, case in CASES.items()
     for name, steps in {"": case["clear"], **case.get("alike", {})}.items()
+    for entry in [steps if isinstance(steps, dict) else {"steps": steps}]
 ]
 RULES = [rule.id for rule in all_rules().values() if rule.scope == "lint"]
 

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
+from lab3_usd.spec.catalog import Port
 from lab3_usd.spec.isaac import IsaacTypes
 from lab3_usd.spec.load.catalog import assemble_types
 from lab3_usd.spec.load.compiled import compiled_or_loaded_types, load_isaac_types
@@ -77,6 +79,7 @@ def test_what_is_said_of_bodies_units_targets_and_gates_names_ports_that_are_the
         assert outputs | inputs <= set(types[name].ports)
     for name, target in TYPES.targets.items():
         assert types[name].ports[f"inputs:{target.input}"].is_target
+    assert set(TYPES.joints) <= set(types)
     for name, port in TYPES.catalog.gates.items():
         assert f"inputs:{port}" in types[name].ports
 
@@ -112,14 +115,67 @@ def test_an_earlier_release_has_its_own_defaults_and_ports() -> None:
     assert earlier.types[TREE].tf.arrays == ()
 
 
-def test_the_newest_release_is_the_catalog_itself() -> None:
+def test_the_release_of_the_lab_is_the_catalog_itself() -> None:
     assert TYPES.in_release("6.0") is TYPES.catalog
 
 
 def test_a_port_that_is_gone_tells_the_release() -> None:
     helper = "isaacsim.ros2.bridge.ROS2CameraHelper"
-    assert TYPES.releases_with(helper, "inputs:viewport") == ["5.0", "5.1"]
-    assert TYPES.releases_with(helper, "inputs:topicName") == []
+    assert TYPES.releases_with(helper, "inputs:viewport") == ("5.0", "5.1")
+    assert TYPES.releases_with(helper, "inputs:topicName") == ()
+
+
+def test_a_type_tells_the_releases_that_have_it() -> None:
+    assert TYPES.releases_of(TIME) == ("5.0", "5.1", "6.0", "6.1", "6.2")
+    assert TYPES.releases_of("isaacsim.core.nodes.IsaacMapScalarsToColors") == ("6.1", "6.2")
+    assert TYPES.releases_of("isaacsim.robot.wheeled_robots.AckermannSteering") == ("5.0", "5.1")
+    assert TYPES.releases_of("somebody.elses.Node") == ()
+
+
+def test_a_type_tells_its_versions() -> None:
+    versions = {"5.0": 2, "5.1": 2, "6.0": 3, "6.1": 4, "6.2": 4}
+    assert TYPES.versions("isaacsim.ros2.bridge.ROS2CameraHelper") == versions
+
+
+def test_later_releases_have_what_their_pages_tell(shared: Path) -> None:
+    pages = json.loads((shared / "isaac" / "nodes-6.1-6.2.json").read_text())
+    for release in ("6.1", "6.2"):
+        types = TYPES.in_release(release).types
+        for name, fact in pages[release]["added"].items():
+            assert ports_of(types[name].ports) == ports_of_page(fact)
+            assert types[name].version == fact["version"]
+        for name, fact in pages[release]["changed"].items():
+            ports = {
+                side: {short: change["then"] for short, change in fact.get(side, {}).items()}
+                for side in ("inputs", "outputs")
+            }
+            assert ports_of_page(ports).items() <= ports_of(types[name].ports).items()
+            assert types[name].version == fact.get("version", (None, types[name].version))[1]
+
+
+def test_the_types_of_physics_graphs_are_known_in_all_releases(shared: Path) -> None:
+    pages = json.loads((shared / "isaac" / "nodes-6.1-6.2.json").read_text())
+    for name, fact in pages["physx_graph_types_of_6.0.1"].items():
+        assert ports_of(TYPES.catalog.types[name].ports) == ports_of_page(fact)
+        assert TYPES.releases_of(name) == TYPES.known_releases
+
+
+def ports_of(ports: Mapping[str, Port]) -> dict[str, str]:
+    return {name: port.ogn_type for name, port in ports.items()}
+
+
+def ports_of_page(fact: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        f"{side}:{short}": "union" if port["type"].startswith("[") else port["type"]
+        for side in ("inputs", "outputs")
+        for short, port in fact.get(side, {}).items()
+    }
+
+
+@pytest.mark.parametrize(("release", "milliseconds"), [("6.1", 0), ("6.2", 100)])
+def test_a_later_release_has_its_own_defaults(release: str, milliseconds: int) -> None:
+    clock = TYPES.in_release(release).types["isaacsim.ucx.nodes.UCXPublishClock"]
+    assert clock.default("inputs:timeoutMs", 1) == milliseconds
 
 
 @pytest.mark.parametrize(

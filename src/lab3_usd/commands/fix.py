@@ -24,7 +24,7 @@ from lab3_usd.fix.repairing import USELESS, Fixed, FixOptions, check_result, fix
 from lab3_usd.judge.entries import JudgeSettings, checkpoint_at
 from lab3_usd.model.finding import Finding, site_of
 from lab3_usd.report.safe_text import visible
-from lab3_usd.spec.isaac import NEWEST
+from lab3_usd.spec.isaac import BASE
 from lab3_usd.spec.load.loader import load_lab
 
 _TEXT = b"#usda"
@@ -46,7 +46,7 @@ def run(stage: Path, options: Mapping[str, Any]) -> int:
         heeds_ignores=True,
     )
     if options["lint"]:
-        fixed = fix_linted(stage, options["release"] or NEWEST, settings)
+        fixed = fix_linted(stage, options["release"] or BASE, settings)
     else:
         lab, number = load_lab(), options["checkpoint"]
         given = None if number is None else checkpoint_number(number, lab.checkpoints)

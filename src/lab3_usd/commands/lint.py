@@ -23,7 +23,7 @@ from lab3_usd.commands.steps.options import (
     "--isaac",
     "release",
     metavar="RELEASE",
-    help="Judge by this release of Isaac Sim (5.0, 5.1, 6.0), where defaults and ports differ.",
+    help="Judge by this release of Isaac Sim (5.0 to 6.2), where defaults and ports differ.",
 )
 @assets_option
 @native_option
@@ -44,10 +44,10 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
 
     refuse_unusable(paths, options)
     from lab3_usd.judge.lint import LintSettings, find_stages, lint_lab, lint_stages
-    from lab3_usd.spec.isaac import NEWEST
+    from lab3_usd.spec.isaac import BASE
 
     settings = LintSettings(
-        options["release"] or NEWEST, heeds_ignores=True, native=wants_native(options)
+        options["release"] or BASE, heeds_ignores=True, native=wants_native(options)
     )
     lint_lab(settings.release)  # which refuses an unknown one
     judge = Judge(

@@ -173,7 +173,7 @@ def as_json(report: TreeReport) -> str:
     data = {
         "file": report.path,
         "roots": roots(report.edges),
-        "transforms": [asdict(edge) for edge in report.edges],
+        "transforms": [{**asdict(edge), "domain": edge.domain.number} for edge in report.edges],
         "unknown_publishers": list(report.unknown),
         "unknown_frames": [asdict(hidden) for hidden in report.hidden],
         "problems": [asdict(fault) for fault in tree_faults(report)],

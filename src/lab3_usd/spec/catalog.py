@@ -27,10 +27,14 @@ _RANGES = {
 _TUPLES = {
     "float2": ("float", 2),
     "float3": ("float", 3),
+    "float4": ("float", 4),
+    "normal3f": ("float", 3),
+    "vector3f": ("float", 3),
     "int2": ("int", 2),
     "vector3d": ("double", 3),
     "point3f": ("float", 3),
     "color4f": ("float", 4),
+    "matrix3d": ("double3", 3),
     "matrix4d": ("double4", 4),
     "double2": ("double", 2),
     "double3": ("double", 3),
@@ -224,7 +228,7 @@ def graph_form(entry: GraphEntry, where: str) -> GraphForm:
 INPUT = "inputs:"
 OUTPUT = "outputs:"
 # OmniGraph casts between numbers of one shape by itself; a union takes what it is given.
-_NUMBERS = ("bool", "uchar", "int", "uint", "int64", "uint64", "half", "float", "double")
+NUMBERS = ("bool", "uchar", "int", "uint", "int64", "uint64", "half", "float", "double")
 
 
 class Port(Struct, frozen=True):
@@ -285,13 +289,13 @@ def can_connect(source: Port, target: Port) -> bool:
     types = {source.ogn_type, target.ogn_type}
     if source.is_union or target.is_union or len(types) == 1 or types == {"string", "token"}:
         return True
-    source_element, source_shape = _shape(source.ogn_type)
-    target_element, target_shape = _shape(target.ogn_type)
-    are_numbers = source_element in _NUMBERS and target_element in _NUMBERS
+    source_element, source_shape = shape_of(source.ogn_type)
+    target_element, target_shape = shape_of(target.ogn_type)
+    are_numbers = source_element in NUMBERS and target_element in NUMBERS
     return are_numbers and source_shape == target_shape
 
 
-def _shape(ogn_type: str) -> tuple[str, str]:
+def shape_of(ogn_type: str) -> tuple[str, str]:
     """Split a type into the name of its element and its shape (`[3]`, `[]`, ...)."""
     base, bracket, rest = ogn_type.partition("[")
     return base, bracket + rest
@@ -301,7 +305,8 @@ class NodeType(Struct, frozen=True, dict=True):
     """One node type of Isaac Sim 6.0.1.
 
     `message` maps the value of the port `type` to a message type; the key '' holds where the
-    type has one message only. A topic of `only_of` is there for these values of that port alone.
+    type has one message only, and `moved` maps former values to the types that have them now. A
+    topic of `only_of` is there for these values of that port alone.
     `role` is publisher, subscriber, helper (publishes as well), service, or '' for types that do
     not talk to ROS. `articulation` names the relationships at and below whose prims an articulation
     is looked for; `step_limits` the inputs that must be 0 while the input of `time_step` is;
@@ -323,6 +328,7 @@ class NodeType(Struct, frozen=True, dict=True):
     services: tuple[str, ...] = ()
     frames: tuple[str, ...] = ()
     message: Mapping[str, str] = field(default_factory=dict)
+    moved: Mapping[str, str] = field(default_factory=dict)
     tf: TfPorts | None = None
     articulation: tuple[str, ...] = ()
     time_step: tuple[str, ...] = ()
@@ -490,10 +496,12 @@ class DrivePorts(Struct, frozen=True):
     """Which ports of a type move joints.
 
     `path` names the robot and wins where it is set, `target` is its prim otherwise. `joints`: the
-    names of the joints, all where it is empty. `commands`: what they are told.
+    names of the joints, `indices` their numbers, all where both are empty. `commands`: what they
+    are told.
     """
 
     path: str
     target: str
     joints: str
+    indices: str
     commands: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""All public node types of Isaac Sim: what they need, and what earlier releases had otherwise."""
+"""All public node types of Isaac Sim: what they need, and what other releases have otherwise."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Any, Literal
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.spec.catalog import Catalog
+from lab3_usd.spec.catalog import Catalog, NodeType, Port
 
-NEWEST = "6.0"
+_KIND = "inputs:type"
+BASE = "6.0"  # the release that the catalog describes, and by which a stage is judged unless told
 
 
 class Need(Struct, frozen=True, forbid_unknown_fields=True):
@@ -19,7 +20,8 @@ class Need(Struct, frozen=True, forbid_unknown_fields=True):
     With `when` it needs it only where that input is wired or set, or switched on, with
     `when_wired` where it is wired, and with `unless` where it is not switched on. With
     `zero_counts`, zeros that somebody wrote are as good as other values. `effect` says what
-    happens without, `source` names the file of Isaac Sim that shows it.
+    happens without, `source` names the file of Isaac Sim that shows it. `since` and `until` name
+    the first and the last release in which it does, '' where all do.
     """
 
     inputs: tuple[str, ...]
@@ -30,45 +32,60 @@ class Need(Struct, frozen=True, forbid_unknown_fields=True):
     unless: str = ""
     zero_counts: bool = False
     severity: Literal["error", "warning"] = "error"
+    since: str = ""
+    until: str = ""
 
 
-class TypeChanges(Struct, frozen=True, forbid_unknown_fields=True):
-    """What a node type of an earlier release has otherwise: ports by full name, and defaults."""
+class TypeChanges(Struct, frozen=True):
+    """What a node type of another release has otherwise: ports by full name, defaults and tokens.
 
-    gone: tuple[str, ...] = ()
-    lacks: tuple[str, ...] = ()
-    defaults: Mapping[str, Any] = {}
-
-
-class Release(Struct, frozen=True, forbid_unknown_fields=True):
-    """What an earlier release has otherwise than the newest one.
-
-    `gone` are types that only the earlier one has, `added` those that only the newest one has.
+    `ports` are those that only that release has, `message` kinds of messages. A release that offers
+    other kinds and has none of its own takes no others.
     """
 
-    gone: tuple[str, ...]
-    added: tuple[str, ...]
+    version: int | None = None
+    ports: Mapping[str, Port] = {}
+    lacks: tuple[str, ...] = ()
+    defaults: Mapping[str, Any] = {}
+    allowed: Mapping[str, tuple[str, ...]] = {}
+    message: Mapping[str, str] = {}
+
+
+class Release(Struct, frozen=True):
+    """What another release has otherwise than the one that the catalog describes.
+
+    `has` are types that only the other one has, `lacks` those that it does not have.
+    """
+
+    has: Mapping[str, NodeType]
+    lacks: tuple[str, ...]
     types: Mapping[str, TypeChanges]
 
 
 class SensorOf(Struct, frozen=True, forbid_unknown_fields=True):
-    """The sensors whose render product a node reads: prims of these types, or with these schemas.
+    """The sensors whose render product a node reads: prims of these types.
 
-    `needs` is a schema that such a prim must carry, '' where it needs none.
+    `schemas_until` are schemas that also made a prim such a sensor, each with the last release in
+    which it did. `needs` is a schema that a prim of the types must carry, '' where it needs none.
     """
 
     types: tuple[str, ...]
     source: str
-    schemas: tuple[str, ...] = ()
+    schemas_until: Mapping[str, str] = {}
     needs: str = ""
+
+    def schemas_in(self, release: str) -> set[str]:
+        """Return the schemas that make a prim such a sensor in a release."""
+        return {name for name, last in self.schemas_until.items() if is_within(release, "", last)}
 
 
 class BodyOf(Struct, frozen=True, forbid_unknown_fields=True):
     """The body that a node follows: the prim of the input `prim`, with one of these schemas.
 
     A prim without them that carries the schema `robot` stands for the first link that it lists in
-    the relationship `links`: a prim with the schema `link`, or that of a robot that it lists.
-    `gives` are the outputs that change as the body moves.
+    the relationship `links`: a prim with the schema `link`, or that of a robot that it lists. It
+    does so from the release `robot_since` on. `gives` are the outputs that change as the body
+    moves.
     """
 
     prim: str
@@ -77,6 +94,20 @@ class BodyOf(Struct, frozen=True, forbid_unknown_fields=True):
     links: str
     link: str
     gives: tuple[str, ...]
+    source: str
+    robot_since: str = ""
+
+
+class JointsOf(Struct, frozen=True, forbid_unknown_fields=True):
+    """How a node picks the joints that it moves, each with the last release in which it does so.
+
+    Until `zeros_until` numbers of joints that are all 0 are ignored, so that all joints move; from
+    `zeros_since` on they count. Until `spreads_until` one command counts for all joints named.
+    """
+
+    zeros_until: str
+    zeros_since: str
+    spreads_until: str
     source: str
 
 
@@ -120,6 +151,18 @@ class QuantityOf(Struct, frozen=True, forbid_unknown_fields=True):
     takes: Mapping[str, tuple[str, ...]] = {}
 
 
+def is_within(release: str, since: str, until: str) -> bool:
+    """Whether a release is one of those from `since` to `until`, '' for no bound."""
+    return (not since or order(since) <= order(release)) and (
+        not until or order(release) <= order(until)
+    )
+
+
+def order(release: str) -> tuple[int, ...]:
+    """Return what sorts releases."""
+    return tuple(int(part) for part in release.split("."))
+
+
 class IsaacTypes(Struct, frozen=True, eq=False):
     """The catalog of all public node types, with what the linter must know beside it."""
 
@@ -128,48 +171,91 @@ class IsaacTypes(Struct, frozen=True, eq=False):
     releases: Mapping[str, Release]
     sensors: Mapping[str, SensorOf]
     bodies: Mapping[str, BodyOf]
+    joints: Mapping[str, JointsOf]
     units: Mapping[str, UnitOf]
     targets: Mapping[str, TargetOf]
     quantities: Mapping[str, QuantityOf]
     application_prims: tuple[str, ...]
 
-    def releases_with(self, node_type: str, port: str) -> list[str]:
-        """Return the earlier releases in which a type has a port that the newest one lacks."""
-        return [
+    @property
+    def known_releases(self) -> tuple[str, ...]:
+        """All releases that are known, the oldest first."""
+        return tuple(sorted((*self.releases, BASE), key=order))
+
+    def releases_of(self, node_type: str) -> tuple[str, ...]:
+        """Return the releases that have a type, the oldest first."""
+        return tuple(name for name in self.known_releases if self._has(name, node_type))
+
+    def _has(self, name: str, node_type: str) -> bool:
+        release = self.releases.get(name)
+        if release is None:
+            return node_type in self.catalog.types
+        is_kept = node_type in self.catalog.types and node_type not in release.lacks
+        return is_kept or node_type in release.has
+
+    def releases_with(self, node_type: str, port: str) -> tuple[str, ...]:
+        """Return the releases in which a type has a port that the catalog lacks."""
+        return tuple(
             name
-            for name, release in self.releases.items()
-            if node_type in release.types and port in release.types[node_type].gone
-        ]
+            for name in self.known_releases
+            if name in self.releases
+            and node_type in self.releases[name].types
+            and port in self.releases[name].types[node_type].ports
+        )
 
-    def releases_of(self, node_type: str) -> list[str]:
-        """Return the earlier releases that have a type which the newest one lacks."""
-        return [name for name, release in self.releases.items() if node_type in release.gone]
-
-    def is_later(self, node_type: str, release: str) -> bool:
-        """Whether the newest release has a type that an earlier one did not have yet."""
-        return release in self.releases and node_type in self.releases[release].added
+    def versions(self, node_type: str) -> dict[str, int]:
+        """Return the version that a type has in each release."""
+        known = self.catalog.types.get(node_type)
+        found: dict[str, int] = {}
+        for name in self.releases_of(node_type):
+            release = self.releases.get(name)
+            kind = known if release is None else release.has.get(node_type, known)
+            changes = None if release is None else release.types.get(node_type)
+            if changes is not None and changes.version is not None:
+                found[name] = changes.version
+            elif kind is not None:
+                found[name] = kind.version
+        return found
 
     def in_release(self, name: str) -> Catalog:
-        """Return the catalog as it was in a release: its types, ports and defaults."""
+        """Return the catalog as it is in a release: its types, ports, defaults and tokens."""
         release = self.releases.get(name)
         if release is None:
             return self.catalog
         types = {
-            type_name: node_type
+            type_name: _changed(node_type, release.types.get(type_name))
             for type_name, node_type in self.catalog.types.items()
-            if type_name not in release.added
+            if type_name not in release.lacks
         }
-        for type_name in types.keys() & release.types.keys():
-            node_type, changes = types[type_name], release.types[type_name]
-            ports = {
-                key: replace(port, default=changes.defaults[key], former=None)
-                if key in changes.defaults
-                else port
-                for key, port in node_type.ports.items()
-                if key not in changes.lacks
-            }
-            tf = node_type.tf
-            if tf is not None and set(tf.arrays) & set(changes.lacks):
-                tf = replace(tf, arrays=())
-            types[type_name] = replace(node_type, ports=ports, tf=tf)
-        return replace(self.catalog, types=types)
+        return replace(self.catalog, types={**types, **release.has})
+
+
+def _changed(node_type: NodeType, changes: TypeChanges | None) -> NodeType:
+    """Return a type as another release has it."""
+    if changes is None:
+        return node_type
+    ports = {
+        key: _other_port(port, changes)
+        for key, port in node_type.ports.items()
+        if key not in changes.lacks
+    }
+    tf = node_type.tf
+    if tf is not None and set(tf.arrays) & set(changes.lacks):
+        tf = replace(tf, arrays=())
+    kinds = () if changes.message else changes.allowed.get(_KIND, ())
+    message = {kind: name for kind, name in node_type.message.items() if not kinds or kind in kinds}
+    return replace(
+        node_type,
+        version=changes.version or node_type.version,
+        ports={**ports, **changes.ports},
+        tf=tf,
+        message={**message, **changes.message},
+    )
+
+
+def _other_port(port: Port, changes: TypeChanges) -> Port:
+    if port.name in changes.defaults:
+        port = replace(port, default=changes.defaults[port.name], former=None)
+    if port.name in changes.allowed:
+        port = replace(port, allowed=changes.allowed[port.name])
+    return port

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct
 
@@ -21,8 +21,8 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
-from lab3_usd.spec.catalog import INPUT, OUTPUT, DrivePorts
-from lab3_usd.spec.isaac import BodyOf
+from lab3_usd.spec.catalog import INPUT, OUTPUT, DrivePorts, Value
+from lab3_usd.spec.isaac import BodyOf, is_within
 
 AXES = {REVOLUTE: "angular", "PhysicsPrismaticJoint": "linear"}  # others have several drives
 _MIMIC = "Mimic"
@@ -53,17 +53,35 @@ def commands(subject: LintSubject) -> Iterator[Command]:
         path = effective_value(node, ports.path, subject.live)
         is_by_path = path is None or bool(path)
         aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")
-        indices = node.state(ports.joints.replace("Names", "Indices"))
-        is_by_number = indices is not None and (indices.sources or indices.value)
+        names = joint_names(node, ports.joints, subject.live)
+        is_by_number = _has_indices(node, ports, subject) and not ignored_indices(
+            node, ports, subject
+        )
         yield Command(
             node=node,
             ports=ports,
             port=ports.path if is_by_path else ports.target,
             robot=aim,
             roots=tuple(articulations(aim, subject.stage)) if aim else (),
-            names=None if is_by_number else joint_names(node, ports.joints, subject.live),
+            names=None if is_by_number and not names else names,
             unknown=subject.stage.unknown_below(aim) if aim else None,
         )
+
+
+def _has_indices(node: Node, ports: DrivePorts, subject: LintSubject) -> bool:
+    """Whether joints are picked by number, as far as anything is wired or set."""
+    return bool(node.sources(ports.indices)) or bool(
+        effective_value(node, ports.indices, subject.live)
+    )
+
+
+def ignored_indices(node: Node, ports: DrivePorts, subject: LintSubject) -> Value | None:
+    """Return the numbers of joints that this release ignores because all are 0, None for others."""
+    facts = None if node.type is None else subject.types.joints.get(node.type.type)
+    indices = effective_value(node, ports.indices, subject.live)
+    if facts is None or not isinstance(indices, tuple) or not indices or any(indices):
+        return None
+    return indices if is_within(subject.release, "", facts.zeros_until) else None
 
 
 def articulations(top: str, stage: StageModel) -> Iterator[str]:
@@ -95,6 +113,17 @@ def joints_of(command: Command, stage: StageModel) -> dict[str, Prim]:
             ):
                 by_name.setdefault(joint.name, joint)
     return by_name
+
+
+def has_joint(joints: Mapping[str, Prim], name: str) -> bool:
+    """Whether a robot has a joint of this name, or an axis of one.
+
+    A joint of several axes has one for each: `joint:0`, `joint:1`, `joint:2`. Source: `backend.py`
+    of Isaac Sim's Newton tensors, :712-721.
+    """
+    stem, colon, axis = name.rpartition(":")
+    is_axis = bool(colon) and axis.isdecimal() and stem in joints
+    return name in joints or (is_axis and joints[stem].type not in AXES)
 
 
 def ends(joint: Prim) -> tuple[str, ...]:
@@ -204,7 +233,8 @@ def followed_bodies(subject: LintSubject) -> Iterator[Followed]:
         if demand is None or prim is None:
             continue  # another rule reports a target that does not exist
         path = prim.path
-        if demand.robot in prim.apis and not _is_body(prim, demand):
+        is_robot = demand.robot in prim.apis and is_within(subject.release, demand.robot_since, "")
+        if is_robot and not _is_body(prim, demand):
             path = _first(_links(prim, demand, subject))
         yield Followed(node, demand, prim, stage.prim(path), stage.unknown(prim.path, path))
 

@@ -1,4 +1,4 @@
-"""ROS contexts and clocks: which nodes use each context, and which clock stamps each message."""
+"""Which clock stamps each message that a stage publishes."""
 
 from __future__ import annotations
 
@@ -7,70 +7,15 @@ from typing import Literal
 
 from msgspec import Struct
 
+from lab3_usd.check.ros.contexts import Domain
 from lab3_usd.check.ros.running import LintSubject, effective_value, live_sources
 from lab3_usd.check.ros.topics import Endpoint, endpoints
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.catalog import INPUT, OUTPUT
 
-_CONTEXT = "context"
-DOMAIN, FROM_ENVIRONMENT = "inputs:domain_id", "inputs:useDomainIDEnvVar"
-_FIXED = "domain "
 STAMP = "inputs:timeStamp"
 _SYSTEM, _RESET = "inputs:useSystemTime", "inputs:resetSimulationTimeOnStop"
 _READER_RESET = "inputs:resetOnStop"
 CLOCK = "rosgraph_msgs/msg/Clock"
-
-
-class ContextInput(Struct, frozen=True, eq=False):
-    """The context of a node: what makes it, and whether anything is wired or set at all."""
-
-    node: Node
-    port: str
-    contexts: tuple[Node, ...]
-    is_set: bool
-
-
-def context_inputs(subject: LintSubject) -> Iterator[ContextInput]:
-    """Yield the context of every live node that takes one."""
-    port = INPUT + _CONTEXT
-    for node in subject.live.values():
-        if node.type is not None and port in node.type.ports:
-            contexts = tuple(source for source, _ in live_sources(node, port, subject.live))
-            yield ContextInput(node, port, contexts, bool(node.sources(port) or node.value(port)))
-
-
-def domains(subject: LintSubject) -> dict[str, list[Node]]:
-    """Return the contexts that a node uses by the domain they name, in words."""
-    by_domain: dict[str, list[Node]] = {}
-    used = {
-        node.path: node
-        for context_input in context_inputs(subject)
-        for node in context_input.contexts
-    }
-    for node in used.values():
-        if node.type is None or OUTPUT + _CONTEXT not in node.type.ports:
-            continue
-        number = effective_value(node, DOMAIN, subject.live)
-        if effective_value(node, FROM_ENVIRONMENT, subject.live) is True:
-            words = f"the environment's domain, else domain {number}"
-        else:
-            words = f"{_FIXED}{number}"
-        by_domain.setdefault(words, []).append(node)
-    return by_domain
-
-
-def domain_of(node: Node, subject: LintSubject) -> str:
-    """Return the domain in which a node talks, as far as the stage tells."""
-    sources = [source for source, _ in live_sources(node, INPUT + _CONTEXT, subject.live)]
-    for words, contexts in domains(subject).items():
-        if sources and sources[0] in contexts:
-            return words
-    return ""
-
-
-def may_meet(one: str, other: str) -> bool:
-    """Whether nodes of these domains may hear each other: the environment may name any."""
-    return one == other or not (one.startswith(_FIXED) and other.startswith(_FIXED))
 
 
 class Stamp(Struct, frozen=True, eq=False):
@@ -85,6 +30,7 @@ class Stamp(Struct, frozen=True, eq=False):
     clock: Literal["simulation", "system", "unknown"]
     restarts: bool | None
     is_clock: bool
+    domain: Domain
 
 
 def stamps(subject: LintSubject) -> Iterator[Stamp]:
@@ -103,10 +49,10 @@ def _stamp_of_helper(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
         return None
     topic = str(endpoint.topic)
     if effective_value(node, _SYSTEM, live) is True:
-        return Stamp(node, topic, _SYSTEM, "system", None, is_clock=False)
+        return Stamp(node, topic, _SYSTEM, "system", None, is_clock=False, domain=endpoint.domain)
     restarts = effective_value(node, _RESET, live)
     known = restarts if isinstance(restarts, bool) else None
-    return Stamp(node, topic, _RESET, "simulation", known, is_clock=False)
+    return Stamp(node, topic, _RESET, "simulation", known, is_clock=False, domain=endpoint.domain)
 
 
 def _stamp_by_wire(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
@@ -119,9 +65,9 @@ def _stamp_by_wire(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
     is_clock, topic = endpoint.type == CLOCK, str(endpoint.topic)
     restarts = effective_value(source, _READER_RESET, subject.live)
     if source.type is None:
-        return Stamp(node, topic, STAMP, "unknown", None, is_clock)
+        return Stamp(node, topic, STAMP, "unknown", None, is_clock, endpoint.domain)
     if any("systemTime" in port for port in source.type.ports):
-        return Stamp(node, topic, STAMP, "system", None, is_clock)
+        return Stamp(node, topic, STAMP, "system", None, is_clock, endpoint.domain)
     if isinstance(restarts, bool):
-        return Stamp(node, topic, STAMP, "simulation", restarts, is_clock)
-    return Stamp(node, topic, STAMP, "unknown", None, is_clock)
+        return Stamp(node, topic, STAMP, "simulation", restarts, is_clock, endpoint.domain)
+    return Stamp(node, topic, STAMP, "unknown", None, is_clock, endpoint.domain)

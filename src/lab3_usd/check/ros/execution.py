@@ -19,13 +19,15 @@ from lab3_usd.check.ros.running import (
 )
 from lab3_usd.model.stage import GraphModel, Node
 from lab3_usd.spec.catalog import INPUT, Value
-from lab3_usd.spec.isaac import Need
+from lab3_usd.spec.isaac import Need, is_within
 
 
 def unmet_needs(node: Node, subject: LintSubject) -> Iterator[Need]:
     """Yield what a node needs by the catalog and does not get."""
     kind = node.type
     for need in subject.types.needs.get(kind.type, ()) if kind is not None else ():
+        if not is_within(subject.release, need.since, need.until):
+            continue
         if need.when and not (is_given(node, need.when) or _is_on(node, need.when)):
             continue
         if need.when_wired and not node.sources(INPUT + need.when_wired):
@@ -38,12 +40,11 @@ def unmet_needs(node: Node, subject: LintSubject) -> Iterator[Need]:
 
 
 def _is_met(node: Node, name: str, need: Need) -> bool:
-    """Whether an input is given, or somebody wrote a zero that counts or would be no error."""
+    """Whether an input is given, or somebody wrote a zero that counts."""
     if is_given(node, name):
         return True
     state = node.state(INPUT + name)
-    is_zero_meant = need.zero_counts or need.severity == "warning"
-    return is_zero_meant and state is not None and state.value not in (None, ())
+    return need.zero_counts and state is not None and state.value not in (None, ())
 
 
 def _is_on(node: Node, name: str) -> bool:

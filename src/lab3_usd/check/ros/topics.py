@@ -6,6 +6,7 @@ the node that makes such profiles replaces them by those of its preset when the 
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Iterator, Mapping
 from typing import Literal
@@ -13,6 +14,7 @@ from typing import Literal
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.check.ros.contexts import Domain, domain_of
 from lab3_usd.check.ros.running import (
     Nodes,
     effective_value,
@@ -108,7 +110,8 @@ FIELDS = {
     "liveliness": "liveliness",
     "leaseDuration": "lease_duration",
 }
-_NUMBERS = ("depth", "deadline", "lifespan", "leaseDuration")
+_DEPTH = "depth"
+_NUMBERS = (_DEPTH, "deadline", "lifespan", "leaseDuration")
 _DEFAULT = Qos()
 _SENSOR = Qos(depth=5, reliability="best_effort")
 _SYSTEM = Qos("system_default", 0, "system_default", "system_default")
@@ -163,9 +166,19 @@ def decode(text: str) -> Qos | None:
         data = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(data, dict):
+    if not isinstance(data, dict) or not _is_strict(data):
         return None
     return _profile(data)
+
+
+def _is_strict(data: Mapping[str, object]) -> bool:
+    """Whether numbers are written as Isaac Sim asks: times with a point, the depth without one.
+
+    Source: `Ros2QoS.h:247-253` of 6.0.1, the same in 5.0 and 5.1.
+    """
+    times = (data.get(name) for name in _NUMBERS if name != _DEPTH)
+    is_finite = all(isinstance(time, float) and math.isfinite(time) for time in times)
+    return is_finite and isinstance(data.get(_DEPTH), int)
 
 
 def _profile(data: Mapping[str, object]) -> Qos | None:
@@ -175,7 +188,7 @@ def _profile(data: Mapping[str, object]) -> Qos | None:
         if name in _NUMBERS:
             if isinstance(value, bool) or not isinstance(value, (int, float)) or value < 0:
                 return None
-            values[field] = int(value) if name == "depth" else float(value)
+            values[field] = int(value) if name == _DEPTH else float(value)
         elif value in WORDS[name]:
             values[field] = re.sub(r"([A-Z])", r"_\1", str(value)).lower()
         else:
@@ -190,7 +203,8 @@ _DIRECTIONS: dict[str, Direction] = {
     "helper": "publishes",
     "subscriber": "subscribes",
 }
-_KIND = "inputs:type"
+KIND = "inputs:type"
+_VIEWPORT = "inputs:viewport"  # before 6.0 a window could stand for the render product
 _MESSAGE = ("inputs:messagePackage", "inputs:messageSubfolder", "inputs:messageName")
 _VALID = re.compile(r"^(/[A-Za-z_][A-Za-z0-9_]*)+$")
 
@@ -215,6 +229,7 @@ class Endpoint(Struct, frozen=True):
     rate: str
     runs: bool
     sure: bool
+    domain: Domain = Domain()
 
 
 def resolve(namespace: str, written: str) -> str | None:
@@ -248,7 +263,7 @@ def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:
 
     A topic that belongs to other kinds of messages than the node's is not in use.
     """
-    message_kind = effective_value(node, _KIND, live)
+    message_kind = effective_value(node, KIND, live)
     for port in kind.topics:
         if message_kind is not None and message_kind not in kind.only_of.get(port, (message_kind,)):
             continue
@@ -286,6 +301,7 @@ def _endpoint(
         rate=rate_source(node, stage, lab, running, static=static),
         runs=runs[0],
         sure=runs[1],
+        domain=domain_of(node, live),
     )
 
 
@@ -294,7 +310,9 @@ def _is_at_work(node: Node, port: str, live: Nodes, running: Nodes) -> bool:
     product = product_input(port)
     needs = node.type is not None and product in node.type.ports
     is_on = is_switched_on(node, live) and not is_refused(node, live)
-    return node.path in running and is_on and (not needs or fed_by_sensor(node, product, running))
+    is_fed_otherwise = node.has_port(_VIEWPORT) and is_fed(node, _VIEWPORT, live)
+    has_sensor = not needs or is_fed_otherwise or fed_by_sensor(node, product, running)
+    return node.path in running and is_on and has_sensor
 
 
 def namespace_of(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> str:
@@ -346,13 +364,13 @@ def message_type(node: Node, kind: NodeType, port: str, live: Nodes) -> str | No
     if all(name in kind.ports for name in _MESSAGE):
         parts = [effective_value(node, name, live) for name in _MESSAGE]
         return "/".join(str(part) for part in parts) if all(parts) else None
-    return kind.message.get("") or kind.message.get(str(effective_value(node, _KIND, live)))
+    return kind.message.get("") or kind.message.get(str(effective_value(node, KIND, live)))
 
 
 def is_refused(node: Node, live: Nodes) -> bool:
     """Whether the node asks for a kind of message that its type does not have: it sends nothing."""
     kind = node.type
-    if kind is None or _KIND not in kind.ports or "" in kind.message:
+    if kind is None or KIND not in kind.ports or "" in kind.message:
         return False
-    message_kind = effective_value(node, _KIND, live)
+    message_kind = effective_value(node, KIND, live)
     return isinstance(message_kind, str) and message_kind not in kind.message

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Literal
 
@@ -9,7 +10,7 @@ from msgspec import Struct
 
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.model.stage import Node, absence_reason, is_acyclic
-from lab3_usd.spec.catalog import Port
+from lab3_usd.spec.catalog import NUMBERS, Port, shape_of
 
 
 class Connection(Struct, frozen=True, eq=False):
@@ -58,6 +59,33 @@ def connections(subject: LintSubject) -> Iterator[Connection]:
         for name, state in node.ports.items():
             for path in state.sources:
                 yield Connection(node, name, path, live.get(path.rpartition(".")[0]))
+
+
+def differ_in_role(source: Port, target: Port) -> bool:
+    """Whether two types hold the same for another purpose, as a vector and three numbers do.
+
+    OmniGraph can compare types without their roles; which wires it takes so, no public source says.
+    """
+    (one, shape), (other, other_shape) = (_without_role(port.ogn_type) for port in (source, target))
+    are_numbers = one in NUMBERS and other in NUMBERS
+    are_texts = {one, other} <= {"string", "token"}
+    return shape == other_shape and (are_numbers or are_texts)
+
+
+_ROLES = re.compile(r"(color|normal|point|texcoord|vector|quat|matrix|frame|transform)([dfh]?)")
+_PRECISIONS = {"d": "double", "f": "float", "h": "half", "": "double"}
+
+
+def _without_role(ogn_type: str) -> tuple[str, str]:
+    """Split a type as `shape_of`, with numbers for a role: `vectord[3]` is `double[3]`."""
+    element, shape = shape_of(ogn_type)
+    known = _ROLES.fullmatch(element)
+    if known is None:
+        return "string" if element == "path" else element, shape
+    if known[1] in {"matrix", "frame", "transform"}:
+        rows = int(shape[1])
+        shape = f"[{rows * rows}]{shape[3:]}"
+    return _PRECISIONS[known[2]], shape
 
 
 def why_dead(wire: Connection, subject: LintSubject) -> str | None:

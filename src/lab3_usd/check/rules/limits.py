@@ -49,12 +49,25 @@ def stopping_inputs(subject: GraphSubject) -> Iterator[tuple[str, str]]:
 
 def stopping_limits(live: Mapping[str, Node], node: Node) -> Iterator[tuple[str, Value]]:
     """Yield the limits of a node, and their values, that keep it from computing anything."""
+    for port in node.type.step_limits if node.type is not None else ():
+        value = setting_value(live, node, port) if lacks_time_step(live, node) else None
+        if value is not None and number(value) != 0:
+            yield port, value
+
+
+def unknown_limits(live: Mapping[str, Node], node: Node) -> list[str]:
+    """Return the limits whose values come over wires, of a node that has no time step."""
+    if node.type is None or not lacks_time_step(live, node):
+        return []
+    wired = (port for port in node.type.step_limits if node.sources(port))
+    return [port for port in wired if setting_value(live, node, port) is None]
+
+
+def lacks_time_step(live: Mapping[str, Node], node: Node) -> bool:
+    """Whether the time step of a node that takes one is 0 or less."""
     for step in node.type.time_step if node.type is not None else ():
         seconds = setting_value(live, node, step)
         length = 0.0 if seconds is None else number(seconds)
         if (seconds is None and node.sources(step)) or (length is not None and length > 0):
-            return
-        for port in node.type.step_limits if node.type is not None else ():
-            value = setting_value(live, node, port)
-            if value is not None and number(value) != 0:
-                yield port, value
+            return False
+    return node.type is not None and bool(node.type.time_step)

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.articulations import moving_source
-from lab3_usd.check.ros.clocks import domain_of
+from lab3_usd.check.ros.contexts import are_surely_one, domain_of
 from lab3_usd.check.ros.running import LintSubject, effective_value
 from lab3_usd.check.ros.topics import Endpoint, endpoints
 from lab3_usd.check.tf.frames import Edge, frames_in_cycles, moved_edges
 from lab3_usd.check.tf.trees import (
     all_edges,
+    edges_by_domain,
     frame_sets,
     is_tree_known,
     message_frames,
@@ -28,7 +29,8 @@ def _is_of_same_prim(one: Edge, other: Edge) -> bool:
 
 
 def _grave(*edges: Edge) -> Severity | None:
-    return None if all(edge.sure for edge in edges) else "warning"
+    is_sure = all(edge.sure for edge in edges) and are_surely_one(edge.domain for edge in edges)
+    return None if is_sure else "warning"
 
 
 @rule("K50", "multiple-parents", scope="lint", formerly="frame-of-two-parents")
@@ -42,13 +44,14 @@ def frame_of_two_parents(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `odom -> base_link` and `base_footprint -> base_link`, by two graphs.
     """
-    first: dict[str, Edge] = {}
+    first: dict[tuple[str, str], Edge] = {}
     judged: set[tuple[str, str]] = set()
-    rings = set(frames_in_cycles(all_edges(subject)))
+    domains = edges_by_domain(subject)
+    rings = {name: frames_in_cycles(edges) for name, edges in domains.items()}
     for edge in all_edges(subject):
-        if edge.child == edge.parent or edge.child in rings:
+        if edge.child == edge.parent or edge.child in rings[edge.domain.name]:
             continue
-        known = first.setdefault(edge.child, edge)
+        known = first.setdefault((edge.domain.name, edge.child), edge)
         if known.parent != edge.parent and (edge.cause, edge.child) not in judged:
             judged.add((edge.cause, edge.child))
             yield Problem(
@@ -95,10 +98,12 @@ def frames_in_a_ring(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `odom -> base_link` and `base_link -> odom`.
     """
-    edges = [edge for edge in all_edges(subject) if edge.parent != edge.child]
-    frames = frames_in_cycles(edges)
-    inside = [edge for edge in edges if edge.parent in frames and edge.child in frames]
-    if inside:
+    for published in edges_by_domain(subject).values():
+        edges = [edge for edge in published if edge.parent != edge.child]
+        frames = frames_in_cycles(edges)
+        inside = [edge for edge in edges if edge.parent in frames and edge.child in frames]
+        if not inside:
+            continue
         last = inside[-1]
         yield Problem(
             last.cause,
@@ -121,16 +126,15 @@ def trees_apart(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `odom -> base_link` beside `chassis -> wheel_left`.
     """
-    if not is_tree_known(subject):
-        return
-    trees = frame_sets(subject)
-    for edges, frames in trees[1:]:
-        yield Problem(
-            edges[0].cause,
-            f"publishes the tree of {', '.join(sorted(frames))}, which is not connected to that of "
-            f"{', '.join(sorted(trees[0][1]))}",
-            related=(trees[0][0][0].publisher,),
-        )
+    domains = edges_by_domain(subject) if is_tree_known(subject) else {}
+    for (largest, known), *others in map(frame_sets, domains.values()):
+        for edges, frames in others:
+            yield Problem(
+                edges[0].cause,
+                f"publishes the tree of {', '.join(sorted(frames))}, which is not connected to "
+                f"that of {', '.join(sorted(known))}",
+                related=(largest[0].publisher,),
+            )
 
 
 @rule("K58", "tree-on-two-topics", scope="lint", severity="warning")
@@ -146,10 +150,9 @@ def tree_on_two_topics(subject: LintSubject) -> Iterator[Problem]:
     """
     trees: dict[tuple[str, str], list[Edge]] = {}
     for edge in (*all_edges(subject), *moved_edges(subject.stage, subject.lab)):
-        node = subject.live.get(edge.publisher)
-        if node is not None and edge.parent != edge.child:
+        if edge.parent != edge.child:
             topic = edge.topic.removesuffix(_STATIC).removesuffix(_MOVING)
-            trees.setdefault((topic, domain_of(node, subject)), []).append(edge)
+            trees.setdefault((topic, edge.domain.name), []).append(edge)
     for (topic, domain), below in trees.items():
         placed = {edge.child for edge in below}
         hanging = [edge for edge in below if edge.parent not in placed]
@@ -188,9 +191,9 @@ def transform_of_two_publishers(subject: LintSubject) -> Iterator[Problem]:
 
     Example: two graphs publish `odom -> base_link`.
     """
-    first: dict[tuple[str, str], Edge] = {}
+    first: dict[tuple[str, str, str], Edge] = {}
     for edge in all_edges(subject):
-        known = first.setdefault((edge.parent, edge.child), edge)
+        known = first.setdefault((edge.domain.name, edge.parent, edge.child), edge)
         is_same = known is edge or _is_of_same_prim(known, edge)
         if not is_same and edge.parent != edge.child:
             same = "also for another prim" if known.publisher == edge.publisher else known.publisher
@@ -211,15 +214,16 @@ def frame_of_nobody(subject: LintSubject) -> Iterator[Problem]:
     Why: without a transform nobody can place the message, unless another node, as a robot state
     publisher, sends it. Defaults as `sim_lidar` and `sim_camera` are seldom frames of a robot.
 
-    Fix: write the name of the sensor's own frame, and publish that frame.
+    Fix: write a frame of the tree, of a sensor its own, or publish the transform that leads to this
+    one: of an odometry that from its own frame to the robot's.
 
     Example: a scan in the frame `sim_lidar`, while the tree has `base_scan`.
     """
-    if not is_tree_known(subject) or not all_edges(subject):
-        return
-    frames = {name for edge in all_edges(subject) for name in (edge.parent, edge.child)}
+    domains = edges_by_domain(subject) if is_tree_known(subject) else {}
     for node, port, value in message_frames(subject):
-        if value and value.lstrip("/") not in frames:
+        edges = domains.get(domain_of(node, subject.live).name, ())
+        frames = {name for edge in edges for name in (edge.parent, edge.child)}
+        if frames and value and value.lstrip("/") not in frames:
             yield Problem(
                 node.path,
                 f"{port} is '{value}', a frame that the stage does not publish",

@@ -14,6 +14,8 @@ from lab3_usd.check.robot.articulations import (
     commands,
     controller_of,
     followed_bodies,
+    has_joint,
+    ignored_indices,
     joints_of,
     number_of_commands,
     told_joints,
@@ -23,13 +25,13 @@ from lab3_usd.check.ros.execution import array_items
 from lab3_usd.check.ros.quantities import unit_of
 from lab3_usd.check.ros.running import LintSubject, effective_value, live_sources
 from lab3_usd.check.ros.topics import did_you_mean, likely_name
-from lab3_usd.check.rules.limits import stopping_limits
-from lab3_usd.model.finding import Problem
+from lab3_usd.check.rules.limits import stopping_limits, unknown_limits
+from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Matrix, Prim
 from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.model.transforms import Vector, distance, transform_point
-from lab3_usd.spec.isaac import NEWEST
+from lab3_usd.spec.isaac import is_within
 
 _VELOCITY = "inputs:velocityCommand"
 _DRIVE = "PhysicsDriveAPI"
@@ -69,7 +71,8 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
 
     Why: the controller logs an error for each frame, and moves none of its joints.
 
-    Fix: write the name of the joint's prim, as the Stage panel shows it.
+    Fix: write the name of the joint's prim, as the Stage panel shows it; of a joint with several
+    axes also the number of the axis, as `hip:0`.
 
     Example: `left_wheel` instead of `left_wheel_joint`.
     """
@@ -77,7 +80,7 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
         known = joints_of(command, subject.stage) if command.roots else {}
         for name in command.names or () if known else ():
             overrides = [joint.attributes.get("isaac:nameOverride") for joint in known.values()]
-            if name and name not in known and name not in overrides:
+            if name and not has_joint(known, name) and name not in overrides:
                 yield Problem(
                     command.node.path,
                     f"the robot has no joint '{name}'{did_you_mean(likely_name(name, known))}",
@@ -182,8 +185,9 @@ def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `jointNames = ["left_wheel"]`, and a Differential Controller gives two speeds.
     """
-    may_spread = subject.release != NEWEST  # before, a single command counts for all joints
     for command in commands(subject):
+        facts = subject.types.joints.get(command.node.type.type if command.node.type else "")
+        may_spread = facts is not None and is_within(subject.release, "", facts.spreads_until)
         for port in command.ports.commands if command.names else ():
             given, named = number_of_commands(command, port, subject), len(command.names or ())
             is_right = not given or given == named or (may_spread and given == 1)
@@ -206,6 +210,31 @@ def _has_gaps(command: Command, subject: LintSubject) -> bool:
     return any(items.beyond or items.empty for items in arrays if items is not None)
 
 
+@rule("K69", "ignored-indices", scope="lint", severity="warning")
+def indices_are_ignored(subject: LintSubject) -> Iterator[Problem]:
+    """The numbers of joints that a controller should move are all 0.
+
+    Why: Isaac Sim before 6.2 takes a list of zeros for no list. The command goes to all joints of
+    the robot, not to the first alone.
+
+    Fix: name the joint in Joint Names.
+
+    Example: `inputs:jointIndices = [0]` for the first joint of an arm.
+    """
+    for command in commands(subject):
+        indices = ignored_indices(command.node, command.ports, subject)
+        joints = joints_of(command, subject.stage) if command.roots else {}
+        if indices and not command.names and len(joints) != 1:
+            yield Problem(
+                command.node.path,
+                f"{command.ports.indices} is {display(indices)}, which is ignored: all joints move",
+                property=command.ports.indices,
+                expected=f"a name in {command.ports.joints}",
+                actual=display(indices),
+                rests_on=command.unknown,
+            )
+
+
 _BODIES = ("physics:body0", "physics:body1")
 _SQUARE = 0.999  # how far along an axis an axis must point
 _ALIKE = 0.02
@@ -218,25 +247,29 @@ _PAIR = 2
 
 @rule("K63", "limit-needs-time-step", scope="lint")
 def limit_needs_time_step(subject: LintSubject) -> Iterator[Problem]:
-    """An acceleration limit is set, and the time step that it needs is 0.
+    """An acceleration is set or wired, and the time step that it needs is 0.
 
-    Why: the controller refuses to compute a step without a time step: the robot never moves.
+    Why: a Differential Controller with a limit of acceleration, and an Ackermann Controller with an
+    acceleration or a steering speed, refuse to compute without a time step: the robot never moves.
+    Where the value comes by a wire, it stops as soon as the value is not 0.
 
-    Fix: wire Delta Seconds of On Playback Tick to Dt, or set the limits to 0.
+    Fix: wire Delta Seconds of On Playback Tick to Dt, or set these inputs to 0.
 
     Example: `inputs:maxAcceleration = 2` while `inputs:dt` is not wired.
     """
     live = subject.live
     for node in live.values():
         limits = [port for port, _ in stopping_limits(live, node)]
-        if limits and node.type is not None:
+        wired = unknown_limits(live, node)
+        if node.type is not None and (limits or wired):
             step = node.type.time_step[0]
             yield Problem(
                 node.path,
-                f"{', '.join(limits)} needs a time step, and {step} is 0",
+                f"{', '.join(limits or wired)} needs a time step, and {step} is 0",
                 property=step,
                 expected="a wire from the delta of the tick",
                 actual="0",
+                severity=None if limits else "warning",
             )
 
 

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.clocks import DOMAIN, FROM_ENVIRONMENT, context_inputs, domains
+from lab3_usd.check.ros.contexts import DOMAIN, FROM_ENVIRONMENT, context_inputs, domains
 from lab3_usd.check.ros.execution import (
     Stop,
     array_items,
@@ -465,8 +465,8 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(
                 context.path,
                 f"context names {domain}, {nodes[0].path} names {first}",
-                expected=first,
-                actual=domain,
+                expected=str(first),
+                actual=str(domain),
                 related=tuple(node.path for node in nodes),
             )
 

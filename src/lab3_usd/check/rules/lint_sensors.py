@@ -18,6 +18,7 @@ _TICK = "omni:sensor:tickRate"
 _CORE = "omni:sensor:Core:"
 _SCAN, _FIRING = f"{_CORE}scanRateBaseHz", f"{_CORE}patternFiringRateHz"
 _NEAR, _FAR = f"{_CORE}nearRangeM", f"{_CORE}farRangeM"
+_TYPE, _SOLID = f"{_CORE}scanType", "SOLID_STATE"  # OgnROS2RtxLidarHelper.py:117
 _PRODUCT = "inputs:renderProductPath"
 _OWN_PRODUCT, _MADE = "inputs:renderProductPrim", "outputs:renderProductPath"
 _SIZE = ("inputs:width", "inputs:height")
@@ -62,7 +63,8 @@ def target_not_there(subject: LintSubject) -> Iterator[Problem]:
 def _is_made_later(path: str, subject: LintSubject) -> bool:
     """Whether the application makes the prim, or it is a node or a graph."""
     made = path in subject.types.application_prims or subject.catalog.graph.ignores(path)
-    return made or path in subject.live
+    # The bundle that a node gives is a prim below it.
+    return made or path in subject.live or path.rpartition("/")[0] in subject.live
 
 
 @rule("K15", "unreadable-target", scope="lint")
@@ -126,7 +128,9 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
         prim = subject.stage.prim(path)
         if prim is None:
             continue
-        if prim.type not in needed.types and not set(prim.apis) & set(needed.schemas):
+        if prim.type not in needed.types and not (
+            set(prim.apis) & needed.schemas_in(subject.release)
+        ):
             yield Problem(
                 node.path,
                 f"reads {path}, which has {f'type {prim.type}' if prim.type else 'no type'}",
@@ -167,15 +171,16 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
 def no_scan_from_this(subject: LintSubject) -> Iterator[Problem]:
     """A value of a lidar leaves no scan.
 
-    Why: with a rate of 0 no scan is ever full, and where the near range is beyond the far one,
-    nothing is in range.
+    Why: a rotary lidar whose rates are 0 has no angle between two rays, and the helper of a laser
+    scan refuses it. Where the near range is beyond the far one, nothing is in range.
 
     Fix: write rates above 0 and a far range beyond the near one.
 
     Example: `omni:sensor:Core:scanRateBaseHz = 0`.
     """
     for prim in _lidars(subject):
-        for name in (_TICK, _SCAN, _FIRING):
+        turns = prim.attributes.get(_TYPE) != _SOLID
+        for name in (_SCAN, _FIRING) if turns else ():
             value = number(prim.attributes.get(name))
             if value is not None and value <= 0:
                 yield Problem(prim.path, f"{name} is {value:g}", property=name, expected="above 0")
@@ -201,7 +206,7 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     """A lidar is read at another rate than it turns.
 
     Why: read more often than it turns, each message holds a part of the circle, and the rest of the
-    scan is empty.
+    scan is empty. A tick rate of 0 reads it at every frame.
 
     Fix: write the same number into tick rate and scan rate.
 
@@ -209,7 +214,7 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     """
     for prim in _lidars(subject):
         tick, scan = (number(prim.attributes.get(name)) for name in (_TICK, _SCAN))
-        if tick and scan and tick != scan:
+        if tick is not None and scan and tick != scan:
             yield Problem(
                 prim.path,
                 f"{_TICK} is {tick:g} while {_SCAN} is {scan:g}",

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.clocks import CLOCK, Stamp, domain_of, may_meet, stamps
+from lab3_usd.check.ros.clocks import CLOCK, Stamp, stamps
+from lab3_usd.check.ros.contexts import Domain, are_surely_one, domain_of, may_meet
 from lab3_usd.check.ros.running import LintSubject, effective_value
 from lab3_usd.check.ros.topics import (
+    KIND,
     PROFILE,
     TRANSFORMS,
     Endpoint,
@@ -33,7 +35,8 @@ def _running(subject: LintSubject, direction: str) -> list[Endpoint]:
 
 def _grave(*ends: Endpoint) -> Severity | None:
     """Return the severity of a fault between these, milder where one of them only may run."""
-    return None if all(end.sure for end in ends) else "warning"
+    is_sure = all(end.sure for end in ends) and are_surely_one(end.domain for end in ends)
+    return None if is_sure else "warning"
 
 
 @rule("K40", "two-publishers", scope="lint")
@@ -52,7 +55,7 @@ def two_publishers(subject: LintSubject) -> Iterator[Problem]:
     for endpoint in _running(subject, "publishes"):
         is_tree = endpoint.topic in subject.lab.policy.tree_topics or endpoint.type == TRANSFORMS
         if not is_tree:
-            key = (str(endpoint.topic), domain_of(endpoint.node, subject))
+            key = (str(endpoint.topic), endpoint.domain.name)
             together.setdefault(key, []).append(endpoint)
     for (topic, _), (first, *others) in together.items():
         for other in others:
@@ -83,10 +86,10 @@ def two_types(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a camera's depth image and its depth points are both published on `/depth`.
     """
-    first: dict[str, Endpoint] = {}
+    first: dict[tuple[str, str], Endpoint] = {}
     ends = [*_running(subject, "publishes"), *_running(subject, "subscribes")]
     for endpoint in (end for end in ends if end.type is not None):
-        known = first.setdefault(str(endpoint.topic), endpoint)
+        known = first.setdefault((str(endpoint.topic), endpoint.domain.name), endpoint)
         if known.type != endpoint.type:
             yield Problem(
                 endpoint.node.path,
@@ -104,8 +107,9 @@ def two_types(subject: LintSubject) -> Iterator[Problem]:
 def refused_profile(subject: LintSubject) -> Iterator[Problem]:
     """A QoS profile cannot be read.
 
-    Why: a profile is JSON with eight fields, all of which Isaac Sim asks for. With one missing or
-    misspelt the node fails and neither publishes nor subscribes.
+    Why: a profile is JSON with eight fields, all of which Isaac Sim asks for: the three times with
+    a point (`0.0`), the depth without one. With one missing, misspelt or written otherwise the node
+    fails and neither publishes nor subscribes.
 
     Fix: clear QoS Profile, or wire it from a ROS2 QoS Profile node.
 
@@ -139,7 +143,8 @@ def profiles_do_not_meet(subject: LintSubject) -> Iterator[Problem]:
     publishers = _running(subject, "publishes")
     for taker in _running(subject, "subscribes"):
         for maker in publishers:
-            if maker.topic == taker.topic and maker.qos is not None and taker.qos is not None:
+            is_one = (maker.topic, maker.domain.name) == (taker.topic, taker.domain.name)
+            if is_one and maker.qos is not None and taker.qos is not None:
                 mismatch = _mismatch(maker.qos, taker.qos)
                 if mismatch:
                     yield Problem(
@@ -173,10 +178,13 @@ def two_clocks(subject: LintSubject) -> Iterator[Problem]:
     Example: two robots publish `/robot_1/clock` and `/robot_2/clock`.
     """
     clocks = [end for end in _running(subject, "publishes") if end.type == CLOCK]
-    topics = {clock.topic for clock in clocks}
-    for endpoint in clocks if len(topics) > 1 else ():
-        if endpoint.topic != "/clock":
-            others = [clock for clock in clocks if clock.topic != endpoint.topic]
+    for endpoint in clocks:
+        others = [
+            clock
+            for clock in clocks
+            if clock.topic != endpoint.topic and clock.domain.name == endpoint.domain.name
+        ]
+        if others and endpoint.topic != "/clock":
             yield Problem(
                 endpoint.node.path,
                 f"publishes a clock on {endpoint.topic}; another clock is on {others[0].topic}",
@@ -199,17 +207,17 @@ def system_time(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:useSystemTime = 1` on a lidar helper, beside a `/clock` of simulation time.
     """
     every = list(stamps(subject))
-    simulated = [stamp for stamp in every if stamp.clock == "simulation"]
-    for stamp in every if simulated else ():
-        if stamp.clock == "system":
+    simulated = {stamp.domain.name: stamp for stamp in every[::-1] if stamp.clock == "simulation"}
+    for stamp in every:
+        other = simulated.get(stamp.domain.name)
+        if other is not None and stamp.clock == "system":
             yield Problem(
                 stamp.node.path,
-                f"{stamp.topic} is stamped with system time, {simulated[0].topic} with simulation "
-                "time",
+                f"{stamp.topic} is stamped with system time, {other.topic} with simulation time",
                 property=stamp.port,
                 expected="simulation time",
                 actual="system time",
-                related=(simulated[0].node.path,),
+                related=(other.node.path,),
             )
 
 
@@ -232,10 +240,12 @@ def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
     Example: `/clock` has `resetOnStop = 0` while the lidar helper keeps its default, which is on.
     """
     simulated = [stamp for stamp in stamps(subject) if stamp.clock == "simulation"]
-    clock = next((stamp for stamp in simulated if stamp.is_clock), None)
-    first: Stamp | None = clock or (simulated[0] if simulated else None)
-    for stamp in simulated if first is not None else ():
-        if first is not None and {stamp.restarts, first.restarts} == {True, False}:
+    leading: dict[str, Stamp] = {}  # by domain: the clock, else the first message
+    for stamp in sorted(simulated, key=lambda stamp: not stamp.is_clock):
+        leading.setdefault(stamp.domain.name, stamp)
+    for stamp in simulated:
+        first = leading[stamp.domain.name]
+        if {stamp.restarts, first.restarts} == {True, False}:
             yield Problem(
                 stamp.node.path,
                 f"the time of {stamp.topic} {_restarts(stamp)} on Stop, that of {first.topic} "
@@ -260,10 +270,10 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a graph with an odometry and transforms alone.
     """
-    stamped: dict[str, list[Stamp]] = {}
+    stamped: dict[Domain, list[Stamp]] = {}
     for stamp in stamps(subject):
         if stamp.clock == "simulation":
-            stamped.setdefault(domain_of(stamp.node, subject), []).append(stamp)
+            stamped.setdefault(stamp.domain, []).append(stamp)
     clocks = [
         node
         for node in subject.live.values()
@@ -277,7 +287,7 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
         and all(node.type is not None for node in subject.live.values())
     )
     for domain, simulated in stamped.items() if is_known else ():
-        if not any(may_meet(domain, domain_of(clock, subject)) for clock in clocks):
+        if not any(may_meet(domain, domain_of(clock, subject.live)) for clock in clocks):
             first, count = simulated[0], len(simulated)
             others = "" if count == 1 else f", as {count - 1} more"
             yield Problem(
@@ -346,16 +356,24 @@ def value_not_offered(subject: LintSubject) -> Iterator[Problem]:
             known = (*port.allowed, *(() if node.type is None else node.type.message))
             if isinstance(value, str) and value not in ("", port.default, *known):
                 near = likely_name(value, port.allowed)
-                expected = near or ", ".join(port.allowed)
+                other = _other_node(node, value, subject) if name == KIND else None
+                expected = other or near or ", ".join(port.allowed)
                 yield Problem(
                     node.path,
                     f"{name} is {display(value)}, which {subject.title(node)} does not offer"
-                    f"{did_you_mean(near)}",
+                    f"{f'; {other} does it now' if other else did_you_mean(near)}",
                     property=name,
                     expected=expected,
                     actual=value,
+                    hint=f"replace the node by a {other}" if other else None,
                     fix=_setting(node, name, expected if expected in port.allowed else ""),
                 )
+
+
+def _other_node(node: Node, kind: str, subject: LintSubject) -> str | None:
+    """Return the title of the type of nodes that publishes this kind of messages now."""
+    moved = None if node.type is None else subject.catalog.get(node.type.moved.get(kind, ""))
+    return None if moved is None else moved.ui_name
 
 
 def _setting(node: Node, name: str, value: str) -> tuple[Edit, ...]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
+
+from msgspec import Struct
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, VERSION, modern_types
@@ -12,7 +15,7 @@ from lab3_usd.check.ros.topics import did_you_mean, likely_type
 from lab3_usd.model.changes import SetValue
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.isaac import NEWEST
+from lab3_usd.spec.isaac import order
 
 
 @rule("K30", "unregistered-type", scope="lint")
@@ -37,27 +40,38 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
             property=TYPE,
             expected=likely,
             actual=node.type_name,
-            hint=None
-            if likely
-            else "replace the node by one that this release has, or use another",
+            hint=_other_hint(node, subject) if likely is None else None,
             fix=(SetValue(node.path, TYPE, "token", likely),) if likely else (),
         )
 
 
 def _other_release(node: Node, subject: LintSubject) -> str | None:
     """Say which other releases have a type: '' where none has, None where this one has it."""
-    name = subject.catalog.modern(node.type_name)
-    gone = subject.types.releases_of(name)
-    if subject.release in gone:
+    releases = subject.types.releases_of(subject.catalog.modern(node.type_name))
+    if subject.release in releases:
         return None
-    if subject.types.is_later(name, subject.release):
-        return "; it came with a later release"
-    return f"; Isaac Sim {gone[-1]} was the last release with it" if gone else ""
+    later = _later(node, subject)
+    if later:
+        return f"; it came with Isaac Sim {later}"
+    return f"; Isaac Sim {releases[-1]} was the last release with it" if releases else ""
+
+
+def _other_hint(node: Node, subject: LintSubject) -> str:
+    later = _later(node, subject)
+    judge_by = f"; judge by that release with --isaac {later}" if later else ""
+    return f"replace the node by one that this release has, or use another{judge_by}"
+
+
+def _later(node: Node, subject: LintSubject) -> str | None:
+    """Return the first release after this one that has a type, None where none has."""
+    releases = subject.types.releases_of(subject.catalog.modern(node.type_name))
+    later = (name for name in releases if order(name) > order(subject.release))
+    return next(later, None)
 
 
 def _likely(node: Node, subject: LintSubject) -> str | None:
     """Return the type that was likely meant, None where none is near."""
-    if subject.types.is_later(node.type_name, subject.release):
+    if _later(node, subject):
         return None
     alike = subject.catalog.lookalikes.get(node.type_name)
     return alike or likely_type(node.type_name, subject.catalog.types)
@@ -67,8 +81,8 @@ def _likely(node: Node, subject: LintSubject) -> str | None:
 def old_names(subject: LintSubject) -> Iterator[Problem]:
     """Nodes of a graph have type names from before Isaac Sim 4.5.
 
-    Why: Isaac Sim 4.5 and later rename these types when they open the stage, as far as they know
-    them. The stage was saved by an older release, whose defaults were others.
+    Why: Isaac Sim 4.5 and later rename these types when they open the stage. The stage was saved by
+    an older release, whose defaults were others.
 
     Fix: open the stage in the release that you use, look at the graph, and save it again.
 
@@ -78,7 +92,7 @@ def old_names(subject: LintSubject) -> Iterator[Problem]:
         old = [
             node
             for node in (graph.nodes if graph.active else ())
-            if subject.catalog.modern(node.type_name) != node.type_name
+            if node.type is not None and subject.catalog.modern(node.type_name) != node.type_name
         ]
         if old:
             now = subject.catalog.modern(old[0].type_name)
@@ -135,24 +149,24 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     counted=("node of a newer version", "nodes of a newer version"),
 )
 def newer_version(subject: LintSubject) -> Iterator[Problem]:
-    """A node was saved by a newer version of its type than the one that is known.
+    """A node was saved by a newer version of its type than any that is known.
 
     Why: ports and defaults may have changed since, so that what is said of this node may be wrong.
 
     Fix: nothing is wrong. Judge the node by the release that saved it.
 
-    Example: ROS2 Camera Helper of version 4, while 6.0.1 has 3.
+    Example: ROS2 Camera Helper of version 5, while 6.2 has 4.
     """
     for node in subject.live.values():
         if node.type is None or node.type.is_open or node.version is None:
             continue
-        if node.version > node.type.version:
+        newest = max(subject.types.versions(node.type.type).values(), default=node.type.version)
+        if node.version > newest:
             yield Problem(
                 node.path,
-                f"{subject.title(node)} has version {node.version}; "
-                f"the newest known is {node.type.version}",
+                f"{subject.title(node)} has version {node.version}; the newest known is {newest}",
                 property=VERSION,
-                expected=str(node.type.version),
+                expected=str(newest),
                 actual=str(node.version),
             )
 
@@ -166,27 +180,57 @@ def newer_version(subject: LintSubject) -> Iterator[Problem]:
     counted=("sign of another release", "signs of another release"),
 )
 def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
-    """Nodes have ports that their types have no longer.
+    """The nodes of the stage were saved by another release of Isaac Sim.
 
-    Why: a saved node declares every port of the release that saved it. Some defaults were others
-    then: Reset On Stop was off before 6.0. The release that opens the stage takes its own.
+    Why: a saved node has the version of its type, and declares every port of the release that saved
+    it. Some defaults are others: Reset On Stop was off before 6.0. The release that opens the stage
+    takes its own.
 
     Fix: judge the stage by the release that you use, with `--isaac`; save it again to be sure.
 
     Example: a ROS2 Camera Helper with `inputs:viewport`, a port of 5.1.
     """
-    gone_ports: list[tuple[Node, str, str]] = []
-    for node in subject.live.values():
-        kind = node.type
-        for port in node.ports if kind is not None and subject.release == NEWEST else ():
-            releases = subject.types.releases_with(kind.type, port) if kind is not None else []
-            if releases:
-                gone_ports.append((node, port, releases[-1]))
-    if gone_ports:
-        node, port, release = gone_ports[0]
-        yield Problem(
-            node.path,
-            f"saved by Isaac Sim {release} or earlier: {port} no longer exists",
-            property=port,
-            related=tuple(dict.fromkeys(later.path for later, _, _ in gone_ports[1:])),
-        )
+    signs = [sign for node in subject.live.values() for sign in _signs(node, subject)]
+    strange = [sign for sign in signs if subject.release not in sign.releases]
+    if not strange:
+        return
+    counts = Counter(name for sign in signs for name in sign.releases)
+    fitting = max(counts, key=lambda name: (counts[name], order(name)))
+    first = strange[0]
+    yield Problem(
+        first.node.path,
+        f"saved by another release: {first.what}; --isaac {fitting} fits best",
+        property=first.property,
+        expected=subject.release,
+        actual=fitting,
+        related=tuple(dict.fromkeys(sign.node.path for sign in strange[1:])),
+    )
+
+
+class _Sign(Struct, frozen=True, eq=False):
+    """What tells the releases that may have saved a node."""
+
+    node: Node
+    property: str
+    what: str
+    releases: tuple[str, ...]
+
+
+def _signs(node: Node, subject: LintSubject) -> Iterator[_Sign]:
+    """Yield what of a node only some releases have: its type, its version and its ports."""
+    types, name = subject.types, subject.catalog.modern(node.type_name)
+    versions = types.versions(name)
+    if versions and node.type is None:
+        yield _Sign(node, TYPE, f"only {_named(versions)} has the type {name}", tuple(versions))
+    alike = tuple(release for release, number in versions.items() if number == node.version)
+    if alike and len(alike) < len(versions):
+        title = subject.title(node)
+        yield _Sign(node, VERSION, f"{title} {node.version} is that of {_named(alike)}", alike)
+    for port in node.ports:
+        releases = types.releases_with(name, port)
+        if releases:
+            yield _Sign(node, port, f"only {_named(releases)} has {port}", releases)
+
+
+def _named(releases: Iterable[str]) -> str:
+    return f"Isaac Sim {' and '.join(releases)}"

@@ -9,7 +9,13 @@ from lab3_usd.check.ros.execution import has_side_effects, is_nothing
 from lab3_usd.check.ros.quantities import quantity_of
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.ros.topics import did_you_mean, likely_name
-from lab3_usd.check.ros.wires import Connection, connections, find_cycles, why_dead
+from lab3_usd.check.ros.wires import (
+    Connection,
+    connections,
+    differ_in_role,
+    find_cycles,
+    why_dead,
+)
 from lab3_usd.model.changes import Connect, Edit, RenameProperty
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType, Port, can_connect
@@ -132,15 +138,16 @@ def _known_of_old(wire: Connection, subject: LintSubject) -> str:
 
 def _gone(kind: NodeType, port: str, subject: LintSubject) -> str:
     releases = subject.types.releases_with(kind.type, port)
-    return f" since Isaac Sim {releases[-1]}" if releases else ""
+    return f"; Isaac Sim {', '.join(releases)} has it" if releases else ""
 
 
 @rule("K22", "incompatible-types", scope="lint", formerly="types-that-do-not-fit")
 def incompatible_wire(subject: LintSubject) -> Iterator[Problem]:
     """A wire joins two ports whose types do not go together.
 
-    Why: OmniGraph converts between numbers of one shape and between string and token, and nothing
-    else. It refuses other wires when the stage is opened, and the input has no source.
+    Why: OmniGraph converts between numbers of one shape and between string and token. It refuses
+    other wires when the stage is opened, and the input has no source. Types that hold the same
+    numbers for another purpose, as a vector and three plain numbers, may still be taken: a warning.
 
     Fix: wire a port of the right type, or put a node between that converts.
 
@@ -157,6 +164,7 @@ def incompatible_wire(subject: LintSubject) -> Iterator[Problem]:
                 expected=target.ogn_type,
                 actual=source.ogn_type,
                 related=(wire.source_prim,),
+                severity="warning" if differ_in_role(source, target) else None,
             )
 
 

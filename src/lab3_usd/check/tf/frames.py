@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.check.ros.contexts import Domain, domain_of
 from lab3_usd.check.ros.running import (
     Nodes,
     effective_value,
@@ -58,7 +59,8 @@ class Edge(Struct, frozen=True):
     `publisher` sends it, `cause` is the node whose settings name it (the same one, or the node
     that computes the frames). `target` is the target prim it comes from, None for a transform
     between named frames; `expanded` where the target stands for all links of a robot, and `prim`
-    is the prim whose frame the child is. `sure` tells whether the nodes run for certain.
+    is the prim whose frame the child is. `sure` tells whether the nodes run for certain, `domain`
+    who hears of it.
     """
 
     parent: str
@@ -71,6 +73,7 @@ class Edge(Struct, frozen=True):
     prim: str | None = None
     expanded: bool = False
     sure: bool = True
+    domain: Domain = Domain()
 
 
 def tf2_name(written: str) -> str:
@@ -174,17 +177,20 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
             return PublishedTransforms(node, None)
         parent, child = tf2_name(parent), tf2_name(child)
         edge = Edge(parent, child, node.path, node.path, topic, static)
-        return PublishedTransforms(node, (replace(edge, sure=_is_sure(scene, node)),))
+        domain = domain_of(node, scene.live_nodes)
+        return PublishedTransforms(
+            node, (replace(edge, sure=_is_sure(scene, node), domain=domain),)
+        )
     arrays = _arrays(node, ports, scene) if ports.prims else None
     if arrays is None:
         return PublishedTransforms(node, None)
     maker = arrays.maker
-    is_sure = _is_sure(scene, node, maker)
+    is_sure, domain = _is_sure(scene, node, maker), domain_of(node, scene.live_nodes)
     edges = []
     for pair in arrays.pairs:
         parent, child = ((pair.parent, pair.child)[place] for place in arrays.order)
         edge = Edge(parent, child, node.path, maker.path, topic, static, pair.target, pair.prim)
-        edges.append(replace(edge, expanded=pair.expanded, sure=is_sure))
+        edges.append(replace(edge, expanded=pair.expanded, sure=is_sure, domain=domain))
     top = parent_frame(maker, scene.stage, scene.lab)
     hidden = tuple(
         replace(frames, parent=top, publisher=node.path, cause=maker.path, topic=topic)

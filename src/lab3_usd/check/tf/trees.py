@@ -96,10 +96,18 @@ def is_tree_known(subject: LintSubject) -> bool:
     return not (unknown_publishers(stage, lab) or unresolved_frames(stage, lab) or idle)
 
 
-def frame_sets(subject: LintSubject) -> list[tuple[list[Edge], frozenset[str]]]:
+def edges_by_domain(subject: LintSubject) -> dict[str, list[Edge]]:
+    """Return the transforms that the stage publishes by the domain in which they are heard."""
+    domains: dict[str, list[Edge]] = {}
+    for edge in all_edges(subject):
+        domains.setdefault(edge.domain.name, []).append(edge)
+    return domains
+
+
+def frame_sets(published: list[Edge]) -> list[tuple[list[Edge], frozenset[str]]]:
     """Return the trees that nothing connects: their transforms and frames, the largest first."""
     trees: list[tuple[list[Edge], set[str]]] = []
-    for edge in all_edges(subject):
+    for edge in published:
         touched = [tree for tree in trees if {edge.parent, edge.child} & tree[1]]
         joined = ([edge], {edge.parent, edge.child})
         for tree in touched:

@@ -33,11 +33,13 @@ from lab3_usd.spec.catalog import (
 from lab3_usd.spec.isaac import (
     BodyOf,
     IsaacTypes,
+    JointsOf,
     Need,
     QuantityOf,
     Release,
     SensorOf,
     TargetOf,
+    TypeChanges,
     UnitOf,
 )
 from lab3_usd.spec.lab import CATALOG
@@ -62,6 +64,7 @@ class _PortEntry(Struct, forbid_unknown_fields=True):
 class _DrivesEntry(Struct, forbid_unknown_fields=True):
     robot: tuple[str, str]
     joints: str
+    indices: str
     commands: tuple[str, ...]
 
 
@@ -84,6 +87,7 @@ class _TypeEntry(Struct, forbid_unknown_fields=True):
     only_of: dict[str, tuple[str, ...]] = {}
     services: tuple[str, ...] = ()
     message: str | dict[str, str] = {}
+    moved: dict[str, str] = {}
     frames: tuple[str, ...] = ()
     tf: TfPorts | None = None
     articulation: tuple[str, ...] = ()
@@ -183,6 +187,7 @@ def _node_type(
         services=_named(entry.services, INPUT, ports, f"{where}: services"),
         frames=_named(entry.frames, INPUT, ports, f"{where}: frames"),
         message={"": entry.message} if isinstance(entry.message, str) else entry.message,
+        moved=entry.moved,
         tf=_tf_ports(entry.tf, ports, f"{where}: tf"),
         articulation=_named(entry.articulation, INPUT, ports, f"{where}: articulation"),
         time_step=_named(entry.time_step, INPUT, ports, f"{where}: time_step"),
@@ -267,10 +272,10 @@ def _drive_ports(
 ) -> DrivePorts | None:
     if entry is None:
         return None
-    path, target, joints, *commands = _named(
-        (*entry.robot, entry.joints, *entry.commands), INPUT, ports, where
+    path, target, joints, indices, *commands = _named(
+        (*entry.robot, entry.joints, entry.indices, *entry.commands), INPUT, ports, where
     )
-    return DrivePorts(path, target, joints, tuple(commands))
+    return DrivePorts(path, target, joints, indices, tuple(commands))
 
 
 def _product_ports(
@@ -286,11 +291,14 @@ def _product_ports(
 
 TYPES = "node_types.yaml"
 KIT_TYPES = "kit_types.yaml"
+ROLES = "roles.yaml"
 NEEDS = "needs.yaml"
 VERSIONS = "versions.yaml"
+WHEELS = "wheels.yaml"
 RENAMES = "renames.yaml"
 SENSORS = "sensors.yaml"
 BODIES = "bodies.yaml"
+JOINTS = "joints.yaml"
 UNITS = "units.yaml"
 TARGETS = "targets.yaml"
 QUANTITIES = "quantities.yaml"
@@ -300,6 +308,27 @@ APPLICATION = "application.yaml"
 class _Renames(Struct, forbid_unknown_fields=True):
     prefixes: dict[str, str]
     renamed: dict[str, str]
+
+
+class _ChangesEntry(Struct, forbid_unknown_fields=True):
+    version: int | None = None
+    ports: dict[str, str | _PortEntry] = {}
+    lacks: tuple[str, ...] = ()
+    defaults: dict[str, Any] = {}
+    allowed: dict[str, tuple[str, ...]] = {}
+    message: dict[str, str] = {}
+
+
+class _ReleaseEntry(Struct, forbid_unknown_fields=True):
+    has: dict[str, Any] = {}
+    lacks: tuple[str, ...] = ()
+    types: dict[str, _ChangesEntry] = {}
+
+
+class _Wheels(Struct, forbid_unknown_fields=True):
+    usd_types: dict[str, str]
+    types: dict[str, Any]
+    releases: dict[str, _ReleaseEntry]
 
 
 class _Application(Struct, forbid_unknown_fields=True):
@@ -315,8 +344,10 @@ def assemble_types(folder: Path) -> IsaacTypes:
     lab_data = read_yaml(folder.parent / CATALOG)
     lab = parse_catalog(lab_data)
     data = read_yaml(folder / TYPES)
-    usd_types = {**lab_data["usd_types"], **data["usd_types"]}
-    types = parse_types(data["types"], usd_types, f"{folder.name}/{TYPES}")
+    wheels = record(read_yaml(folder / WHEELS), _Wheels, f"{folder.name}/{WHEELS}")
+    usd_types = {**lab_data["usd_types"], **data["usd_types"], **wheels.usd_types}
+    public = _with_roles({**data["types"], **wheels.types}, folder)
+    types = parse_types(public, usd_types, f"{folder.name}/{TYPES}")
     kit = read_yaml(folder / KIT_TYPES)["types"]
     kit_types = parse_types(kit, usd_types, f"{folder.name}/{KIT_TYPES}")
     names = record(read_yaml(folder / RENAMES), _Renames, f"{folder.name}/{RENAMES}")
@@ -327,10 +358,15 @@ def assemble_types(folder: Path) -> IsaacTypes:
         renamed={**names.renamed, **lab.renamed},
     )
     where = f"{folder.name}/{VERSIONS}"
-    releases = record(_tuples(read_yaml(folder / VERSIONS)), dict[str, Release], where)
+    earlier = record(_tuples(read_yaml(folder / VERSIONS)), dict[str, _ReleaseEntry], where)
+    releases = {
+        name: _release(entry, usd_types, f"{folder.name}: {name}")
+        for name, entry in {**earlier, **wheels.releases}.items()
+    }
     needs = _needs(folder, catalog, releases)
     sensors = record(read_yaml(folder / SENSORS), dict[str, SensorOf], f"{folder.name}/{SENSORS}")
     bodies = record(read_yaml(folder / BODIES), dict[str, BodyOf], f"{folder.name}/{BODIES}")
+    joints = record(read_yaml(folder / JOINTS), dict[str, JointsOf], f"{folder.name}/{JOINTS}")
     units = record(read_yaml(folder / UNITS), dict[str, UnitOf], f"{folder.name}/{UNITS}")
     targets = record(read_yaml(folder / TARGETS), dict[str, TargetOf], f"{folder.name}/{TARGETS}")
     where = f"{folder.name}/{QUANTITIES}"
@@ -338,8 +374,39 @@ def assemble_types(folder: Path) -> IsaacTypes:
     where = f"{folder.name}/{APPLICATION}"
     made = record(read_yaml(folder / APPLICATION), _Application, where)
     return IsaacTypes(
-        catalog, needs, releases, sensors, bodies, units, targets, quantities, made.prims
+        catalog, needs, releases, sensors, bodies, joints, units, targets, quantities, made.prims
     )
+
+
+def _with_roles(types: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the entries of types with what is said of their ports by hand.
+
+    Raises:
+        SpecError: a type is not there.
+    """
+    roles = read_yaml(folder / ROLES)
+    for name in roles:
+        if name not in types:
+            raise SpecError(f"{folder.name}/{ROLES}: '{name}' is no node type")
+    return {name: {**entry, **roles.get(name, {})} for name, entry in types.items()}
+
+
+def _release(entry: _ReleaseEntry, usd_types: Mapping[str, str], where: str) -> Release:
+    changes = {
+        name: TypeChanges(
+            version=said.version,
+            ports={
+                full: _port(full, port, usd_types, f"{where}: {name}")
+                for full, port in said.ports.items()
+            },
+            lacks=said.lacks,
+            defaults=_tuples(said.defaults),
+            allowed=said.allowed,
+            message=said.message,
+        )
+        for name, said in entry.types.items()
+    }
+    return Release(parse_types(entry.has, usd_types, where), entry.lacks, changes)
 
 
 def _tuples(data: Any) -> Any:
@@ -360,7 +427,7 @@ def _needs(
             raise SpecError(f"{where}: '{name}' is no node type")
         known = set(kind.ports)
         for release in releases.values():
-            known |= set(release.types[name].gone if name in release.types else ())
+            known |= set(release.types[name].ports if name in release.types else ())
         for short in (port_name for need in entries for port_name in _isaac_named(need)):
             if INPUT + short not in known:
                 raise SpecError(f"{where}: {name} has no input '{short}'")

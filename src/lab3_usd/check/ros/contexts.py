@@ -1,0 +1,95 @@
+"""ROS contexts: which nodes use each, and in which domain a node talks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from msgspec import Struct
+
+from lab3_usd.check.ros.running import LintSubject, Nodes, effective_value, live_sources
+from lab3_usd.model.stage import Node
+from lab3_usd.spec.catalog import INPUT, OUTPUT
+
+_CONTEXT = "context"
+DOMAIN, FROM_ENVIRONMENT = "inputs:domain_id", "inputs:useDomainIDEnvVar"
+
+
+class Domain(Struct, frozen=True):
+    """The ROS domain of a node: `name` is its number where the environment names none.
+
+    Two nodes see each other where the names are alike; with `from_environment` the environment's
+    ROS_DOMAIN_ID wins. `name` is a path where nothing tells the number.
+    """
+
+    name: str = "0"
+    from_environment: bool = True
+
+    @property
+    def number(self) -> int | None:
+        """The number of the domain where the environment names none, None where it is unknown."""
+        return int(self.name) if self.name.isdecimal() else None
+
+    def __str__(self) -> str:
+        """Write the domain in words."""
+        domain = f"domain {self.name}"
+        return f"the environment's domain, else {domain}" if self.from_environment else domain
+
+
+def may_meet(one: Domain, other: Domain) -> bool:
+    """Whether nodes of two domains may hear each other: the environment may name any."""
+    return one.name == other.name or one.from_environment or other.from_environment
+
+
+def are_surely_one(domains: Iterable[Domain]) -> bool:
+    """Whether domains of one name are one in every environment."""
+    return len({domain.from_environment for domain in domains}) < 2  # noqa: PLR2004 - both kinds
+
+
+class ContextInput(Struct, frozen=True, eq=False):
+    """The context of a node: what makes it, and whether anything is wired or set at all."""
+
+    node: Node
+    port: str
+    contexts: tuple[Node, ...]
+    is_set: bool
+
+
+def context_inputs(subject: LintSubject) -> Iterator[ContextInput]:
+    """Yield the context of every live node that takes one."""
+    port = INPUT + _CONTEXT
+    for node in subject.live.values():
+        if node.type is not None and port in node.type.ports:
+            contexts = tuple(source for source, _ in live_sources(node, port, subject.live))
+            yield ContextInput(node, port, contexts, bool(node.sources(port) or node.value(port)))
+
+
+def domain_of(node: Node, live: Nodes) -> Domain:
+    """Return the domain in which a node talks: that of its context, else the environment's.
+
+    Source: `Ros2Node.h:152-161`, `OgnROS2Context.cpp:41-120`.
+    """
+    for source, _ in live_sources(node, INPUT + _CONTEXT, live):
+        if source.type is None or OUTPUT + _CONTEXT not in source.type.ports:
+            return Domain(source.path, from_environment=False)
+        return _domain_of_context(source, live)
+    return Domain()
+
+
+def _domain_of_context(context: Node, live: Nodes) -> Domain:
+    number = effective_value(context, DOMAIN, live)
+    is_open = effective_value(context, FROM_ENVIRONMENT, live) is True
+    return Domain(str(number) if isinstance(number, int) else context.path, is_open)
+
+
+def domains(subject: LintSubject) -> dict[Domain, list[Node]]:
+    """Return the contexts that a node uses by the domain that they name."""
+    by_domain: dict[Domain, list[Node]] = {}
+    used = {
+        node.path: node
+        for context_input in context_inputs(subject)
+        for node in context_input.contexts
+    }
+    for node in used.values():
+        if node.type is not None and OUTPUT + _CONTEXT in node.type.ports:
+            by_domain.setdefault(_domain_of_context(node, subject.live), []).append(node)
+    return by_domain
