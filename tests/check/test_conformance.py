@@ -13,8 +13,8 @@ from lab3_usd.check.match.conformance import (
     target_matches,
 )
 from lab3_usd.model.stage import Node, PortState, same_value
-from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph import Setting, Target
+from lab3_usd.spec.values import Value
 
 SAME: list[tuple[Value, Value]] = [
     (1, 1.0),

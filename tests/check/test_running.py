@@ -16,8 +16,8 @@ from lab3_usd.check.ros.running import (
 from lab3_usd.judge.lint import lint_lab
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
-from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.isaac import BASE
+from lab3_usd.spec.values import Value
 
 TICK = "omni.graph.action.OnPlaybackTick"
 STEP = "isaacsim.core.nodes.OnPhysicsStep"

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from lab3_usd.check.registry import rules_of
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
-from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.values import Value
 
 TICK_TYPE = m.lab().graphs[m.ODOM_TF].nodes["on_playback_tick"].type.type
 RAW_TYPE = m.lab().graphs[m.ODOM_TF].nodes[m.RAW].type.type

@@ -14,7 +14,7 @@ from pxr import Usd
 
 from lab3_usd.check.ros.topics import Endpoint, Qos, decode, endpoints, resolve
 from lab3_usd.model.stage import Node, PortState, StageModel
-from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.values import Value
 from lab3_usd.stage.write.builder import build_checkpoint
 
 LIDAR, CAMERA, INFO = "ros2_rtx_lidar_helper", "ros2_camera_helper", "ros2_camera_info_helper"

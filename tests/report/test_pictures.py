@@ -41,8 +41,8 @@ from lab3_usd.report.picture.svg import (
 from lab3_usd.report.pictures.graph_picture import graph_picture, spec_picture, stage_pictures
 from lab3_usd.report.pictures.tf_picture import frames_picture, spec_frames_picture
 from lab3_usd.report.safe_text import dot_string
-from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph import GraphSpec
+from lab3_usd.spec.values import Value
 
 LAB = models.lab()
 CLOCK = LAB.graphs["ROS_Clock"]

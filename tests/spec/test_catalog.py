@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 
-from lab3_usd.spec.catalog import Catalog, NodeType, Port, Value
+from lab3_usd.spec.catalog import Catalog, NodeType, Port
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.values import Value
 
 CATALOG = load_lab().catalog
 Facts = Mapping[str, Any]

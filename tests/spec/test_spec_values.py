@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.catalog import Port, can_connect, fits_type, is_known_type, typed_value
+from lab3_usd.spec.catalog import Port, can_connect
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.values import fits_type, is_known_type, typed_value
 
 CATALOG = load_lab().catalog
 PORTS = [port for node_type in CATALOG.types.values() for port in node_type.ports.values()]

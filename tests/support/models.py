@@ -9,10 +9,10 @@ from msgspec.structs import replace
 from lab3_usd.check.match.subject import Roles, StageSubject
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
-from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.values import Value
 
 ROBOT = "/turtlebot3_burger"
 BASE = f"{ROBOT}/base_footprint"

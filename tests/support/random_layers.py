@@ -19,7 +19,7 @@ from lab3_usd.model.changes import (
     Retarget,
     SetValue,
 )
-from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.values import Value
 
 TYPES = {
     "int": ("1", "-7"),

@@ -13,21 +13,12 @@ from lab3_usd.data import data_folder
 from lab3_usd.describe.yaml_text import document
 from lab3_usd.errors import SpecError
 from lab3_usd.model.stage import GraphModel, Node
-from lab3_usd.spec.catalog import (
-    INPUT,
-    OUTPUT,
-    Catalog,
-    NodeType,
-    Port,
-    Value,
-    can_connect,
-    is_known_type,
-    typed_value,
-)
+from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, can_connect
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG
 from lab3_usd.spec.load.catalog import parse_types
 from lab3_usd.spec.load.graph import parse_graph
+from lab3_usd.spec.values import Value, is_known_type, typed_value
 from lab3_usd.spec.yaml_file import read_yaml
 
 _HEAD = "What the stage has beside the public node types of Isaac Sim and their names of today."

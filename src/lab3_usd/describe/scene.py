@@ -18,11 +18,12 @@ from lab3_usd.model.physics import BODY_API, SCENE, collides, is_joint
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import IDENTITY, camera_axes
-from lab3_usd.spec.catalog import Catalog, Value, is_known_type
+from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.lab import parse_scene
 from lab3_usd.spec.scene import ANYWHERE, SensorSpec
+from lab3_usd.spec.values import Value, is_known_type
 from lab3_usd.stage.read.prims import Authored, authored_attributes
 from lab3_usd.stage.read.reader import read_stage
 

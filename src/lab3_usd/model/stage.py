@@ -11,7 +11,8 @@ from msgspec import Struct, field
 from msgspec.structs import force_setattr
 
 from lab3_usd.model.prims import Colliders, NameFilter, Prim, Prims, is_at_or_below
-from lab3_usd.spec.catalog import NodeType, Value
+from lab3_usd.spec.catalog import NodeType
+from lab3_usd.spec.values import Value
 
 NOISE = 1e-6  # relative; the GUI writes float noise into doubles
 

@@ -1,123 +1,18 @@
 """The catalog of node types.
 
-Ports, defaults, values, how graphs are saved, and what a type does with topics and frames.
+Ports, defaults, how graphs are saved, and what a type does with topics and frames.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 from functools import cached_property
-from typing import Any, Literal, Union
+from typing import Any, Literal
 
 from msgspec import Struct, field
 
-from lab3_usd.errors import SpecError
-
-Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated at run time
-
-_RANGES = {
-    "uchar": (0, 2**8 - 1),
-    "int": (-(2**31), 2**31 - 1),
-    "uint": (0, 2**32 - 1),
-    "int64": (-(2**63), 2**63 - 1),
-    "uint64": (0, 2**64 - 1),
-}
-_TUPLES = {
-    "float2": ("float", 2),
-    "float3": ("float", 3),
-    "float4": ("float", 4),
-    "normal3f": ("float", 3),
-    "vector3f": ("float", 3),
-    "int2": ("int", 2),
-    "vector3d": ("double", 3),
-    "point3f": ("float", 3),
-    "color4f": ("float", 4),
-    "matrix3d": ("double3", 3),
-    "matrix4d": ("double4", 4),
-    "double2": ("double", 2),
-    "double3": ("double", 3),
-    "double4": ("double", 4),
-    "quatd": ("double", 4),
-}
-
-
-def _whole(low: int, high: int) -> Callable[[Any], bool]:
-    return lambda value: (
-        isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
-    )
-
-
-def _real(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
-_SCALARS: dict[str, Callable[[Any], bool]] = {
-    "bool": lambda value: isinstance(value, bool),
-    "string": lambda value: isinstance(value, str),
-    "token": lambda value: isinstance(value, str),
-    "float": _real,
-    "double": _real,
-    **{name: _whole(*limits) for name, limits in _RANGES.items()},
-}
-
-
-def is_known_type(usd_type: str) -> bool:
-    """Whether values of this USD type can be written in a spec."""
-    base = usd_type.removesuffix("[]")
-    return base in _TUPLES or base in _SCALARS
-
-
-def fits_type(value: Any, usd_type: str) -> bool:
-    """Whether a plain value can be stored in an attribute of this USD type."""
-    if usd_type.endswith("[]"):
-        return isinstance(value, (list, tuple)) and all(fits_type(v, usd_type[:-2]) for v in value)
-    if usd_type in _TUPLES:
-        element, count = _TUPLES[usd_type]
-        return (
-            isinstance(value, (list, tuple))
-            and len(value) == count
-            and all(fits_type(v, element) for v in value)
-        )
-    check = _SCALARS.get(usd_type)
-    return check is not None and check(value)
-
-
-# Types of which each can hold the values of the others. Isaac Sim reads them for one another: files
-# of earlier releases declare some inputs so.
-_ALIKE = (
-    frozenset({"float", "double", "half"}),
-    frozenset({"int", "uint", "int64", "uint64", "uchar"}),
-    frozenset({"string", "token"}),
-)
-
-
-def are_alike(first: str, second: str) -> bool:
-    """Whether values of two USD types stand for one another."""
-    return first == second or any({first, second} <= types for types in _ALIKE)
-
-
-def typed_value(value: Any, usd_type: str, where: str) -> Value:
-    """Return `value` as it is stored: lists become tuples, numbers of float types floats.
-
-    Raises:
-        SpecError: the value does not fit the type; `where` opens the message.
-    """
-    if not fits_type(value, usd_type):
-        raise SpecError(f"{where} is {value!r}, expected a value of type {usd_type}")
-    return _frozen(value, usd_type)
-
-
-def _frozen(value: Any, usd_type: str) -> Value:
-    if usd_type.endswith("[]"):
-        return tuple(_frozen(v, usd_type[:-2]) for v in value)
-    if usd_type in _TUPLES:
-        return tuple(_frozen(v, _TUPLES[usd_type][0]) for v in value)
-    if usd_type in {"float", "double"}:
-        return float(value)
-    result: Value = value
-    return result
+from lab3_usd.spec.values import Value, typed_value
 
 
 class GraphAttribute(Struct, frozen=True):

@@ -8,7 +8,8 @@ from functools import cached_property, lru_cache
 
 from msgspec import Struct
 
-from lab3_usd.spec.catalog import INPUT, NodeType, Port, Value
+from lab3_usd.spec.catalog import INPUT, NodeType, Port
+from lab3_usd.spec.values import Value
 
 _ENDS = re.compile(r"^[^A-Za-z0-9]+|[^A-Za-z0-9]+$")
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 
 from lab3_usd.check.match.subject import Roles
 from lab3_usd.model.stage import Node, RenderProduct, same_value
-from lab3_usd.spec.catalog import INPUT, Value, can_connect
+from lab3_usd.spec.catalog import INPUT, can_connect
 from lab3_usd.spec.graph import NodeSpec, Setting, Target, Wire, resolved_topic
+from lab3_usd.spec.values import Value
 
 
 def setting_value(nodes: Mapping[str, Node], node: Node, port: str, depth: int = 8) -> Value | None:

@@ -21,8 +21,9 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
-from lab3_usd.spec.catalog import INPUT, OUTPUT, DrivePorts, Value
+from lab3_usd.spec.catalog import INPUT, OUTPUT, DrivePorts
 from lab3_usd.spec.isaac import BodyOf, is_within
+from lab3_usd.spec.values import Value
 
 AXES = {REVOLUTE: "angular", "PhysicsPrismaticJoint": "linear"}  # others have several drives
 _MIMIC = "Mimic"

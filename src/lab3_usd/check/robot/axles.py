@@ -26,7 +26,7 @@ from lab3_usd.model.transforms import (
     scaled,
     transform_point,
 )
-from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.values import Value
 
 _ALONG: dict[Any, Vector] = dict(zip("XYZ", AXES, strict=True))
 AXIS = "physics:axis"

@@ -26,9 +26,10 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
-from lab3_usd.spec.catalog import INPUT, DrivePorts, Value
+from lab3_usd.spec.catalog import INPUT, DrivePorts
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.values import Value
 
 
 class WheelJoint(Struct, frozen=True, eq=False):

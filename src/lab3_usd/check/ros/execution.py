@@ -18,8 +18,9 @@ from lab3_usd.check.ros.running import (
     signals_once,
 )
 from lab3_usd.model.stage import GraphModel, Node
-from lab3_usd.spec.catalog import INPUT, Value
+from lab3_usd.spec.catalog import INPUT
 from lab3_usd.spec.isaac import Need, is_within
+from lab3_usd.spec.values import Value
 
 
 def unmet_needs(node: Node, subject: LintSubject) -> Iterator[Need]:

@@ -14,9 +14,10 @@ from lab3_usd.model.finding import Severity
 from lab3_usd.model.physics import ARTICULATION_API, BODY_API
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
-from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, Value
+from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog
 from lab3_usd.spec.isaac import IsaacTypes
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.values import Value
 
 # A node that is not named among the states does not run.
 State = Literal["runs", "may run"]

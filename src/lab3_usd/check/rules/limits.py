@@ -11,7 +11,7 @@ from lab3_usd.check.repairs import edits_at
 from lab3_usd.model.finding import Problem, display, role_title, short_source
 from lab3_usd.model.physics import number
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.catalog import Value
+from lab3_usd.spec.values import Value
 
 
 @rule("P11", "limit-without-time-step", scope="graph")

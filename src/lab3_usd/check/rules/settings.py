@@ -20,8 +20,9 @@ from lab3_usd.check.tf.lab_frames import role_specs
 from lab3_usd.model.changes import ClearValue
 from lab3_usd.model.finding import Problem, display, format_paths, role_title, short_source
 from lab3_usd.model.stage import Node, once_per_stage, same_value
-from lab3_usd.spec.catalog import INPUT, Port, Value, are_alike
+from lab3_usd.spec.catalog import INPUT, Port
 from lab3_usd.spec.graph import NodeSpec, Setting, resolved_topic
+from lab3_usd.spec.values import Value, are_alike
 
 
 class Found(Struct, frozen=True):

@@ -24,8 +24,9 @@ from lab3_usd.report.picture.model import (
     is_port,
     sized,
 )
-from lab3_usd.spec.catalog import INPUT, NodeType, Port, Value
+from lab3_usd.spec.catalog import INPUT, NodeType, Port
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, PortRef
+from lab3_usd.spec.values import Value
 
 
 class SiteFindings(Struct, frozen=True):

@@ -24,7 +24,8 @@ from lab3_usd.sim.execution.running import (
     push,
 )
 from lab3_usd.sim.execution.world import World
-from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, are_alike, can_connect
+from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, can_connect
+from lab3_usd.spec.values import are_alike
 
 _USD = {"execution": "uint"}
 _UNLISTED = {  # ports of types that the catalog does not describe, as far as they run here

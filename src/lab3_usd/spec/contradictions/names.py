@@ -9,7 +9,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from lab3_usd.spec.catalog import INPUT, Value
+from lab3_usd.spec.catalog import INPUT
 from lab3_usd.spec.graph import (
     GraphSpec,
     NodeSpec,
@@ -20,6 +20,7 @@ from lab3_usd.spec.graph import (
 )
 from lab3_usd.spec.lab import CHECKPOINTS, ROS, SCENE, SUBMISSION, Lab
 from lab3_usd.spec.ros import FROM_THE_FIRST, NavigationSpec, TopicSpec
+from lab3_usd.spec.values import Value
 
 
 class LabFault(Struct, frozen=True):

@@ -24,11 +24,8 @@ from lab3_usd.spec.catalog import (
     Scripts,
     SingleSignal,
     TfPorts,
-    Value,
     WriterPorts,
     graph_form,
-    is_known_type,
-    typed_value,
 )
 from lab3_usd.spec.isaac import (
     BodyOf,
@@ -43,6 +40,7 @@ from lab3_usd.spec.isaac import (
     UnitOf,
 )
 from lab3_usd.spec.lab import CATALOG
+from lab3_usd.spec.values import Value, is_known_type, typed_value
 from lab3_usd.spec.yaml_file import read_yaml, record
 
 _RELATIONSHIP = "rel"

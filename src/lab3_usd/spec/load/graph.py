@@ -10,8 +10,9 @@ from typing import Any
 from msgspec import Struct
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.catalog import INPUT, Catalog, NodeType, Port, can_connect, typed_value
+from lab3_usd.spec.catalog import INPUT, Catalog, NodeType, Port, can_connect
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, PortRef, Setting, Target, Wire
+from lab3_usd.spec.values import typed_value
 from lab3_usd.spec.yaml_file import record
 
 _WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.data import data_folder, lab_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.spec import ros
-from lab3_usd.spec.catalog import Catalog, typed_value
+from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, SCENE, SUBMISSION, Lab
 from lab3_usd.spec.load.catalog import parse_catalog
@@ -28,6 +28,7 @@ from lab3_usd.spec.submission import (
     StarterRules,
     SubmissionSpec,
 )
+from lab3_usd.spec.values import typed_value
 from lab3_usd.spec.yaml_file import read_yaml, record, records
 
 _ByName = dict[str, dict[str, Any]]

@@ -19,8 +19,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 
 from lab3_usd.model.changes import Difference
 from lab3_usd.model.finding import display
-from lab3_usd.spec.catalog import Value
 from lab3_usd.spec.submission import StarterRules
+from lab3_usd.spec.values import Value
 from lab3_usd.stage.read.properties import plain_value
 from lab3_usd.stage.read.transforms import ORDER, RESET, TransformCache, local_transform
 

@@ -22,7 +22,7 @@ from lab3_usd.model.changes import (
     Retarget,
     SetValue,
 )
-from lab3_usd.spec.catalog import are_alike
+from lab3_usd.spec.values import are_alike
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.write.graphs import author_graph, catalog_value
 

@@ -10,8 +10,9 @@ from msgspec import Struct, field
 from pxr import Sdf, Usd
 
 from lab3_usd.model.prims import NameFilter, Prim, Prims
-from lab3_usd.spec.catalog import GraphForm, Value
+from lab3_usd.spec.catalog import GraphForm
 from lab3_usd.spec.scene import SensorSpec
+from lab3_usd.spec.values import Value
 from lab3_usd.stage.read.assets import IS_PRESENT, is_in_scene
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
 from lab3_usd.stage.read.properties import AuthoredProperties, plain_value

@@ -18,8 +18,9 @@ from lab3_usd.model.stage import (
     Script,
     StageModel,
 )
-from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType, Value
+from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.values import Value
 from lab3_usd.stage.read.assets import (
     IS_PRESENT,
     find_muted,

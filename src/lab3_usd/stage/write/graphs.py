@@ -7,9 +7,10 @@ from typing import Any
 
 from pxr import Gf, Sdf
 
-from lab3_usd.spec.catalog import Catalog, Port, Value
+from lab3_usd.spec.catalog import Catalog, Port
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.scene import PoseSpec, SensorSpec
+from lab3_usd.spec.values import Value
 
 # How Kit marks ports (isaac facts: serialization, sections 4, 5 and 7).
 _EXECUTION = {"isExecution": True}
