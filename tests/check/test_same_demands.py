@@ -24,11 +24,12 @@ from lab3_usd.stage.read.reader import read_stage
 SAME = {"08": "07"}
 # What a rule may ask a checkpoint: the rest tells one from another that asks the same.
 ASKED = {"graphs", "sensors", "frames", "topics", "localization", "id"}
-# Whether it is the first, and whether the robot may have driven before it.
+# Whether it is the first, whether the robot may have driven before it, and which topics are there.
 NUMBERS = {
     "checkpoint.id == lab.first",
     "subject.checkpoint.id == subject.lab.first",
     "subject.lab.is_after(subject.checkpoint.id, spec.pose_is_error_until)",
+    "subject.lab.topics_until(subject.checkpoint.id)",
 }
 
 
@@ -64,6 +65,12 @@ def test_what_comes_beside_a_stage_makes_no_difference() -> None:
 def test_a_robot_that_may_have_driven_makes_a_difference() -> None:
     robot = replace(LAB.scene.robot, pose_is_error_until="07")
     lab = replace(LAB, scene=replace(LAB.scene, robot=robot))
+    assert lab.same_demands("08").id == "08"
+
+
+def test_a_topic_that_comes_later_makes_a_difference() -> None:
+    topics = {**LAB.topics, "/later": replace(LAB.topics["/scan"], since="08")}
+    lab = replace(LAB, ros=replace(LAB.ros, topics=topics))
     assert lab.same_demands("08").id == "08"
 
 

@@ -194,7 +194,17 @@ def test_a_topic_of_the_lab_with_another_type_is_found(message: str, count: int)
     assert [(p.prim, p.actual) for p in found] == [
         ("/Graph/any/reader", "geometry_msgs/msg/TwistStamped")
     ][:count]
-    assert "Q02" not in problems(m.stage(graph), "05")
+    assert len(problems(m.stage(graph), "02").get("Q02", [])) == count
+    assert "Q02" not in problems(m.stage(graph), "01")  # there is no such topic yet
+
+
+def test_another_type_on_the_topic_of_the_tree_is_found() -> None:
+    graph = driven(
+        "/Graph/any/sender", "isaacsim.ros2.bridge.ROS2Publisher", topicName="tf",
+        messagePackage="std_msgs", messageName="String",
+    )  # fmt: skip
+    (problem,) = problems(m.stage(graph), "05")["Q02"]
+    assert (problem.prim, problem.severity) == ("/Graph/any/sender", None)
 
 
 def sender(**inputs: Value) -> StageModel:

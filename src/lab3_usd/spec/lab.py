@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.ros import RosSpec, TopicSpec
+from lab3_usd.spec.ros import FROM_THE_FIRST, RosSpec, TopicSpec
 from lab3_usd.spec.scene import SceneSpec, SensorSpec
 from lab3_usd.spec.submission import SubmissionSpec
 
@@ -234,7 +234,8 @@ class Lab(Struct, frozen=True, eq=False):
         flags = (checkpoint.frames, checkpoint.topics, checkpoint.localization)
         may_have_driven = self.is_after(checkpoint.id, self.scene.robot.pose_is_error_until)
         is_first = checkpoint.id == self.first
-        return (checkpoint.graphs, checkpoint.sensors, flags, may_have_driven, is_first)
+        topics = tuple(self.topics_until(checkpoint.id))
+        return (checkpoint.graphs, checkpoint.sensors, topics, flags, may_have_driven, is_first)
 
     def is_after(self, checkpoint: str, earlier: str) -> bool:
         """Whether a checkpoint comes after another; none comes after ''."""
@@ -259,6 +260,11 @@ class Lab(Struct, frozen=True, eq=False):
     def topics(self) -> Mapping[str, TopicSpec]:
         """The topics of the running system by name, with their message types and QoS."""
         return self.ros.topics
+
+    def topics_until(self, checkpoint: str) -> dict[str, TopicSpec]:
+        """Return the topics that are there by a checkpoint."""
+        known = (FROM_THE_FIRST, *self.until(checkpoint))
+        return {name: topic for name, topic in self.topics.items() if topic.since in known}
 
 
 def articulated_at_root(lab: Lab) -> Lab:

@@ -73,10 +73,8 @@ def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
 
     Example: a generic ROS2 Subscriber reads `{commands}` as `geometry_msgs/msg/TwistStamped`.
     """
-    if not subject.checkpoint.topics:
-        return
     played, copies = role_specs(subject), repeating_graphs(subject)
-    expected = subject.lab.topics
+    expected = subject.lab.topics_until(subject.checkpoint.id)
     for endpoint in endpoints(subject.stage, subject.lab):
         path, wanted = endpoint.node.path, expected.get(endpoint.topic or "")
         if wanted is None or endpoint.type in (None, wanted.type) or path in played:
