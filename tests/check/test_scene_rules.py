@@ -794,3 +794,55 @@ def test_a_joint_that_is_gone_is_not_said_to_be_switched_off() -> None:
     remove(f"{ROBOT}/joints/scan_joint")(stage)
     (found,) = [finding for finding in findings_of(stage, "05") if finding.rule == "S12"]
     assert (found.related, "switched off" in found.message) == ((), False)
+
+
+# ---- what holds the links, and what the root is
+
+
+def test_a_caster_may_roll() -> None:
+    stage = built("05")
+    retype(f"{JOINTS}/caster_back_joint", "PhysicsSphericalJoint")(stage)
+    assert told(stage, "05") == []
+
+
+def test_a_joint_with_limits_on_all_axes_may_hold_the_base() -> None:
+    stage = built("05")
+    joint = stage.GetPrimAtPath(f"{JOINTS}/base_joint")
+    joint.SetTypeName("PhysicsJoint")
+    for axis in ("transX", "transY", "transZ", "rotX", "rotY", "rotZ"):
+        joint.AddAppliedSchema(f"PhysicsLimitAPI:{axis}")
+    assert told(stage, "05") == []
+
+
+def test_a_link_that_is_turned_about_the_upright_is_held_upright() -> None:
+    stage = built("05")
+    put(f"{JOINTS}/scan_joint", "physics:localRot1", Gf.Quatf(0.70710678, 0, 0, 0.70710678))(stage)
+    assert told(stage, "05") == []
+
+
+def test_a_wheel_may_stand_at_any_angle_about_its_axle() -> None:
+    stage = built("05")
+    for name in WHEELS:
+        attribute = stage.GetPrimAtPath(f"{JOINTS}/{name}").GetAttribute("physics:localRot1")
+        attribute.Set(attribute.Get() * Gf.Quatf(0.70710678, 0, 0, 0.70710678))
+    assert told(stage, "05") == []
+
+
+def test_a_wheel_is_judged_by_its_joint_not_by_where_its_link_is_saved() -> None:
+    stage = built("05")
+    put(f"{ROBOT}/wheel_left_link", ORIENT, turn(90, (1, 0, 0)))(stage)
+    assert [rule for rule, _, _ in told(stage, "05") if rule == "S09"] == []
+
+
+ROOT_BODIES = {
+    "tied to a link": weld(f"{JOINTS}/root", body0=ROBOT, body1=f"{ROBOT}/base_footprint"),
+    "switched off": switch(ROBOT, "physics:rigidBodyEnabled"),
+    "kinematic": switch(ROBOT, "physics:kinematicEnabled", on=True),
+}
+
+
+@pytest.mark.parametrize("change", ROOT_BODIES.values(), ids=ROOT_BODIES)
+def test_a_root_that_does_not_fall_alone_may_be_a_body(change: Change) -> None:
+    stage = built("05")
+    several(with_api(ROBOT, "PhysicsRigidBodyAPI"), change)(stage)
+    assert [rule for rule, _, _ in told(stage, "05") if rule == "S05"] == []

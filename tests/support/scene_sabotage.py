@@ -246,6 +246,40 @@ def _loose() -> list[Sabotage]:
             "lidar link held elsewhere", "05", put(scan, place, Gf.Vec3f(0.2, 0, 0)), (scan, place)
         ),
     ]
+    base = f"{JOINTS}/base_joint"
+    found += [
+        Sabotage("base on a ball joint", "02", retype(base, "PhysicsSphericalJoint"), (base, None)),
+        Sabotage(
+            "lidar link held on its side",
+            "02",
+            put(scan, "physics:localRot1", SIDEWAYS),
+            (scan, "physics:localRot1"),
+        ),
+        Sabotage(
+            "root is a body", "02", with_api(ROBOT, "PhysicsRigidBodyAPI"), (ROBOT, BODY_SWITCH)
+        ),
+        *(
+            Sabotage(
+                f"{link} lies on its side",
+                "02",
+                turned_wheel(f"{JOINTS}/{name}"),
+                (f"{JOINTS}/{name}", "physics:localRot1"),
+            )
+            for name, link in WHEELS.items()
+        ),
+        *(
+            Sabotage(
+                f"{link} collides by its link",
+                "02",
+                several(
+                    without_api(collider(link), "PhysicsCollisionAPI"),
+                    with_api(f"{ROBOT}/{link}", "PhysicsCollisionAPI"),
+                ),
+                (f"{ROBOT}/{link}", "physics:collisionEnabled"),
+            )
+            for link in WHEELS.values()
+        ),
+    ]
     left_joint, right_joint = (f"{JOINTS}/{name}" for name in WHEELS)
     exchanged = several(
         put(left_joint, "physics:localPos0", Gf.Vec3f(0, -0.08, 0.023)),
@@ -253,6 +287,20 @@ def _loose() -> list[Sabotage]:
     )
     found.append(Sabotage("wheels exchanged", "02", exchanged, (left_joint, "physics:localPos0")))
     return [*found, Sabotage("robot held by the world", "02", held, (hold, "physics:body0"))]
+
+
+SIDEWAYS = Gf.Quatf(0.70710678, 0.70710678, 0, 0)
+BODY_SWITCH = "physics:rigidBodyEnabled"
+
+
+def turned_wheel(joint: str) -> Change:
+    """Turn the frame of a wheel joint on its wheel, beside what it is turned by already."""
+
+    def change(stage: Usd.Stage) -> None:
+        attribute = stage.GetPrimAtPath(joint).GetAttribute("physics:localRot1")
+        attribute.Set((attribute.Get() or Gf.Quatf(1)) * SIDEWAYS)
+
+    return change
 
 
 _GRAVITY = ("/physicsScene", "physics:gravityMagnitude")

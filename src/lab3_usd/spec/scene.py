@@ -58,12 +58,16 @@ class ArticulationSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class LinkSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """A link of the robot; None where nothing is asked of its mass or its place on the robot."""
+    """A link of the robot; None where nothing is asked of its mass or its place on the robot.
+
+    One with a place, and one that is `held`, must not move on the robot.
+    """
 
     handout: str
     mass: Number | None = None
     offset: Number3 | None = None
     collision: bool = False
+    held: bool = False
 
 
 class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):

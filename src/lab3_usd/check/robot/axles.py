@@ -9,14 +9,23 @@ from __future__ import annotations
 from typing import Any
 
 from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.check.robot.wheels import WheelJoint, base_side, ends_of
-from lab3_usd.model.physics import FIXED, bodies, joints, numbers, vector
+from lab3_usd.check.robot.wheels import WheelJoint, base_side, ends_of, wheel_side
+from lab3_usd.model.physics import (
+    COLLISION_API,
+    FIXED,
+    bodies,
+    collides,
+    joints,
+    numbers,
+    vector,
+)
 from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
 from lab3_usd.model.stage import once_per_stage
 from lab3_usd.model.transforms import (
     AXES,
     IDENTITY,
     Vector,
+    angle_between,
     decompose,
     inverse,
     multiply,
@@ -29,7 +38,8 @@ from lab3_usd.model.transforms import (
 from lab3_usd.spec.values import Value
 
 _ALONG: dict[Any, Vector] = dict(zip("XYZ", AXES, strict=True))
-AXIS = "physics:axis"
+AXIS, _SHAPE_AXIS = "physics:axis", "axis"
+_ROLLING = ("Cylinder", "Capsule")  # which roll about their own axis
 _FRAMES = tuple(f"physics:local{part}{side}" for part in ("Pos", "Rot") for side in (0, 1))
 
 
@@ -51,6 +61,36 @@ def axle(joint: WheelJoint, subject: StageSubject) -> Vector | None:
     # A joint turns its second body against its first.
     sign = 1.0 if side == 0 else -1.0
     return scaled(rotate_vector(local, decompose(frame).rotation), sign)
+
+
+def own_axle(joint: WheelJoint, subject: StageSubject) -> tuple[Vector, Vector] | None:
+    """Return about what a joint turns its wheel and the axle of the wheel's own shape.
+
+    Both are seen from the wheel. None where they agree, or where no cylinder tells the axle.
+    """
+    side = wheel_side(joint)
+    wheel = None if side is None else subject.stage.prim(ends_of(joint)[side])
+    if joint.prim is None or wheel is None or wheel.world is None:
+        return None
+    values = joint.prim.attributes
+    along = _ALONG.get(values.get(AXIS, "X"))
+    if along is None:
+        return None
+    turned = rotate_by_quaternion(along, _quaternion(values.get(f"physics:localRot{side}")))
+    limit = subject.lab.scene.tolerance.axle_angle
+    found = None
+    for shape in subject.stage.with_api(COLLISION_API):
+        if shape.type not in _ROLLING or not is_at_or_below(shape.path, joint.link):
+            continue
+        seen = None if shape.world is None else relative_transform(shape.world, wheel.world)
+        axis = _ALONG.get(shape.attributes.get(_SHAPE_AXIS, "Z"))
+        if not collides(shape) or seen is None or axis is None:
+            continue
+        own = rotate_vector(axis, decompose(seen).rotation)
+        if min(angle_between(own, turned), angle_between(own, scaled(turned, -1.0))) <= limit:
+            return None
+        found = turned, own
+    return found
 
 
 def anchor(joint: WheelJoint, subject: StageSubject) -> Vector | None:

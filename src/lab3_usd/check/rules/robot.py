@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Demand, rule
-from lab3_usd.check.robot.axles import rest_frames
+from lab3_usd.check.robot.axles import rest_frames, welds
+from lab3_usd.check.robot.ground import UP
 from lab3_usd.check.robot.poses import UNSCALED, is_scaled, pose_property, scale_of, vector_text
 from lab3_usd.check.robot.wheels import has_no_joints, unknown_joints, wheel_joints
 from lab3_usd.check.rules.world import AT_REST
@@ -43,6 +44,7 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import UnresolvedAsset
+from lab3_usd.model.transforms import angle_between, decompose
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import LinkSpec
 
@@ -118,13 +120,14 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("S05", "rigid-body", scope="stage", demands=_link_bodies)
 def rigid_body(subject: StageSubject) -> Iterator[Problem]:
-    """A link of the robot is not a rigid body, or is a rigid body that cannot move.
+    """A link of the robot is not a rigid body, or is one that cannot move; or the root is one.
 
     Why: a prim that is not a rigid body has no mass and no joints. The wheel does not turn, or the
-    robot falls apart or hangs in the air.
+    robot falls apart or hangs in the air. A robot root that is a rigid body, and that no joint ties
+    to a link, falls by itself, and PhysX does not simulate the bodies below it as asked.
 
     Fix: select the link, choose Add > Physics > Rigid Body, or tick Rigid Body Enabled and clear
-    Kinematic Enabled in the Property panel.
+    Kinematic Enabled in the Property panel. Remove Rigid Body from the root.
 
     Example: `PhysicsRigidBodyAPI` removed from `{robot}/{wheel}`.
     """
@@ -151,6 +154,31 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
             yield Problem(
                 path, message, KINEMATIC, "False", "True", handout, fix=(fix,), unmet=unmet
             )
+    root = subject.stage.prim(subject.lab.scene.robot.path)
+    if root is not None and _falls_alone(root, subject):
+        yield Problem(
+            root.path,
+            f"{root.name} is a rigid body of its own, which no joint ties to a link",
+            BODY_ENABLED,
+            "no rigid body",
+            BODY_API,
+            handout,
+            fix=(RemoveSchema(root.path, BODY_API),),
+            unmet=(AT_REST,),
+        )
+
+
+def _falls_alone(root: Prim, subject: StageSubject) -> bool:
+    """Whether the robot's root is a body that moves apart from the links below it."""
+    is_body = BODY_API in root.apis and not is_switched_off(root, BODY_ENABLED)
+    if not is_body or root.attributes.get(KINEMATIC) is True:
+        return False
+    if root.path in subject.lab.scene.robot.link_paths or unknown_joints(subject):
+        return False
+    return not any(root.path in bodies(joint) for joint in joints(subject.stage))
+
+
+_GROUPS = ("Xform", "Scope")
 
 
 @rule("S06", "wheel-collision", scope="stage", demands=_link_bodies)
@@ -169,7 +197,13 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
         if not spec.collision:
             continue
         shapes = stage.with_api(COLLISION_API)
-        parts = [part for part in shapes if is_at_or_below(part.path, prim.path)]
+        # On the link itself, which is no shape, the schema counts for nothing.
+        parts = [
+            part
+            for part in shapes
+            if is_at_or_below(part.path, prim.path)
+            and (part.path != prim.path or part.type not in _GROUPS)
+        ]
         if any(map(collides, parts)):
             continue
         off = [part for part in parts if part.present]
@@ -301,11 +335,12 @@ def joined_links(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("S12", "loose-link", scope="stage", demands=joined_links)
 def loose_link(subject: StageSubject) -> Iterator[Problem]:
-    """No joint ties a link of the robot to the other links, or one lets the lidar's link move.
+    """No joint ties a link of the robot to the other links, or one lets the wrong link move.
 
     Why: the robot separates at Play: the link stays behind or rolls away. Other rules check the
-    wheels. If several links come off together, the finding names the first. A link whose place on
-    the robot the handout gives must be held there, by a fixed joint.
+    wheels. If several links come off together, the finding names the first. The body of the robot,
+    and a link whose place on it the handout gives, must be held upright by a fixed joint. Where the
+    joint holds it tilted, it turns over at Play.
 
     Fix: undo the deletion of the joint, or start again from the supplied file. The handout says not
     to recreate the robot's physics.
@@ -345,14 +380,56 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
                 unmet=(f"Scene/joined/{name}",),
                 causes=tuple((joint, JOINT_ENABLED) for joint in off),
             )
-        elif path in present and link.offset is not None and groups[path] == groups[base]:
+        elif path in present and _is_held(link) and groups[path] == groups[base]:
             yield from _movable(subject, path, link.handout)
+            yield from _tilted(subject, path, link.handout)
+
+
+_SIX_AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
+
+
+def _is_held(link: LinkSpec) -> bool:
+    return link.held or link.offset is not None
+
+
+def _tilted(subject: StageSubject, link: str, handout: str) -> Iterator[Problem]:
+    """Say that a link is held tilted, by the joint that tilts it."""
+    tolerance = subject.lab.scene.tolerance.axle_angle
+    rest = rest_frames(subject)
+    for joint in welds(subject):
+        ends = bodies(joint)
+        other = ends[1 - ends.index(link)] if link in ends else ""
+        if link not in rest or other not in rest:
+            continue
+        tilt, below = (angle_between(decompose(rest[end]).rotation[2], UP) for end in (link, other))
+        if tilt > tolerance >= below:
+            name = f"physics:localRot{ends.index(link)}"
+            yield Problem(
+                joint.path,
+                f"{joint.name} holds {link} tilted by {tilt:.3g} degrees",
+                name,
+                "upright",
+                f"{tilt:.3g} degrees",
+                handout,
+                related=(link,),
+                fix=(Restore(joint.path, name),),
+                unmet=(f"Scene/joined/{link.rpartition('/')[2]}",),
+            )
+            return
+
+
+def _may_hold(joint: Prim) -> bool:
+    """Whether a joint holds its bodies; one with limits on all six axes may."""
+    limited = [api for api in joint.apis if api.startswith("PhysicsLimitAPI:")]
+    return joint.type == FIXED or len(limited) == len(_SIX_AXES)
 
 
 def _movable(subject: StageSubject, link: str, handout: str) -> Iterator[Problem]:
-    """Say that a link with a place on the robot hangs on a joint that moves."""
-    for joint in joints(subject.stage) if link not in rest_frames(subject) else ():
-        if link in bodies(joint) and joint.type != FIXED:
+    """Say that a link that must be held hangs on a joint that moves, on what is held itself."""
+    rest = rest_frames(subject)
+    for joint in joints(subject.stage) if link not in rest else ():
+        is_first = link in bodies(joint) and any(end in rest for end in bodies(joint))
+        if is_first and not _may_hold(joint):
             yield Problem(
                 joint.path,
                 f"{joint.name} lets {link} move on the robot: it is a {joint.type}",

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Demand, Demands, rule
-from lab3_usd.check.robot.axles import AXIS, anchor, axle
+from lab3_usd.check.robot.axles import AXIS, anchor, axle, own_axle
 from lab3_usd.check.robot.poses import vector_text
 from lab3_usd.check.robot.wheels import (
     WheelJoint,
@@ -17,6 +17,7 @@ from lab3_usd.check.robot.wheels import (
     turning_joints,
     unknown_joints,
     wheel_joints,
+    wheel_side,
     wrong_ends,
 )
 from lab3_usd.check.rules.robot import joined_links
@@ -334,7 +335,8 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint has a wrong axis: not the lateral axis of the robot, or inverted.
 
     Why: with one axis inverted the robot spins instead of driving straight. With both inverted it
-    drives backward. About any other axis the wheel does not roll.
+    drives backward. About any other axis the wheel does not roll. If the joint's rotation on the
+    wheel's side is wrong, the wheel is turned over at Play.
 
     Fix: select the joint and restore Axis and the local rotations in the Property panel to the
     values in the supplied file.
@@ -372,6 +374,30 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
             fix=_wheel_fix(joint, name),
             unmet=(f"Scene/axis/{joint.name}",),
         )
+    for joint in (joint for joint in axles if joint not in wrong):
+        yield from _lying_wheel(joint, subject, section)
+
+
+def _lying_wheel(joint: WheelJoint, subject: StageSubject, section: str) -> Iterator[Problem]:
+    """Say that a joint turns its wheel about another axis than that of its own cylinder."""
+    side, seen = wheel_side(joint), own_axle(joint, subject)
+    if side is None or seen is None:
+        return
+    name = f"physics:localRot{side}"
+    if not is_stated(joint, subject, AXIS, name):
+        return
+    actual, expected = map(vector_text, seen)
+    yield Problem(
+        joint.site,
+        f"{joint.name} turns its wheel about {actual} of the wheel, whose axle is {expected}",
+        name,
+        expected,
+        actual,
+        section,
+        joint.related,
+        fix=(Restore(joint.site, name),),
+        unmet=(f"Scene/axis/{joint.name}",),
+    )
 
 
 def _cause(joint: WheelJoint, others: list[WheelJoint]) -> str:

@@ -28,7 +28,7 @@ _ATTRIBUTES = re.compile(
     r"kind|node|axis|xformOpOrder|omniGraphs)(:|$)"
 )
 # Prims whose place matters even if they are no rigid bodies, beside the lab's sensors.
-_PLACED = ("Xform", "Camera", "Plane", "")
+_PLACED = ("Xform", "Camera", "Plane", "Cylinder", "Capsule", "")
 _PLACE = ("local", "world")
 _PROTOTYPE = "/__Prototype_"
 # Paths that need no look by usd-core to be known as those of prims.
