@@ -236,7 +236,7 @@ def test_the_archive_of_a_class_at_an_address_is_unpacked() -> None:
 def test_a_name_that_fsspec_would_read_as_an_address_is_not_fetched(tmp_path: Path) -> None:
     secret = tmp_path / "secret.zip"
     secret.write_bytes(b"PK")
-    address = put({"x::file:": b"", "ali::memory:/a.usda": b"", f"jane/work/{STAGE}": b""})
+    address = put({"x::file:": b"", "ali::memory:/a.usda": b"", f"jane/work/{STAGE}": b"#"})
     rows = graded(address, tmp_path / "book")
     assert rows["ali::memory:"]["status"] == "unreadable"
     assert rows["jane"]["status"] == "graded"

@@ -11,8 +11,8 @@ import pytest
 from pxr import Sdf, Usd
 
 from lab3_usd.errors import StageError
+from lab3_usd.grade.intake.guard import check_layer
 from lab3_usd.grade.intake.submission_copy import Limits
-from lab3_usd.grade.workers.guard import check_layer
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.fence import Fence, fenced, files_of, memory_errors

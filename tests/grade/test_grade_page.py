@@ -138,6 +138,7 @@ def test_nothing_that_a_student_wrote_is_markup() -> None:
         "name": EVIL,
         "reason": EVIL,
         "status": EVIL,
+        "remarks": [EVIL],
         "because": [EVIL],
         "lost": lost,
     }

@@ -295,9 +295,10 @@ def test_of_two_uploads_to_canvas_the_newer_comes_first(tmp_path: Path) -> None:
     found = handed(tmp_path, f"bob_7_998_{STAGE}", f"bob_7_1000_{STAGE}", "bob_7_999_a.usda")
     assert [source.path.name for source in found["7"].sources] == [
         f"bob_7_1000_{STAGE}",
-        "bob_7_999_a.usda",
         f"bob_7_998_{STAGE}",
+        "bob_7_999_a.usda",
     ]
+    assert [source.upload for source in found["7"].sources] == [1000, 998, 998]
 
 
 def test_a_folder_of_submissions_that_cannot_be_read_is_an_error(

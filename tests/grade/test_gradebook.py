@@ -125,7 +125,7 @@ def test_a_result_that_names_no_reports_is_not_known(tmp_path: Path) -> None:
     "changes",
     [
         *({name: ...} for name in ("items", "earned", "possible", "percent", "lost", "reason")),
-        *({name: ...} for name in ("digest", "verdicts", "crashes")),
+        *({name: ...} for name in ("digest", "verdicts", "crashes", "remarks")),
         {"earned": "many"},
         {"items": []},
         {"items": [{"id": "starter"}]},

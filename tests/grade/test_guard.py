@@ -20,9 +20,9 @@ from hypothesis import strategies as st
 
 from lab3_usd.errors import StageError
 from lab3_usd.grade.intake.archives import ArchiveError, _common_top, is_archive, unpack
+from lab3_usd.grade.intake.guard import check_layer
 from lab3_usd.grade.intake.staging import Source, stage_submission
 from lab3_usd.grade.intake.submission_copy import Limits, SubmissionCopy, TooLargeError
-from lab3_usd.grade.workers.guard import check_layer
 
 SMALL = Limits(
     files=20, file_size=1 << 20, total_size=3 << 20, ratio=50, folders=6, nesting=20, prims=100
@@ -504,7 +504,7 @@ def test_leftovers_are_not_copied(tmp_path: Path) -> None:
         write(tmp_path / "jane" / name, b"x")
     write(tmp_path / "jane/work/a.usda", STAGE)
     folder, refused = staged(tmp_path, Source(tmp_path / "jane"))
-    assert (list(files_below(folder)), refused) == (["work/a.usda"], [])
+    assert (list(files_below(folder)), refused) == (["work/a.usda"], [".git"])
 
 
 def test_a_link_inside_is_followed_and_one_that_leads_out_is_not(tmp_path: Path) -> None:

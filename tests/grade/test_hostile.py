@@ -29,6 +29,7 @@ STATUSES = {
     "a_tar_bomb": "too large",
     "a_zip_of_ten_thousand_files": "too large",
     "a_zip_that_is_none": "unreadable",
+    "an_empty_file": "unreadable",
     "an_instancing_bomb": "timeout",
     "instances_of_instances": "timeout",
     "two_thousand_files": "too large",

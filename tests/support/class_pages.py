@@ -31,6 +31,7 @@ def row(student: str, percent: float | None = 100.0, **changes: Any) -> dict[str
         "folder": student,
         "status": "graded",
         "reason": "",
+        "remarks": [],
         "because": [],
         "late": False,
         "percent": percent,

@@ -115,6 +115,11 @@ def _refuse_empty(context: click.Context, parameter: click.Parameter, submission
 )
 @assets_option
 @click.option("--resume", is_flag=True, help="Go on with a gradebook; what is finished is kept.")
+@click.option(
+    "--merge-uploads",
+    is_flag=True,
+    help="Complete a student's last upload with files of the earlier ones.",
+)
 @click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tcp://host:port.")
 def command(submissions: str, **options: Any) -> None:
     """Grade a class: a folder for each student, archives, or single stages.
@@ -137,6 +142,7 @@ def command(submissions: str, **options: Any) -> None:
         jobs=options["jobs"] or _processors(),
         resume=options["resume"],
         assets=asset_places(options["assets"]),
+        merge_uploads=options["merge_uploads"],
         runner=_runner(options["cluster"]),
         notify=lambda line: click.echo(f"lab3: {line}", err=True),
     )

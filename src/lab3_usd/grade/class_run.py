@@ -36,6 +36,7 @@ class ClassSettings(Struct, frozen=True):
 
     `runner` has the tasks judged; `notify` is told, in a line each, what of a class is passed over.
     `assets` are folders in which assets of servers lie, by their addresses.
+    With `merge_uploads`, what the last upload of a student lacks comes from the ones before.
     """
 
     submissions: Path | str
@@ -46,6 +47,7 @@ class ClassSettings(Struct, frozen=True):
     jobs: int = 1
     resume: bool = False
     assets: Mapping[str, Path] = {}
+    merge_uploads: bool = False
     runner: Runner = run_tasks
     notify: Callable[[str], None] = lambda _line: None
 
@@ -93,6 +95,7 @@ def grade_class(
             min(settings.jobs, len(submissions)),
             own_lab(),
             dict(settings.assets),
+            settings.merge_uploads,
         )
         progress(0, len(submissions))
         notified: set[str] = set()

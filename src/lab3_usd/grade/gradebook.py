@@ -30,8 +30,10 @@ from lab3_usd.spec.load.loader import load_lab
 MOST_LOST = 12  # requirements named at one item: the findings name the rest
 
 
-def grade_sheet(rubric: Rubric, points: Grade, student: str, name: str) -> GradeSummary:
-    """Return the grade as the student's page shows it."""
+def grade_sheet(
+    rubric: Rubric, points: Grade, student: str, name: str, remarks: tuple[str, ...] = ()
+) -> GradeSummary:
+    """Return the grade as the student's page shows it; `remarks` say what of it was judged."""
     graded = {grade.id: grade for grade in points.items}
     lost: dict[str, list[str]] = {}
     for requirement in points.lost:
@@ -60,7 +62,7 @@ def grade_sheet(rubric: Rubric, points: Grade, student: str, name: str) -> Grade
         earned=points.earned,
         possible=points.possible,
         percent=points.percent,
-        because=points.because,
+        because=(*remarks, *points.because),
         items=tuple(items),
     )
 
@@ -96,10 +98,12 @@ def _state_text(item: Item, state: State) -> Iterator[str]:
 HTML, JSON, GRADESCOPE = "report.html", "report.json", "results.json"
 
 
-def write_reports(report: Report, rubric: Rubric, points: Grade, name: str) -> dict[str, str]:
+def write_reports(
+    report: Report, rubric: Rubric, points: Grade, name: str, remarks: tuple[str, ...] = ()
+) -> dict[str, str]:
     """Return the texts of the report files by name; `name` is the student's, where it is known."""
     student = report.submissions[0].path if report.submissions else ""
-    summary = grade_sheet(rubric, points, student, name)
+    summary = grade_sheet(rubric, points, student, name, remarks)
     return {
         HTML: render("html", report, rules_in(load_lab()), Options(grade=summary)),
         JSON: render("json", report, None, Options()),
@@ -221,6 +225,7 @@ class _Recorded(Grade, frozen=True, kw_only=True):
     digest: str
     verdicts: dict[str, str]
     crashes: list[str]
+    remarks: tuple[str, ...]
     unconfined: tuple[str, ...] = ()
 
 
@@ -324,7 +329,7 @@ def _number(value: float | None) -> str:
 
 
 def _remarks_text(row: Row) -> str:
-    remarks = [row["reason"], *row["because"]]
+    remarks = [row["reason"], *row["remarks"], *row["because"]]
     for item in row["items"]:
         is_named = item["state"] in {"missing", "unreadable", "blocked", "open"}
         reason = item["state"] if is_named else item["because"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import calendar
 import contextlib
 import errno
 import io
@@ -12,23 +13,35 @@ import tarfile
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO, cast
+
+from msgspec import Struct
 
 from lab3_usd.errors import Lab3Error
 from lab3_usd.grade.intake.submission_copy import (
     SubmissionCopy,
     TooLargeError,
+    is_hidden,
+    is_made_name,
     is_read,
+    made_folder,
+    name_fault,
     only_name_counts,
+    path_parts,
 )
+from lab3_usd.spec.load.loader import load_lab
 
 ZIP_ENDINGS = (".zip",)
 TAR_ENDINGS = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz")
 OTHER_ENDINGS = (".rar", ".7z", ".tar.zst", ".gz", ".bz2", ".xz")
 _SMALL = 1 << 20  # a file that small is no bomb, whatever its ratio
 _ENCRYPTED = 0x1
+_LONGEST_LINK = 4096  # bytes
+_MOST_LINKS = 40  # one after the other
+LEADS_OUT = "it is a link that leads out of the submission; not opened"
+LEADS_TO_NO_FILE = "it is a link to what is no file of the submission; not opened"
 _DAMAGED = (
     zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError, EOFError, OSError,
     ValueError, NotImplementedError, RuntimeError, IndexError, OverflowError,
@@ -56,10 +69,12 @@ def _is_nested(name: str, copy: SubmissionCopy) -> bool:
 
 
 def _unpack_nested(stream: BinaryIO, size: int, name: str, copy: SubmissionCopy) -> None:
-    """Take in an archive that lies in an archive, as if its files lay in its place.
+    """Take in an archive that lies in an archive, in a folder of its own.
 
     One in one of those is refused.
     """
+    if is_hidden(path_parts(name)):
+        return
     if copy.is_nested:
         copy.refuse(name, "it is an archive in an archive in an archive; not unpacked")
         return
@@ -72,14 +87,27 @@ def _unpack_nested(stream: BinaryIO, size: int, name: str, copy: SubmissionCopy)
         inner = Path(folder, f"archive{ending}")
         with inner.open("wb") as file:
             shutil.copyfileobj(stream, file)
-        parent, slash, _ = name.rpartition("/")
         copy.is_nested = True
         try:
-            unpack(inner, parent + slash, copy)
+            unpack_beside(inner, name, copy)
         except ArchiveError as error:
             copy.refuse(name, str(error).partition(": ")[2])
         finally:
             copy.is_nested = False
+
+
+def unpack_beside(archive: Path, name: str, copy: SubmissionCopy) -> None:
+    """Take in the files of an archive that is not alone, below a folder that stands for it.
+
+    Raises:
+        ArchiveError: see `unpack`.
+        TooLargeError: see `unpack`.
+    """
+    parent, slash, own = name.rpartition("/")
+    if name_fault(own, copy.limits):
+        own = f"archive {len(copy.unpacked) + 1}"
+    copy.unpacked.append(f"{parent}{slash}{own}")
+    unpack(archive, f"{copy.unpacked[-1]}/", copy)
 
 
 def unpack(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
@@ -113,15 +141,27 @@ def unpack(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
 def _from_zip(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
     with zipfile.ZipFile(archive) as packed:
         entries = packed.infolist()
-        copy.limits.check_count(len(entries))
-        names = [] if copy.archives else [info.filename for info in entries if not info.is_dir()]
-        top = _common_top(names)
+        files = [info.filename for info in entries if not info.is_dir()]
+        copy.limits.check_count(sum(not is_made_name(name) for name in files))
+        inside = _Inside(prefix, files, copy)
         for entry in entries:
-            name = prefix + entry.filename.removeprefix(top)
+            name = inside.name(entry.filename)
             if entry.is_dir():
                 copy.keep_folder(name)
+            elif inside.is_made(entry.filename):
+                continue
+            elif stat.S_ISLNK(entry.external_attr >> 16) and not copy.archives:
+                inside.links[_plain(entry.filename)] = _Link(_zip_link(packed, entry))
             else:
                 _zip_entry(packed, entry, name, copy)
+        inside.take_links()
+
+
+def _zip_link(packed: zipfile.ZipFile, entry: zipfile.ZipInfo) -> str:
+    """Return where a link in an archive leads to, which is what it holds; '/' for nowhere."""
+    if entry.file_size > _LONGEST_LINK or entry.flag_bits & _ENCRYPTED:
+        return "/"
+    return packed.read(entry).decode("utf-8", "surrogateescape")
 
 
 def _zip_entry(
@@ -139,11 +179,16 @@ def _zip_entry(
             if _is_nested(name, copy):
                 _unpack_nested(stream, entry.file_size, name, copy)
             else:
-                copy.take(name, entry.file_size, stream)
+                copy.take(name, entry.file_size, stream, _seconds(entry.date_time))
     except _DAMAGED as error:
         if is_no_room(error):
             raise
         copy.forget(name, "it is damaged in the archive")
+
+
+def _seconds(written: tuple[int, ...]) -> float:
+    """Return the time of an entry of a zip file, which names no time zone, in seconds."""
+    return float(calendar.timegm((*written, 0, 0, 0)))
 
 
 def _zip_fault(entry: zipfile.ZipInfo, ratio: int) -> str:
@@ -163,25 +208,28 @@ def _zip_fault(entry: zipfile.ZipInfo, ratio: int) -> str:
 def _from_tar(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
     """Read the archive twice: the names first, so that its single folder is known."""
     names: list[str] = []
-    if not copy.archives:
-        with contextlib.suppress(*_DAMAGED):  # the names up to where it is damaged
-            for name, member, _ in _tar_entries(archive, copy):
-                if not member.isdir():
-                    names.append(name)
-    top = _common_top(names)
-    for name, member, packed in _tar_entries(archive, copy):
-        inside = prefix + name.removeprefix(top)
+    with contextlib.suppress(*_DAMAGED):  # the names up to where it is damaged
+        for name, member, _ in _tar_entries(archive, copy):
+            if not member.isdir():
+                names.append(name)
+    inside = _Inside(prefix, names, copy)
+    for path, member, packed in _tar_entries(archive, copy):
+        name = inside.name(path)
         if member.isdir():
-            copy.keep_folder(inside)
+            copy.keep_folder(name)
+        elif inside.is_made(path):
             continue
-        if not member.isreg() or member.issparse():
-            copy.refuse(inside, "it is a link, pipe or device; not unpacked")
-            continue
-        stream = cast("BinaryIO", packed.extractfile(member))  # a plain file has one
-        if _is_nested(inside, copy):
-            _unpack_nested(stream, member.size, inside, copy)
+        elif (member.issym() or member.islnk()) and not copy.archives:
+            inside.links[_plain(path)] = _Link(member.linkname, from_top=member.islnk())
+        elif not member.isreg() or member.issparse():
+            copy.refuse(name, "it is a link, pipe or device; not unpacked")
         else:
-            copy.take(inside, member.size, stream)
+            stream = cast("BinaryIO", packed.extractfile(member))  # a plain file has one
+            if _is_nested(name, copy):
+                _unpack_nested(stream, member.size, name, copy)
+            else:
+                copy.take(name, member.size, stream, float(member.mtime))
+    inside.take_links()
 
 
 def _tar_entries(
@@ -190,15 +238,100 @@ def _tar_entries(
     total = 0
     allowed = max(_SMALL, copy.limits.ratio * archive.stat().st_size)
     with tarfile.open(archive, "r:*") as packed:
-        for count, member in enumerate(packed):
-            if is_read(member.name, member.size, copy.limits):
+        count = 0
+        for member in packed:
+            is_made = is_made_name(member.name)
+            if is_read(member.name, member.size, copy.limits) and (copy.archives or not is_made):
                 total += max(member.size, 0)
-            copy.limits.check_count(count)
+            count += not is_made and (copy.archives or not member.isdir())
+            copy.limits.check_count(count - 1)
             if total > copy.limits.total_size or total > allowed:
                 raise TooLargeError(
                     f"grows to more than {min(total, copy.limits.total_size) >> 20} MB"
                 )
             yield member.name, member, packed
+
+
+class _Link(Struct, frozen=True):
+    """A link in an archive: where it leads to, seen from its folder or from the archive's top."""
+
+    target: str
+    from_top: bool = False
+
+
+class _Inside:
+    """What the names in one archive say: its single folder, folders of programs, links.
+
+    The one folder that holds everything in a student's archive is left aside, but for the folder
+    of stages.
+    """
+
+    def __init__(self, prefix: str, files: Sequence[str], copy: SubmissionCopy) -> None:
+        """Look at the names of all files."""
+        self._prefix, self._copy = prefix, copy
+        top = _common_top(files)
+        is_home = top.lower() == f"{load_lab().submission.folders.stages}/".lower()
+        self._top = "" if copy.archives or is_home else top
+        self._files: dict[str, list[str]] = {}
+        self.links: dict[str, _Link] = {}
+        for file in files:
+            folder, _, name = _plain(file).rpartition("/")
+            self._files.setdefault(folder, []).append(name)
+
+    def name(self, path: str) -> str:
+        """Return what a file of the archive is called in the submission."""
+        return self._prefix + path.removeprefix(self._top)
+
+    def is_made(self, path: str) -> bool:
+        """Whether a file lies in a folder that programs fill, which is passed over as a whole."""
+        if not is_made_name(path):
+            return False
+        folder = made_folder(path, lambda folder: self._files.get(folder, ()))
+        if not folder or (self._copy.archives and "/" not in folder):  # which is a student there
+            return False
+        self._copy.pass_over(self.name(folder))
+        return True
+
+    def take_links(self) -> None:
+        """Take in the links to files of the archive that were taken in, as files."""
+        for path in self.links:
+            name, target = self.name(path), self._target(path)
+            if target is None:
+                self._copy.refuse(name, LEADS_OUT)
+                continue
+            file = self._copy.path_of(self.name(target))
+            if file is None:
+                self._copy.refuse(name, LEADS_TO_NO_FILE)
+                continue
+            status = file.stat()
+            with file.open("rb") as stream:
+                self._copy.take(name, status.st_size, stream, status.st_mtime)
+
+    def _target(self, path: str) -> str | None:
+        """Return the file of the archive that a link leads to, None where it leads out of it."""
+        waiting, reached, followed = path.split("/"), list[str](), 0
+        while waiting:
+            part = waiting.pop(0)
+            if part == "..":
+                if not reached:
+                    return None
+                reached.pop()
+            elif part not in {"", "."}:
+                reached.append(part)
+            link = self.links.get("/".join(reached))
+            if link is None or part in {"", ".", ".."}:
+                continue
+            followed += 1
+            if followed > _MOST_LINKS or link.target.startswith("/"):
+                return None
+            reached = [] if link.from_top else reached[:-1]
+            waiting = [*link.target.split("/"), *waiting]
+        return "/".join(reached)
+
+
+def _plain(path: str) -> str:
+    """Return a path in an archive as every system writes it, without what leads nowhere."""
+    return "/".join(path_parts(path))
 
 
 def _common_top(names: Iterable[str]) -> str:

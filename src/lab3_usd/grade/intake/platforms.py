@@ -31,8 +31,9 @@ from lab3_usd.spec.yaml_file import refuse_deep
 class FileOwner(Struct, frozen=True):
     """Whose a file or folder is, as its name says.
 
-    `file` is the student's own name for it, '' for none. Of several files with one name the one
-    with the highest `upload` is the latest. `doubt` names the other student that it may be of.
+    `file` is the student's own name for it, '' for none. Files of one upload have one number, and
+    the highest is that of the last; 0 belongs to every upload. `when` tells it to people. `doubt`
+    names the other student that it may be of.
     """
 
     student: str
@@ -40,6 +41,7 @@ class FileOwner(Struct, frozen=True):
     file: str = ""
     late: bool = False
     upload: int = 0
+    when: str = ""
     doubt: str = ""
 
 
@@ -146,7 +148,25 @@ def _canvas(names: Iterable[str]) -> dict[str, FileOwner]:
         Counter(owners[min(rank, len(owners) - 1)].upload for owners in readings.values())
         for rank in range(2)
     ]
-    return {name: _likeliest(owners, certain, used) for name, owners in readings.items()}
+    owners = {name: _likeliest(possible, certain, used) for name, possible in readings.items()}
+    return {**owners, **dict(_canvas_uploads(owners))}
+
+
+def _canvas_uploads(owners: Mapping[str, FileOwner]) -> Iterator[tuple[str, FileOwner]]:
+    """Yield files with the number of their upload in place of their own.
+
+    Canvas numbers files one after the other, whoever hands them in: a student's next upload begins
+    where the name of a file comes again.
+    """
+    numbered = (item for item in owners.items() if item[1].upload)
+    uploads: dict[tuple[str, str], tuple[int, set[str]]] = {}
+    for name, owner in sorted(numbered, key=lambda item: item[1].upload):
+        student = (owner.student, owner.name)
+        first, files = uploads.get(student, (owner.upload, set()))
+        if owner.file in files:
+            first, files = owner.upload, set()
+        uploads[student] = (first, {*files, owner.file})
+        yield name, replace(owner, upload=first, when=f"upload {first}")
 
 
 def _likeliest(
@@ -183,7 +203,11 @@ def _brightspace(names: Iterable[str]) -> dict[str, FileOwner]:
     ours = "first" if len({match["first"] for match in matches.values()}) > 1 else "second"
     return {
         name: FileOwner(
-            match[ours], match["name"], match["file"] or "", upload=_minutes(match["date"])
+            match[ours],
+            match["name"],
+            match["file"] or "",
+            upload=_minutes(match["date"]),
+            when=f"upload of {match['date']}",
         )
         for name, match in matches.items()
     }
@@ -213,6 +237,7 @@ def _blackboard(names: Iterable[str]) -> dict[str, FileOwner]:
             users[match["head"]],
             match["file"] or name,
             upload=_number(match["date"].replace("-", "")),
+            when=f"upload of {match['date']}",
         )
         for name, match in matches.items()
     }
@@ -344,8 +369,8 @@ class SubmissionPart(Struct, frozen=True):
     """A file or folder of a class, and whose it is.
 
     `entry` is the name of a folder that is a submission of its own, whatever student it names;
-    parts without belong together when their students are the same. Of several uploads the one
-    with the highest number is the last. `doubt` names another student that it may be of.
+    parts without belong together when their students are the same. `upload` and `when` are as in
+    `FileOwner`; `doubt` names another student that it may be of.
     """
 
     student: str
@@ -353,6 +378,7 @@ class SubmissionPart(Struct, frozen=True):
     source: Source
     late: bool = False
     upload: int = 0
+    when: str = ""
     entry: str = ""
     doubt: str = ""
 
@@ -405,7 +431,13 @@ def parts_of(entries: Iterable[Entry], known: StudentsByFolder) -> Iterator[Subm
             file = "" if is_folder else owner.file or name
             source = Source(Path(name), file)
             yield SubmissionPart(
-                owner.student, owner.name, source, owner.late, owner.upload, doubt=owner.doubt
+                owner.student,
+                owner.name,
+                source,
+                owner.late,
+                owner.upload,
+                owner.when,
+                doubt=owner.doubt,
             )
         elif is_folder:
             yield SubmissionPart(name, name, Source(Path(name)))

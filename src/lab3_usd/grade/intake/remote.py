@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.grade.intake.archives import is_archive, is_no_room
@@ -276,8 +277,8 @@ def _fetched(source: Source, target: Path, limits: Limits, stopped: Callable[[],
     try:
         path, left_out = within(limits.all_seconds, get, bounds, stopped)
     except (FetchError, UsageError) as error:
-        return Source(target, source.name, fault=str(error))
-    return Source(path, source.name, left_out=left_out)
+        return replace(source, path=target, address="", fault=str(error))
+    return replace(source, path=path, address="", left_out=left_out)
 
 
 def within(

@@ -3,28 +3,43 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import importlib
 import os
 import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.grade.intake.archives import (
+    LEADS_OUT,
+    LEADS_TO_NO_FILE,
     OTHER_ENDINGS,
     ArchiveError,
     is_archive,
     is_no_room,
     unpack,
+    unpack_beside,
 )
-from lab3_usd.grade.intake.submission_copy import Limits, RefusedFile, SubmissionCopy
-from lab3_usd.judge.folder import is_submission
+from lab3_usd.grade.intake.choice import Remark, choose_folder, counted, stage_folder
+from lab3_usd.grade.intake.submission_copy import (
+    Limits,
+    RefusedFile,
+    SubmissionCopy,
+    TooLargeError,
+    is_hidden,
+    made_folder,
+)
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.submission import named_checkpoint
 
 _PREFIXES = ("lab3-grade-", "lab3-starter-", "lab3-class-")
 _SECONDS_TO_LOCK = 10.0
@@ -102,7 +117,6 @@ def _locked(folder: Path) -> int | None:
     return handle
 
 
-_DEEPEST = 4
 _UNREAD = "it cannot be read"
 
 
@@ -110,7 +124,9 @@ class Source(Struct, frozen=True):
     """A file, folder or archive that a submission consists of, and its name there ('' for all).
 
     `address` says where it is to be fetched from when it is not on this computer, `left_out` what
-    is not there because it was refused on the way here, and `fault` why nothing of it is.
+    is not there because it was refused on the way here, and `fault` why nothing of it is. Sources
+    of one upload have one number, the last upload the highest, and 0 belongs to every upload;
+    `when` tells the upload to people.
     """
 
     path: Path
@@ -118,57 +134,176 @@ class Source(Struct, frozen=True):
     address: str = ""
     left_out: tuple[RefusedFile, ...] = ()
     fault: str = ""
+    upload: int = 0
+    when: str = ""
 
 
 class StagedSubmission(Struct, frozen=True):
     """The copy of a submission: its folder, its digest, what was left out, and its files' digests.
 
     The digests are by the names of the files in the folder, '' for those whose contents are not
-    judged.
+    judged. `remarks` say which of several folders and uploads this is.
     """
 
     folder: Path
     digest: str
     refused: tuple[RefusedFile, ...]
     digests: Mapping[str, str]
+    remarks: tuple[Remark, ...] = ()
 
 
-def stage_submission(sources: Iterable[Source], target: Path, limits: Limits) -> StagedSubmission:
+def stage_submission(
+    sources: Iterable[Source], target: Path, limits: Limits, *, merge: bool = False
+) -> StagedSubmission:
     """Copy and unpack a submission below `target`, which holds plain files only afterwards.
+
+    Of several uploads the last alone is the submission; with `merge`, what it does not hold comes
+    from the ones before.
 
     Raises:
         TooLargeError: it holds too many files or too much in them.
         ArchiveError: the one archive that it consists of cannot be unpacked, or nothing in it read.
     """
-    copy = SubmissionCopy(target, limits)
     taken = list(sources)
-    for source in taken:
+    numbers = sorted({source.upload for source in taken if source.upload}, reverse=True)
+    if len(numbers) < 2:  # noqa: PLR2004 - one upload
+        return _stage_upload(taken, target, limits)[0]
+    uploads = [[source for source in taken if source.upload in {0, number}] for number in numbers]
+    when, *whens = (next(source.when for source in own if source.upload) for own in uploads)
+    folders = [target / str(rank) for rank in range(len(uploads))]
+    for folder in folders:
+        folder.mkdir()
+    try:
+        last, copy = _stage_upload(uploads[0], folders[0], limits)
+    except ArchiveError as error:
+        earlier = ", ".join(whens)
+        raise ArchiveError(f"{error}; this is the last {when}, before it came {earlier}") from error
+    digest, remarks = hashlib.sha256(last.digest.encode()), list(last.remarks)
+    held = stage_folder(copy, last.folder.relative_to(folders[0]).as_posix()).checkpoints
+    for own, folder, earlier in zip(uploads[1:], folders[1:], whens, strict=True):
+        try:
+            before, copy = _stage_upload(own, folder, limits)
+        except (ArchiveError, TooLargeError) as error:
+            remarks.append(Remark(".", f"the earlier {earlier} cannot be read: {error}", "Z04"))
+            continue
+        digest.update(before.digest.encode())
+        had = stage_folder(copy, before.folder.relative_to(folder).as_posix()).checkpoints
+        if merge:
+            last, added = _merged(last, before)
+            if added:
+                remarks.append(Remark(".", f"from the {earlier}: {', '.join(added)}", "Z04"))
+        elif len(had) > len(held):
+            text = (
+                f"the last {when} is judged ({counted(held)}); the earlier {earlier} has more "
+                f"({counted(had)})"
+            )
+            remarks.append(Remark(".", text, "Z04"))
+    if merge and remarks != list(last.remarks):
+        remarks.append(Remark(".", f"all else is from the last {when}", "Z04"))
+    for remark in remarks:
+        digest.update(remark.text.encode("utf-8", "backslashreplace"))
+    return replace(last, digest=digest.hexdigest(), remarks=tuple(remarks))
+
+
+def _merged(last: StagedSubmission, before: StagedSubmission) -> tuple[StagedSubmission, list[str]]:
+    """Add the files of an earlier upload that a later one does not hold, and name them.
+
+    Where the later one has the stage of a checkpoint, an earlier one is not added.
+    """
+    lab = load_lab()
+
+    def checkpoint_in(name: str) -> str | None:
+        return named_checkpoint(Path(name).name, lab.files)
+
+    checkpoints = {checkpoint_in(name) for name in last.digests} - {None}
+    digests, added = dict(last.digests), []
+    for name, digest in sorted(before.digests.items()):
+        goal = last.folder / name
+        if checkpoint_in(name) in checkpoints or os.path.lexists(goal):
+            continue
+        try:
+            goal.parent.mkdir(parents=True, exist_ok=True)
+            (before.folder / name).rename(goal)
+        except (FileExistsError, NotADirectoryError):  # a file is called as a folder
+            continue
+        digests[name] = digest
+        added.append(name)
+    return replace(last, digests=digests), added
+
+
+def _stage_upload(
+    sources: Sequence[Source], target: Path, limits: Limits
+) -> tuple[StagedSubmission, SubmissionCopy]:
+    """Copy and unpack one upload below `target`, and choose the folder that is the submission."""
+    copy = SubmissionCopy(target, limits)
+    for source in sources:
         if source.fault:
             raise ArchiveError(f"{source.name or source.path.name}: {source.fault}")
         for file in source.left_out:
-            copy.refuse(file.path, file.reason)
+            copy.refuse(file.path, file.reason, file.rule)
         if os.path.isdir(source.path) and not source.path.is_symlink():  # noqa: PTH112 - never raises
             root = source.path.resolve()
             for path, name in _files_below(root, copy):
                 _take_file(path, source.name + name, copy, root=root)
         else:
             name = source.name or source.path.name
-            _take_file(source.path, name, copy, alone=len(taken) == 1)
+            _take_file(source.path, name, copy, alone=len(sources) == 1)
+    copy.say_passed_over()
     unread = [file for file in copy.refused if file.reason.startswith(_UNREAD)]
     if unread and not copy.digests:
         raise ArchiveError(f"{unread[0].path}: {unread[0].reason.removeprefix('it ')}")
-    folder = _submission_in(target)
-    inside = folder.relative_to(target).as_posix()
-    refused = tuple(
-        RefusedFile(file.path.removeprefix(f"{inside}/"), file.reason) for file in copy.refused
-    )
+    _put_in_place(copy)
+    choice = choose_folder(copy)
+    folder = target / choice.path
     start = f"{folder}{os.sep}"
     digests = {
         path.removeprefix(start): digest
         for path, digest in copy.digests.items()
         if path.startswith(start)
     }
-    return StagedSubmission(folder, copy.digest(), refused, digests)
+    refused = tuple(
+        replace(file, path=file.path.removeprefix(f"{choice.path}/"))
+        for file in (*copy.refused, *choice.beside)
+    )
+    told = "\0".join((choice.path, *(remark.text for remark in choice.remarks)))
+    digest = hashlib.sha256(f"{copy.digest()}\0{told}".encode("utf-8", "backslashreplace"))
+    staged = StagedSubmission(folder, digest.hexdigest(), refused, digests, choice.remarks)
+    return staged, copy
+
+
+def _put_in_place(copy: SubmissionCopy) -> None:
+    """Move what came in an archive to where the archive lay.
+
+    An archive that holds the stage of a checkpoint that there is elsewhere too is another version
+    of the lab: its files stay in the folder that stands for it.
+    """
+    lab = load_lab()
+
+    def checkpoints_in(paths: Iterable[str]) -> set[str]:
+        named = (named_checkpoint(Path(path).name, lab.files) for path in paths)
+        return {number for number in named if number is not None}
+
+    for archive in reversed(tuple(copy.unpacked)):
+        own = {path for path in copy.digests if path.startswith(f"{copy.target / archive}{os.sep}")}
+        if checkpoints_in(own) & checkpoints_in(copy.digests.keys() - own):
+            continue
+        parent, slash, _ = archive.rpartition("/")
+        inside = f"{archive}/"
+        copy.unpacked.remove(archive)
+        copy.unpacked = [
+            f"{parent}{slash}{name.removeprefix(inside)}" if name.startswith(inside) else name
+            for name in copy.unpacked
+        ]
+        copy.refused = [
+            replace(file, path=f"{parent}{slash}{file.path.removeprefix(inside)}")
+            if file.path.startswith(inside)
+            else file
+            for file in copy.refused
+        ]
+        for path in sorted(own):
+            name = Path(path).relative_to(copy.target / archive).as_posix()
+            copy.move(f"{inside}{name}", f"{parent}{slash}{name}")
+        shutil.rmtree(copy.target / archive, ignore_errors=True)
 
 
 def _files_below(root: Path, copy: SubmissionCopy) -> Iterator[tuple[Path, str]]:
@@ -186,10 +321,19 @@ def _files_below(root: Path, copy: SubmissionCopy) -> Iterator[tuple[Path, str]]
             name = f"{below}{entry.name}"
             if not entry.is_dir(follow_symlinks=False):
                 yield Path(entry.path), name
+            elif made_folder(f"{name}/file", partial(_files_in, root)):
+                copy.pass_over(name)
             elif name.count("/") >= copy.limits.folders:
                 copy.refuse(name, f"it lies more than {copy.limits.folders} folders deep")
             elif copy.place(name) is not None:
                 waiting.append(f"{name}/")
+
+
+def _files_in(root: Path, folder: str) -> list[str]:
+    """Return the names of the files of a folder below `root`."""
+    with contextlib.suppress(OSError), os.scandir(root / folder) as scan:
+        return [entry.name for entry in scan if not entry.is_dir(follow_symlinks=False)]
+    return []
 
 
 def _take_file(
@@ -199,10 +343,15 @@ def _take_file(
     if path.is_symlink():
         inside = _target_inside(path, root)
         if inside is None:
-            copy.refuse(name, "it is a link that leads out of the submission; not opened")
+            copy.refuse(name, LEADS_OUT)
+            return
+        if not inside.is_file():
+            copy.refuse(name, LEADS_TO_NO_FILE)
             return
         path = inside
     if is_archive(name) and "/" not in name:
+        if not alone and is_hidden([name]):
+            return
         _unpack(path, name, copy, alone=alone)
     elif name.lower().endswith(OTHER_ENDINGS) and "/" not in name:
         copy.refuse(name, "it is an archive of a kind that is not unpacked; hand in a .zip")
@@ -228,21 +377,22 @@ def _unpack(path: Path, name: str, copy: SubmissionCopy, *, alone: bool) -> None
     if not is_file:
         copy.refuse(name, "it is no file but a pipe, socket or device; not opened")
         return
-    try:
+    if alone:
         unpack(path, "", copy)
+        return
+    try:
+        unpack_beside(path, name, copy)
     except ArchiveError as error:
-        if alone:
-            raise
         copy.refuse(name, str(error).partition(": ")[2])
 
 
 def _copy(path: Path, name: str, copy: SubmissionCopy) -> None:
     try:
-        with _opened(path) as (stream, size):
+        with _opened(path) as (stream, status):
             if stream is None:
                 copy.refuse(name, "it is no file but a pipe, socket or device; not opened")
             else:
-                copy.take(name, size, stream)
+                copy.take(name, status.st_size, stream, status.st_mtime)
     except OSError as error:
         if is_no_room(error):
             raise
@@ -250,25 +400,15 @@ def _copy(path: Path, name: str, copy: SubmissionCopy) -> None:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[BinaryIO | None, int]]:
+def _opened(path: Path) -> Iterator[tuple[BinaryIO | None, os.stat_result]]:
     """Open a plain file; a pipe or device yields None and is never waited for."""
-    if not stat.S_ISREG(path.lstat().st_mode):
-        yield None, 0
+    before = path.lstat()
+    if not stat.S_ISREG(before.st_mode):
+        yield None, before
         return
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     handle = os.open(path, flags | getattr(os, "O_BINARY", 0))
     with open(handle, "rb") as file:  # noqa: PTH123 - a handle, not a path
         status = os.fstat(handle)
         # The file may have been replaced since it was looked at.
-        yield (file if stat.S_ISREG(status.st_mode) else None), status.st_size
-
-
-def _submission_in(target: Path) -> Path:
-    """Return the folder in which the submission begins: the topmost that looks like one."""
-    level = [target]
-    for _ in range(_DEEPEST):
-        for folder in level:
-            if is_submission(folder):
-                return folder
-        level = [path for folder in level for path in sorted(folder.iterdir()) if path.is_dir()]
-    return target
+        yield (file if stat.S_ISREG(status.st_mode) else None), status

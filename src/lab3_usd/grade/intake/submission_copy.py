@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 import re
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -13,6 +15,8 @@ from msgspec import Struct
 
 from lab3_usd.errors import Lab3Error
 from lab3_usd.lab.plain_yaml import bracket_depth
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.submission import named_checkpoint
 
 MEGABYTE = 1024 * 1024
 _TIMES_AS_LONG = 10  # a submission has more than one file
@@ -78,11 +82,23 @@ _MAPS_MAY_BE = (".png", ".bmp")
 _SMALL_PICTURE = 4 << 20
 
 
+# What version control, environments and builds (colcon's `build`, `install`, `log`) are called.
+_MADE = (".git", ".venv", "venv", "build", "install", "log", "node_modules", "__pycache__")
+_PASSED_OVER = "programs fill folders of this name; what is in it is not judged"
+_CLOUD_FILE = re.compile(r"^\.(?P<name>.+)\.icloud$")
+_IN_THE_CLOUD = "it is a placeholder of iCloud, not the file itself"
+_LATEST = 2**32 - 1.0
+
+
 class RefusedFile(Struct, frozen=True):
-    """A file of a submission that is not copied, by its path there, and why."""
+    """A file or folder of a submission that is not copied, by its path there, and why.
+
+    `rule` is the one that says so to the student.
+    """
 
     path: str
     reason: str
+    rule: str = "Z01"
 
 
 def path_parts(name: str) -> list[str]:
@@ -92,7 +108,34 @@ def path_parts(name: str) -> list[str]:
 
 def is_hidden(parts: list[str]) -> bool:
     """Whether a file is passed over without a word: hidden files, and what programs leave."""
+    if parts and _CLOUD_FILE.match(parts[-1]):
+        parts = parts[:-1]
     return any((part.startswith(".") and part != "..") or part in LEFTOVERS for part in parts)
+
+
+def made_folder(name: str, files_in: Callable[[str], Iterable[str]]) -> str:
+    """Return the topmost folder above a file that programs fill, '' for none.
+
+    One that holds stages of checkpoints is the student's, whatever it is called, and so is one that
+    the lab asks for. `files_in` lists the files of a folder by its path.
+    """
+    lab = load_lab()
+    own = lab.submission.folders
+    asked = {own.stages, own.starter, own.maps, *own.shown}
+    parts = path_parts(name)
+    for index, part in enumerate(parts[:-1], start=1):
+        if part not in _MADE or part in asked:
+            continue
+        folder = "/".join(parts[:index])
+        held = [file for at in (folder, f"{folder}/{own.stages}") for file in files_in(at)]
+        if not any(named_checkpoint(file, lab.files) for file in held):
+            return folder
+    return ""
+
+
+def is_made_name(name: str) -> bool:
+    """Whether a file lies below a folder that is called as those that programs fill."""
+    return not set(_MADE).isdisjoint(path_parts(name)[:-1])
 
 
 def name_fault(name: str, limits: Limits, *, of_class: bool = False) -> str:
@@ -138,6 +181,7 @@ def yaml_fault(data: bytes) -> str:
 
 _CHUNK = 1 << 20
 _AS_LARGE = 8 << 20  # bytes of the placeholder of a large file in the copy of a class
+_TWICE = "it is there twice; the other one counts"
 _CLASH = "a file and a folder have the same name"
 
 
@@ -148,7 +192,7 @@ class SubmissionCopy:
     With `archives`, the files of a class come in as they are, and archives in an archive too:
     those of a class are students', and are looked into one by one. `hidden` are the names of what
     is passed over there without a word, and `is_nested` holds while an archive that lay in another
-    is unpacked.
+    is unpacked. `unpacked` are the folders that stand for archives, the outer ones first.
     """
 
     target: Path
@@ -157,12 +201,30 @@ class SubmissionCopy:
     digests: dict[str, str] = field(default_factory=dict)
     refused: list[RefusedFile] = field(default_factory=list)
     hidden: list[str] = field(default_factory=list)
+    passed_over: dict[str, None] = field(default_factory=dict)
+    unpacked: list[str] = field(default_factory=list)
     taken: int = 0
     is_nested: bool = False
 
-    def refuse(self, name: str, reason: str) -> None:
+    def pass_over(self, folder: str) -> None:
+        """Leave a folder aside that programs fill."""
+        self.passed_over[folder] = None
+
+    def say_passed_over(self) -> None:
+        """Record the folders that were passed over; in a submission each name of them once."""
+        by_name: dict[str, list[str]] = {}
+        for folder in sorted(self.passed_over):
+            own = folder if self.archives else folder.rpartition("/")[2]
+            by_name.setdefault(own, []).append(folder)
+        for first, *others in by_name.values():
+            more = f" (and in {len(others)} more called so)" if others else ""
+            self.refuse(first, f"{_PASSED_OVER}{more}", "Z05")
+        self.passed_over.clear()
+
+    def refuse(self, name: str, reason: str, rule: str = "Z01") -> None:
         """Record that a file is not taken in."""
-        self.refused.append(RefusedFile(name.encode("utf-8", "backslashreplace").decode(), reason))
+        path = name.encode("utf-8", "backslashreplace").decode()
+        self.refused.append(RefusedFile(path, reason, rule))
         self.limits.check_count(len(self.digests) + len(self.refused))
 
     def place(self, name: str) -> Path | None:
@@ -178,8 +240,15 @@ class SubmissionCopy:
             return None
         return self.target.joinpath(*parts)
 
-    def take(self, name: str, size: int, stream: BinaryIO) -> None:
+    def path_of(self, name: str) -> Path | None:
+        """Return the copy of a file that was taken in, None where none of this name was."""
+        path = self.target.joinpath(*path_parts(name))
+        return path if str(path) in self.digests else None
+
+    def take(self, name: str, size: int, stream: BinaryIO, changed: float = 0.0) -> None:
         """Copy one file in, never more than `size` bytes of it, the size it says it has.
+
+        `changed` is when it was last changed, in seconds, as the archive or file system says.
 
         Raises:
             TooLargeError: the submission holds too many files or too much in them.
@@ -187,8 +256,13 @@ class SubmissionCopy:
         path = self.place(name)
         if path is None:
             return
+        cloud_file = _CLOUD_FILE.match(path.name)
+        if cloud_file and not self.archives:
+            parent, slash, _ = name.rpartition("/")
+            self.refuse(f"{parent}{slash}{cloud_file['name']}", _IN_THE_CLOUD)
+            return
         if str(path) in self.digests:
-            self.refuse(name, "it is there twice; the other one counts")
+            self.refuse(name, _TWICE)
             return
         self.limits.check_count(len(self.digests) + len(self.refused) + 1)
         if only_name_counts(name, size):
@@ -206,9 +280,25 @@ class SubmissionCopy:
             stream = io.BytesIO(data)
         self.taken += size
         self.limits.check_size(self.taken)
-        self._write(name, path, size, stream)
+        if self._write(name, path, size, stream):
+            os.utime(path, (0.0, min(max(changed, 0.0), _LATEST)))
 
-    def _write(self, name: str, path: Path, size: int, stream: BinaryIO) -> None:
+    def move(self, name: str, goal: str) -> None:
+        """Move a file that was taken in to where no other one is."""
+        path, new = (self.target.joinpath(*path_parts(at)) for at in (name, goal))
+        digest = self.digests.pop(str(path))
+        if str(new) in self.digests:
+            self.refuse(goal, _TWICE)
+            return
+        try:
+            new.parent.mkdir(parents=True, exist_ok=True)
+            path.rename(new)
+        except (FileExistsError, NotADirectoryError, IsADirectoryError):
+            self.refuse(goal, _CLASH)
+            return
+        self.digests[str(new)] = digest
+
+    def _write(self, name: str, path: Path, size: int, stream: BinaryIO) -> bool:
         digest = hashlib.sha256()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -222,8 +312,9 @@ class SubmissionCopy:
                     file.write(data)
         except (FileExistsError, NotADirectoryError, IsADirectoryError):
             self.refuse(name, _CLASH)
-            return
+            return False
         self.digests[str(path)] = digest.hexdigest()
+        return True
 
     def forget(self, name: str, reason: str) -> None:
         """Drop a file whose contents turned out to be damaged half-way, and say so."""

@@ -40,7 +40,7 @@ from lab3_usd.judge.folder import is_submission
 # A class in one archive holds many submissions.
 _CLASS = Limits(files=200_000, total_size=16 << 30, file_size=1 << 30)
 _PASSED_OVER = "its name begins with a dot"
-_LeftOut = list[tuple[tuple[str, ...], str]]  # parts of a path, and why it was not unpacked
+_LeftOut = list[tuple[tuple[str, ...], RefusedFile]]  # parts of a path, and what is said of it
 _SLUG = re.compile(r"[^A-Za-z0-9._-]+")
 _LONGEST_SLUG = 80
 _MOST_NAMED = 5
@@ -127,10 +127,9 @@ def _left_out(copy: SubmissionCopy) -> _LeftOut:
     The last part is that of a file, and empty for a folder.
     """
     left_out = []
-    for path, reason in [
-        *((file.path, file.reason) for file in copy.refused),
-        *((path, _PASSED_OVER) for path in copy.hidden),
-    ]:
+    copy.say_passed_over()
+    for file in [*copy.refused, *(RefusedFile(path, _PASSED_OVER) for path in copy.hidden)]:
+        path = file.path
         parts = path.replace("\\", "/").split("/")
         if len(parts[0]) > 1 and parts[0][1] == ":":
             parts = parts[1:]
@@ -138,19 +137,19 @@ def _left_out(copy: SubmissionCopy) -> _LeftOut:
         if path.endswith("/"):
             own.append("")
         if any(own) and not is_leftover(own[0]):
-            left_out.append((tuple(own), reason))
+            left_out.append((tuple(own), file))
     return left_out
 
 
 def _entries(left_out: _LeftOut, wrapper: str) -> Iterator[tuple[Entry, RefusedFile]]:
     """Yield which entry of the class each of them belongs to, and what to say of it."""
-    for parts, reason in left_out:
+    for parts, file in left_out:
         inside = parts[1:] if wrapper and parts[0] == wrapper and len(parts) > 1 else parts
         entry = (inside[0], len(inside) > 1)
         # What is passed over without a word in a student's folder is so in an archive too.
-        if inside[0] and (reason != _PASSED_OVER or inside[0].startswith(".")):
+        if inside[0] and (file.reason != _PASSED_OVER or inside[0].startswith(".")):
             name = "/".join(inside[1:]) or inside[0]
-            yield entry, RefusedFile(name.encode("utf-8", "backslashreplace").decode(), reason)
+            yield entry, replace(file, path=name.encode("utf-8", "backslashreplace").decode())
 
 
 def _wrapper(place: Path, left_out: _LeftOut) -> str:
@@ -307,12 +306,12 @@ def _joined(parts: list[SubmissionPart]) -> Iterator[StudentSubmission]:
         names.add(student)
         folder = _slug(student, folders)
         folders.add(folder.casefold())
-        own.sort(key=lambda part: -part.upload)  # of two files with one name the first counts
+        own.sort(key=lambda part: -part.upload)
         yield StudentSubmission(
             _text(student),
             _text(own[0].name),
             folder,
-            tuple(part.source for part in own),
+            tuple(replace(part.source, upload=part.upload, when=part.when) for part in own),
             any(part.late for part in own),
             _text(number),
         )

@@ -29,7 +29,8 @@ class PoolSettings(Struct, frozen=True):
     """How to judge: with which starter and rubric, and what workers may use and read.
 
     `lab` is the folder of another lab than the bundled one, `assets` the folders in which the
-    grader has what lies at these addresses.
+    grader has what lies at these addresses. With `merge`, what the last upload of a student lacks
+    comes from the ones before.
     """
 
     starter: Path | None
@@ -39,6 +40,7 @@ class PoolSettings(Struct, frozen=True):
     jobs: int = 1
     lab: Path | None = None
     assets: dict[str, Path] = {}
+    merge: bool = False
 
 
 class Task(Struct, frozen=True):

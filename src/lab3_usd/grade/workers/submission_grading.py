@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -15,11 +16,11 @@ from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.grade.gradebook import write_reports
 from lab3_usd.grade.intake.archives import ArchiveError
-from lab3_usd.grade.intake.staging import stage_submission
-from lab3_usd.grade.intake.submission_copy import Limits, RefusedFile, TooLargeError
+from lab3_usd.grade.intake.guard import check_layer
+from lab3_usd.grade.intake.staging import StagedSubmission, stage_submission
+from lab3_usd.grade.intake.submission_copy import Limits, TooLargeError
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.scoring import Grade, grade
-from lab3_usd.grade.workers.guard import check_layer
 from lab3_usd.grade.workers.messages import Json, Task, status_of
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.judge.results import with_findings
@@ -28,13 +29,17 @@ from lab3_usd.model.finding import Crash, Finding, Report, Submission, ordered
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.fence import BlockedAsset, Fence, fenced
+from lab3_usd.stage.read.opening import PLACEHOLDER
+
+_EMPTY = hashlib.sha256().hexdigest()
 
 
 class GradingSetup(Struct, frozen=True):
     """What every submission of a class is judged with.
 
     `starter` is open already, and `allowed` are the files that it consists of. `supplied` are the
-    folders in which the grader has assets of servers.
+    folders in which the grader has assets of servers. With `merge`, what the last upload of a
+    student lacks comes from the ones before.
     """
 
     lab: Lab
@@ -43,6 +48,7 @@ class GradingSetup(Struct, frozen=True):
     allowed: frozenset[str]
     limits: Limits
     supplied: tuple[str, ...] = ()
+    merge: bool = False
 
 
 def grade_submission(
@@ -53,7 +59,7 @@ def grade_submission(
     Sets the working directory to the copy for as long as it takes.
     """
     try:
-        staged = stage_submission(task.sources, scratch, setup.limits)
+        staged = stage_submission(task.sources, scratch, setup.limits, merge=setup.merge)
     except TooLargeError as error:
         return ungraded_record(setup.rubric, task.student, "too large", str(error), task.name)
     except ArchiveError as error:
@@ -76,7 +82,7 @@ def grade_submission(
             starter=setup.starter, may_open=partial(_may_open, fence), digests=staged.digests
         )
         judged = _without_repairs(check_folder(Path(), settings))
-        judged = _with_fence(judged, task.student, staged.refused, fence.found.values())
+        judged = _with_fence(judged, task.student, staged, fence.found.values())
         checklist = judged.submission.checklist
         points = grade(setup.rubric, judged.results, checklist, late=task.late)
         # Stages without faults are not pictured, but for the last: its pictures show what they do.
@@ -86,9 +92,11 @@ def grade_submission(
             if all(finding.severity == "note" for finding in result.findings)
         }
         report = Report(judged.results, (judged.submission,))
-        reports = write_reports(report, setup.rubric, points, task.name)
+        remarks = tuple(remark.text for remark in staged.remarks)
+        reports = write_reports(report, setup.rubric, points, task.name, remarks)
     return {
-        **_record(points, _status(judged, task.broken, staged.refused)),
+        **_record(points, _status(judged, task.broken, staged)),
+        "remarks": list(remarks),
         "digest": staged.digest,
         "verdicts": {result.checkpoint: result.verdict for result in judged.results},
         "crashes": [crash.rule for crash in _crashes(judged)],
@@ -128,6 +136,7 @@ def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name
     report = Report((), (Submission(student, (finding,)),))
     return {
         **_record(points, (status, reason)),
+        "remarks": [],
         "digest": "",
         "verdicts": {},
         "crashes": [],
@@ -141,13 +150,16 @@ def _record(points: Grade, status: tuple[str, str]) -> Json:
 
 
 def _status(
-    judged: FolderResult, broken: Mapping[str, str], refused: Sequence[RefusedFile]
+    judged: FolderResult, broken: Mapping[str, str], staged: StagedSubmission
 ) -> tuple[str, str]:
     for path, how in broken.items():
         return status_of(how), f"{path}: {how}"
     if not judged.results:
-        because = "; ".join(f"{file.path}: {file.reason}" for file in refused[:1])
+        because = "; ".join(f"{file.path}: {file.reason}" for file in staged.refused[:1])
         return "empty", because or "holds no stage of a checkpoint"
+    if all(staged.digests.get(result.path) == _EMPTY for result in judged.results):
+        number = len(judged.results)
+        return "unreadable", f"{number} stage{'s' * (number > 1)} of 0 bytes: {PLACEHOLDER}"
     crashes = _crashes(judged)
     if any(crash.error.startswith(MemoryError.__name__) for crash in crashes):
         raise MemoryError  # in a rule, which is not at fault
@@ -164,12 +176,13 @@ def _crashes(judged: FolderResult) -> Sequence[Crash]:
 def _with_fence(
     judged: FolderResult,
     student: str,
-    refused: Iterable[RefusedFile],
+    staged: StagedSubmission,
     blocked: Iterable[BlockedAsset],
 ) -> FolderResult:
     """Add what was left out to the results, as findings of the rules about it."""
     rules = all_rules()
-    files = [_finding(rules["Z01"], file.path, file.reason) for file in refused]
+    files = [_finding(rules[file.rule], file.path, file.reason) for file in staged.refused]
+    files += [_finding(rules[remark.rule], remark.path, remark.text) for remark in staged.remarks]
     grave: dict[str, list[Finding]] = {}
     for asset in blocked:
         if asset.is_error:

@@ -120,6 +120,7 @@ def load_setup(settings: PoolSettings) -> GradingSetup:
         allowed=frozenset() if starter is None else files_of(starter),
         limits=settings.limits,
         supplied=tuple(map(os.path.realpath, settings.assets.values())),
+        merge=settings.merge,
     )
 
 

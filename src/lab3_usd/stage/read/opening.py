@@ -21,6 +21,8 @@ _ARGUMENTS = ":SDF_FORMAT_ARGS:"
 _DAMAGE = (Tf.ErrorException, UnicodeDecodeError)
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 _MOST_OPEN = 2
+# What a file of 0 bytes is, as far as anybody can tell.
+PLACEHOLDER = "a placeholder of OneDrive or iCloud, or a failed save; hand in the file itself"
 
 
 def _open(path: Path) -> Usd.Stage:
@@ -186,7 +188,7 @@ def check_file(path: Path) -> None:
     except OSError as error:
         raise StageError(f"{path}: cannot be read ({error.strerror})") from error
     if not start:
-        raise StageError(f"{path}: is empty; save the stage again from Isaac Sim")
+        raise StageError(f"{path}: is empty: {PLACEHOLDER}")
 
 
 def _check_text(path: Path, data: bytes) -> None:

@@ -6,6 +6,7 @@ import re
 import stat
 import struct
 import zipfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
@@ -56,6 +57,18 @@ def check_layer(path: Path, limits: Limits) -> bytes | None:
     return None
 
 
+def can_be_read(path: Path, limits: Limits) -> bool:
+    """Whether a stage is whole as far as its bytes tell: not empty, damaged or cut short."""
+    try:
+        text = check_layer(path, limits)
+        if text is not None:
+            return _depth_at_end(text) == 0
+        with path.open("rb") as file:
+            return file.read(len(_CRATE)).startswith((_CRATE, _PACKAGE))
+    except (StageError, OSError):
+        return False
+
+
 def _refuse(reason: str) -> NoReturn:
     raise StageError(reason)
 
@@ -79,14 +92,25 @@ def _may_be_deep(data: bytes, limit: int) -> bool:
 
 
 def _depth(data: bytes) -> int:
-    deepest = depth = 0
+    return max(_depths(data), default=0)
+
+
+def _depth_at_end(data: bytes) -> int:
+    depth = 0
+    for depth in _depths(data):  # noqa: B007 - the last one is asked for
+        pass
+    return depth
+
+
+def _depths(data: bytes) -> Iterator[int]:
+    """Yield how deep brackets lie in one another after each of them."""
+    depth = 0
     for token in _TOKENS.finditer(data):
         if token[0] in b"([{":
             depth += 1
-            deepest = max(deepest, depth)
         elif token[0] in b")]}":
             depth -= 1
-    return deepest
+        yield depth
 
 
 def _check_crate(data: bytes, limits: Limits) -> None:

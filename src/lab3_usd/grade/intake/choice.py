@@ -1,0 +1,195 @@
+"""Chooses the folder that is the submission, by what the folders of an upload hold.
+
+The one with the most checkpoints that can be read counts, then the newest, then the one that lies
+least deep. What is left aside is said.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from msgspec import Struct
+
+from lab3_usd.grade.intake.guard import can_be_read
+from lab3_usd.grade.intake.submission_copy import RefusedFile, SubmissionCopy
+from lab3_usd.judge.folder import is_submission
+from lab3_usd.lab.submission import find_stages, folder_named
+from lab3_usd.model.folder import Entry
+from lab3_usd.spec.load.loader import load_lab
+
+_DEEPEST = 6
+_MOST_NAMED = 8
+AMBIGUOUS = "ambiguous, ask the student"
+
+
+class Remark(Struct, frozen=True):
+    """What a grader has to know of how a submission was taken: at which path, by which rule."""
+
+    path: str
+    text: str
+    rule: str
+
+
+class StageFolder(Struct, frozen=True):
+    """A folder that may be the submission: its checkpoints that can be read, and its stages.
+
+    `newest` is when the last of these was changed, `contents` are their digests by checkpoint.
+    """
+
+    path: str
+    checkpoints: tuple[str, ...]
+    newest: float
+    contents: frozenset[tuple[str, str]]
+
+
+class Choice(Struct, frozen=True):
+    """The folder that is the submission, what has to be said of others, and the files beside it."""
+
+    path: str
+    remarks: tuple[Remark, ...] = ()
+    beside: tuple[RefusedFile, ...] = ()
+
+
+def choose_folder(copy: SubmissionCopy) -> Choice:
+    """Choose among the folders of a copy; '' is the copy as a whole."""
+    places = list(_places(copy)) or [""]
+    if places == [""]:
+        return Choice("")
+    folders = sorted((stage_folder(copy, place) for place in places), key=_order)
+    first = _with_its_files(copy, folders)
+    others = [folder for folder in folders if folder != first]
+    aside = [folder for folder in others if not _is_inside(folder.path, first.path)]
+    aside = [folder for folder in [*aside, *_stray_stages(copy, places)] if folder.contents]
+    covered = [first.path, *(folder.path for folder in aside)]
+    return Choice(
+        first.path, tuple(_remarks(first, aside)), tuple(_beside(copy, first.path, covered))
+    )
+
+
+def _with_its_files(copy: SubmissionCopy, folders: Sequence[StageFolder]) -> StageFolder:
+    """Return the first folder, or where it is a mere folder of stages, the submission around it."""
+    first = folders[0]
+    if folder_named(copy.target / first.path, load_lab().submission.folders.stages):
+        return first
+    around = (
+        folder for folder in folders if not folder.contents and _is_inside(first.path, folder.path)
+    )
+    return max(around, key=lambda folder: len(folder.path), default=first)
+
+
+def _beside(copy: SubmissionCopy, chosen: str, covered: Sequence[str]) -> Iterator[RefusedFile]:
+    """Yield what lies beside the folder that is the submission, and is no other one's."""
+    names = [Path(path).relative_to(copy.target).as_posix() for path in copy.digests]
+    left = sorted(name for name in names if not any(_is_inside(name, path) for path in covered))
+    for name in left[:_MOST_NAMED]:
+        yield RefusedFile(name, f"it lies outside of {chosen}, which is judged", "Z05")
+    if len(left) > _MOST_NAMED:
+        more = f"{len(left) - _MOST_NAMED} more files lie outside of {chosen}, which is judged"
+        yield RefusedFile(left[_MOST_NAMED], more, "Z05")
+
+
+def _order(folder: StageFolder) -> tuple[int, float, int, str]:
+    depth = folder.path.count("/") + bool(folder.path)
+    return -len(folder.checkpoints), -folder.newest, depth, folder.path
+
+
+def _is_inside(path: str, folder: str) -> bool:
+    return not folder or path == folder or path.startswith(f"{folder}/")
+
+
+def _places(copy: SubmissionCopy) -> Iterator[str]:
+    """Yield the folders that look like a submission, and those of archives; '' is the top."""
+    stages = load_lab().submission.folders.stages
+    waiting = [""]
+    while waiting:
+        place = waiting.pop(0)
+        folder = copy.target / place
+        looks_so = is_submission(folder)
+        if looks_so or place in copy.unpacked:
+            yield place
+        if place.count("/") + bool(place) >= _DEEPEST:
+            continue
+        home = folder_named(folder, stages) if looks_so else ""
+        inside = sorted(entry.name for entry in os.scandir(folder) if entry.is_dir())
+        waiting += [f"{place}/{name}".lstrip("/") for name in inside if name != home]
+
+
+def stage_folder(copy: SubmissionCopy, place: str) -> StageFolder:
+    """Return what a folder holds as a submission: the stages in it and in its folder of stages."""
+    lab = load_lab()
+    folder = copy.target / place
+    home = folder_named(folder, lab.submission.folders.stages)
+    entries = [
+        Entry(f"{below}{entry.name}")
+        for below in ("", *([f"{home}/"] if home else []))
+        for entry in os.scandir(folder / below)
+        if entry.is_file()
+    ]
+    found = find_stages(
+        sorted(entries, key=lambda entry: entry.path), home, lab, lab.submission.stages
+    )
+    files = {number: folder / stage.path for number, stage in found.items()}
+    whole = {number: file for number, file in files.items() if can_be_read(file, copy.limits)}
+    return StageFolder(
+        place,
+        tuple(whole),
+        max((file.stat().st_mtime for file in whole.values()), default=0.0),
+        frozenset((number, copy.digests[str(file)]) for number, file in whole.items()),
+    )
+
+
+def _stray_stages(copy: SubmissionCopy, places: Sequence[str]) -> list[StageFolder]:
+    """Return the folders that hold stages and lie in none of these places."""
+    lab = load_lab()
+    names = [Path(path).relative_to(copy.target).as_posix() for path in copy.digests]
+    outside = [name for name in names if not any(_is_inside(name, place) for place in places)]
+    entries = [Entry(name) for name in sorted(outside)]
+    found = find_stages(entries, "", lab, lab.submission.stages)
+    parents = {stage.path.rpartition("/")[0] for stage in found.values()}
+    return [stage_folder(copy, parent) for parent in sorted(parents)]
+
+
+def _remarks(chosen: StageFolder, aside: Sequence[StageFolder]) -> Iterator[Remark]:
+    """Yield what is said of the folders that are left aside."""
+    if not aside:
+        return
+    judged = f"{_shown(chosen.path)} is judged ({_counted(chosen)})"
+    equal = [
+        folder
+        for folder in aside
+        if len(folder.checkpoints) == len(chosen.checkpoints) and folder.contents != chosen.contents
+    ]
+    listed = [
+        f"{_shown(folder.path)} ({_holding(folder, chosen)})" for folder in aside[:_MOST_NAMED]
+    ]
+    more = f" and {len(aside) - _MOST_NAMED} more" if len(aside) > _MOST_NAMED else ""
+    doubt = f"{AMBIGUOUS}: as many in {_shown(equal[0].path)}; " if equal else ""
+    text = f"{doubt}{judged}; left aside: {', '.join(listed)}{more}"
+    yield Remark(chosen.path or ".", text, "Z03")
+
+
+def _shown(path: str) -> str:
+    return path or "the top folder"
+
+
+def _holding(folder: StageFolder, chosen: StageFolder) -> str:
+    if folder.contents <= chosen.contents:
+        return f"{_counted(folder)}, the same files"
+    lacking = [number for number in folder.checkpoints if number not in chosen.checkpoints]
+    lacks = f", of which {', '.join(lacking)} only there" if lacking else ""
+    return f"{_counted(folder)}{lacks}"
+
+
+def _counted(folder: StageFolder) -> str:
+    return counted(folder.checkpoints)
+
+
+def counted(checkpoints: Iterable[str]) -> str:
+    """Say how many checkpoints can be read, and which."""
+    numbers = list(checkpoints)
+    if not numbers:
+        return "no checkpoint that can be read"
+    plural = "s" * (len(numbers) > 1)
+    return f"{len(numbers)} checkpoint{plural}: {', '.join(numbers)}"
