@@ -115,6 +115,7 @@ def _refuse_empty(context: click.Context, parameter: click.Parameter, submission
 )
 @assets_option
 @click.option("--resume", is_flag=True, help="Go on with a gradebook; what is finished is kept.")
+@click.option("--force", is_flag=True, help="Take the gradebook of a run that was killed.")
 @click.option(
     "--merge-uploads",
     is_flag=True,
@@ -143,6 +144,7 @@ def command(submissions: str, **options: Any) -> None:
         resume=options["resume"],
         assets=asset_places(options["assets"]),
         merge_uploads=options["merge_uploads"],
+        force=options["force"],
         runner=_runner(options["cluster"]),
         notify=lambda line: click.echo(f"lab3: {line}", err=True),
     )

@@ -13,7 +13,14 @@ from msgspec.structs import replace
 
 from lab3_usd.data import lab_folder, own_lab
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.grade.gradebook import Rows, check_target, known_digest, write_student, write_tables
+from lab3_usd.grade.gradebook import (
+    Rows,
+    check_target,
+    clear_halves,
+    known_digest,
+    write_student,
+    write_tables,
+)
 from lab3_usd.grade.intake.remote import local_path
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.intake.submissions import (
@@ -21,6 +28,7 @@ from lab3_usd.grade.intake.submissions import (
     find_submissions,
     submissions_in,
 )
+from lab3_usd.grade.lock import locked
 from lab3_usd.grade.rubric import Rubric, load_rubric
 from lab3_usd.grade.workers.messages import Json, PoolSettings, Task, status_of
 from lab3_usd.grade.workers.pool import Runner, run_tasks
@@ -36,7 +44,8 @@ class ClassSettings(Struct, frozen=True):
 
     `runner` has the tasks judged; `notify` is told, in a line each, what of a class is passed over.
     `assets` are folders in which assets of servers lie, by their addresses.
-    With `merge_uploads`, what the last upload of a student lacks comes from the ones before.
+    With `merge_uploads`, what the last upload of a student lacks comes from the ones before. With
+    `force`, the lock of a run that was killed is taken.
     """
 
     submissions: Path | str
@@ -48,6 +57,7 @@ class ClassSettings(Struct, frozen=True):
     resume: bool = False
     assets: Mapping[str, Path] = {}
     merge_uploads: bool = False
+    force: bool = False
     runner: Runner = run_tasks
     notify: Callable[[str], None] = lambda _line: None
 
@@ -70,8 +80,22 @@ def grade_class(
     rubric = load_rubric(settings.rubric, load_lab())
     with assets_at(settings.assets):
         check_starter(settings.starter)
-        check_target(settings.out, resume=settings.resume)
         salt = salt_of(rubric, settings.starter, settings.assets)
+    check_target(settings.out, resume=settings.resume)
+    with locked(settings.out, force=settings.force):
+        check_target(settings.out, resume=settings.resume)  # another run may just have ended
+        return _graded(place, rubric, salt, settings, progress)
+
+
+def _graded(
+    place: Path | str,
+    rubric: Rubric,
+    salt: str,
+    settings: ClassSettings,
+    progress: Callable[[int, int], None],
+) -> Rows:
+    """Grade every submission into a gradebook that no other run writes to."""
+    clear_halves(settings.out)
     late = set(rubric.late.students)
     with submissions_in(place) as location:
         submissions = [

@@ -16,6 +16,7 @@ from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftover_files, write_parts, write_whole
 from lab3_usd.grade.intake.submissions import StudentSubmission
+from lab3_usd.grade.lock import LOCK
 from lab3_usd.grade.rubric import COLUMNS, Item, Rubric
 from lab3_usd.grade.scoring import Grade, ItemGrade, State
 from lab3_usd.model.finding import Report
@@ -158,8 +159,6 @@ Row = dict[str, Any]
 def check_target(out: Path, *, resume: bool) -> None:
     """Refuse to grade into a folder that holds something else, or a gradebook without `--resume`.
 
-    Halves of files, from a run that was killed as it wrote them, are removed.
-
     Raises:
         UsageError: the folder is in use, or is no folder.
     """
@@ -168,7 +167,7 @@ def check_target(out: Path, *, resume: bool) -> None:
     if not out.is_dir():
         raise UsageError(f"{out}: is not a folder; choose another one for -o")
     half = leftover_files(out, _TABLES)
-    names = {path.name for path in out.iterdir()} - {path.name for path in half}
+    names = {path.name for path in out.iterdir()} - {path.name for path in half} - {LOCK}
     holds = {
         name for name in names if not any(fnmatchcase(name.lower(), pattern) for pattern in _LITTER)
     }
@@ -181,6 +180,15 @@ def check_target(out: Path, *, resume: bool) -> None:
         raise UsageError(
             f"{out}: holds {foreign[0]}, which is no part of a gradebook; choose another one"
         )
+
+
+def clear_halves(out: Path) -> None:
+    """Remove halves of files, which a run leaves that is killed as it writes them.
+
+    Raises:
+        UsageError: one cannot be removed.
+    """
+    half = leftover_files(out, _TABLES)
     students = out.glob(f"{STUDENTS}/*/")
     _remove([*half, *(path for student in students for path in leftover_files(student, _FILES))])
 

@@ -1,0 +1,99 @@
+"""Lets one run at a time write to a gradebook: a file in it says which run that is."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime, timezone
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+from lab3_usd.errors import UsageError
+
+LOCK = ".lab3-grade.lock"
+_LARGEST = 4096
+
+
+class Owner(Struct, frozen=True):
+    """The run that a gradebook is locked by."""
+
+    process: int
+    host: str
+    since: str
+
+    def __str__(self) -> str:
+        """Tell it to people."""
+        return f"process {self.process} on {self.host} since {self.since}"
+
+
+@contextmanager
+def locked(out: Path, *, force: bool = False) -> Iterator[None]:
+    """Keep other runs from writing to the gradebook `out`, which is made where there is none.
+
+    The system frees the lock of a run that ends, however it ends; its file stays where it was
+    killed, and the run that comes next takes it with `force` only.
+
+    Raises:
+        UsageError: another run writes to it, or one was killed and `force` is not set.
+    """
+    is_new = not out.exists()
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        handle = _opened(out / LOCK)
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written ({error.strerror})") from error
+    try:
+        _take(handle, out, force=force)
+        try:
+            yield
+        finally:
+            (out / LOCK).unlink(missing_ok=True)
+            if is_new:
+                with contextlib.suppress(OSError):  # it is a gradebook now
+                    out.rmdir()
+    finally:
+        os.close(handle)
+
+
+def _opened(path: Path) -> int:
+    return os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
+
+
+def _take(handle: int, out: Path, *, force: bool) -> None:
+    is_free = _is_free(handle)
+    try:
+        owner = msgspec.json.decode(os.read(handle, _LARGEST), type=Owner)
+    except msgspec.MsgspecError:
+        owner = None
+    if is_free is False:
+        by = f" by {owner}" if owner else ""
+        raise UsageError(f"{out}: is being written{by}; wait for it, or choose another -o")
+    if owner is not None and not force:
+        ended = is_free and owner.host == socket.gethostname()
+        fate = "which was killed; " if ended else "if that has ended, "
+        raise UsageError(f"{out}: is locked by {owner}, {fate}give --force to take it")
+    now = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    os.ftruncate(handle, 0)
+    os.lseek(handle, 0, os.SEEK_SET)
+    os.write(handle, msgspec.json.encode(Owner(os.getpid(), socket.gethostname(), now)))
+
+
+def _is_free(handle: int) -> bool | None:
+    """Lock a file; whether that went, None where this system locks no files."""
+    try:
+        locks = importlib.import_module("fcntl")
+    except ImportError:
+        return None
+    try:
+        locks.flock(handle, locks.LOCK_EX | locks.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return os.fstat(handle).st_nlink > 0  # the run that had it has ended just now
