@@ -132,6 +132,15 @@ def test_a_stage_that_is_open_elsewhere_stays_as_it_is() -> None:
     assert stage.GetSessionLayer().ExportToString() == before
 
 
+def test_what_could_not_be_judged_is_a_finding() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    assert adapter.findings_of(stage) == ()
+    stage.GetRootLayer().subLayerPaths.append("./gone.usda")
+    found = [finding for finding in adapter.findings_of(stage) if finding.severity == "warning"]
+    assert [(finding.rule, finding.prim) for finding in found] == [("F02", "/")]
+    assert "./gone.usda" in adapter.text_of(found[0])
+
+
 def test_a_crash_is_a_finding_and_ends_no_run(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(_: Any) -> None:
         raise KeyError("no stage")

@@ -19,14 +19,13 @@ import_rules("F", "K")
 
 
 class LintResults(Struct, frozen=True):
-    """What the rules found, how many nodes they could judge, and what matters and was not judged.
+    """What the rules found, and how many nodes they could judge.
 
     With a gap and without an error a stage is not judged: it is no pass.
     """
 
     results: RuleResults
     coverage: NodeCoverage
-    gaps: tuple[str, ...] = ()
 
 
 def lint(subject: LintSubject) -> LintResults:
@@ -45,14 +44,13 @@ def lint(subject: LintSubject) -> LintResults:
         waiting = dict(_waiting(subject))
         unknown = {node.path: node.type_name for node in nodes_of_unknown_type(subject)}
         return LintResults(
-            merge_results((notes, stage)),
+            replace(merge_results((notes, stage)), gaps=tuple(_gaps(subject, waiting, unknown))),
             NodeCoverage(
                 nodes=len({*subject.live, *waiting}),
                 waiting=Counter(waiting.values()),
                 unknown=Counter(unknown.values()),
                 partly=_partly(stage.not_judged, subject, unknown),
             ),
-            tuple(_gaps(subject, waiting, unknown)),
         )
     finally:
         # What rules derive holds what they were given, and so the stage.

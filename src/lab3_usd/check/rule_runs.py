@@ -16,11 +16,15 @@ from lab3_usd.spec.lab import Lab
 
 
 class RuleResults(Struct, frozen=True):
-    """What rules found, which of them failed themselves, and what they could not judge."""
+    """What rules found, which of them failed themselves, and what they could not judge.
+
+    `gaps` are what matters of that, for a whole stage.
+    """
 
     findings: tuple[Finding, ...] = ()
     crashes: tuple[Crash, ...] = ()
     not_judged: tuple[NotJudged, ...] = ()
+    gaps: tuple[str, ...] = ()
 
 
 _NOTHING = RuleResults()

@@ -99,13 +99,13 @@ def _linted(path: str | Path, release: str) -> StageResult:
     return StageResult(
         path=str(path),
         checkpoint=None,
-        verdict=verdict_of(findings, results.crashes, judged.gaps),
+        verdict=verdict_of(findings, results.crashes, results.gaps),
         score=Score(0.0, 0.0),
         findings=findings,
         crashes=results.crashes,
         not_judged=results.not_judged,
         coverage=judged.coverage,
-        gaps=judged.gaps,
+        gaps=results.gaps,
     )
 
 

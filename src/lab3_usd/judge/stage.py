@@ -93,4 +93,4 @@ def check_open_stage(stage: Any, lab: Lab) -> RuleResults:
     from lab3_usd.stage.read.reader import read_model
 
     judged = judge(lab, lab.checkpoints[number], read_model(reopened(stage), lab, str(file)))
-    return RuleResults(ordered(judged.findings), judged.crashes, judged.not_judged)
+    return RuleResults(ordered(judged.findings), judged.crashes, judged.not_judged, judged.gaps)

@@ -25,7 +25,7 @@ def checked_findings_of(stage: Any) -> tuple[Finding, ...]:
 
 
 def _findings_of(judge: Callable[[], RuleResults]) -> tuple[Finding, ...]:
-    """Return the findings; a crash of a rule is a finding as well.
+    """Return the findings; a gap and a crash of a rule are findings as well.
 
     An exception that leaves a validator ends the whole run of the program around it.
     """
@@ -34,7 +34,11 @@ def _findings_of(judge: Callable[[], RuleResults]) -> tuple[Finding, ...]:
     except Exception as error:  # noqa: BLE001 - see above
         return (_crash(f"{type(error).__name__}: {error}"),)
     crashes = (_crash(f"{crash.rule}: {crash.error}") for crash in results.crashes)
-    return (*results.findings, *crashes)
+    gaps = (
+        Finding("F02", "not-verifiable", "warning", "/", f"not judged: {gap}")
+        for gap in results.gaps
+    )
+    return (*results.findings, *gaps, *crashes)
 
 
 def _crash(text: str) -> Finding:
