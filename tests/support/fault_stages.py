@@ -279,6 +279,9 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
         "camera",
     ),
 }
-# Shown by a drive with an arc, and by a node alone: test_faults.py, test_sim_nodes.py.
-BY_HAND: frozenset[FaultKind] = frozenset({"wrong-arc", "unknown-output"})
+# Shown by a drive with an arc, a node alone, and maps: test_faults.py, test_sim_nodes.py,
+# test_scan_meets_map.py.
+BY_HAND: frozenset[FaultKind] = frozenset(
+    {"wrong-arc", "unknown-output", "map-shifted", "map-inverted", "scan-off-map"}
+)
 MOTION = ("rest", "follows", "limits", "again")  # shown by a stage that only drives, too

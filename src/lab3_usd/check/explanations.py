@@ -113,6 +113,9 @@ EXPLAINED_BY: Mapping[FaultKind, str] = {
     "camera-not-ahead": "C05",
     "camera-not-upright": "C05",
     # localization and navigation
+    "map-shifted": "M07",
+    "map-inverted": "M06",
+    "scan-off-map": "M09",
     "no-localization": "E11",
     "localization-ends": "E11",
     "no-goal-sent": "E16",

@@ -22,8 +22,15 @@ EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
     type=click.Path(path_type=Path),
     help="Compare with the dry run of this stage, topic by topic.",
 )
+@click.option(
+    "--maps",
+    type=click.Path(path_type=Path),
+    help="The map, or its folder, that the scan is laid on instead of the recorded one.",
+)
 @text_or_json
-def command(recording: Path, checkpoint: str | None, stage: Path | None, form: str) -> None:
+def command(
+    recording: Path, checkpoint: str | None, stage: Path | None, maps: Path | None, form: str
+) -> None:
     """Judge a recording of the running system by the checks of `lab3 sim`.
 
     RECORDING is what `ros2 bag record -a` writes, MCAP or sqlite3, or one file of it. What is
@@ -51,7 +58,7 @@ def command(recording: Path, checkpoint: str | None, stage: Path | None, form: s
     names = [recording.name, stage.name if stage is not None else ""]
     named = next(filter(None, (checkpoint_of(name, lab) for name in names)), numbers[-1])
     number = named if checkpoint is None else checkpoint_number(checkpoint, numbers)
-    behaviour = judge_recording(recording, lab, number, whole=checkpoint is not None)
+    behaviour = judge_recording(recording, lab, number, whole=checkpoint is not None, maps=maps)
     if stage is not None and behaviour.verdict != "unreadable":
         from msgspec.structs import replace
 

@@ -133,6 +133,11 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
     help='What to drive instead: a file, or legs "v,w,s ..." (m/s, rad/s, seconds).',
 )
 @click.option("--topic", metavar="NAME", help="Drive the robots that listen to this topic only.")
+@click.option(
+    "--maps",
+    type=click.Path(path_type=Path),
+    help="The map, or its folder, that the scan is laid on (localization).",
+)
 @text_or_json
 @assets_option
 @click.option("--page", type=click.Path(path_type=Path), help="Write an HTML page to this file.")
@@ -181,7 +186,7 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
     from lab3_usd.report.behaviour import text
     from lab3_usd.sim.dry_run import dry_run
 
-    run = dry_run(stage, lab, checkpoint, options["drive"], options["topic"] or "")
+    run = dry_run(stage, lab, checkpoint, options["drive"], options["topic"] or "", options["maps"])
     behaviour = run.behaviour
     page, bag = options["page"], options["bag"]
     if page is not None:

@@ -10,9 +10,12 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import yaml
 from msgspec import Struct
 
+from lab3_usd.data import data_folder, own_lab
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.lab.plain_yaml import load_plain
 from lab3_usd.model.folder import MapSubject
+from lab3_usd.model.occupancy import OccupancyMap
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import MapFacts
 
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
@@ -20,6 +23,7 @@ _WHITE = 255
 _OCCUPIED_THRESHOLD = 0.65
 _TWO_BYTES = 65535
 _MOST_CELLS = 10**8
+_MOST_COMPARED = 10**6  # cells of a map that a scan is laid on
 _MOST_DIGITS = 9
 GAP = rb"(?:\s|#[^\n]*\n)+"
 # One white space ends the header: in a binary file the next byte is a cell.
@@ -122,6 +126,58 @@ def read_pgm(path: Path) -> Grid:
     if max(cells) > white:
         raise MapError(f"{path}: a cell is {max(cells)}, but white is {white}")
     return Grid(width, height, bytes(value * _WHITE // white for value in cells))
+
+
+def read_map(path: Path, *, given: bool = True) -> OccupancyMap:
+    """Read a map as map_server loads it (nav2_map_server, humble: map_io.cpp:114-282).
+
+    Raises:
+        MapError: it cannot be read, or is larger than a scan is compared with.
+    """
+    values, fault = _read(path)
+    image = values.get("image") if values is not None else None
+    if values is None or not isinstance(image, str):
+        raise MapError(f"{path} {fault or 'names no image'}")
+    grid = read_pgm(path.parent / image)
+    if grid.width * grid.height > _MOST_COMPARED:
+        raise MapError(f"{path}: {grid.width} x {grid.height} cells are too many")
+    try:
+        resolution, threshold = float(values["resolution"]), float(values["occupied_thresh"])  # type: ignore[arg-type]
+        x, y, turn = map(float, values["origin"])  # type: ignore[call-overload]
+        is_negated = bool(int(values.get("negate", 0)))  # type: ignore[call-overload]
+    except (KeyError, TypeError, ValueError) as error:
+        raise MapError(f"{path} has no resolution, origin or threshold") from error
+    if not (resolution > 0 and all(map(math.isfinite, (resolution, x, y, turn)))):
+        raise MapError(f"{path} has no resolution, or an origin that is none")
+    walls = frozenset(
+        (index % grid.width, grid.height - 1 - index // grid.width)
+        for index, value in enumerate(grid.cells)
+        if (value if is_negated else _WHITE - value) / _WHITE > threshold
+    )
+    return OccupancyMap(path.name, resolution, (x, y, turn), grid.width, grid.height, walls, given)
+
+
+def map_of_stage(stage: Path, maps: Path | None, lab: Lab) -> OccupancyMap | None:
+    """Return the map that a stage is localized in: the one given, that beside it, or the lab's.
+
+    `maps` is a folder or the YAML file itself; beside it is in the folder of the stage, or in that
+    of the maps of its submission.
+
+    Raises:
+        MapError: it cannot be read.
+    """
+    facts = lab.scene.map
+    if facts is None:
+        return None
+    if maps is not None:
+        return read_map(find_map(maps, facts) if maps.is_dir() else maps)
+    name = lab.submission.folders.maps
+    above = stage.resolve().parents
+    for folder in (above[0], above[0] / name, *(base / name for base in above[1:2])):
+        if (folder / facts.yaml).is_file():
+            return read_map(folder / facts.yaml)
+    ours = data_folder("maps") / facts.yaml
+    return read_map(ours, given=False) if own_lab() is None and ours.is_file() else None
 
 
 def agreement(student: Grid, ours: Grid) -> float:

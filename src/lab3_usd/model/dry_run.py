@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 from msgspec import Struct
 
 from lab3_usd.model.fault import FaultKind
+from lab3_usd.model.occupancy import MapFit
 from lab3_usd.model.transforms import Vector, length
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
@@ -298,6 +299,7 @@ class Behaviour(Struct, frozen=True):
     recording: str = ""  # what was judged, where it is no dry run
     differences: tuple[Difference, ...] | None = None  # from the dry run of its stage, if played
     missing: str = ""
+    fit: MapFit | None = None  # of its scans on the map of localization
     robots: tuple[Driven, ...] = ()
 
 
@@ -319,9 +321,10 @@ class Moment(Struct, frozen=True):
 
 
 class Replay(Struct, frozen=True):
-    """What there is to draw of a run: the room, the robot in it, and how often nodes computed."""
+    """What there is to draw of a run: the room, the robot, how often nodes computed, the map."""
 
     walls: tuple[Segment, ...]
     radius: float
     moments: tuple[Moment, ...]
     computed: dict[str, int]
+    fit: MapFit | None = None

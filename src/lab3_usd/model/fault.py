@@ -40,6 +40,7 @@ FaultKind = Literal[
     "image-info-frames-differ", "image-info-sizes-differ", "image-info-rates-differ",
     "low-image-rate", "misplaced-camera-frame", "camera-not-ahead", "camera-not-upright",
     # localization and navigation
+    "map-shifted", "map-inverted", "scan-off-map",
     "no-localization", "localization-ends", "no-goal-sent", "goal-not-reached",
 ]
 # fmt: on

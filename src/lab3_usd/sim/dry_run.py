@@ -10,7 +10,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import StageError
+from lab3_usd.lab.maps import MapError, map_of_stage
 from lab3_usd.model.dry_run import (
+    HERE,
     Affine,
     Behaviour,
     Check,
@@ -30,6 +32,7 @@ from lab3_usd.sim.any_stage import Played, domain_of, interface_of, play_any
 from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Scan
 from lab3_usd.sim.judge.checks import judge, whole_verdict
+from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.judge.topics import interface
 from lab3_usd.sim.judge.trial import Trial, displacement, in_root
@@ -59,6 +62,7 @@ def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
         tuple(driven_legs(trial)),
         tuple(_remarks(trial, checks)),
         missing=missing,
+        fit=trial.fit,
     )
 
 
@@ -123,6 +127,8 @@ def is_asked(name: str, trial: Trial) -> bool:
         "scan": (wanted.scan,),
         "camera": (wanted.image, wanted.info),
     }
+    if name == "map":
+        return trial.fit is not None or bool(trial.map_fault)
     if name in topics:
         return all(topic and trial.recording.topic(topic) for topic in topics[name])
     if name == "graphs":
@@ -188,6 +194,8 @@ def _remarks(trial: Trial, checks: Sequence[Check]) -> Iterator[str]:
     blocked = next((pose for pose in trial.recording.path if pose.blocked), None)
     if blocked is not None:
         yield f"a wall stops the robot while it is told to go {blocked.leg}"
+    if trial.fit is not None:
+        yield trial.fit.text
     yield from trial.recording.remarks
     if trial.recording.not_simulated and any(check.verdict == "not judged" for check in checks):
         yield "what looks wrong may come from what is not simulated, and is no fault"
@@ -223,12 +231,18 @@ def scene_of(path: Path) -> Scene:
 
 
 def dry_run(
-    path: Path, lab: Lab, checkpoint: str, drive: str | None = None, topic: str = ""
+    path: Path,
+    lab: Lab,
+    checkpoint: str,
+    drive: str | None = None,
+    topic: str = "",
+    maps: Path | None = None,
 ) -> DryRun:
     """Play a stage and judge what it does by what the lab asks for at a checkpoint.
 
     Without a checkpoint it is judged by what it shows itself, driven over the topic, if one is
-    named, else over those that its robots listen to.
+    named, else over those that its robots listen to. `maps` is where its map is, a folder or a
+    file; without it that beside the stage is taken, else the lab's.
 
     Raises:
         UsageError: the drive is none, or the topic is not that of a robot.
@@ -246,7 +260,19 @@ def dry_run(
         played = play_any(scene, catalog, drive, topic)
         return DryRun(outcome_of_any(str(path), played), played.plays[0])
     trial = record(scene, catalog, sessions, wanted)
+    if lab.checkpoints[checkpoint].localization:
+        _lay_on_map(trial, path, maps, lab)
     return DryRun(outcome(str(path), checkpoint, trial), trial)
+
+
+def _lay_on_map(trial: Trial, path: Path, maps: Path | None, lab: Lab) -> None:
+    """Note how the scans lie on the map, whose frame is the world's or that of the start."""
+    try:
+        trial.map = map_of_stage(path, maps, lab)
+    except MapError as error:
+        trial.map_fault = str(error)
+    trial.located = ([(0.0, trial.start)], [(0.0, HERE)])
+    trial.fit = fit(trial)
 
 
 def replay(trial: Trial) -> Replay:
@@ -267,7 +293,7 @@ def replay(trial: Trial) -> Replay:
         for pose, message, seen in zip(chosen, odometry, scans, strict=True)
     )
     recording = trial.recording
-    return Replay(trial.room, trial.radius, tuple(moments), recording.fired)
+    return Replay(trial.room, trial.radius, tuple(moments), recording.fired, trial.fit)
 
 
 def _last_before(messages: Sequence[Message], poses: Sequence[Pose]) -> list[Message | None]:

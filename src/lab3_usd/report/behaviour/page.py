@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path, PurePath
 
 from markupsafe import Markup
@@ -16,6 +17,7 @@ from msgspec import Struct
 from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.errors import Lab3Error
 from lab3_usd.model.dry_run import Behaviour, Check, Frame, Moment, Place, Replay, Segment
+from lab3_usd.model.occupancy import MapFit, OccupancyMap
 from lab3_usd.report.behaviour.text import WHAT_IT_IS, leg_text, looks_of, rate, sum_text
 from lab3_usd.report.html.templates import (
     content_policy,
@@ -151,6 +153,32 @@ def near_svg(replay: Replay, *, still: bool = False) -> str:
         _moments_svg(replay.moments, replay.radius, furthest(replay), scan=False, still=still),
     ]
     return _svg_element(box, "The path of the robot, and odometry as dots", "near", parts)
+
+
+def map_svg(fit: MapFit) -> str:
+    """Return the map with the points of all scans: those at a wall and those elsewhere."""
+    start = fit.ends[0]
+    ends = [end for end in fit.ends if _near(end, start)]
+    runs = [run for run in _wall_runs(fit.map) if all(_near(corner, start) for corner in run)]
+    box = _box([*(end[:2] for end in ends), *(corner for run in runs for corner in run)], least=2.0)
+    parts = [
+        _grid(box),
+        f'<path class="cells" d="{"".join(f"{_line_path(run)}Z" for run in runs)}"/>',
+        f'<path class="scan" d="{_dots_path((x, y) for x, y, is_met in ends if is_met)}"/>',
+        f'<path class="off" d="{_dots_path((x, y) for x, y, is_met in ends if not is_met)}"/>',
+    ]
+    return _svg_element(box, "The map, and the scans on it", "map", parts)
+
+
+def _wall_runs(grid: OccupancyMap) -> Iterator[list[tuple[float, float]]]:
+    """Yield the corners of each run of walls in a row of a map."""
+    for row, cells in groupby(sorted(grid.walls, key=lambda cell: cell[::-1]), itemgetter(1)):
+        columns = [column for column, _ in cells]
+        for _, run in groupby(enumerate(columns), lambda pair: pair[1] - pair[0]):
+            along = [column for _, column in run]
+            left, right = along[0], along[-1] + 1
+            corners = ((left, row), (right, row), (right, row + 1), (left, row + 1))
+            yield [grid.point(*corner) for corner in corners]
 
 
 def furthest(replay: Replay) -> int:
@@ -318,6 +346,8 @@ def render(behaviour: Behaviour, replay: Replay | None, lab: Lab) -> str:
             moments=replay.moments if replay is not None else (),
             room=own_markup(room_svg(replay)) if replay is not None else "",
             near=own_markup(near_svg(replay)) if replay is not None else "",
+            fit=replay.fit if replay is not None else None,
+            on_map=own_markup(map_svg(replay.fit)) if replay is not None and replay.fit else "",
             chart=own_markup(chart_svg(replay.moments)) if replay is not None else "",
             tree=list(tree_lines(behaviour.frames)),
             graphs=[(title, own_markup(drawn)) for title, drawn in graphs],

@@ -12,6 +12,7 @@ from msgspec.structs import asdict
 
 from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.model.dry_run import Behaviour, Check, Leg, Topic
+from lab3_usd.model.occupancy import MapFit
 from lab3_usd.report.options import NAME, tool_version
 from lab3_usd.report.safe_text import paint, printable, truncated_values
 
@@ -30,6 +31,7 @@ LOOKS = {
     "moving frames": "TF moves the base as odometry does",
     "mounted": "lidar and camera go with the robot",
     "scan": "scans come at their rate and show the walls where they are",
+    "map": "the scan lies at the walls of the map",
     "camera": "image and info belong together, in the frame of an upright camera that looks ahead",
     "again": "drives again after Stop and Play, whatever ROS_DOMAIN_ID says",
 }
@@ -50,6 +52,7 @@ LOOKS_OF_A_RECORDING = {
     "odometry": "the speeds of odometry are those of its way",
     "tree": "TF is one tree, with one parent for each frame",
     "scan": "scans come at their rate, and rays come back",
+    "map": "the scan lies about at the walls of the map",
     "messages": "every message is of the type that its topic says",
     "QoS": "each topic is offered as it is asked for",
     "rates": "what is to stream streams, and its stamps go on",
@@ -213,9 +216,24 @@ def behaviour_json(behaviour: Behaviour) -> dict[str, Any]:
         "path": [list(row) for row in behaviour.path],
         "not_simulated": [asdict(unknown) for unknown in behaviour.not_simulated],
     }
+    if behaviour.fit is not None:
+        document["map"] = _fit_json(behaviour.fit)
     if behaviour.differences is not None:
         document["differences"] = [asdict(difference) for difference in behaviour.differences]
     return document
+
+
+def _fit_json(fit: MapFit) -> dict[str, Any]:
+    """Return how the scans lie on the map; a shift is looked for where they do not."""
+    shift = None if fit.shift is None else [round(metres, 3) for metres in fit.shift]
+    return {
+        "name": fit.map.name,
+        "points": fit.count,
+        "near": round(fit.near, 4),
+        "through": round(fit.through, 4),
+        "shift": shift,
+        "shifted": None if shift is None else round(fit.shifted, 4),
+    }
 
 
 def _topic_json(topic: Topic) -> dict[str, Any]:

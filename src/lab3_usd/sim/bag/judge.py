@@ -15,7 +15,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import RecordingError
+from lab3_usd.lab.maps import MapError, map_of_stage
 from lab3_usd.model.dry_run import HERE, Behaviour, Check, Difference, Place, Topic, Unknown
+from lab3_usd.model.occupancy import MapFit
 from lab3_usd.sim.bag.files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
 from lab3_usd.sim.dry_run import driven_legs, is_asked, path_rows
@@ -24,6 +26,7 @@ from lab3_usd.sim.execution.recording import Pose
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
 from lab3_usd.sim.judge.checks import verdict as verdict_of
 from lab3_usd.sim.judge.checks import whole_verdict
+from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.sensors import SHORT
 from lab3_usd.sim.judge.topics import interface, map_topic, reached_topics, static_topics
 from lab3_usd.sim.judge.trial import (
@@ -270,10 +273,13 @@ _NO_CONTENT = "not sent, as a dry run makes no pictures and no points"
 _MOVED = ("rest", "follows", "limits", "way")
 
 
-def judge_recording(recording: Path, lab: Lab, checkpoint: str, *, whole: bool) -> Behaviour:
+def judge_recording(
+    recording: Path, lab: Lab, checkpoint: str, *, whole: bool, maps: Path | None = None
+) -> Behaviour:
     """Judge a recording by what the lab asks for at a checkpoint.
 
-    `whole` asks for localization and a goal although nothing of them was recorded.
+    `whole` asks for localization and a goal although nothing of them was recorded. `maps` is where
+    the map is that scans are laid on; without it that of the recording is taken, else the lab's.
     """
     wanted = interface(lab, lab.checkpoints[checkpoint])
     try:
@@ -281,7 +287,7 @@ def judge_recording(recording: Path, lab: Lab, checkpoint: str, *, whole: bool) 
         asked = {
             topic: kind for topic, kind in wanted.types.items() if topic not in layout.not_sent
         }
-        topics = _read_topics(lab, replace(wanted, types=asked))
+        topics = _read_topics(lab, replace(wanted, types=asked), checkpoint)
         with opened(layout, bounds) as bag:
             gathered = gather(bag.messages(), bag.topics, topics, bounds.listed)
     except (RecordingError, OSError) as error:
@@ -289,6 +295,11 @@ def judge_recording(recording: Path, lab: Lab, checkpoint: str, *, whole: bool) 
         return Behaviour(
             "", checkpoint, 0.0, "unreadable", not_simulated=reason, recording=str(recording)
         )
+    if topics.map and (maps is not None or gathered.map is None):
+        try:
+            gathered.map = map_of_stage(recording, maps, lab)
+        except MapError as error:
+            gathered.map_fault = str(error)
     judged = _judged(gathered, topics, (lab, checkpoint), whole=whole, name=str(recording))
     unknown = (Unknown(topic, _NO_CONTENT) for topic in sorted(layout.not_sent))
     return replace(judged, not_simulated=tuple(unknown))
@@ -302,17 +313,20 @@ def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -
     """
     wanted = interface(lab, lab.checkpoints[checkpoint])
     with opened(layout, bounds) as bag:
-        gathered = gather(bag.messages(), bag.topics, _read_topics(lab, wanted), bounds.listed)
+        topics = _read_topics(lab, wanted, checkpoint)
+        gathered = gather(bag.messages(), bag.topics, topics, bounds.listed)
     came = {topic for (topic, _), tally in gathered.tallies.items() if tally.count}
     seen = replace(
         wanted, types={topic: kind for topic, kind in wanted.types.items() if topic in came}
     )
-    return _judged(gathered, _read_topics(lab, seen), (lab, checkpoint), whole=False, name="")
+    topics = _read_topics(lab, seen, checkpoint)
+    return _judged(gathered, topics, (lab, checkpoint), whole=False, name="")
 
 
-def _read_topics(lab: Lab, wanted: Interface) -> Topics:
+def _read_topics(lab: Lab, wanted: Interface, checkpoint: str) -> Topics:
     goal = lab.ros.goal
-    return Topics(wanted, static_topics(lab), "" if goal is None else goal.status)
+    status = "" if goal is None else goal.status
+    return Topics(wanted, static_topics(lab), status, *map_topic(lab, checkpoint))
 
 
 def _judged(
@@ -323,9 +337,12 @@ def _judged(
     drive = legs(gathered.commands, gathered.seconds, wanted.limits)
     gathered.recording.path = list(path(gathered.places, drive))
     trial = Trial(gathered.recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
+    if gathered.located:
+        trial.map, trial.map_fault = gathered.map, gathered.map_fault
+        trial.located = (gathered.located,)
+        trial.fit = fit(trial)
     reached = reached_topics(lab, checkpoint)
-    map_frame = map_topic(lab, checkpoint)[1]
-    recorded = Recorded(gathered, topics, trial, reached, map_frame, lab.ros.goal)
+    recorded = Recorded(gathered, topics, trial, reached, topics.map_frame, lab.ros.goal)
     checks = tuple(_checks(recorded, _left_out(recorded, lab, checkpoint, whole=whole)))
     verdict, missing = whole_verdict(checks)
     return Behaviour(
@@ -338,9 +355,10 @@ def _judged(
         checks,
         tuple(path_rows(trial)),
         legs=tuple(driven_legs(trial)) if gathered.places else (),
-        remarks=tuple(_remarks(gathered)),
+        remarks=tuple(_remarks(gathered, trial.fit)),
         recording=name,
         missing=missing,
+        fit=trial.fit,
     )
 
 
@@ -350,7 +368,7 @@ def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> 
     names = {name for name in SHARED if not is_asked(name, trial)} | {"odometry"}
     if not gathered.commands or not trial.recording.path:
         names |= {*_MOVED}
-    map_name, _ = map_topic(lab, checkpoint)
+    map_name = recorded.topics.map
     seen = {frame.child for frame in gathered.frames if frame.parent == recorded.map_frame}
     goal = lab.ros.goal
     robot = () if goal is None else gathered.of_topic(goal.robot)
@@ -388,9 +406,11 @@ def _judged_topics(gathered: Gathered) -> Iterator[Topic]:
         yield Topic(topic, kind, by_stamp, frame, by_arrival, offered)
 
 
-def _remarks(gathered: Gathered) -> Iterator[str]:
+def _remarks(gathered: Gathered, found: MapFit | None) -> Iterator[str]:
     """Say what else is to be known of the recording."""
     timeline = gathered.timeline
+    if found is not None:
+        yield found.text
     if not timeline.clocked:
         yield "no clock was recorded: rates are those of arrival"
     else:

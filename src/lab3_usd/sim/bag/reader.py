@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
 from msgspec import Struct, field
+from msgspec.structs import replace
 from rosbags.serde import SerdeError
 
 from lab3_usd.errors import RecordingError
 from lab3_usd.model.dry_run import Affine, Frame, Place, heading, rotation
+from lab3_usd.model.occupancy import OccupancyMap
 from lab3_usd.sim.bag.files import Offered, Raw
 from lab3_usd.sim.bag.writer import STORE
 from lab3_usd.sim.execution.recording import Message, Odometry, Recording, Scan, Transform, View
@@ -61,6 +64,8 @@ class Timeline(Struct):
 LARGEST = 4_000_000  # bytes of a message that is read as a whole
 LARGEST_LIST = 200_000  # of one that is a list of records: a thousand transforms
 LONGEST = 200  # characters of the name of a frame
+MOST_RAYS = 10_000  # of a scan
+_OCCUPIED = 65  # percent, from which on a cell of a map is a wall
 _HEADER = "std_msgs/msg/Header"
 
 
@@ -184,15 +189,32 @@ def _transforms(message: Any) -> Decoded | None:
 
 
 def _scan(message: Any) -> Decoded | None:
-    """Read a scan; of its rays only whether one comes back, as there is no room to compare with."""
+    """Read a scan; a ray that does not come back is -1."""
     near, far = message.range_min, message.range_max
-    ranges = message.ranges
-    returned = ranges[(ranges >= near) & (ranges <= far)]
-    seen = (float(returned.min()) if len(returned) else -1.0,)
+    ranges = message.ranges[:MOST_RAYS]
+    returned = (ranges >= near) & (ranges <= far)
+    seen = tuple(np.where(returned, ranges, -1.0).tolist())
     angles = (message.angle_min, message.angle_increment, near, far)
     if not _finite((*angles, message.scan_time)):
         return None
     return Decoded(_head(message.header), Scan(*angles, seen, scan_time=message.scan_time))
+
+
+def _map(message: Any) -> Decoded | None:
+    """Read a map as localization publishes it: row 0 is the lowest, 100 is a wall."""
+    info, place = message.info, message.info.origin
+    x, y, _ = _xyz(place.position)
+    turn = heading(Affine(rotation(_wxyz(place.orientation))))
+    size = (info.width, info.height)
+    whole = size[0] * size[1] == len(message.data) and info.resolution > 0
+    if not (whole and _finite((info.resolution, x, y, turn))):
+        return None
+    walls = frozenset(
+        (index % size[0], index // size[0])
+        for index in (message.data >= _OCCUPIED).nonzero()[0].tolist()
+    )
+    found = OccupancyMap("the recorded map", info.resolution, (x, y, turn), *size, walls)
+    return Decoded(_head(message.header), found)
 
 
 def _info(message: Any) -> Decoded:
@@ -216,6 +238,7 @@ _READERS = {
     "tf2_msgs/msg/TFMessage": _transforms,
     "sensor_msgs/msg/LaserScan": _scan,
     "sensor_msgs/msg/CameraInfo": _info,
+    "nav_msgs/msg/OccupancyGrid": _map,
     "action_msgs/msg/GoalStatusArray": _goals,
 }
 
@@ -225,6 +248,7 @@ MOST_KEPT = 60_000  # messages of these
 MOST_TRANSFORMS = 250_000  # in these
 MOST_NAMES = 2000  # frames, goals
 FEW = 5  # frames of one topic that are named
+BETWEEN = 1.0  # seconds between scans that are kept whole, to be laid on the map
 
 
 class Tally(Struct):
@@ -255,16 +279,21 @@ class Link(Struct):
 
 
 class Topics(Struct, frozen=True):
-    """Which topics are read: those of the interface, static transforms, and the goal's status."""
+    """Which topics are read: those of the interface, static transforms, the goal's status, the map.
+
+    `map_frame` is the frame of the map.
+    """
 
     wanted: Interface
     static: frozenset[str]
     goal: str
+    map: str = ""
+    map_frame: str = ""
 
     def judged(self) -> frozenset[str]:
         """Return the topics whose messages are read as a whole."""
         wanted = self.wanted
-        return frozenset({*wanted.types, wanted.commands, *self.lasting()} - {""})
+        return frozenset({*wanted.types, wanted.commands, self.map, *self.lasting()} - {""})
 
     def lasting(self) -> frozenset[str]:
         """Return those of them that are read to the end."""
@@ -283,6 +312,10 @@ class Gathered(Struct):
     links: dict[tuple[str, str], Link] = field(default_factory=dict)
     frames: dict[Frame, None] = field(default_factory=dict)
     goals: dict[bytes, int] = field(default_factory=dict)
+    map: OccupancyMap | None = None  # the last one
+    map_fault: str = ""  # why that of a file cannot be read
+    located: list[tuple[float, Affine]] = field(default_factory=list)  # the root of TF in its frame
+    scanned: float | None = None  # when the last scan came that is kept whole
     listed: int = 0  # transforms and goals that were read
     transforms: int = 0  # that are kept
     until: float | None = None  # when more came than is judged message by message
@@ -374,6 +407,9 @@ def _keep(gathered: Gathered, message: Message, topics: Topics) -> None:
             if goal.id in gathered.goals or len(gathered.goals) < MOST_NAMES:
                 gathered.goals[goal.id] = goal.status
         return
+    if isinstance(data, OccupancyMap):
+        gathered.map = data if message.topic == topics.map else gathered.map
+        return
     kept = len(gathered.recording.messages)
     if message.at > DETAIL or kept >= MOST_KEPT or gathered.transforms > MOST_TRANSFORMS:
         gathered.until = min(gathered.until or DETAIL, gathered.timeline.now)
@@ -381,6 +417,8 @@ def _keep(gathered: Gathered, message: Message, topics: Topics) -> None:
         gathered.listed += len(data)
         static = message.topic in topics.static
         inner = _links(gathered, message.transforms, message.at, wanted.root, static=static)
+        if len(gathered.located) < MOST_KEPT:
+            gathered.located += _located(message, topics)
         if static or not inner:
             return
         message.data = inner
@@ -395,11 +433,23 @@ def _keep_whole(gathered: Gathered, message: Message, wanted: Interface) -> None
         if isinstance(data, tuple):
             gathered.commands.append((message.at, data))
         return
+    if isinstance(data, Scan):
+        if gathered.scanned is None or message.at >= gathered.scanned + BETWEEN:
+            gathered.scanned = message.at
+        else:
+            message.data = replace(data, ranges=(max(data.ranges, default=-1.0),), whole=False)
     gathered.recording.messages.append(message)
     if isinstance(data, Odometry):
         turned = heading(Affine(rotation(data.orientation)))
         x, y, _ = data.position
         gathered.places.append((message.at, (x, y, turned)))
+
+
+def _located(message: Message, topics: Topics) -> Iterator[tuple[float, Affine]]:
+    """Yield where a message has the root of TF in the frame of the map."""
+    for transform in message.transforms:
+        if (transform.parent, transform.child) == (topics.map_frame, topics.wanted.root):
+            yield message.at, Affine(rotation(transform.rotation), transform.translation)
 
 
 def _links(

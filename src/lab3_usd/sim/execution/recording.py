@@ -42,6 +42,7 @@ class Scan(Struct, frozen=True):
     ranges: tuple[float, ...]
     place: Affine | None = None  # of the lidar, where it is known; metres
     scan_time: float = 0.0
+    whole: bool = True  # whether `ranges` are those of all directions
 
 
 class View(Struct, frozen=True):

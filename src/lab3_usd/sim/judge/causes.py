@@ -39,6 +39,7 @@ _SHOWN_BY = {  # checks, and the types of the messages in which they look
     "moving frames": (_TRANSFORMS, "nav_msgs/msg/Odometry"),
     "mounted": (_TRANSFORMS, "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Image"),
     "scan": (_TRANSFORMS, "sensor_msgs/msg/LaserScan"),
+    "map": (_TRANSFORMS, "sensor_msgs/msg/LaserScan"),
     "camera": (_TRANSFORMS, "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"),
 }
 

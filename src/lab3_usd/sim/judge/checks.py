@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Literal
 
 from lab3_usd.model.dry_run import Check, Verdict
+from lab3_usd.sim.judge.localization import on_map
 from lab3_usd.sim.judge.motion import again, follows, limits, moving_frames, odometry, rest
 from lab3_usd.sim.judge.sensors import camera, mounted, scan
 from lab3_usd.sim.judge.topics import clock, stamps, topics, tree
@@ -31,6 +32,7 @@ CHECKS: dict[str, Callable[[Trial], Iterator[Fault]]] = {
     "moving frames": moving_frames,
     "mounted": mounted,
     "scan": scan,
+    "map": on_map,
     "camera": camera,
     "again": again,
 }
@@ -63,7 +65,7 @@ def verdict(name: str, faults: list[Fault], trial: Trial) -> Check:
 
 def _is_doubtful(name: str, fault: Fault, trial: Trial) -> bool:
     """Whether a fault may come from what is assumed or not known."""
-    if not fault.sure or (name == "scan" and trial.recording.assumed):
+    if not fault.sure or (name in {"scan", "map"} and trial.recording.assumed):
         return True
     return trial.causes is not None and trial.causes.doubt(name, fault)
 

@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from lab3_usd.model.dry_run import HERE, Affine, Segment, rotation
 from lab3_usd.model.fault import FaultKind
+from lab3_usd.model.occupancy import MapFit, OccupancyMap
 from lab3_usd.model.transforms import length, minus
 from lab3_usd.sim.execution.drive import RATE, Leg, Session
 from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, Transform
@@ -27,10 +28,16 @@ class Tolerance(Struct, frozen=True):
     still: tuple[float, float]
     slip: tuple[float, float]
     size: tuple[float, float]
+    cells: int  # between a point of the scan and a wall of the map
+    met: float  # the part of the points that lie so near
 
 
-EXACT = Tolerance(0.1, (2e-3, math.radians(0.3)), (0.02, math.radians(3.0)), (0.95, 1.05))
-PHYSICAL = Tolerance(0.5, (0.02, math.radians(2.0)), (0.1, math.radians(10.0)), SIZE)
+EXACT = Tolerance(
+    0.1, (2e-3, math.radians(0.3)), (0.02, math.radians(3.0)), (0.95, 1.05), cells=1, met=0.9
+)
+PHYSICAL = Tolerance(
+    0.5, (0.02, math.radians(2.0)), (0.1, math.radians(10.0)), SIZE, cells=3, met=0.5
+)
 
 
 class Interface(Struct, frozen=True):
@@ -147,6 +154,11 @@ class Trial(Struct):
     radius: float = 0.0  # of the robot
     tolerance: Tolerance = EXACT
     factor: float = 1.0  # how far the wheels roll a metre that controllers are told
+    map: OccupancyMap | None = None  # what it is localized in
+    map_fault: str = ""  # why that cannot be read
+    # Where the map has the root of TF, from when on; more than one where nobody says.
+    located: tuple[Sequence[tuple[float, Affine]], ...] = ()
+    fit: MapFit | None = None  # of its scans on the map
     scrubs: bool = False  # whether its wheels slide in a turn, so that it turns about as told
 
     def stretches(self, *names: str) -> Iterator[Stretch]:

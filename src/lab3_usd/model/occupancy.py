@@ -1,0 +1,69 @@
+"""An occupancy map as localization has it, and how a scan lies on it."""
+
+from __future__ import annotations
+
+import math
+
+from msgspec import Struct
+
+Cell = tuple[int, int]  # column, row from below
+
+
+class OccupancyMap(Struct, frozen=True):
+    """The walls of a map: `origin` is the place of its lower left corner, in metres and radians.
+
+    `given` maps belong to what is judged; the lab's own may be of another room.
+    """
+
+    name: str
+    resolution: float
+    origin: tuple[float, float, float]
+    width: int
+    height: int
+    walls: frozenset[Cell]
+    given: bool = True
+
+    def cell(self, x: float, y: float) -> Cell:
+        """Return the cell of a point of the map's frame; it may lie outside."""
+        left, bottom, turn = self.origin
+        c, s = math.cos(turn), math.sin(turn)
+        x, y = x - left, y - bottom
+        return (
+            math.floor((c * x + s * y) / self.resolution),
+            math.floor((c * y - s * x) / self.resolution),
+        )
+
+    def point(self, column: float, row: float) -> tuple[float, float]:
+        """Return the place of a corner of cells in the map's frame."""
+        left, bottom, turn = self.origin
+        c, s = math.cos(turn) * self.resolution, math.sin(turn) * self.resolution
+        return (left + c * column - s * row, bottom + s * column + c * row)
+
+    def walls_within(self, cells: int) -> frozenset[Cell]:
+        """Return the cells that are no further than so many from a wall, diagonals included."""
+        steps = range(-cells, cells + 1)
+        return frozenset((u + i, v + j) for u, v in self.walls for i in steps for j in steps)
+
+
+class MapFit(Struct, frozen=True):
+    """How a scan lies on a map.
+
+    Of `count` points the share `near` lies at a wall, and the share `through` has a wall before it.
+    The share `shifted` would lie at one if the map were moved by `shift`. `ends` are points of the
+    scan in the map's frame, each with whether it lies at a wall. What is not `sure` may be the map
+    of another room.
+    """
+
+    map: OccupancyMap
+    count: int
+    near: float
+    through: float
+    ends: tuple[tuple[float, float, bool], ...]
+    shift: tuple[float, float] | None = None
+    shifted: float = 0.0
+    sure: bool = True
+
+    @property
+    def text(self) -> str:
+        """How many points of the scan lie at walls."""
+        return f"{self.near:.0%} of {self.count} points of the scan lie at walls of {self.map.name}"

@@ -1,0 +1,172 @@
+"""Does the scan lie on the walls of the map, where TF and localization have the lidar?"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from msgspec.structs import replace
+
+from lab3_usd.model.dry_run import Affine
+from lab3_usd.model.fault import FaultKind
+from lab3_usd.model.occupancy import Cell, MapFit, OccupancyMap
+from lab3_usd.sim.execution.recording import Scan
+from lab3_usd.sim.geometry import distance
+from lab3_usd.sim.judge.trial import Fault, Trial, in_root
+
+_DRAWN = 1500  # points of a scan
+_CORNERS = 800  # cells that points lie in, by which a map is shifted
+_MOST_WALLS = 8000  # cells: a map with more of them is not shifted
+_TRIED = 60  # shifts that are compared
+_SHORT = 4  # cells: what is before a point so near is not looked at
+_BEFORE = 0.5  # the part of rays that come through walls, from which on a map is inverted
+_OF_THIS_ROOM = 0.9  # the part of a map's walls that stand in the room it is of
+
+Located = Sequence[tuple[float, Affine]]  # where the map has the root of TF, from when on
+
+
+class Ray(NamedTuple):
+    """A ray that returned: its end and its middle in the root of TF, and its length."""
+
+    at: float
+    end: tuple[float, float, float]
+    middle: tuple[float, float, float]
+    length: float
+
+
+def fit(trial: Trial) -> MapFit | None:
+    """Return how the scans of a run lie on its map, None where there is none, or no scan.
+
+    Nobody says where a dry run's map has the odometry frame: of the places that may be meant that
+    counts at which the map is of the room, else the best.
+    """
+    rays = list(_rays(trial)) if trial.map is not None else []
+    if trial.map is None or not rays:
+        return None
+    near = trial.map.walls_within(trial.tolerance.cells)
+    fits = [_fit(rays, trial.map, near, located) for located in trial.located]
+    if not fits or any(_is_met(found, trial) for found in fits):
+        return max(fits, key=lambda found: found.near - found.through, default=None)
+    pairs = list(zip(fits, trial.located, strict=True))
+    known = [pair for pair in pairs if _is_of_the_room(trial, trial.map, pair[1])]
+    sure = trial.map.given or bool(known)
+    moved = [
+        replace(_shifted(found, rays, near, located), sure=sure)
+        for found, located in known or pairs
+    ]
+    return max(moved, key=lambda found: (round(found.shifted, 1), -math.hypot(*found.shift or ())))
+
+
+def _is_met(found: MapFit, trial: Trial) -> bool:
+    met = trial.tolerance.met
+    return found.near >= met and found.through <= 1.0 - met
+
+
+def _rays(trial: Trial) -> Iterator[Ray]:
+    for message in trial.recording.topic(trial.wanted.scan, 0):
+        scan = message.data
+        if not isinstance(scan, Scan) or not scan.whole:
+            continue
+        place = in_root(trial, message)
+        if place is None:
+            continue
+        for number, length in enumerate(scan.ranges):
+            if length > 0:
+                angle = scan.angle_min + number * scan.angle_increment
+                x, y = length * math.cos(angle), length * math.sin(angle)
+                end, middle = place.point((x, y, 0.0)), place.point((x / 2, y / 2, 0.0))
+                yield Ray(message.at, end, middle, length)
+
+
+def _in_map(rays: Sequence[Ray], located: Located) -> Iterator[tuple[Ray, Affine]]:
+    """Yield the rays from when the map has the root of TF, with where it has it then."""
+    ahead = -1
+    for ray in rays:
+        while ahead + 1 < len(located) and located[ahead + 1][0] <= ray.at:
+            ahead += 1
+        if ahead >= 0:
+            yield ray, located[ahead][1]
+
+
+def _fit(
+    rays: Sequence[Ray], grid: OccupancyMap, near: frozenset[Cell], located: Located
+) -> MapFit:
+    ends, met, through = [], 0, 0
+    for ray, place in _in_map(rays, located):
+        x, y, _ = place.point(ray.end)
+        u, v, _ = place.point(ray.middle)
+        is_behind = ray.length > _SHORT * grid.resolution and grid.cell(u, v) in grid.walls
+        is_near = grid.cell(x, y) in near
+        met, through = met + is_near, through + is_behind
+        ends.append((x, y, is_near and not is_behind))
+    count = len(ends)
+    drawn = tuple(ends[:: max(1, count // _DRAWN)])
+    return MapFit(grid, count, met / max(1, count), through / max(1, count), drawn)
+
+
+def _shifted(best: MapFit, rays: Sequence[Ray], near: frozenset[Cell], located: Located) -> MapFit:
+    """Return a fit with the shift of the map by which most points lie at walls.
+
+    Each pair of a point and a wall is a vote for the shift that brings the two together.
+    """
+    grid = best.map
+    if not 0 < len(grid.walls) <= _MOST_WALLS:
+        return best
+    points = Counter(
+        grid.cell(x, y)
+        for x, y, _ in (place.point(ray.end) for ray, place in _in_map(rays, located))
+    )
+    votes: Counter[Cell] = Counter()
+    for (right, up), count in points.most_common(_CORNERS):
+        for column, row in grid.walls:
+            votes[right - column, up - row] += count
+    tried = [
+        (_met(points, near, shift), votes[shift], shift) for shift, _ in votes.most_common(_TRIED)
+    ]
+    met, _, shift = max(tried)
+    (x, y), (u, v) = grid.point(0, 0), grid.point(*shift)
+    return replace(best, shift=(u - x, v - y), shifted=met / max(1, best.count))
+
+
+def _met(points: Mapping[Cell, int], near: frozenset[Cell], shift: Cell) -> int:
+    right, up = shift
+    return sum(count for (u, v), count in points.items() if (u - right, v - up) in near)
+
+
+def _is_of_the_room(trial: Trial, grid: OccupancyMap, located: Located) -> bool:
+    """Whether the walls of a map stand in the room of a dry run."""
+    if not trial.room or not located:
+        return False
+    back = trial.start.then(located[-1][1].inverse())
+    reach = (trial.tolerance.cells + 0.5) * grid.resolution
+    standing = 0
+    for column, row in grid.walls:
+        x, y, _ = back.point((*grid.point(column + 0.5, row + 0.5), 0.0))
+        standing += distance(trial.room, x, y) <= reach
+    return standing >= _OF_THIS_ROOM * len(grid.walls)
+
+
+def on_map(trial: Trial) -> Iterator[Fault]:
+    """The points of the scan lie at the walls of the map, and nothing is before them."""
+    found = trial.fit
+    if trial.map_fault:
+        yield Fault(trial.map_fault, "scan-off-map", sure=False)
+    if found is None or _is_met(found, trial):
+        return
+    kind: FaultKind = "scan-off-map"
+    text = found.text
+    if found.through > _BEFORE:
+        kind = "map-inverted"
+        text += f", but {found.through:.0%} have a wall before them: the map may be inverted"
+    elif found.shift is not None and found.shifted >= trial.tolerance.met:
+        x, y = found.shift
+        # Localization makes up for an origin that is wrong: only a dry run shows it.
+        kind = "map-shifted" if trial.room else kind
+        text += f"; moved by ({x:+.2f}, {y:+.2f}) m it would be {found.shifted:.0%}"
+    elif found.shift is not None:
+        text += f"; wherever it is moved to, no more than {found.shifted:.0%} do"
+    if not found.sure:
+        text += ". The room may be another than that of the lab's map: name its map with --maps"
+    yield Fault(text, kind, sure=found.sure)
