@@ -10,7 +10,7 @@ import models as m
 import pytest
 from invoking import invoke
 from msgspec.structs import replace
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from lab3_usd.check.ros.topics import Endpoint, Qos, decode, endpoints, resolve
 from lab3_usd.model.stage import Node, PortState, StageModel
@@ -369,11 +369,57 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_table_has_a_row_for_each_topic(built: Path) -> None:
-    heading, *rows = text_of("topics", str(built)).splitlines()
+    heading, *rows = text_of("topics", "-v", str(built)).splitlines()
     assert heading.split() == "TOPIC TYPE DIRECTION NODE FRAMES QUEUE QOS RATE".split()  # noqa: SIM905
     assert [row.split()[0] for row in rows] == [e.topic for e in endpoints(m.stage(), m.lab())]
     assert "keep_last 10, reliable, volatile" in rows[0]
     assert "7 frames" in rows[-1]
+
+
+def test_name_type_direction_and_node_fit_80_columns(built: Path) -> None:
+    lines = text_of("topics", str(built)).splitlines()
+    assert max(map(len, lines[::2])) <= 80
+    assert [line.split() for line in lines[:2]] == [["TOPIC", "TYPE", "DIRECTION"], ["NODE"]]
+    nodes = [line.strip() for line in lines[3::2]]
+    assert nodes == [end.node.path for end in endpoints(m.stage(), m.lab())]
+
+
+def test_a_table_that_fits_has_the_nodes_in_its_rows(tmp_path: Path) -> None:
+    built = build_checkpoint(None, "01", tmp_path / "stage.usda")
+    heading, row = text_of("topics", str(built)).splitlines()
+    assert heading.split() == ["TOPIC", "TYPE", "DIRECTION", "NODE"]
+    assert row.split()[-1].endswith("/ros2_publish_clock")
+
+
+def test_topics_are_drawn_between_their_nodes(built: Path, tmp_path: Path) -> None:
+    dot = tmp_path / "topics.dot"
+    assert text_of("topics", str(built), "--graph", str(dot)) == f"{dot}\n"
+    drawn = dot.read_text()
+    ends = endpoints(m.stage(), m.lab())
+    assert drawn.count(" -> ") == len(ends)
+    assert all(str(end.topic) in drawn and end.node.name in drawn for end in ends)
+
+
+def test_what_is_not_judged_is_told_under_topics_and_frames(tmp_path: Path) -> None:
+    built = build_checkpoint(None, "05", tmp_path / "stage.usda")
+    stage = Usd.Stage.Open(str(built))
+    node = stage.DefinePrim("/World/ROS_Clock/mine", "OmniGraphNode")
+    node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set("my.Node")
+    stage.Save()
+    for command in ("topics", "tf"):
+        told = " ".join(text_of(command, str(built)).split())
+        assert "1 of 35 nodes not judged (1 has the unknown type my.Node)" in told
+    dot = tmp_path / "topics.dot"
+    text_of("topics", str(built), "--graph", str(dot))
+    assert "not judged: my.Node" in dot.read_text()
+
+
+def test_frames_are_drawn_with_publisher_and_rate(built: Path, tmp_path: Path) -> None:
+    dot = tmp_path / "tf.dot"
+    text_of("tf", str(built), "--graph", str(dot))
+    assert "by ros2_publish_transform_tree, On Playback Tick" in dot.read_text()
+    told = text_of("tf", "-v", str(built))
+    assert "ros2_publish_transform_tree (/tf, On Playback Tick)" in told
 
 
 def test_the_json_has_whole_profiles_and_the_frames_of_the_tree(built: Path) -> None:
@@ -392,7 +438,7 @@ def test_frames_that_a_missing_asset_could_tell_are_unknown(tmp_path: Path) -> N
     target = stage.GetPrimAtPath(f"{m.ROBOT}/{m.ODOM_TF}/{m.COMPUTE}")
     target.GetRelationship("inputs:targetPrims").SetTargets([m.ROBOT, f"{m.ROBOT}/arm"])
     stage.Save()
-    assert "6 frames, 2 frames: asset not found" in text_of("topics", str(built))
+    assert "6 frames, 2 frames: asset not found" in text_of("topics", "-v", str(built))
     assert f"? links of {m.ROBOT}: asset not found: missing.usd" in text_of("tf", str(built))
     *_, tree = json.loads(text_of("topics", str(built), "--format", "json"))["topics"]
     assert tree["unknown_frames"] == [f"links of {m.ROBOT}", f"frame of {m.ROBOT}/arm"]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from invoking import invoke
+from linting import broken_robot
 from pxr import Sdf, Usd
 
 from lab3_usd import cli
@@ -239,3 +240,30 @@ def test_a_rule_that_fails_is_said_and_the_pictures_are_written(
     assert result.exit_code == cli.EXIT_CRASH
     assert result.stderr == "lab3: rule W01 failed: KeyError: 'x'\n"
     assert Path(result.stdout.strip()).exists()
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    """A robot of no lab, with a clock that has no time and a transform that is published twice."""
+    steps = [
+        {"disconnect": "/World/Clock/clock.inputs:timeStamp"},
+        {"copy": ["/World/Odometry/transform", "/World/Odometry/again"]},
+    ]
+    path = tmp_path / "rover.usda"
+    stage = broken_robot("rover", steps)
+    stage.GetRootLayer().Export(str(path))
+    return path
+
+
+def test_what_the_linter_finds_is_marked_in_any_stage(robot: Path, tmp_path: Path) -> None:
+    result = draw(robot, "--lint", "-o", tmp_path / "out")
+    pictures = {path.stem: path.read_text() for path in map(Path, result.stdout.split())}
+    marked = {name for name, text in pictures.items() if "with an error" in text}
+    assert marked == {"rover-Clock", "rover-Odometry"}
+    assert "1 wrong" in pictures["rover-TF"]
+
+
+def test_a_linted_stage_has_no_checkpoint(robot: Path, tmp_path: Path) -> None:
+    out = ("-o", tmp_path / "out")
+    assert "exclude each other" in refused(robot, "--lint", "--checkpoint", "01", *out)
+    assert "goes with --lint" in refused(robot, "--isaac", "5.1", *out)

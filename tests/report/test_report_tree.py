@@ -10,8 +10,9 @@ from invoking import invoke
 from msgspec.structs import replace
 
 from lab3_usd.check.tf.frames import Edge
+from lab3_usd.check.tf.shape import roots, tree_faults
 from lab3_usd.check.tf.targets import UnresolvedFrames
-from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text, roots, tree_faults
+from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text
 from lab3_usd.stage.write.builder import build_checkpoint
 
 
@@ -29,7 +30,7 @@ def text(*pairs: str, unknown: tuple[str, ...] = (), verbose: bool = False) -> l
 
 
 def kinds(*pairs: str) -> list[tuple[str, str]]:
-    return [(fault.frame, fault.kind) for fault in tree_faults(TreeReport("x", edges(*pairs)))]
+    return [(fault.frame, fault.kind) for fault in tree_faults(edges(*pairs))]
 
 
 def test_a_tree_is_drawn_in_the_order_it_is_published() -> None:

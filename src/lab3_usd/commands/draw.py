@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,16 +12,16 @@ import click
 from msgspec import Struct
 
 from lab3_usd.commands.steps.options import assets_option, checkpoint_number, use_config
+from lab3_usd.commands.steps.pictures import ENDINGS, encoder
 from lab3_usd.errors import EXIT_CRASH, UsageError
 from lab3_usd.files import refuse_existing, write_whole
-from lab3_usd.report.picture.svg import THEMES, Theme
+from lab3_usd.report.picture.svg import THEMES
 
 if TYPE_CHECKING:
     from lab3_usd.model.finding import Crash
     from lab3_usd.report.picture.model import Picture
     from lab3_usd.spec.lab import Lab
 
-ENDINGS = {"svg": "svg", "png": "png", "mermaid": "mmd", "dot": "dot"}
 TREE = "TF"
 
 
@@ -44,6 +44,8 @@ TREE = "TF"
     help="Format of the pictures; png needs the extra lab3-usd[png].",
 )
 @click.option("--checkpoint", metavar="NN", help="Judge the stage at this checkpoint.")
+@click.option("--lint", is_flag=True, help="Mark what lab3 lint finds in any stage.")
+@click.option("--isaac", "release", metavar="RELEASE", help="With --lint: as for lab3 lint.")
 @click.option(
     "--theme",
     type=click.Choice(THEMES),
@@ -58,7 +60,8 @@ def command(target: str, folder: Path, **options: Any) -> None:
     """Draw each Action Graph and the TF tree of a stage, with its faults marked.
 
     FILE is a stage; its checkpoint is read from its name unless --checkpoint says it, and a stage
-    without one is drawn as it is. GRAPH is the name of a graph of the lab, or TF, and draws what
+    without one is drawn as it is. With --lint no lab is asked: what is marked is what lab3 lint
+    finds. GRAPH is the name of a graph of the lab, or TF, and draws what
     the lab asks for.
     """
     from lab3_usd.spec.load.loader import load_lab
@@ -66,14 +69,20 @@ def command(target: str, folder: Path, **options: Any) -> None:
     use_config(Path(target), options["assets"])
     lab = load_lab()
     path, form, force = Path(target), options["form"], options["force"]
-    if target in lab.graphs or target == TREE:
+    if options["lint"] and options["checkpoint"] is not None:
+        raise UsageError("--lint and --checkpoint exclude each other")
+    if options["release"] is not None and not options["lint"]:
+        raise UsageError("--isaac goes with --lint")
+    if options["lint"]:
+        drawing = _linted(path, options["release"], options["all_ports"])
+    elif target in lab.graphs or target == TREE:
         drawing = Drawing([_reference(lab, target, options["all_ports"])], "")
     elif path.suffix or path.exists():
         drawing = _of_stage(lab, path, options["checkpoint"], options["all_ports"])
     else:
         names = ", ".join([*lab.graphs, TREE])
         raise UsageError(f"'{target}' is no stage file and no graph of the lab; graphs are {names}")
-    encode = _encoder(form, options["theme"])
+    encode = encoder(form, options["theme"])
     if not drawing.pictures:
         raise UsageError(
             f"{target}: has no Action Graph and no TF tree, so there is nothing to draw"
@@ -136,20 +145,21 @@ def _of_stage(
     return Drawing(list(pictures), stem, judged.crashes)
 
 
-def _encoder(form: str, theme: Theme) -> Callable[[Picture], bytes]:
-    """Return what turns a picture into the bytes of its file."""
-    from lab3_usd.report.picture.dot import dot
-    from lab3_usd.report.picture.mermaid import mermaid
-    from lab3_usd.report.picture.png import png
-    from lab3_usd.report.picture.svg import svg_file
+def _linted(path: Path, release: str | None, every_port: bool) -> Drawing:  # noqa: FBT001
+    """Draw a stage with what the linter finds; findings elsewhere than in its graphs are listed."""
+    from lab3_usd.check.lint import lint
+    from lab3_usd.check.ros.running import LintSubject
+    from lab3_usd.judge.lint import lint_lab
+    from lab3_usd.report.pictures.graph_picture import linted_pictures
+    from lab3_usd.spec.isaac import BASE
+    from lab3_usd.spec.load.compiled import load_isaac_types
+    from lab3_usd.stage.read.reader import read_stage
 
-    encoders: dict[str, Callable[[Picture], bytes]] = {
-        "svg": lambda picture: svg_file(picture, theme).encode(),
-        "png": lambda picture: png(picture, theme),
-        "mermaid": lambda picture: mermaid(picture).encode(),
-        "dot": lambda picture: dot(picture).encode(),
-    }
-    return encoders[form]
+    lab = lint_lab(release or BASE)
+    stage = read_stage(path, lab)
+    found = lint(LintSubject(lab, load_isaac_types(), stage, release or BASE)).results
+    pictures = linted_pictures(lab, stage, found.findings, every_port=every_port)
+    return Drawing(list(pictures), f"{path.stem}-", found.crashes)
 
 
 def _paths(drawing: Drawing, folder: Path, ending: str) -> Iterator[Path]:

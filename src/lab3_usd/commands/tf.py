@@ -1,4 +1,4 @@
-"""`lab3 tf`: print the TF tree that a stage publishes."""
+"""`lab3 tf`: print or draw the TF tree that a stage publishes."""
 
 from __future__ import annotations
 
@@ -19,33 +19,59 @@ from lab3_usd.commands.steps.options import assets_option, use_config
     show_default=True,
     help="How to write the tree.",
 )
+@click.option(
+    "--graph",
+    "picture",
+    type=click.Path(path_type=Path),
+    help="Draw it with publishers and rates as view_frames does, into a .svg, .png, .dot or .mmd.",
+)
+@click.option("--force", is_flag=True, help="With --graph: replace a picture that exists.")
 @assets_option
-@click.option("-v", "--verbose", is_flag=True, help="Name the publisher of each transform.")
-def command(stage: Path, form: str, assets: tuple[str, ...], *, verbose: bool) -> None:
+@click.option("-v", "--verbose", is_flag=True, help="Name publisher and rate of each transform.")
+def command(
+    stage: Path,
+    form: str,
+    picture: Path | None,
+    assets: tuple[str, ...],
+    *,
+    force: bool,
+    verbose: bool,
+) -> None:
     """Print the TF tree that a stage publishes.
 
     The transforms are those that Isaac Sim 6.0.1 would send while STAGE plays, from all its
     graphs, on /tf and /tf_static. What tf2 cannot make a tree of is marked with an exclamation
-    mark; `lab3 check` says what to do about it. Frames that only an asset could tell which cannot
-    be found stand below the tree, with a question mark.
+    mark; `lab3 check` and `lab3 lint` say what to do about it. Frames that only an asset could
+    tell which cannot be found stand below the tree, with a question mark. Nodes of which nothing
+    is known are counted.
     """
+    from textwrap import wrap
+
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
+    from lab3_usd.check.ros.topics import endpoints
     from lab3_usd.check.tf.frames import published_edges, unknown_publishers, unresolved_frames
+    from lab3_usd.commands.steps.pictures import write_picture
+    from lab3_usd.judge.lint import read_ros
+    from lab3_usd.report.entries import coverage_line
+    from lab3_usd.report.pictures.tf_picture import published_frames_picture
+    from lab3_usd.report.safe_text import printable
     from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text
-    from lab3_usd.spec.load.loader import load_lab
-    from lab3_usd.stage.read.reader import read_stage
+    from lab3_usd.report.topic_table import WIDTH
 
     use_config(stage, assets)
-    lab = load_lab()
-    model = read_stage(stage, lab)
-    tree = TreeReport(
-        str(stage),
-        published_edges(model, lab),
-        unknown_publishers(model, lab),
-        lab.frames.reserved,
-        unresolved_frames(model, lab),
-    )
+    ros = read_ros(stage)
+    lab, model = ros.subject.lab, ros.subject.stage
+    edges, hidden = published_edges(model, lab), unresolved_frames(model, lab)
+    rates = {end.node.path: end.rate for end in endpoints(model, lab)}
+    not_judged = printable(coverage_line(ros.coverage))
+    if picture is not None:
+        write_picture(published_frames_picture(edges, hidden, rates, not_judged), picture, force)
+        return
+    unknown = unknown_publishers(model, lab)
+    tree = TreeReport(str(stage), edges, unknown, lab.frames.reserved, hidden, rates)
     if form == "text":
-        click.echo("\n".join(as_text(tree, verbose=verbose)))
+        lines = as_text(tree, verbose=verbose)
+        rest = wrap(f"? {not_judged}", WIDTH, subsequent_indent="  ") if not_judged else []
+        click.echo("\n".join([*lines, *rest]))
     else:
         click.echo(as_dot(tree) if form == "dot" else as_json(tree))

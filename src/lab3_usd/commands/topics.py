@@ -1,4 +1,4 @@
-"""`lab3 topics`: print the topics that a stage publishes and subscribes to."""
+"""`lab3 topics`: print or draw the topics that a stage publishes and subscribes to."""
 
 from __future__ import annotations
 
@@ -19,27 +19,54 @@ from lab3_usd.commands.steps.options import assets_option, use_config
     show_default=True,
     help="How to write the table.",
 )
+@click.option(
+    "--graph",
+    "picture",
+    type=click.Path(path_type=Path),
+    help="Draw nodes and topics as rqt_graph does, into a .svg, .png, .dot or .mmd.",
+)
+@click.option("--force", is_flag=True, help="With --graph: replace a picture that exists.")
+@click.option("-v", "--verbose", is_flag=True, help="Also print frames, queue, QoS and rate.")
 @assets_option
-def command(stage: Path, form: str, assets: tuple[str, ...]) -> None:
+def command(
+    stage: Path,
+    form: str,
+    picture: Path | None,
+    assets: tuple[str, ...],
+    *,
+    force: bool,
+    verbose: bool,
+) -> None:
     """Print the topics that a stage publishes and subscribes to.
 
-    For each topic: its name as ROS 2 will see it, message type, node, frames, queue size, the QoS
-    profile that Isaac Sim 6.0.1 would use, and what sets the pace. A node that nothing drives
-    publishes never.
+    For each topic: its name as ROS 2 will see it, message type and node; with -v also frames,
+    queue size, the QoS profile that Isaac Sim 6.0.1 would use, and what sets the pace. A node that
+    nothing drives publishes never. Nodes of which nothing is known are counted.
     """
+    from textwrap import wrap
+
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.check.ros.topics import endpoints
     from lab3_usd.check.tf.frames import published_edges, unresolved_frames
-    from lab3_usd.report.topic_table import TopicReport, as_csv, as_json, as_table
-    from lab3_usd.spec.load.loader import load_lab
-    from lab3_usd.stage.read.reader import read_stage
+    from lab3_usd.commands.steps.pictures import write_picture
+    from lab3_usd.judge.lint import read_ros
+    from lab3_usd.report.entries import coverage_line
+    from lab3_usd.report.pictures.topic_picture import topics_picture
+    from lab3_usd.report.safe_text import printable
+    from lab3_usd.report.topic_table import WIDTH, TopicReport, as_csv, as_json, as_table
 
     use_config(stage, assets)
-    lab = load_lab()
-    model = read_stage(stage, lab)
+    ros = read_ros(stage)
+    lab, model = ros.subject.lab, ros.subject.stage
+    ends, not_judged = endpoints(model, lab), printable(coverage_line(ros.coverage))
+    if picture is not None:
+        write_picture(topics_picture(stage.name, ends, ros.unknown, not_judged), picture, force)
+        return
     edges, hidden = published_edges(model, lab), unresolved_frames(model, lab)
-    table = TopicReport(str(stage), endpoints(model, lab), edges, hidden)
+    table = TopicReport(str(stage), ends, edges, hidden)
     if form == "csv":
         click.echo(as_csv(table), nl=False)
+    elif form == "json":
+        click.echo(as_json(table))
     else:
-        click.echo("\n".join(as_table(table)) if form == "text" else as_json(table))
+        click.echo("\n".join([*as_table(table, verbose=verbose), *wrap(not_judged, WIDTH)]))

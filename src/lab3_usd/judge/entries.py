@@ -76,7 +76,7 @@ def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:
     if checkpoint is None:
         raise UsageError(
             f"{path}: the name gives no checkpoint (as {lab.checkpoints[lab.first].file} does); "
-            "give one with --checkpoint"
+            "give one with --checkpoint, or use lab3 lint, which needs none"
         )
     return checkpoint
 

@@ -23,7 +23,8 @@ from lab3_usd.judge.results import (
     unreadable,
     verdict_of,
 )
-from lab3_usd.model.finding import Score, StageResult, ordered
+from lab3_usd.model.finding import NodeCoverage, Score, StageResult, ordered
+from lab3_usd.model.stage import Node
 from lab3_usd.spec.isaac import BASE
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.compiled import load_isaac_types
@@ -123,6 +124,38 @@ def lint_open_stage(stage: Any) -> RuleResults:
     model = read_model(reopened(stage), lab, stage.GetRootLayer().identifier)
     judged = lint(LintSubject(lab, load_isaac_types(), model, BASE)).results
     return replace(judged, findings=ordered(judged.findings))
+
+
+class RosStage(Struct, frozen=True):
+    """A stage to ask for what it says in ROS, and what of it is not known."""
+
+    subject: LintSubject
+    coverage: NodeCoverage
+    unknown: tuple[Node, ...]
+
+
+def read_ros(path: Path) -> RosStage:
+    """Read any stage with every node type that the lab or Isaac Sim has; the lab's win.
+
+    Raises:
+        StageError: the file cannot be opened.
+    """
+    from lab3_usd.check.lint import lint
+    from lab3_usd.check.ros.execution import nodes_of_unknown_type
+    from lab3_usd.stage.read.reader import read_stage
+
+    types, lab = load_isaac_types(), load_lab()
+    public, own = types.catalog, lab.catalog
+    catalog = replace(
+        own,
+        types={**public.types, **own.types},
+        prefixes={**public.prefixes, **own.prefixes},
+        renamed={**public.renamed, **own.renamed},
+    )
+    known = replace(lab, catalog=catalog)
+    subject = LintSubject(known, types, read_stage(path, known), BASE)
+    coverage = lint(subject).coverage
+    return RosStage(subject, coverage, tuple(nodes_of_unknown_type(subject)))
 
 
 def find_stages(path: str) -> Iterator[Entry]:

@@ -35,7 +35,7 @@ def check_stage(
     if number is None:
         raise UsageError(
             f"{path}: names no checkpoint (as {lab.checkpoints[lab.first].file} does); "
-            "give one with --checkpoint"
+            "give one with --checkpoint, or use lab3 lint, which needs none"
         )
     if number not in lab.checkpoints:
         raise UsageError(

@@ -16,6 +16,8 @@ from lab3_usd.check.tf.targets import UnresolvedFrames
 from lab3_usd.report.safe_text import printable, safe_cell, truncated_values
 
 COLUMNS = ("topic", "type", "direction", "node", "frames", "queue", "qos", "rate")
+_FIRST = COLUMNS[:4]  # whoever asks for topics asks for these
+WIDTH = 80
 NOTHING = "-"
 _MOST_FRAMES = 2
 _REFUSED = "not valid: the node does not work"
@@ -46,8 +48,12 @@ class TopicReport(Struct, frozen=True):
         return tuple(message.what for message in sent)
 
 
-def as_table(report: TopicReport) -> Iterator[str]:
-    """Yield the lines of the table, columns aligned."""
+def as_table(report: TopicReport, *, verbose: bool = False) -> Iterator[str]:
+    """Yield the lines of the table, columns aligned: all of them where it is verbose.
+
+    Else they are name, type, direction and node, in 80 columns: a node that does not fit stands in
+    a line of its own.
+    """
     if not report.endpoints:
         yield "no topics are published or subscribed"
         return
@@ -55,9 +61,16 @@ def as_table(report: TopicReport) -> Iterator[str]:
         [name.upper() for name in COLUMNS],
         *(list(cells(endpoint, report)) for endpoint in report.endpoints),
     ]
-    widths = [max(len(row[column]) for row in rows) for column in range(len(COLUMNS))]
-    for row in rows:
-        yield "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+    shown = [row if verbose else row[: len(_FIRST)] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
+    is_broken = not verbose and sum(widths) + 2 * len(widths[1:]) > WIDTH
+    for row in shown:
+        cut = row[:-1] if is_broken else row
+        yield "  ".join(
+            cell.ljust(width) for cell, width in zip(cut, widths, strict=False)
+        ).rstrip()
+        if is_broken:
+            yield f"    {row[-1]}"
 
 
 def as_csv(report: TopicReport) -> str:

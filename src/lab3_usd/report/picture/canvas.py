@@ -165,6 +165,12 @@ DIFF_ENTRIES = {
     "missing": LegendEntry("missing", "removed"),
     "extra": LegendEntry("extra", "added"),
 }
+LINT_ENTRIES = {
+    "wrong": LegendEntry("wrong", "error"),
+    "extra": LegendEntry("extra", "warning"),
+}
+TOPIC_LEGEND = (LegendEntry("data", "sent"), LegendEntry("execution", "perhaps sent, or never"))
+TOPIC_FAMILIES = (LegendEntry("ros", "node"), LegendEntry("family-data", "topic"))
 
 
 def on_canvas(picture: Picture) -> Picture:
@@ -203,7 +209,11 @@ def _moved(curve: Curve, across: float, down: float) -> Curve:
 
 
 def _legend_entries(picture: Picture) -> Iterator[LegendEntry]:
-    if picture.kind == "frames":
+    if picture.kind == "topics":
+        yield from (*TOPIC_LEGEND, *TOPIC_FAMILIES)
+        if any(box.family == UNKNOWN_ENTRY.kind for box in picture.boxes):
+            yield replace(UNKNOWN_ENTRY, text="not judged")
+    elif picture.kind == "frames":
         yield from TF_LEGEND
         if any(box.family == UNKNOWN_ENTRY.kind for box in picture.boxes):
             yield UNKNOWN_ENTRY
@@ -212,8 +222,8 @@ def _legend_entries(picture: Picture) -> Iterator[LegendEntry]:
         families = {box.family for box in picture.boxes}
         yield from (entry for family, entry in FAMILY_ENTRIES.items() if family in families)
     if picture.judged:
-        entries = DIFF_ENTRIES if picture.kind == "diff" else STATE_ENTRIES
-        yield from (entries[state] for state in STATES if state != "ok")
+        entries = {"diff": DIFF_ENTRIES, "lint": LINT_ENTRIES}.get(picture.kind, STATE_ENTRIES)
+        yield from (entries[state] for state in STATES if state in entries)
 
 
 def _in_lines(legend: Iterable[LegendEntry], width: float, top: float) -> Iterator[LegendEntry]:

@@ -126,7 +126,7 @@ class Picture(Struct, frozen=True):
     curves: tuple[Curve, ...]
     path: str = ""
     judged: bool = False
-    kind: Literal["graph", "frames", "diff"] = "graph"
+    kind: Literal["graph", "frames", "diff", "lint", "topics"] = "graph"
     remarks: tuple[Remark, ...] = ()
     legend: tuple[LegendEntry, ...] = ()
     width: float = 0.0

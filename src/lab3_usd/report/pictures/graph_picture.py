@@ -39,7 +39,7 @@ from lab3_usd.report.pictures.node_boxes import (
     node_box,
     reference_roles,
 )
-from lab3_usd.report.pictures.tf_picture import frames_picture
+from lab3_usd.report.pictures.tf_picture import frames_picture, published_frames_picture
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
 
@@ -132,6 +132,8 @@ def _marked(curve: Curve, state: State, findings: SiteFindings) -> Curve:
 
 MOST_REMARKS = 4
 MOST_LETTERS = 110
+STATE_WORDS: Mapping[State, str] = {state: state for state in STATES if state != "ok"}
+LINT_WORDS: Mapping[State, str] = {"wrong": "with an error", "extra": "with a warning"}
 STATE_OF: Mapping[Severity, State] = {"error": "wrong", "warning": "extra", "note": "ok"}
 
 
@@ -182,7 +184,7 @@ def graph_picture(
     boxes += outside_boxes(graph, boxes, curves)
     boxes = list(position_missing(boxes, curves, spec_positions, frozenset(node_roles.nodes)))
     placed = laid_out(tuple(boxes), tuple(curves))
-    subtitle = _counts_text(clip_end(path, MOST_LETTERS), boxes, curves)
+    subtitle = _counts_text(path, boxes, curves)
     # A line per finding on the graph itself; missing nodes are drawn instead.
     remarks = [
         Remark(STATE_OF[finding.severity], clip_end(finding.message, MOST_LETTERS))
@@ -265,7 +267,12 @@ def outside_boxes(
             yield absent_box(key, ports, absent.get(key, "not in this graph"), away[0].state)
 
 
-def _counts_text(path: str, boxes: Sequence[Box], curves: Sequence[Curve]) -> str:
+def _counts_text(
+    path: str,
+    boxes: Sequence[Box],
+    curves: Sequence[Curve],
+    words: Mapping[State, str] = STATE_WORDS,
+) -> str:
     """Return path, number of nodes and wires, and how many of both and of the ports are faulty."""
     states = Counter(box.state for box in boxes)
     states.update(curve.state for curve in curves)
@@ -273,8 +280,8 @@ def _counts_text(path: str, boxes: Sequence[Box], curves: Sequence[Curve]) -> st
     nodes = sum(box.state != "missing" and box.family != "absent" for box in boxes)
     wires = sum(curve.state != "missing" for curve in curves)
     parts = [f"{nodes} node{'s' * (nodes != 1)}, {wires} wire{'s' * (wires != 1)}"]
-    parts += [f"{states[state]} {state}" for state in STATES if state != "ok" and states[state]]
-    return "  ·  ".join([path, *parts])
+    parts += [f"{states[state]} {word}" for state, word in words.items() if states[state]]
+    return "  ·  ".join([clip_end(path, MOST_LETTERS), *parts])
 
 
 def stage_pictures(
@@ -308,6 +315,20 @@ def stage_pictures(
     localized = checkpoint is not None and checkpoint.localization
     if edges or hidden or has_tree:
         yield frames_picture(lab.frames, edges, hidden, required=has_tree, localized=localized)
+
+
+def linted_pictures(
+    lab: Lab, stage: StageModel, findings: Sequence[Finding], *, every_port: bool = False
+) -> Iterator[Picture]:
+    """Yield the graphs of a stage that no lab asks for, and its TF tree, with faults marked."""
+    for graph in stage.graphs:
+        if graph.active and not lab.catalog.graph.ignores(graph.path):
+            picture = graph_picture(None, None, graph, findings, every_port=every_port)
+            subtitle = _counts_text(graph.path, picture.boxes, picture.curves, LINT_WORDS)
+            yield on_canvas(replace(picture, kind="lint", judged=True, subtitle=subtitle))
+    edges, hidden = published_edges(stage, lab), unresolved_frames(stage, lab)
+    if edges or hidden:
+        yield published_frames_picture(edges, hidden)
 
 
 def _part_of(roles: Roles, matched: Mapping[str, Roles]) -> GraphModel | None:

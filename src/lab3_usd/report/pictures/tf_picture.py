@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
+from types import MappingProxyType
 
 from msgspec import Struct
 
 from lab3_usd.check.tf.frames import Edge
+from lab3_usd.check.tf.shape import tree_faults
 from lab3_usd.check.tf.targets import UnresolvedFrames
 from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.layered import Placed, layered
@@ -63,13 +65,46 @@ def frames_picture(
         if branch.state != "missing"
         or not any(unresolved.may_be(branch.child) for unresolved in hidden)
     ]
-    for unresolved in hidden:
-        reason = f"asset not found: {unresolved.asset}"
-        publishers = (unresolved.publisher,)
-        branches.append(DrawnEdge(unresolved.parent, unresolved.what, publishers, unknown=reason))
+    branches += _hidden_branches(hidden)
     if localized and frames.localization is not None:
         branches.insert(0, _localization(frames.localization))
     return _picture("TF", _counts_text(branches), branches, judged=True)
+
+
+def published_frames_picture(
+    edges: Sequence[Edge],
+    hidden: Sequence[UnresolvedFrames] = (),
+    rates: Mapping[str, str] = MappingProxyType({}),
+    not_judged: str = "",
+) -> Picture:
+    """Return the tree of a stage that no lab asks for; what tf2 cannot take is marked.
+
+    `rates` are how often each publisher sends, by its path; `not_judged` says in words what else
+    is not known.
+    """
+    published: dict[Pair, list[Edge]] = {}
+    for edge in edges:
+        published.setdefault((edge.parent, edge.child), []).append(edge)
+    wrong = {fault.frame for fault in tree_faults(edges)}
+    branches = [
+        DrawnEdge(
+            *pair,
+            tuple(dict.fromkeys(edge.publisher for edge in sent)),
+            "wrong" if pair[1] in wrong else "ok",
+            sure=any(edge.sure for edge in sent),
+        )
+        for pair, sent in published.items()
+    ]
+    branches += _hidden_branches(hidden)
+    subtitle = "  ·  ".join(filter(None, [_counts_text(branches), not_judged]))
+    return _picture("TF", subtitle, branches, judged=True, rates=rates)
+
+
+def _hidden_branches(hidden: Sequence[UnresolvedFrames]) -> Iterator[DrawnEdge]:
+    for unresolved in hidden:
+        reason = f"asset not found: {unresolved.asset}"
+        publishers = (unresolved.publisher,)
+        yield DrawnEdge(unresolved.parent, unresolved.what, publishers, unknown=reason)
 
 
 def _localization(spec: LocalizationSpec) -> DrawnEdge:
@@ -137,9 +172,18 @@ def _counts_text(branches: Sequence[DrawnEdge]) -> str:
     return "  ·  ".join(parts)
 
 
-def _picture(title: str, subtitle: str, branches: Sequence[DrawnEdge], *, judged: bool) -> Picture:
+def _picture(
+    title: str,
+    subtitle: str,
+    branches: Sequence[DrawnEdge],
+    *,
+    judged: bool,
+    rates: Mapping[str, str] = MappingProxyType({}),
+) -> Picture:
     names = dict.fromkeys(name for branch in branches for name in (branch.parent, branch.child))
-    boxes = [_box(name, [branch for branch in branches if branch.child == name]) for name in names]
+    boxes = [
+        _box(name, [branch for branch in branches if branch.child == name], rates) for name in names
+    ]
     curves: list[Curve] = []
     for branch in branches:
         note = f"{branch.parent} → {branch.child}"
@@ -158,7 +202,7 @@ def _placed(boxes: tuple[Box, ...], curves: tuple[Curve, ...]) -> Placed:
     return layered(boxes, curves)
 
 
-def _box(name: str, edges_into: Sequence[DrawnEdge]) -> Box:
+def _box(name: str, edges_into: Sequence[DrawnEdge], rates: Mapping[str, str]) -> Box:
     """Return the box of a frame; `edges_into` are the edges that lead to it."""
     unknown = next((branch.unknown for branch in edges_into if branch.unknown), "")
     if unknown:
@@ -173,7 +217,9 @@ def _box(name: str, edges_into: Sequence[DrawnEdge]) -> Box:
     publishers = dict.fromkeys(path for branch in edges_into for path in branch.publishers)
     surely = "by" if all(branch.sure for branch in edges_into) else "perhaps by"
     published_by = " and ".join(
-        clip_end(path.rpartition("/")[2], MOST_TITLE) for path in publishers
+        clip_end(path.rpartition("/")[2], MOST_TITLE)
+        + (f", {clip_end(rates[path], MOST_TITLE)}" if path in rates else "")
+        for path in publishers
     )
     subtitle = "missing" if state == "missing" else ""
     return sized(

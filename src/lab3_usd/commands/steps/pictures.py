@@ -1,0 +1,50 @@
+"""Writes pictures in the format that is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from lab3_usd.errors import UsageError
+from lab3_usd.files import refuse_existing, write_whole
+
+if TYPE_CHECKING:
+    from lab3_usd.report.picture.model import Picture
+    from lab3_usd.report.picture.svg import Theme
+
+ENDINGS = {"svg": "svg", "png": "png", "mermaid": "mmd", "dot": "dot"}
+
+
+def encoder(form: str, theme: Theme = "auto") -> Callable[[Picture], bytes]:
+    """Return what turns a picture into the bytes of its file."""
+    from lab3_usd.report.picture.dot import dot
+    from lab3_usd.report.picture.mermaid import mermaid
+    from lab3_usd.report.picture.png import png
+    from lab3_usd.report.picture.svg import svg_file
+
+    encoders: dict[str, Callable[[Picture], bytes]] = {
+        "svg": lambda picture: svg_file(picture, theme).encode(),
+        "png": lambda picture: png(picture, theme),
+        "mermaid": lambda picture: mermaid(picture).encode(),
+        "dot": lambda picture: dot(picture).encode(),
+    }
+    return encoders[form]
+
+
+def write_picture(picture: Picture, path: Path, force: bool) -> None:  # noqa: FBT001
+    """Write a picture in the format that the ending of its file names, and print the file.
+
+    Raises:
+        UsageError: there is no such format, the picture is empty, or the file exists.
+    """
+    forms = {f".{ending}": form for form, ending in ENDINGS.items()}
+    if path.suffix.lower() not in forms:
+        raise UsageError(f"{path}: must end in {', '.join(forms)}")
+    if not picture.boxes:
+        raise UsageError("there is nothing to draw")
+    refuse_existing(path, force=force)
+    write_whole(path, encoder(forms[path.suffix.lower()])(picture), force=force)
+    click.echo(path)

@@ -1,0 +1,84 @@
+"""The picture of nodes and topics, as rqt_graph draws them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lab3_usd.check.ros.topics import Endpoint
+from lab3_usd.model.stage import Node
+from lab3_usd.report.picture.canvas import on_canvas
+from lab3_usd.report.picture.layered import layered
+from lab3_usd.report.picture.model import Box, Curve, End, Picture, clip_end, clip_path, sized
+
+MOST_TITLE = 40
+_TOPIC = "topic "  # before a name: no prim has such a path
+
+
+def topics_picture(
+    title: str, endpoints: Sequence[Endpoint], unknown: Sequence[Node], not_judged: str = ""
+) -> Picture:
+    """Return the nodes of a stage with their topics between them.
+
+    What is sent perhaps, or never, is dashed. `unknown` are nodes whose topics nobody knows,
+    `not_judged` says in words what else is not known.
+    """
+    ends = [end for end in endpoints if end.topic is not None]
+    refused = len(endpoints) - len(ends)
+    boxes = [_node_box(end) for end in {end.node.path: end for end in ends}.values()]
+    boxes += [_topic_box(end, ends) for end in {end.topic: end for end in ends}.values()]
+    boxes += [_unknown_box(node) for node in unknown]
+    curves = []
+    for end in ends:
+        node, topic = End(end.node.path, ""), End(f"{_TOPIC}{end.topic}", "")
+        source, target = (node, topic) if end.direction == "publishes" else (topic, node)
+        surely = "" if end.sure else "perhaps " if end.runs else "never: "
+        note = f"{end.node.path} {surely}{end.direction} {end.topic}, {_rate(end)}"
+        curves.append(Curve(source, target, dashed=not end.sure, note=note))
+    topics = len({end.topic for end in ends})
+    parts = [f"{topics} topic{'s' * (topics != 1)}"]
+    parts += [f"{refused} without a valid name"] if refused else []
+    parts += [not_judged] if not_judged else []
+    placed = layered(tuple(boxes), tuple(dict.fromkeys(curves)))
+    return on_canvas(Picture(title, "  ·  ".join(parts), *placed, kind="topics"))
+
+
+def _rate(end: Endpoint) -> str:
+    return end.rate if end.runs else "never"
+
+
+def _node_box(end: Endpoint) -> Box:
+    path = end.node.path
+    return sized(
+        Box(
+            key=path,
+            title=clip_end(end.node.name, MOST_TITLE),
+            subtitle=clip_path(path.rpartition("/")[0], MOST_TITLE),
+            family="ros",
+            note=f"{path}\n{_rate(end)}",
+        )
+    )
+
+
+def _topic_box(end: Endpoint, ends: Sequence[Endpoint]) -> Box:
+    types = dict.fromkeys(other.type or "?" for other in ends if other.topic == end.topic)
+    return sized(
+        Box(
+            key=f"{_TOPIC}{end.topic}",
+            title=clip_end(str(end.topic), MOST_TITLE),
+            subtitle=clip_end(" and ".join(types), MOST_TITLE),
+            family="data",
+            note="\n".join(types),
+        )
+    )
+
+
+def _unknown_box(node: Node) -> Box:
+    return sized(
+        Box(
+            key=node.path,
+            title=clip_end(node.name, MOST_TITLE),
+            subtitle=clip_end(f"not judged: {node.type_name}", MOST_TITLE),
+            family="absent",
+            note=f"{node.path}\n{node.type_name}",
+        )
+    )
