@@ -17,7 +17,12 @@ PAGE = Path(__file__).with_name("rules.md")
 LINT_PAGE = Path(__file__).with_name("lint.md")
 LINT = ("K", "UV")
 _MARK = "<!-- Below: written by docs/make_rules.py from the docstrings of the rules. -->\n"
-SECTIONS = {"Why": "Why it matters", "Fix": "How to repair it", "Example": "Example"}
+SECTIONS = {
+    "Why": "Why it matters",
+    "Fix": "How to repair it",
+    "Example": "Example",
+    "Basis": "What it rests on",
+}
 FAMILY_TITLES = {
     "files": "can the stage be read at all",
     "graphs": "is each Action Graph there, at its path, of the right kind",
@@ -113,7 +118,8 @@ def _manual(rule: Rule) -> Iterator[str]:
     opening = " ".join(rule.manual.split("\n\n")[0].split())
     yield f"*{rule.severity}* · {opening}\n"
     for name, title in SECTIONS.items():
-        yield f"**{title}.** {_sentence(rule.section(name))}\n"
+        if text := rule.section(name):
+            yield f"**{title}.** {_sentence(text)}\n"
 
 
 def _sentence(text: str) -> str:

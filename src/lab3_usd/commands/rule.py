@@ -14,7 +14,7 @@ from lab3_usd.spec.load.loader import load_lab
 
 WIDTH = 100
 SUGGESTED = 3
-SECTIONS = ("Why", "Fix", "Example")
+SECTIONS = ("Why", "Fix", "Example", "Basis")
 
 
 @click.command("rule")

@@ -113,6 +113,9 @@ def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
     with `def`, where it is only an `over`.
 
     Example: `ActionGraph` with `active = false` still holds the only publisher of `/scan`.
+
+    Basis: NVIDIA's documentation: OmniGraph works on the composed stage, in which such a graph
+    is not. What a graph does that is deactivated while the timeline plays was not tested.
     """
     for graph in subject.graphs():
         if graph.active:
@@ -157,6 +160,9 @@ def graph_not_evaluated(subject: LintSubject) -> Iterator[Problem]:
     of this one as a new Action Graph has them.
 
     Example: On Playback Tick in a graph with `pipelineStage = "pipelineStageOnDemand"`.
+
+    Basis: NVIDIA's documentation of the OmniGraph schema for evaluation modes, and
+    `OgnOnPhysicsStep.cpp:139-149` for on-demand graphs. Kit's own code is not public.
     """
     form = subject.catalog.graph.evaluation
     for graph in subject.graphs():
@@ -220,6 +226,9 @@ def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
     Fix: drag the node into its graph in the Stage panel, or delete it.
 
     Example: `/to_string`, left at the root when its graph was renamed.
+
+    Basis: in all saved stages and in NVIDIA's scripts nodes are children of a graph. Kit's code
+    is not public.
     """
     for node in nodes_outside_graphs(subject.stage):
         if subject.catalog.graph.ignores(node.path):
@@ -335,6 +344,9 @@ def graph_in_instance(subject: LintSubject) -> Iterator[Problem]:
     Fix: switch Instanceable off on the prim above the graph.
 
     Example: a robot that is referenced with `instanceable = true` and carries its Action Graphs.
+
+    Basis: USD shares the prims of an instance, so that nothing can be written to one of them.
+    Kit's code is not public, and its documentation is silent: a warning.
     """
     for graph in subject.graphs():
         if graph.active and graph.instanced:
@@ -391,6 +403,9 @@ def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
     Fix: wire the input named here, or correct the array's size in the Property panel.
 
     Example: `joint_name_array.inputs:input0` lost its wire, while `input1` has one.
+
+    Basis: Make Array is a node of Kit, whose code is not public; its page describes one input
+    for each element. A joint without a name is refused in `articulation.py:767`.
     """
     for node in subject.live.values():
         items = array_items(node)

@@ -177,6 +177,9 @@ def no_scan_from_this(subject: LintSubject) -> Iterator[Problem]:
     Fix: write rates above 0 and a far range beyond the near one.
 
     Example: `omni:sensor:Core:scanRateBaseHz = 0`.
+
+    Basis: `OgnROS2RtxLidarHelper.py:119-134` for the rates. The renderer, which takes the
+    ranges, is not public.
     """
     for prim in _lidars(subject):
         turns = prim.attributes.get(_TYPE) != _SOLID
@@ -211,6 +214,10 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     Fix: write the same number into tick rate and scan rate.
 
     Example: `tickRate = 60` beside `scanRateBaseHz = 10`.
+
+    Basis: NVIDIA's Lidar class warns where the rates differ (`lidar.py:141-156`). The renderer
+    is not public; that a tick rate of 0 means every frame is shown for cameras
+    (`test_camera.py:1421`).
     """
     for prim in _lidars(subject):
         tick, scan = (number(prim.attributes.get(name)) for name in (_TICK, _SCAN))

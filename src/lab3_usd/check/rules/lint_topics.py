@@ -309,6 +309,9 @@ def value_of_another_type(subject: LintSubject) -> Iterator[Problem]:
     Fix: delete the node, add it again and set the value in the Property panel.
 
     Example: `inputs:wheelRadius` written as a string by a script, although it is a double.
+
+    Basis: ports have the types of Isaac Sim's source. What Kit makes of a value of another type
+    is not public; the pairs that earlier releases saved are taken.
     """
     for node in subject.live.values():
         for name, state in node.ports.items():

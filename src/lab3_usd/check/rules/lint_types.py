@@ -28,6 +28,9 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
     Fix: delete the node, add the one named here from the node list, and connect it as before.
 
     Example: a ROS2 Context with the prefix of its extension, `ros2.nodes`, not `ros2.bridge`.
+
+    Basis: the types that Isaac Sim's source registers. That Kit leaves nodes of other types
+    out, its public source does not show.
     """
     for node in nodes_of_unknown_type(subject):
         of_release, likely = _other_release(node, subject), _likely(node, subject)

@@ -37,6 +37,9 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
     Fix: drag a new wire from the node that should feed this input, or delete the wire.
 
     Example: `inputs:timeStamp` is wired from `isaac_read_simulation_time_01`, which was deleted.
+
+    Basis: Kit's code, which is not public. Its interface connects attributes of nodes that are
+    there.
     """
     for wire in connections(subject):
         if wire.source is not None:
@@ -86,6 +89,9 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
     Fix: drag a new wire between the ports that the node has now.
 
     Example: a wire from `constant_token.outputs:value`; the port is `inputs:value`.
+
+    Basis: Kit's code, which is not public. Ports are those of Isaac Sim's source; the wires
+    that NVIDIA's own scripts write all pass this rule (`benchmarks/script_wires.py`).
     """
     for wire in connections(subject):
         source = wire.source
@@ -152,6 +158,9 @@ def incompatible_wire(subject: LintSubject) -> Iterator[Problem]:
     Fix: wire a port of the right type, or put a node between that converts.
 
     Example: `outputs:linearVelocity`, a vector, is wired into `inputs:linearVelocity`, a number.
+
+    Basis: NVIDIA's documentation of attribute types. Kit's code is not public; the wires that
+    NVIDIA's own scripts write all pass this rule (`benchmarks/script_wires.py`).
     """
     for wire in connections(subject):
         if wire.is_live and wire.ports is not None and not can_connect(*wire.ports):
@@ -178,6 +187,9 @@ def ring_of_wires(subject: LintSubject) -> Iterator[Problem]:
     Fix: delete the wire that closes the ring.
 
     Example: Exec Out of the second node is wired into Exec In of the first.
+
+    Basis: a graph is evaluated in the order of its wires, which a cycle does not have. Kit's
+    code is not public.
     """
     for ring in find_cycles(subject):
         yield Problem(
@@ -198,6 +210,8 @@ def two_sources(subject: LintSubject) -> Iterator[Problem]:
     Fix: delete the wrong wire.
 
     Example: `inputs:timeStamp` is wired from two Isaac Read Simulation Time nodes.
+
+    Basis: Kit's interface gives an input one value. Its code is not public.
     """
     fed: dict[tuple[str, str], list[Connection]] = {}
     for wire in connections(subject):
@@ -235,6 +249,8 @@ def value_under_a_wire(subject: LintSubject) -> Iterator[Problem]:
     Fix: clear the value, if it misleads.
 
     Example: `inputs:jointNames` holds two names and is wired from Make Array.
+
+    Basis: Kit's code, which is not public; a saved stage keeps the value beside the wire.
     """
     for wire in connections(subject):
         value = wire.node.ports[wire.port].value

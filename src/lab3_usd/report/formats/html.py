@@ -16,7 +16,7 @@ from lab3_usd.report.topic_table import COLUMNS
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 
-HEADINGS = ("Why", "Fix", "Example")
+HEADINGS = ("Why", "Fix", "Example", "Basis")
 
 
 def render(report: Report, rules: Rules | None, options: Options) -> str:
