@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from pxr import Gf, Sdf, Usd, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from scene_changes import (
     CAMERA,
     LIDAR,
@@ -398,3 +398,70 @@ def test_another_lidar_of_the_vendor_is_known_by_its_name(
     stage = built("05")
     refer(LIDAR, asset)(stage)
     assert [each for each in told(stage, "05") if each[0] != "F02"] == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "metres"), [("farRangeM", 3.5), ("farRangeM", 1.0), ("nearRangeM", 0.5)]
+)
+def test_a_range_that_reaches_a_wall_gives_a_scan(name: str, metres: float) -> None:
+    stage = built("05")
+    put(LIDAR, f"omni:sensor:Core:{name}", metres)(stage)
+    assert told(stage, "05") == []
+
+
+def test_what_only_looks_like_a_wall_is_seen_as_well() -> None:
+    stage = built("05")
+    put(LIDAR, "omni:sensor:Core:farRangeM", 0.4)(stage)
+    assert told(stage, "05") == [("L09", LIDAR, "omni:sensor:Core:farRangeM")]
+    pole = UsdGeom.Cylinder.Define(stage, "/World/Pole")
+    pole.CreateRadiusAttr(0.05)
+    pole.AddTranslateOp().Set(Gf.Vec3d(2.0, 0, 0))
+    assert told(stage, "05") == []
+
+
+def test_in_a_room_that_cannot_be_found_no_range_is_judged() -> None:
+    stage = built("05")
+    put(LIDAR, "omni:sensor:Core:farRangeM", 0.2)(stage)
+    refer("/Environment", "https://assets.example/room.usd")(stage)
+    assert [rule for rule, _, _ in told(stage, "05") if rule == "L09"] == []
+
+
+def ball(path: str, radius: float = 0.1) -> Change:
+    def change(stage: Usd.Stage) -> None:
+        UsdGeom.Sphere.Define(stage, path).CreateRadiusAttr(radius)
+
+    return change
+
+
+AROUND = {
+    "at the lidar": (f"{LIDAR}/Ball", "L12"),
+    "at its link": (f"{ROBOT}/base_scan/Ball", "L12"),
+    "at the camera": (f"{CAMERA}/Ball", "C11"),
+}
+
+
+@pytest.mark.parametrize(("path", "rule"), AROUND.values(), ids=AROUND)
+def test_a_shape_around_a_sensor_is_a_warning(path: str, rule: str) -> None:
+    stage = built("05")
+    ball(path)(stage)
+    found = [(each.rule, each.prim, each.severity) for each in findings_of(stage, "05")]
+    assert found == [(rule, path, "warning")]
+
+
+HARMLESS = {
+    "one that is not shown": several(
+        ball(f"{LIDAR}/Ball"), author(f"{LIDAR}/Ball", "visibility", "Token", "invisible")
+    ),
+    "one that is a guide": several(
+        ball(f"{LIDAR}/Ball"), author(f"{LIDAR}/Ball", "purpose", "Token", "guide")
+    ),
+    "the sky": ball("/Environment/Sky", 500.0),
+    "how the robot looks": ball(f"{ROBOT}/base_scan/visuals_of_it/visuals/Ball"),
+}
+
+
+@pytest.mark.parametrize("change", HARMLESS.values(), ids=HARMLESS)
+def test_a_shape_that_hides_nothing_is_no_matter(change: Change) -> None:
+    stage = built("05")
+    change(stage)
+    assert told(stage, "05") == []

@@ -69,6 +69,11 @@ def _lidar() -> list[Sabotage]:
     for name, nothing in SCANLESS.items():
         what = f"{name} {nothing}"
         found.append(Sabotage(what, "05", put(LIDAR, name, nothing), (LIDAR, name)))
+    for name, metres in ((f"{CORE}farRangeM", 0.2), (f"{CORE}nearRangeM", 50.0)):
+        blind = put(LIDAR, name, metres)
+        found.append(
+            Sabotage(f"{name} {metres:g}, within which is nothing", "05", blind, (LIDAR, name))
+        )
     for path in (LIDAR, CAMERA):
         what = f"{path.rpartition('/')[2]} stays behind"
         found.append(Sabotage(what, "05", detach(path), (path, "xformOpOrder")))

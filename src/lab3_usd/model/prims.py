@@ -149,3 +149,8 @@ class Colliders:
         """Return the boxes of the shapes that are not `below` a prim."""
         del top
         return ()
+
+    def shape(self, path: str) -> Collider | None:
+        """Return the box around a prim's own shape, whether it collides or not."""
+        del path
+        return None

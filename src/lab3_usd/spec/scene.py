@@ -82,7 +82,10 @@ class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The robot; from the checkpoint after `pose_is_error_until` on it may have driven."""
+    """The robot; from the checkpoint after `pose_is_error_until` on it may have driven.
+
+    What lies below prims of the names in `looks_below` is how it looks, or collides.
+    """
 
     path: str
     handout: str
@@ -92,6 +95,7 @@ class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
     articulation: ArticulationSpec = ArticulationSpec("", "")
     pose_is_error_until: str = ""
     wheels: WheelSpec = WheelSpec("", {}, "", 0.0, (0.0, 1.0, 0.0))
+    looks_below: tuple[str, ...] = ()
 
     @property
     def base(self) -> str:
@@ -191,6 +195,7 @@ class ScanSpec(Struct, frozen=True, forbid_unknown_fields=True):
     Of a pair in `rising` the first is less than the second. `circle` has the limits of the azimuth,
     `whole` the degrees from which on they are a circle. `emitters` opens the names of the lists
     with an entry for each emitter; `elevation` ends that of the angles, `level` is their limit.
+    `ranges` are the near and the far range, in metres.
     """
 
     handout: str
@@ -202,6 +207,7 @@ class ScanSpec(Struct, frozen=True, forbid_unknown_fields=True):
     circle: Mapping[str, Number]
     whole: Number
     keep: Mapping[str, KeptValue]
+    ranges: tuple[str, str] | None = None
 
 
 class SensorSpec(Struct, frozen=True, forbid_unknown_fields=True):

@@ -12,6 +12,7 @@ from lab3_usd.check.rules.sensors import (
     ROTATION,
     PresentSensor,
     attribute_demand,
+    enclosed_sensors,
     left_behind_sensors,
     misplaced_sensors,
     missing_sensors,
@@ -218,6 +219,19 @@ def camera_image(subject: StageSubject) -> Iterator[Problem]:
     Example: `projection` orthographic.
     """
     yield from _away_from_default(subject, lambda spec: spec.plain_image)
+
+
+@rule("C11", "camera-enclosed", scope="stage", severity="warning")
+def camera_enclosed(subject: StageSubject) -> Iterator[Problem]:
+    """A shape stands right around the robot's camera.
+
+    Why: the image shows the inside of the shape.
+
+    Fix: delete the shape, move it away, or make it invisible.
+
+    Example: a cube of 0.1 m at the camera, added as its housing.
+    """
+    yield from enclosed_sensors(subject, CAMERA)
 
 
 def _away_from_default(

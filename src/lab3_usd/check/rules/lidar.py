@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from msgspec.structs import replace
+
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.sensors import LIDAR, second_lidars
+from lab3_usd.check.robot.surroundings import blind_range, place_of
 from lab3_usd.check.rules.sensors import (
     PresentSensor,
     attribute_demand,
+    enclosed_sensors,
     left_behind_sensors,
     misplaced_sensors,
     misposed_sensors,
@@ -233,10 +237,11 @@ def _problem(lidar: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
 
 @rule("L09", "no-scan", scope="stage")
 def no_scan(subject: StageSubject) -> Iterator[Problem]:
-    """A value of the lidar prevents any scan: a rate of 0, no emitter, or an empty range.
+    """A value of the lidar prevents any scan: a rate of 0, no emitter, or a range without walls.
 
     Why: the lidar helper computes the beams of a scan from these values. Without beams, or with a
-    near range beyond the far range, the scan is silent or holds no distances.
+    near range beyond the far range, the scan is silent or holds no distances. If all things around
+    the robot are beyond the far range, or nearer than the near range, the scan is empty.
 
     Fix: select the lidar, search the Property panel for the name given here and type a value above
     0, or delete the lidar and create it with Create > Sensors > RTX Lidar{lidar_menu}.
@@ -246,6 +251,32 @@ def no_scan(subject: StageSubject) -> Iterator[Problem]:
     for lidar, scan in _scanning(subject):
         for fault in _silencing_values(lidar.prim, scan, lidar.spec.required):
             yield _problem(lidar, scan, fault)
+        for fault in _blind_ranges(lidar.prim, scan, subject):
+            asset = subject.stage.unknown_outside(subject.lab.scene.robot.path)
+            yield replace(_problem(lidar, scan, fault), rests_on=asset)
+
+
+def _blind_ranges(prim: Prim, scan: ScanSpec, subject: StageSubject) -> Iterator[_Fault]:
+    """Yield a range within which nothing lies at the start."""
+    at = place_of(prim, subject)
+    if scan.ranges is None:
+        return
+    near, far = (_number(prim, name) for name in scan.ranges)
+    is_range = near is None or far is None or 0 <= near < far  # else it is told as none
+    found = blind_range(subject, at, near, far) if at is not None and is_range else None
+    if found is None:
+        return
+    nearest, farthest = found
+    if far is not None and 0 < far < nearest:
+        message = (
+            f"{scan.ranges[1]} is {display(far)}, and the nearest thing is {nearest:.3g} m away"
+        )
+        yield scan.ranges[1], message, f"more than {nearest:.3g}"
+    if near is not None and near > farthest:
+        message = (
+            f"{scan.ranges[0]} is {display(near)}, and nothing is farther than {farthest:.3g} m"
+        )
+        yield scan.ranges[0], message, f"less than {farthest:.3g}"
 
 
 def _silencing_values(
@@ -347,6 +378,19 @@ def lidar_asset(subject: StageSubject) -> Iterator[Problem]:
                     lidar.spec.handout,
                     lidar.place.related,
                 )
+
+
+@rule("L12", "lidar-enclosed", scope="stage", severity="warning")
+def lidar_enclosed(subject: StageSubject) -> Iterator[Problem]:
+    """A shape stands right around the lidar.
+
+    Why: the beams end at the inside of the shape. The scan shows it and no walls.
+
+    Fix: delete the shape, move it away, or make it invisible.
+
+    Example: a sphere of 0.1 m at the lidar, added to see where it is.
+    """
+    yield from enclosed_sensors(subject, LIDAR)
 
 
 def _stem(asset: str) -> str:

@@ -32,6 +32,7 @@ from lab3_usd.check.robot.sensors import (
     sensor_candidates,
     sensors_of,
 )
+from lab3_usd.check.robot.surroundings import enclosing
 from lab3_usd.model.changes import ApplySchema, MovePrim, RemovePrim, RemoveSchema, Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
@@ -211,6 +212,21 @@ def left_behind_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
                 hint="select the sensor and remove Rigid Body in the Property panel under Physics",
                 fix=(RemoveSchema(prim.path, BODY_API),),
                 unmet=(f"{sensor.group}/{POSITION}",),
+            )
+
+
+def enclosed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
+    """Yield each shape that stands right around a sensor and is no part of the robot's looks."""
+    for sensor in present_sensors(subject, kind):
+        for shape in enclosing(sensor.prim, subject):
+            yield Problem(
+                shape.path,
+                f"{shape.name} stands around {sensor.prim.name}, which sees nothing else",
+                expected="nothing around the sensor",
+                actual=shape.type,
+                handout=sensor.spec.handout,
+                related=(sensor.prim.path,),
+                fix=(RemovePrim(shape.path),),
             )
 
 

@@ -39,6 +39,7 @@ class StageColliders(Colliders):
         self._reader = reader
         self._present: list[str] = []
         self._boxes: dict[str, _Box | None] = {}  # None without a shape, its own or below
+        self._shapes: dict[str, _Box | None] = {}  # of prims by themselves
         self._metres = stage_number(reader.stage.GetMetadata("metersPerUnit"), CENTIMETRES)
 
     def below(self, top: str) -> list[Collider]:
@@ -48,6 +49,19 @@ class StageColliders(Colliders):
     def beside(self, top: str) -> list[Collider]:
         """Return the boxes of the shapes that are not `below` a prim."""
         return self._boxes_of(top, below=False)
+
+    def shape(self, path: str) -> Collider | None:
+        """Return the box around a prim's own shape, whether it collides or not."""
+        if path not in self._shapes:
+            with stage_errors(self._reader.name):
+                prim = self._reader.stage.GetPrimAtPath(path)
+                self._shapes[path] = (
+                    _world_box(prim, path, self._reader.transforms) if prim else None
+                )
+        box = self._shapes[path]
+        if box is None:
+            return None
+        return Collider(path, _scaled(box[0], self._metres), _scaled(box[1], self._metres))
 
     def _boxes_of(self, top: str, *, below: bool) -> list[Collider]:
         start = f"{top.rstrip('/')}/"
@@ -69,7 +83,7 @@ class StageColliders(Colliders):
         """Measure a collision prim and those below it, each shape once."""
         transforms = self._reader.transforms
         if not top.GetAllChildrenNames() and not Usd.Prim.IsInstance(top):
-            self._boxes[top_path] = _world_box(top, top_path, transforms)
+            self._boxes[top_path] = self._shapes[top_path] = _world_box(top, top_path, transforms)
             return
         open_boxes: list[list[_Box]] = [[]]
         prims = iter(Usd.PrimRange.PreAndPostVisit(top, _PARTS))

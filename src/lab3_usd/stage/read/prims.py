@@ -25,7 +25,7 @@ EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
     r"horizontalAperture|verticalAperture|projection|cameraProjectionType|clippingPlanes|"
-    r"kind|node|axis|xformOpOrder|omniGraphs)(:|$)"
+    r"kind|node|axis|purpose|xformOpOrder|omniGraphs)(:|$)"
 )
 # Prims whose place matters even if they are no rigid bodies, beside the lab's sensors.
 _PLACED = ("Xform", "Camera", "Plane", "Cylinder", "Capsule", "")

@@ -136,10 +136,10 @@ def _may_have_splines(layer: Sdf.Layer) -> bool:
     """
     try:
         with Path(layer.realPath).open("rb") as file:
-            data = file.read(len(_CRATE) + len(_CRATE_WITH_SPLINES))
+            data = file.read()
             if data.startswith(_CRATE):
-                return data[len(_CRATE) :] >= _CRATE_WITH_SPLINES
-            return _SPLINE_TEXT in data + file.read()
+                return data[len(_CRATE) : len(_CRATE) + 3] >= _CRATE_WITH_SPLINES
+            return _SPLINE_TEXT in data
     except (OSError, ValueError):  # in memory, or in a package
         found: list[Sdf.Path] = []
 

@@ -1,0 +1,83 @@
+"""What a sensor has around it: how near and how far things are, and what hides them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.model.prims import Collider, Prim, is_at_or_below
+from lab3_usd.model.transforms import Vector, scaled
+
+_SOLID = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone")  # whose boxes are as they are
+_SHAPES = (*_SOLID, "Mesh")
+_ROOM = 1.0  # metres to a side: what is larger around a sensor is a room, or the sky
+_HIDDEN = {"visibility": "invisible", "purpose": "guide"}
+
+
+def place_of(prim: Prim, subject: StageSubject) -> Vector | None:
+    """Return where a prim is at the start, in metres; None where nothing, or an asset, says it."""
+    if prim.world is None or subject.stage.unknown_pose(prim):
+        return None
+    return scaled((prim.world[12], prim.world[13], prim.world[14]), subject.stage.meters_per_unit)
+
+
+def blind_range(
+    subject: StageSubject, at: Vector, near: float | None, far: float | None
+) -> tuple[float, float] | None:
+    """Return between which distances all things lie that are level with a place, if none is seen.
+
+    They lie between by their boxes, which may be nearer, and reach farther, than what is in them.
+    None where something may lie between the near and the far range, or there are no things.
+    """
+    nearest, farthest = math.inf, 0.0
+    for box in _things(subject):
+        if not box.low[2] <= at[2] <= box.high[2]:
+            continue
+        gaps = [(box.low[i] - at[i], box.high[i] - at[i]) for i in (0, 1)]
+        nearest = min(nearest, math.hypot(*(max(low, 0.0, -high) for low, high in gaps)))
+        farthest = max(farthest, math.hypot(*(max(-low, high) for low, high in gaps)))
+        if (far is None or nearest <= far) and (near is None or near <= farthest):
+            return None
+    return (nearest, farthest) if farthest > 0 else None
+
+
+def _things(subject: StageSubject) -> Iterator[Collider]:
+    """Yield the boxes around all that a robot may meet or see beside itself."""
+    robot, stage = subject.lab.scene.robot.path, subject.stage
+    yield from stage.colliders.beside(robot)
+    for prim in stage.of_type(lambda name: name in _SHAPES):
+        if prim.present and not is_at_or_below(prim.path, robot):
+            box = stage.colliders.shape(prim.path)
+            if box is not None:
+                yield box
+
+
+def enclosing(sensor: Prim, subject: StageSubject) -> Iterator[Prim]:
+    """Yield the shapes on the robot right around a sensor that are no part of how it looks."""
+    robot, at = subject.lab.scene.robot, place_of(sensor, subject)
+    if at is None:
+        return
+    for prim in subject.stage.below(robot.path):
+        is_own = not {*robot.looks_below}.isdisjoint(prim.path.split("/"))
+        if prim.type not in _SOLID or is_own or not prim.present:
+            continue
+        box = subject.stage.colliders.shape(prim.path)
+        is_around = box is not None and all(
+            low < middle < high and high - low < 2 * _ROOM
+            for low, middle, high in zip(box.low, at, box.high, strict=True)
+        )
+        if is_around and not _is_hidden(prim, subject):
+            yield prim
+
+
+def _is_hidden(prim: Prim, subject: StageSubject) -> bool:
+    """Whether a prim, or one above it, is not rendered."""
+    path = prim.path
+    while path:
+        above = subject.stage.prim(path)
+        values = {} if above is None else above.attributes
+        if any(values.get(name) == value for name, value in _HIDDEN.items()):
+            return True
+        path = path.rpartition("/")[0]
+    return False
