@@ -6,17 +6,17 @@ import json
 import math
 import re
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from breaking import correct_stage, the_lab
+from lone_nodes import node, world
 
 from lab3_usd.model.dry_run import Graph, Input, Node, Scene
-from lab3_usd.sim.execution.program import compile_graphs, type_of
+from lab3_usd.sim.execution.program import compile_graphs
 from lab3_usd.sim.execution.recording import Message, Odometry, Profile, Scan, Transform, View
-from lab3_usd.sim.execution.running import Running, function_of, functions
-from lab3_usd.sim.execution.world import Endpoint, Network, World, profile_of, trimmed, world_of
+from lab3_usd.sim.execution.running import Running, functions
+from lab3_usd.sim.execution.world import Network, World, profile_of, trimmed, world_of
 from lab3_usd.sim.robot.machines import Machines
 from lab3_usd.sim.timeline import render
 from lab3_usd.stage.read.scene import read_scene
@@ -24,41 +24,6 @@ from lab3_usd.stage.read.scene import read_scene
 ISAAC, ROS = "isaacsim.core.nodes.", "isaacsim.ros2.bridge."
 ROBOT = "/turtlebot3_burger"
 HALF = math.sqrt(0.5)
-
-
-def node(name: str, values: dict[str, Any] | None = None, **targets: str) -> Running:
-    """A node of a type, with values at its inputs and no wires; the others have their defaults."""
-    node_type = type_of(Node("", name, 1, {}, {}), the_lab().catalog)
-    assert node_type is not None
-    bare = Node(
-        "/Graph/node",
-        name,
-        node_type.version,
-        {},
-        {f"inputs:{port}": (path,) for port, path in targets.items()},
-    )
-    defaults = {port.short: port.default for port in node_type.ports.values()}
-    function = function_of(node_type)
-    assert function is not None
-    return Running(bare.path, node_type, function, {}, bare, {**defaults, **(values or {})})
-
-
-def world(**known: Any) -> Any:
-    """What the functions ask of the world, with an empty stage."""
-    given = {
-        "scene": Scene(1.0, "Z", (), {}, {}),
-        "network": Network("", commands=Endpoint(0, "/cmd_vel")),
-        "frame": 1,
-        "dt": 0.5,
-        "since_play": 2.0,
-        "simulated": 7.0,
-        "wall": 100.0,
-        "session": 0,
-        "products": {},
-        "writers": [],
-        "not_simulated": {},
-    }
-    return SimpleNamespace(**{**given, **known})
 
 
 @pytest.fixture
@@ -596,7 +561,8 @@ def test_links_stand_where_their_joints_put_them() -> None:
 
 def test_every_function_has_a_test() -> None:
     """Each type stands in a call of `node`, with its whole name or with its last part."""
-    text = Path(__file__).read_text(encoding="utf-8")
+    tests = sorted(Path(__file__).parent.glob("test_*_nodes.py"))
+    text = "".join(path.read_text(encoding="utf-8") for path in tests)
     assert [
         function for function in functions() if re.search(rf'{function}(Token)?"', text) is None
     ] == []

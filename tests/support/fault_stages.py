@@ -279,9 +279,19 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
         "camera",
     ),
 }
-# Shown by a drive with an arc, a node alone, and maps: test_faults.py, test_sim_nodes.py,
-# test_scan_meets_map.py.
+# Shown by a drive with an arc, a node alone, maps, and an arm: test_faults.py, test_sim_nodes.py,
+# test_scan_meets_map.py, test_joint_nodes.py.
 BY_HAND: frozenset[FaultKind] = frozenset(
-    {"wrong-arc", "unknown-output", "map-shifted", "map-inverted", "scan-off-map"}
+    {
+        "wrong-arc",
+        "unknown-output",
+        "map-shifted",
+        "map-inverted",
+        "scan-off-map",
+        "unequal-joint-arrays",
+        "joint-off-target",
+        "link-off-frame",
+        "wrong-joint-state",
+    }
 )
 MOTION = ("rest", "follows", "limits", "again")  # shown by a stage that only drives, too

@@ -31,6 +31,10 @@ EXPLAINED_BY: Mapping[FaultKind, str] = {
     "wrong-command-count": "P01",
     "non-numeric-command": "W02",
     "no-chassis-body": "R02",
+    "unequal-joint-arrays": "W01",
+    "joint-off-target": "S10",
+    "wrong-joint-state": "W01",
+    "link-off-frame": "W01",
     # the robot
     "no-driven-robot": "S07",
     "kinematic-link": "S05",

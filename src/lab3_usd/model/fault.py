@@ -13,7 +13,8 @@ FaultKind = Literal[
     # commands and the drive
     "ramp-without-time-step", "invalid-wheel-size", "no-joint-controller", "no-articulation",
     "excluded-joint", "unknown-joint", "wrong-command-count", "non-numeric-command",
-    "no-chassis-body",
+    "no-chassis-body", "unequal-joint-arrays", "joint-off-target", "wrong-joint-state",
+    "link-off-frame",
     # the robot
     "no-driven-robot", "kinematic-link", "base-fixed-to-world", "no-gravity", "no-ground",
     "no-wheel-contact", "locked-joint", "no-velocity-drive", "limited-joint",

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Check, Scene, about, heading
+from lab3_usd.sim.arms import JOINTS, arm_checks, joint_drive
 from lab3_usd.sim.execution.drive import Leg, Session, drive_of
 from lab3_usd.sim.execution.recording import Message, Recording, Transform
 from lab3_usd.sim.execution.running import Running
@@ -53,6 +54,7 @@ class Robot(Struct, frozen=True):
     machine: Machine | None  # None where its controller finds no articulation
     controller: str
     commands: Endpoint
+    kind: str = TWIST  # of the commands
     body: str = ""
     start: Affine = HERE
     speeds: tuple[float, float] = (AHEAD, TURN)  # that its controllers let through
@@ -80,11 +82,11 @@ def robots_of(scene: Scene, catalog: Catalog, topic: str = "") -> tuple[Robot, .
     if topic and topic not in known:
         raise UsageError(f"--topic {topic}: moves no robot; robots listen to {known or 'nothing'}")
     robots: dict[str, Robot] = {}
-    for robot in found:
+    for robot in sorted(found, key=lambda robot: robot.kind != TWIST):
         if topic not in ("", robot.commands.topic):
             continue
         other = robots.setdefault(robot.name, robot).commands
-        if other != robot.commands:
+        if other != robot.commands and robots[robot.name].kind == robot.kind:
             topics = f"{other.topic} and {robot.commands.topic}"
             raise UsageError(f"{robot.name} listens to {topics}: name one with --topic")
     return tuple(robots.values())
@@ -94,7 +96,8 @@ def _listening(player: Player) -> Iterator[Robot]:
     """Yield a robot for each subscriber from which wires lead to a controller of joints."""
     world, nodes = player.world, player.program.nodes
     for node in nodes.values():
-        if SUBSCRIBER not in node.type.role or TWIST not in node.type.message.values():
+        kind = node.type.message.get("", "")
+        if SUBSCRIBER not in node.type.role or kind not in {TWIST, JOINTS}:
             continue
         endpoint: Endpoint | None = node.memory.get("endpoint") or open_endpoint(node, world)
         if endpoint is None:
@@ -104,7 +107,7 @@ def _listening(player: Player) -> Iterator[Robot]:
             if controller.type.drives is not None:
                 machine = articulated(controller, world)
                 speeds, ramp = _allowed(behind, world)
-                robot = Robot(machine, controller.path, endpoint, speeds=speeds, ramp=ramp)
+                robot = Robot(machine, controller.path, endpoint, kind, speeds=speeds, ramp=ramp)
                 yield robot if machine is None else _watched(robot, machine, player)
 
 
@@ -148,6 +151,7 @@ def _watched(robot: Robot, machine: Machine, player: Player) -> Robot:
     prims, sent = world.scene.prims, world.network.sent
     frames = {transform.child for message in sent for transform in message.transforms}
     body = next((body for body in machine.rest if frame_name(prims[body]) in frames), machine.base)
+    body = machine.base if robot.kind == JOINTS else body
     publisher = ""
     for node in nodes.values():
         if node.memory.get("path") in machine.rest:
@@ -191,10 +195,12 @@ def interface_of(robot: Robot | None) -> Interface:
     )
 
 
-def drive_for(robot: Robot | None) -> tuple[Session, ...]:
+def drive_for(robot: Robot | None, unit: float) -> tuple[Session, ...]:
     """Return the drive of a robot, as slow as its controllers let it go."""
     if robot is None:
         return (Session((Leg("idle", LEG),)),)
+    if robot.kind == JOINTS and robot.machine is not None:
+        return joint_drive(robot.machine, unit)
     ahead, turn = robot.speeds
     seconds = min(LONGEST, max(LEG, RAMPS * robot.ramp))
     # A robot that slows down in its own time is not asked to stop at once.
@@ -232,13 +238,18 @@ def play_any(scene: Scene, catalog: Catalog, drive: str | None, topic: str = "")
     robots = robots_of(scene, catalog, topic)
     plays = []
     for robot in robots or (None,):
-        legs = drive_for(robot) if drive is None else drive_of(drive, NO_LIMITS)
+        legs = drive_for(robot, scene.meters_per_unit)
+        if drive is not None and (robot is None or robot.kind == TWIST):
+            legs = drive_of(drive, NO_LIMITS)
         plays.append(record(scene, catalog, legs, interface_of(robot)))
     checks = [*_stage_checks(plays[0], robots)]
     for robot, play in zip(robots, plays, strict=False):
         name = robot.name if len(robots) > 1 else ""
         own = _own(robot, play, scene) if robot.machine is not None else play
-        looks = _robot_checks(own) if robot.machine is not None else [_unmoved(robot, own)]
+        if robot.machine is None:
+            looks = iter([_unmoved(robot, own)])
+        else:
+            looks = arm_checks(play, scene) if robot.kind == JOINTS else _robot_checks(own)
         checks += [replace(check, of=name) for check in looks]
     return Played(robots, tuple(plays), tuple(checks))
 

@@ -7,7 +7,15 @@ from collections.abc import Sequence
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
 from lab3_usd.sim.execution.program import Program, compile_graphs, depending
-from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, View
+from lab3_usd.sim.execution.recording import (
+    Held,
+    JointStates,
+    Message,
+    Pose,
+    Recording,
+    Scan,
+    View,
+)
 from lab3_usd.sim.execution.running import FRAME, STEP
 from lab3_usd.sim.execution.world import Endpoint, Twist, World, Writer, send, world_of
 from lab3_usd.sim.judge.causes import RunCauses
@@ -115,17 +123,36 @@ class Player:
                 if sent is not None and sent.command is not None:
                     ahead, left, turn = sent.command
                     self.hear(((ahead, left, 0.0), (0.0, 0.0, turn)))
+                elif sent is not None:
+                    names, positions = zip(*sent.joints, strict=True)
+                    self.hear(JointStates(names, positions))
                 self.step()
                 frame += 1
                 self.recording.path.append(self._pose(leg))
+            if leg.joints and self.robot is not None:
+                self.recording.held.append(self._held(leg, self.robot))
         self.recording.seconds += world.since_play
         self.program.reset()
         world.stop()
 
-    def hear(self, twist: Twist) -> None:
-        """Let a command come, in metres and radians a second."""
+    def hear(self, command: Twist | JointStates) -> None:
+        """Let a command come, in metres and radians a second, or where joints are to go."""
         self.commands += 1
-        self.world.network.command = (self.commands, twist)
+        self.world.network.command = (self.commands, command)
+
+    def _held(self, leg: Leg, robot: Machine) -> Held:
+        """Return where the joints and links of the robot are."""
+        world = self.world
+        return Held(
+            world.session,
+            world.since_play,
+            dict(leg.joints),
+            {name: joint.position for name, joint in robot.joints.items()},
+            {
+                body: in_metres(world.machines.place(body), world.scene.meters_per_unit)
+                for body in robot.rest
+            },
+        )
 
     def step(self) -> None:
         """Play one frame."""

@@ -45,6 +45,9 @@ LOOKS_OF_ANY_STAGE = {
     "mounted": "the lidar goes with the robot",
     "scan": "scans show the walls where TF has the lidar",
     "again": "drives again after Stop and Play",
+    "joints": "each joint goes where it is told",
+    "links": "TF has the links where the joints put them",
+    "joint states": "joint states are those of the joints",
 }
 LOOKS_OF_A_RECORDING = {
     **LOOKS,
@@ -111,7 +114,9 @@ def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
     looks = looks_of(behaviour)
     for check in behaviour.checks:
         lines += _check(check, looks, width, color=color)
-    legs = "; ".join(map(leg_text, behaviour.legs)) or "no command was sent"
+    legs = "; ".join(map(leg_text, behaviour.legs)) or (
+        "joints were told where to go" if behaviour.robots else "no command was sent"
+    )
     remarks = (f"drive: {behaviour.seconds:.1f} s; {legs}", *map(printable, _remarks(behaviour)))
     for robot in behaviour.robots:
         told = f"{robot.prim}: commands on {robot.topic} in domain {robot.domain}"

@@ -24,11 +24,19 @@ from lab3_usd.model.dry_run import Quaternion
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.bag.files import NOT_SENT
 from lab3_usd.sim.execution.drive import RATE, Leg, command_frames
-from lab3_usd.sim.execution.recording import Message, Odometry, Profile, Scan, Transform, View
+from lab3_usd.sim.execution.recording import (
+    JointStates,
+    Message,
+    Odometry,
+    Profile,
+    Scan,
+    Transform,
+    View,
+)
 from lab3_usd.sim.judge.trial import Trial
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
-TWIST = "geometry_msgs/msg/Twist"
+TWIST, JOINTS = "geometry_msgs/msg/Twist", "sensor_msgs/msg/JointState"
 _NANOSECONDS = 1_000_000_000
 
 
@@ -47,6 +55,8 @@ def serialized(message: Message) -> bytes | None:
         made = _scan(message, data)
     elif isinstance(data, View):
         made = _info(message, data) if data.matrix else None
+    elif isinstance(data, JointStates):
+        made = _joint_states(message, data)
     elif isinstance(data, tuple):
         transforms = [_transform(message, transform) for transform in data]
         made = _new(message.type, transforms)
@@ -55,11 +65,15 @@ def serialized(message: Message) -> bytes | None:
     return None if made is None else bytes(STORE.serialize_cdr(made, message.type))
 
 
-def command(leg: Leg) -> bytes:
-    """Return what a leg sends."""
+def command(leg: Leg) -> tuple[str, bytes]:
+    """Return what a leg sends, and of which type."""
+    if leg.joints:
+        names, positions = zip(*leg.joints, strict=True)
+        message = Message(JOINTS, 0.0, data=JointStates(names, positions))
+        return JOINTS, serialized(message) or b""
     linear = _vector((leg.forward, leg.command[1] if leg.command else 0.0, 0.0))
     made = _new(TWIST, linear, _vector((0.0, 0.0, leg.turn)))
-    return bytes(STORE.serialize_cdr(made, TWIST))
+    return TWIST, bytes(STORE.serialize_cdr(made, TWIST))
 
 
 def nanoseconds(seconds: float) -> int:
@@ -137,6 +151,12 @@ def _scan(message: Message, scan: Scan) -> object:
     )
 
 
+def _joint_states(message: Message, states: JointStates) -> object:
+    arrays = (states.positions, states.velocities, states.efforts)
+    numbers = (np.array(array, dtype=np.float64) for array in arrays)
+    return _new(message.type, _header(message, ""), [*states.names], *numbers)
+
+
 def _info(message: Message, view: View) -> object:
     fx, _, cx, _, fy, cy, *_ = view.matrix
     projection = (fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0)
@@ -209,7 +229,7 @@ def _records(trial: Trial) -> Iterator[Record]:
     for start, session in zip(starts, trial.drive, strict=False):
         for frame, leg in command_frames(session):
             time = nanoseconds(start + (frame + 1) / RATE)
-            yield Record(time, trial.wanted.commands, TWIST, command(leg))
+            yield Record(time, trial.wanted.commands, *command(leg))
     for message in trial.recording.messages:
         data = None if message.away is not None else serialized(message)
         if data is not None:

@@ -18,11 +18,15 @@ _NUMBERS = 3
 
 
 class Leg(Struct, frozen=True):
-    """A time with one command on the topic of commands; None sends nothing."""
+    """A time with one command on the topic of commands; None sends nothing.
+
+    A leg of `joints` sends where they are to go, radians and units of the stage.
+    """
 
     name: str
     seconds: float
     command: tuple[float, float, float] | None = None  # forward, to the left, turning
+    joints: tuple[tuple[str, float], ...] = ()
 
     @property
     def forward(self) -> float:
@@ -47,7 +51,7 @@ def command_frames(session: Session) -> Iterator[tuple[int, Leg]]:
     every, first = round(RATE / COMMANDS), 0
     for leg in session.legs:
         count = round(leg.seconds * RATE)
-        if leg.command is not None:
+        if leg.command is not None or leg.joints:
             yield from ((first + number, leg) for number in range(0, count, every))
         first += count
 

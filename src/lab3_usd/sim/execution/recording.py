@@ -29,6 +29,15 @@ class Odometry(Struct, frozen=True):
     angular: Vector
 
 
+class JointStates(Struct, frozen=True):
+    """What a message of joint states says beside its header; as a command it may leave some out."""
+
+    names: tuple[str, ...]
+    positions: tuple[float, ...] = ()
+    velocities: tuple[float, ...] = ()
+    efforts: tuple[float, ...] = ()
+
+
 class Scan(Struct, frozen=True):
     """What a scan says beside its header; a ray without return is -1.
 
@@ -104,12 +113,23 @@ class Pose(Struct, frozen=True):
     blocked: bool = False  # by a wall
 
 
+class Held(Struct, frozen=True):
+    """Where joints and links were when a leg of joint commands ended; the links in the world."""
+
+    session: int
+    at: float
+    commanded: dict[str, float]
+    positions: dict[str, float]
+    links: dict[str, Affine]
+
+
 class Recording(Struct):
     """A run."""
 
     seconds: float = 0.0
     messages: list[Message] = field(default_factory=list)
     path: list[Pose] = field(default_factory=list)
+    held: list[Held] = field(default_factory=list)
     not_simulated: dict[str, str] = field(default_factory=dict)
     assumed: dict[str, str] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)

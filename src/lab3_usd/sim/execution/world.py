@@ -45,7 +45,7 @@ class Network(Struct):
     environment: str  # ROS_DOMAIN_ID of the process
     contexts: dict[int, int] = field(default_factory=dict)  # domain by handle
     sent: list[Message] = field(default_factory=list)
-    command: tuple[int, Twist | None] = (0, None)  # the number of the last Twist, and the Twist
+    command: tuple[int, Any] = (0, None)  # the number of the last command, and the command
     commands: Endpoint = Endpoint(0, "")  # where commands come from
 
     def domain(self, handle: int) -> int | None:

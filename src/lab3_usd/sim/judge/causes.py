@@ -30,12 +30,14 @@ _PART: tuple[FaultKind, ...] = (
     "no-articulation", "unknown-joint", "wrong-command-count", "no-chassis-body", "no-target-prim",
     "missing-frame", "unknown-frame", "missing-camera-prim",
 )  # fmt: skip
-_DRIVEN = ("rest", "follows", "limits", "again")  # checks that show how the robot moves
+_DRIVEN = ("rest", "follows", "limits", "again", "joints")  # checks that show how the robot moves
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _SHOWN_BY = {  # checks, and the types of the messages in which they look
     "odometry": ("nav_msgs/msg/Odometry",),
     "clock": ("rosgraph_msgs/msg/Clock",),
     "tree": (_TRANSFORMS,),
+    "links": (_TRANSFORMS,),
+    "joint states": ("sensor_msgs/msg/JointState",),
     "moving frames": (_TRANSFORMS, "nav_msgs/msg/Odometry"),
     "mounted": (_TRANSFORMS, "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/Image"),
     "scan": (_TRANSFORMS, "sensor_msgs/msg/LaserScan"),
@@ -155,9 +157,10 @@ class RunCauses(Struct, frozen=True):
         robot = self.robot
         if robot is None:
             return Cause("", "the stage has no robot with joints that turn", "no-driven-robot")
-        return next(_of_robot(robot), None) or self._of_commands()
+        return next(_of_robot(robot), None) or self.of_joints()
 
-    def _of_commands(self) -> Cause | None:
+    def of_joints(self) -> Cause | None:
+        """Return why commands do not bring joints where they should."""
         nodes = self.program.nodes.values()
         controllers = [running for running in nodes if running.type.drives is not None]
         if not controllers:

@@ -38,7 +38,7 @@ CHECKS: dict[str, Callable[[Trial], Iterator[Fault]]] = {
 }
 # What a robot that never moves does not show.
 MOVED = ("rest", "limits", "odometry", "moving frames", "mounted", "again")
-ESSENTIAL = ("topics", "follows")  # without which nothing is right
+ESSENTIAL = ("topics", "follows", "joints")  # without which nothing is right
 
 
 def judge(trial: Trial) -> list[Check]:

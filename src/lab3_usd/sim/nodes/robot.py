@@ -5,6 +5,8 @@ CN is core nodes, RN ROS 2 nodes, WR wheeled robots.
 
 from __future__ import annotations
 
+import math
+
 from lab3_usd.model.dry_run import Affine
 from lab3_usd.model.transforms import Vector, cross, dot, length
 from lab3_usd.sim.execution.recording import Message, Odometry
@@ -20,25 +22,35 @@ _NO_LIMIT = float("inf")
 @computes("ROS2SubscribeTwist")
 def subscribe_twist(node: Running, world: World) -> bool:
     """RN/nodes/OgnROS2SubscribeTwist.cpp:56-163: outputs hold the last message."""
-    network = world.network
-    endpoint = node.memory.get("endpoint")
-    if endpoint is None:
-        node.memory["endpoint"] = open_endpoint(node, world)
-        node.memory["heard"] = network.command[0]
-        return node.memory["endpoint"] is not None
-    if endpoint.topic != network.commands.topic:
-        return node.fails(
-            f"it listens to {endpoint.topic}, not {network.commands.topic}", "wrong-topic"
-        )
-    if endpoint.domain != network.commands.domain:
-        return node.fails(f"it listens in domain {endpoint.domain}", "wrong-domain")
-    number, twist = network.command
-    if twist is None or number == node.memory["heard"]:
-        return False
-    node.memory["heard"] = number
+    is_open = node.memory.get("endpoint") is not None
+    twist = received(node, world, tuple)
+    if not isinstance(twist, tuple):
+        return not is_open and node.memory["endpoint"] is not None
     node.outputs["linearVelocity"], node.outputs["angularVelocity"] = twist
     node.enabled.append("execOut")
     return True
+
+
+def received(node: Running, world: World, kind: type) -> object:
+    """Return the command that came since the last look, None where none of its kind did.
+
+    The first look opens the subscriber.
+    """
+    network = world.network
+    endpoint = node.memory.get("endpoint")
+    number, command = network.command
+    if endpoint is None:
+        node.memory.update(endpoint=open_endpoint(node, world), heard=number)
+        return None
+    if endpoint.topic != network.commands.topic:
+        text = f"it listens to {endpoint.topic}, not {network.commands.topic}"
+        node.fails(text, "wrong-topic")
+    elif endpoint.domain != network.commands.domain:
+        node.fails(f"it listens in domain {endpoint.domain}", "wrong-domain")
+    elif number != node.memory["heard"] and isinstance(command, kind):
+        node.memory["heard"] = number
+        return command
+    return None
 
 
 @computes("DifferentialController")
@@ -143,10 +155,16 @@ def _command(node: Running, world: World, joints: list[Joint]) -> bool:
             )
         if not all(isinstance(value, (int, float)) for value in targets):
             return node.fails("its commands are no numbers", "non-numeric-command")
+    # What is no number leaves the target as it is (:138-162).
     for joint, value in zip(joints, position, strict=False):
-        joint.target_position = float(value)
+        joint.target_position = joint.target_position if math.isnan(value) else float(value)
     for joint, value in zip(joints, velocity, strict=False):
-        joint.target_velocity = float(value)
+        joint.target_velocity = joint.target_velocity if math.isnan(value) else float(value)
+    for joint, value in zip(joints, effort, strict=False):
+        joint.effort = joint.effort if math.isnan(value) else float(value)
+        if joint.effort and not joint.damping and not joint.stiffness:
+            place = f"{joint.name} is moved by an effort, and nothing slows it down"
+            world.not_simulated[node.path] = place
     return True
 
 

@@ -33,6 +33,8 @@ class Joint(Struct, eq=False):
     target_velocity: float  # rad/s
     target_position: float = 0.0
     position: float = 0.0
+    velocity: float = 0.0
+    effort: float = 0.0  # that is applied beside the drive
     locked: bool = False  # by another joint between its bodies
     excluded: bool = False  # from the articulation, whose controller does not know it
     authored: tuple[float, float] = (0.0, 0.0)  # the targets that the stage gives
@@ -52,15 +54,19 @@ class Joint(Struct, eq=False):
     def reset(self) -> None:
         """Turn back, with the targets of the stage."""
         self.target_velocity, self.target_position = self.authored
-        self.position = 0.0
+        self.position = self.velocity = self.effort = 0.0
 
     def speed(self, dt: float) -> float:
         """Return the speed that the drive settles at, implicitly over a step, within the limits."""
-        if self.locked or not self.damping:
+        away = self.target_position - self.position
+        if self.locked or not (self.damping or self.stiffness):
             return 0.0
+        if not self.damping:  # nothing slows it down on its way
+            return away / dt if dt else 0.0
         pull = self.stiffness / self.damping
-        wanted = self.target_velocity + pull * (self.target_position - self.position)
-        speed = wanted / (1.0 + pull * dt)
+        # A file has the damping of a hinge by degrees.
+        pushed = self.effort / (math.degrees(self.damping) if self.kind == HINGE else self.damping)
+        speed = (self.target_velocity + pull * away + pushed) / (1.0 + pull * dt)
         if not dt:
             return speed
         low, high = ((limit - self.position) / dt for limit in self.limits)
@@ -134,15 +140,22 @@ class Machine(Struct):
         return Affine(turned, (x + self.x, y + self.y, z + self.drop))
 
     def offset(self, body: str) -> Affine:
-        """Return where a body is in the base's frame, its joints turned as they are."""
+        """Return where a body is in the base's frame, the joints above it turned as they are."""
         joint = self.parents.get(body)
-        if joint is None or not joint.position:
+        if joint is None:
             return self.rest[body]
         inner = 1 if joint.bodies[1] == body else 0
-        sign = 1.0 if inner else -1.0
-        turn = Affine(about(joint.axis, sign * joint.position))
-        frame = joint.frames[inner]
-        return self.rest[body].then(frame).then(turn).then(frame.inverse())
+        parent = joint.bodies[1 - inner]
+        own = self.rest[parent].inverse().then(self.rest[body])
+        if joint.position:
+            way = joint.position if inner else -joint.position
+            moved = Affine(about(joint.axis, way))
+            if joint.kind == SLIDER:
+                x, y, z = joint.axis
+                moved = Affine(AXES, (x * way, y * way, z * way))
+            frame = joint.frames[inner]
+            own = own.then(frame).then(moved).then(frame.inverse())
+        return self.offset(parent).then(own)
 
     def step(self, dt: float) -> None:
         """Move on by a step."""
@@ -195,4 +208,5 @@ class Machine(Struct):
                 free[wheel.joint.name] = wheel.sign * ((vx - w * y) * u + (vy + w * x) * v)
                 free[wheel.joint.name] /= wheel.radius
         for name, joint in self.joints.items():
-            joint.position += free.get(name, speeds[name]) * dt
+            joint.velocity = free.get(name, speeds[name])
+            joint.position += joint.velocity * dt

@@ -1,0 +1,132 @@
+"""Joint states: read, published and heard.
+
+RN is ROS 2 nodes, SN the nodes of physics sensors, RM Ros2Message.cpp of isaacsim.ros2.core.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lab3_usd.sim.execution.recording import JointStates, Message
+from lab3_usd.sim.execution.running import Running, computes
+from lab3_usd.sim.execution.world import World, open_endpoint, send
+from lab3_usd.sim.nodes.robot import received
+from lab3_usd.sim.robot.machine import SLIDER, Joint
+
+_TYPE = "sensor_msgs/msg/JointState"
+_ROTATION, _TRANSLATION = 0, 1  # of a degree of freedom
+_DIGITS = 4  # to which states are rounded (RM:1190, 1250)
+_STATES = ("jointNames", "jointPositions", "jointVelocities", "jointEfforts", "jointDofTypes")
+
+
+@computes("IsaacReadJointState")
+def read_joint_state(node: Running, world: World) -> bool:
+    """SN/nodes/OgnIsaacReadJointState.cpp:44-160; efforts are not known and are 0."""
+    targets = node.targets("prim")
+    machine = world.machines.articulation(targets[0]) if targets else None
+    joints = [] if machine is None else [*machine.articulated.values()]
+    node.outputs.update(
+        jointNames=tuple(joint.name for joint in joints),
+        jointPositions=tuple(joint.position for joint in joints),
+        jointVelocities=tuple(joint.velocity for joint in joints),
+        jointEfforts=(0.0,) * len(joints),
+        jointDofTypes=tuple(map(_degree, joints)),
+        stageMetersPerUnit=world.scene.meters_per_unit if joints else 0.0,
+        sensorTime=world.since_play if joints else 0.0,
+    )
+    if not targets:
+        return node.fails("it has no prim", "no-articulation")
+    if not joints:
+        return node.fails(f"there is no articulation at or below {targets[0]}", "no-articulation")
+    node.enabled.append("execOut")
+    return True
+
+
+def _degree(joint: Joint) -> int:
+    return _TRANSLATION if joint.kind == SLIDER else _ROTATION
+
+
+@computes("ROS2PublishJointState")
+def publish_joint_state(node: Running, world: World) -> bool:
+    """RN/nodes/OgnROS2PublishJointState.cpp:58-290: what reaches it, else what its target does."""
+    names, positions, velocities, efforts, degrees = (node.items(name, world) for name in _STATES)
+    unit = node.number("stageMetersPerUnit", world)
+    stamp = node.number("sensorTime", world) or node.number("timeStamp", world)
+    if names or positions or velocities or efforts or degrees:
+        sizes = {len(array) for array in (names, positions, velocities, efforts, degrees)}
+        if not names or len(sizes) > 1:
+            return node.fails("its arrays are not equally long", "unequal-joint-arrays")
+        if not 0 < unit < math.inf:
+            return node.fails("no unit of the stage reaches it", "unequal-joint-arrays")
+    else:
+        targets = node.targets("targetPrim")
+        machine = world.machines.articulation(targets[0]) if targets else None
+        if machine is None:
+            place = f"at or below {targets[0]}" if targets else "without a target"
+            return node.fails(f"there is no articulation with joints {place}", "no-articulation")
+        joints = [*machine.articulated.values()]
+        names = tuple(joint.name for joint in joints)
+        positions = tuple(joint.position for joint in joints)
+        velocities = tuple(joint.velocity for joint in joints)
+        efforts, degrees = (0.0,) * len(joints), tuple(map(_degree, joints))
+        unit, stamp = world.scene.meters_per_unit, node.number("timeStamp", world)
+    endpoint = node.memory.get("endpoint") or open_endpoint(node, world)
+    if endpoint is None:
+        return False
+    node.memory["endpoint"] = endpoint
+    # Isaac Sim divides lengths by the unit of the stage (RM:1156, 1233).
+    scales = [1.0 / unit if degree == _TRANSLATION else 1.0 for degree in degrees]
+    data = JointStates(
+        tuple(map(str, names)),
+        tuple(round(x * k, _DIGITS) for x, k in zip(positions, scales, strict=True)),
+        tuple(round(x * k, _DIGITS) for x, k in zip(velocities, scales, strict=True)),
+        tuple(map(float, efforts)),
+    )
+    send(node, world, endpoint, Message(_TYPE, stamp, data=data))
+    return True
+
+
+@computes("ROS2SubscribeJointState")
+def subscribe_joint_state(node: Running, world: World) -> bool:
+    """RN/nodes/OgnROS2SubscribeJointState.cpp:40-150: what a message leaves out is no number."""
+    states = received(node, world, JointStates)
+    if not isinstance(states, JointStates):
+        return "endpoint" in node.memory
+    count = len(states.names)
+    arrays = (states.positions, states.velocities, states.efforts)
+    if not count or all(len(array) != count for array in arrays):  # RM:1287-1302
+        return False
+    names = ("positionCommand", "velocityCommand", "effortCommand")
+    node.outputs["jointNames"] = states.names
+    for name, array in zip(names, arrays, strict=True):
+        node.outputs[name] = array if len(array) == count else (math.nan,) * count
+    node.enabled.append("execOut")
+    return True
+
+
+@computes("IsaacArticulationState")
+def articulation_state(node: Running, world: World) -> bool:
+    """CN/python/nodes/OgnIsaacArticulationState.py:117-165; forces are not known and are 0."""
+    targets = node.targets("targetPrim")
+    path = node.text("robotPath", world) or (targets[0] if targets else "")
+    machine = world.machines.articulation(path)
+    if machine is None:
+        return node.fails(f"there is no articulation at or below {path}", "no-articulation")
+    joints = [*machine.articulated.values()]
+    names, indices = node.items("jointNames", world), node.items("jointIndices", world)
+    if names:
+        if not {*names} <= machine.articulated.keys():
+            return node.fails("the robot lacks one of its joints", "unknown-joint")
+        joints = [machine.articulated[str(name)] for name in names]
+    elif any(indices):
+        joints = [joints[int(index)] for index in indices if int(index) < len(joints)]
+    zeros = ((0.0, 0.0, 0.0),) * len(joints)
+    node.outputs.update(
+        jointNames=tuple(joint.name for joint in joints),
+        jointPositions=tuple(joint.position for joint in joints),
+        jointVelocities=tuple(joint.velocity for joint in joints),
+        measuredJointEfforts=(0.0,) * len(joints),
+        measuredJointForces=zeros,
+        measuredJointTorques=zeros,
+    )
+    return True

@@ -1,0 +1,247 @@
+"""Joints and their states, against cases worked out by hand from the source named at each node."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from any_stages import bad, by_name, played
+from foreign_robots import arm, body, empty_stage, revolute
+from invoking import invoke
+from lone_nodes import node
+from pxr import Sdf, Usd, UsdPhysics
+
+from lab3_usd.sim.execution.recording import JointStates
+from lab3_usd.sim.execution.world import Endpoint, World, world_of
+from lab3_usd.sim.robot.machine import Machine
+from lab3_usd.stage.read.scene import read_scene
+
+SENSORS, ROS = "isaacsim.sensors.physics.", "isaacsim.ros2.bridge."
+CORE = "isaacsim.core.nodes."
+NAMES = ("shoulder_joint", "elbow_joint", "tool_joint")
+
+
+@pytest.fixture
+def stage() -> World:
+    return world_of(read_scene(arm()))
+
+
+def machine_of(world: World, path: str = "/arm") -> Machine:
+    machine = world.machines.articulation(path)
+    assert machine is not None
+    return machine
+
+
+def bent(world: World, **positions: float) -> Machine:
+    """Turn joints by hand."""
+    machine = machine_of(world)
+    for name, position in positions.items():
+        machine.joints[f"{name}_joint"].position = position
+    world.machines.step(0.0)
+    return machine
+
+
+def test_links_go_with_the_joints_above_them(stage: World) -> None:
+    # all axes are Z through the common origin, so that the angles add up
+    bent(stage, shoulder=0.3, elbow=0.2, tool=math.pi / 2 - 0.5)
+    x, y, _ = stage.machines.place("/arm/tool").turn((1.0, 0.0, 0.0))
+    assert (x, y) == pytest.approx((0.0, 1.0))
+    x, y, _ = stage.machines.place("/arm/elbow").turn((1.0, 0.0, 0.0))
+    assert (x, y) == pytest.approx((math.cos(0.5), math.sin(0.5)))
+
+
+def sliding() -> Usd.Stage:
+    """A slide along X in centimetres, and a hand that turns on it, 10 cm further out."""
+    made = empty_stage("Z", 0.01)
+    base = body(made, "/arm/base", (0, 0, 0))
+    base.AddAppliedSchema("PhysicsArticulationRootAPI")
+    body(made, "/arm/slide", (0, 0, 0))
+    body(made, "/arm/hand", (10, 0, 0))
+    joint = UsdPhysics.PrismaticJoint.Define(made, "/arm/slide_joint")
+    joint.CreateBody0Rel().SetTargets(["/arm/base"])
+    joint.CreateBody1Rel().SetTargets(["/arm/slide"])
+    joint.CreateAxisAttr("X")
+    drive = UsdPhysics.DriveAPI.Apply(joint.GetPrim(), "linear")
+    drive.CreateStiffnessAttr(100.0)
+    drive.CreateDampingAttr(10.0)
+    hinge = revolute(made, "/arm/hand_joint", "/arm/slide", "/arm/hand", (10, 0, 0), "Z")
+    UsdPhysics.DriveAPI(hinge, "angular").GetStiffnessAttr().Set(1000.0)
+    return made
+
+
+def test_a_slide_moves_along_its_axis() -> None:
+    world = world_of(read_scene(sliding()))
+    bent(world, slide=5.0, hand=math.pi / 2)
+    assert world.machines.place("/arm/hand").origin == pytest.approx((15.0, 0.0, 0.0))
+
+
+def test_joint_states_are_read(stage: World) -> None:
+    bent(stage, shoulder=0.25)
+    read = node(f"{SENSORS}IsaacReadJointState", prim="/arm")
+    assert read.compute(stage)
+    assert read.enabled == ["execOut"]
+    assert read.outputs["jointNames"] == NAMES
+    assert read.outputs["jointPositions"] == (0.25, 0.0, 0.0)
+    assert read.outputs["jointDofTypes"] == (0, 0, 0)
+    assert not node(f"{SENSORS}IsaacReadJointState", prim="/World").compute(stage)
+
+
+def test_the_state_of_an_articulation_is_that_of_the_joints_named(stage: World) -> None:
+    bent(stage, elbow=0.5)
+    state = node(f"{CORE}IsaacArticulationState", {"jointNames": NAMES[1:2]}, targetPrim="/arm")
+    assert state.compute(stage)
+    assert (state.outputs["jointNames"], state.outputs["jointPositions"]) == (NAMES[1:2], (0.5,))
+    state.values["jointNames"] = ("none",)
+    assert not state.compute(stage)
+
+
+def published(world: World, values: dict[str, Any], **targets: str) -> JointStates:
+    publisher = node(f"{ROS}ROS2PublishJointState", values, **targets)
+    assert publisher.compute(world)  # the first compute publishes
+    data = world.network.sent[-1].data
+    assert isinstance(data, JointStates)
+    return data
+
+
+def test_joint_states_are_published_to_four_digits(stage: World) -> None:
+    bent(stage, shoulder=0.123456)
+    assert published(stage, {}, targetPrim="/arm").positions == (0.1235, 0.0, 0.0)
+
+
+def test_what_reaches_a_publisher_is_published(stage: World) -> None:
+    values = {
+        "jointNames": ("a",),
+        "jointPositions": (1.0,),
+        "jointVelocities": (2.0,),
+        "jointEfforts": (3.0,),
+        "jointDofTypes": (0,),
+        "stageMetersPerUnit": 1.0,
+        "sensorTime": 7.0,
+    }
+    assert published(stage, values) == JointStates(("a",), (1.0,), (2.0,), (3.0,))
+    assert stage.network.sent[-1].stamp == 7.0
+    publisher = node(f"{ROS}ROS2PublishJointState", {**values, "jointEfforts": ()})
+    assert not publisher.compute(stage)
+    assert publisher.failure is not None
+    assert publisher.failure.kind == "unequal-joint-arrays"
+    publisher = node(f"{ROS}ROS2PublishJointState", {**values, "stageMetersPerUnit": 0.0})
+    assert not publisher.compute(stage)
+
+
+def test_lengths_are_published_divided_by_the_unit_of_the_stage() -> None:
+    world = world_of(read_scene(sliding()))
+    bent(world, slide=5.0)
+    assert published(world, {}, targetPrim="/arm").positions == (500.0, 0.0)
+
+
+def heard(world: World, command: JointStates) -> Any:
+    world.network.commands = Endpoint(0, "/joint_command")
+    subscriber = node(f"{ROS}ROS2SubscribeJointState")
+    assert subscriber.compute(world)  # opens
+    world.network.command = (1, command)
+    subscriber.compute(world)
+    return subscriber
+
+
+def test_what_a_command_leaves_out_is_no_number(stage: World) -> None:
+    subscriber = heard(stage, JointStates(("a", "b"), (0.1, 0.2)))
+    assert subscriber.enabled == ["execOut"]
+    assert subscriber.outputs["positionCommand"] == (0.1, 0.2)
+    assert all(map(math.isnan, subscriber.outputs["velocityCommand"]))
+    assert heard(stage, JointStates(("a", "b"), (0.1,))).enabled == []
+
+
+def commanded(world: World, **values: Any) -> Machine:
+    controller = node(f"{CORE}IsaacArticulationController", values, targetPrim="/arm")
+    assert controller.compute(world)
+    return machine_of(world)
+
+
+def test_what_is_no_number_leaves_the_target_of_a_joint(stage: World) -> None:
+    commanded(stage, positionCommand=(0.1, 0.2, 0.3))
+    machine = commanded(stage, positionCommand=(math.nan, 0.5, math.nan))
+    assert [joint.target_position for joint in machine.joints.values()] == [0.1, 0.5, 0.3]
+
+
+def test_an_effort_moves_a_joint_as_fast_as_its_damping_lets_it(stage: World) -> None:
+    machine = commanded(stage, effortCommand=(0.1 * math.degrees(1000.0), 0.0, 0.0))
+    joint = machine.joints["shoulder_joint"]
+    joint.stiffness = 0.0
+    assert joint.speed(1 / 60) == pytest.approx(0.1)
+    joint.damping = 0.0
+    commanded(stage, effortCommand=(1.0, 0.0, 0.0))
+    assert "moved by an effort" in next(iter(stage.not_simulated.values()))
+
+
+def test_a_spring_without_damping_holds_its_target(stage: World) -> None:
+    joint = machine_of(stage).joints["shoulder_joint"]
+    joint.damping, joint.target_position = 0.0, 0.3
+    assert joint.speed(0.5) == pytest.approx(0.6)
+
+
+def test_an_arm_goes_where_it_is_told_and_tf_follows(tmp_path: Path) -> None:
+    found = played(arm(), tmp_path)
+    assert found.verdict == "ok"
+    assert [check.name for check in found.checks if check.verdict == "ok"] == [
+        "graphs",
+        "topics",
+        "clock",
+        "tree",
+        "joints",
+        "links",
+        "joint states",
+        "again",
+    ]
+
+
+def test_an_arm_that_hears_no_positions_stands(tmp_path: Path) -> None:
+    stage = arm()
+    stage.GetAttributeAtPath("/ActionGraph/controller.inputs:positionCommand").ClearConnections()
+    found = played(stage, tmp_path)
+    assert (found.verdict, by_name(found)["again"].verdict) == ("bad", "not judged")
+    assert by_name(found)["joints"].kind == "joint-off-target"
+
+
+def test_transforms_that_are_sent_once_do_not_follow_an_arm(tmp_path: Path) -> None:
+    stage = arm()
+    tf = stage.GetPrimAtPath("/ActionGraph/tf")
+    tf.CreateAttribute("inputs:staticPublisher", Sdf.ValueTypeNames.Bool).Set(True)  # noqa: FBT003
+    tf.CreateAttribute("inputs:topicName", Sdf.ValueTypeNames.String).Set("tf")
+    found = played(stage, tmp_path)
+    assert (bad(found), by_name(found)["links"].kind) == ({"links"}, "link-off-frame")
+
+
+def test_joint_states_that_are_velocities_are_none(tmp_path: Path) -> None:
+    stage = arm()
+    states = stage.GetPrimAtPath("/ActionGraph/joint_states")
+    states.GetAttribute("inputs:jointPositions").SetConnections(
+        ["/ActionGraph/read_joints.outputs:jointVelocities"]
+    )
+    found = played(stage, tmp_path)
+    assert (bad(found), by_name(found)["joint states"].kind) == (
+        {"joint states"},
+        "wrong-joint-state",
+    )
+
+
+def test_a_run_of_an_arm_is_a_bag(tmp_path: Path) -> None:
+    arm_stage = arm()
+    arm_stage.GetRootLayer().Export(str(tmp_path / "arm.usda"))
+    invoke("sim", tmp_path / "arm.usda", "--bag", tmp_path / "bag")
+    metadata = (tmp_path / "bag" / "metadata.yaml").read_text(encoding="utf-8")
+    assert {"/joint_command", "/joint_states"} <= set(re.findall(r"name: (/\w+)", metadata))
+
+
+def test_joints_stay_within_their_limits(tmp_path: Path) -> None:
+    stage = arm()
+    joint = UsdPhysics.RevoluteJoint(stage.GetPrimAtPath("/arm/elbow_joint"))
+    joint.CreateLowerLimitAttr(-90.0)
+    joint.CreateUpperLimitAttr(math.degrees(0.1))
+    found = played(stage, tmp_path)
+    assert found.verdict == "ok"
+    joint.CreateUpperLimitAttr(90.0)
+    UsdPhysics.DriveAPI(joint.GetPrim(), "angular").GetStiffnessAttr().Set(0.0)
+    assert played(stage, tmp_path).verdict == "ok"  # without a spring it is left alone

@@ -1,0 +1,47 @@
+"""A node by itself, and the world that it asks."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+from lab3_usd.model.dry_run import Node, Scene
+from lab3_usd.sim.execution.program import type_of
+from lab3_usd.sim.execution.running import Running, function_of
+from lab3_usd.sim.execution.world import Endpoint, Network
+from lab3_usd.spec.load.compiled import load_isaac_types
+
+
+def node(name: str, values: dict[str, Any] | None = None, **targets: str) -> Running:
+    """A node of a type, with values at its inputs and no wires; the others have their defaults."""
+    node_type = type_of(Node("", name, 1, {}, {}), load_isaac_types().catalog)
+    assert node_type is not None
+    bare = Node(
+        "/Graph/node",
+        name,
+        node_type.version,
+        {},
+        {f"inputs:{port}": (path,) for port, path in targets.items()},
+    )
+    defaults = {port.short: port.default for port in node_type.ports.values()}
+    function = function_of(node_type)
+    assert function is not None
+    return Running(bare.path, node_type, function, {}, bare, {**defaults, **(values or {})})
+
+
+def world(**known: Any) -> Any:
+    """What the functions ask of the world, with an empty stage."""
+    given = {
+        "scene": Scene(1.0, "Z", (), {}, {}),
+        "network": Network("", commands=Endpoint(0, "/cmd_vel")),
+        "frame": 1,
+        "dt": 0.5,
+        "since_play": 2.0,
+        "simulated": 7.0,
+        "wall": 100.0,
+        "session": 0,
+        "products": {},
+        "writers": [],
+        "not_simulated": {},
+    }
+    return SimpleNamespace(**{**given, **known})
