@@ -27,6 +27,7 @@ EXAMPLE = REPOSITORY / "docs" / "examples" / "carter.usda"
 RIVALS = {
     ("tf", "odometry"): {"K50"},
     ("differential", "NVIDIA's differential test"): {"K65"},
+    ("differential by number", "NVIDIA's differential test"): {"K65"},
     ("odometry", "NVIDIA's differential test"): {"K40"},
 }
 
@@ -47,6 +48,14 @@ def test_a_menu_of_isaac_sim_builds_no_fault(name: str) -> None:
 def test_two_menus_build_no_fault_unless_they_are_rivals(pair: tuple[str, str]) -> None:
     rules = {line.split()[0] for line in said_by(with_menus(*pair), "error")}
     assert rules == RIVALS.get(pair, set())
+
+
+@pytest.mark.parametrize(
+    "name", ["differential", "differential by number", "NVIDIA's differential test"]
+)
+def test_joints_that_a_message_names_may_be_commanded_twice(name: str) -> None:
+    found = said_by(with_menus("joint states", name), "warning")
+    assert [line.split()[0] for line in found if line.startswith("K65")] == ["K65"]
 
 
 @pytest.mark.parametrize("release", ["5.0", "5.1", "6.1", "6.2"])

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct
 
-from lab3_usd.check.robot.wheels import joint_names
+from lab3_usd.check.robot.wheels import joint_names, listed
 from lab3_usd.check.ros.running import LintSubject, effective_value, live_sources
 from lab3_usd.check.tf.targets import articulation_links
 from lab3_usd.model.physics import (
@@ -148,6 +148,22 @@ def told_joints(command: Command, port: str, subject: LintSubject) -> list[Prim]
         is_moving = controller_of(command, subject) is not None
     joints = _axes(command, subject.stage) if is_moving and command.names == () else []
     return joints if number_of_commands(command, port, subject) == len(joints) else []
+
+
+def named_joints(command: Command, subject: LintSubject) -> list[str] | None:
+    """Return the names of the joints that a command is about, None where they are unknown.
+
+    Numbers stand in the articulation's own order, which no file tells: they are known where they
+    are those of all its axes.
+    """
+    if command.names is not None:
+        return list(command.names or joints_of(command, subject.stage))
+    numbers = listed(command.node, command.ports.indices, subject.live)
+    axes = [joint.name for joint in _axes(command, subject.stage)]
+    is_whole = numbers is not None and sorted(map(str, numbers)) == sorted(
+        map(str, range(len(axes)))
+    )
+    return axes if axes and is_whole else None
 
 
 def _axes(command: Command, stage: StageModel) -> list[Prim]:

@@ -239,13 +239,19 @@ def _commands_wheels(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> bo
 
 def joint_names(node: Node, port: str, live: Nodes) -> tuple[str, ...] | None:
     """Return the names that reach an input as a list, None where they are unknown."""
+    value = listed(node, port, live)
+    is_known = value is not None and all(isinstance(item, str) for item in value)
+    return tuple(map(str, value)) if is_known and value is not None else None
+
+
+def listed(node: Node, port: str, live: Nodes) -> tuple[Value, ...] | None:
+    """Return the list that reaches an input, None where it is unknown."""
     made = list(live_sources(node, port, live))
     if len(made) == 1 and made[0][0].type is not None and made[0][0].type.dynamic is not None:
         value = _array_of(made[0][0], live)
     else:
         value = effective_value(node, port, live)
-    is_known = isinstance(value, tuple) and all(isinstance(item, str) for item in value)
-    return tuple(map(str, value)) if is_known and isinstance(value, tuple) else None
+    return value if isinstance(value, tuple) else None
 
 
 def _array_of(maker: Node, live: Nodes) -> Value | None:

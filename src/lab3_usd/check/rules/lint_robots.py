@@ -17,6 +17,7 @@ from lab3_usd.check.robot.articulations import (
     has_joint,
     ignored_indices,
     joints_of,
+    named_joints,
     number_of_commands,
     told_joints,
     wired_commands,
@@ -326,7 +327,8 @@ def joint_of_two_controllers(subject: LintSubject) -> Iterator[Problem]:
     """Two nodes command the same joint.
 
     Why: each overwrites at every update what the other has told the joint. A controller without
-    joint names commands all of them.
+    joint names commands all of them. Where the names come over a wire, as with the menu for joint
+    states, and the other controller commands all joints, it is a warning.
 
     Fix: delete one of the controllers, or name in each the joints that are its own.
 
@@ -335,25 +337,30 @@ def joint_of_two_controllers(subject: LintSubject) -> Iterator[Problem]:
     running = [command for command in commands(subject) if subject.runs(command.node.path)]
     for index, command in enumerate(running):
         for other in running[:index]:
-            shared = _shared(command, other, subject)
+            shared, is_sure = _shared(command, other, subject)
             if shared:
+                does = "commands" if is_sure else "may command"
                 yield Problem(
                     command.node.path,
-                    f"commands {', '.join(shared)}, which {other.node.path} commands as well",
+                    f"{does} {', '.join(shared)}, which {other.node.path} commands as well",
                     property=command.ports.joints,
                     related=(other.node.path,),
+                    severity=None if is_sure else "warning",
                 )
                 break
 
 
-def _shared(one: Command, other: Command, subject: LintSubject) -> list[str]:
-    """Return the joints that both command by the same kind of command."""
+def _shared(one: Command, other: Command, subject: LintSubject) -> tuple[list[str], bool]:
+    """Return the joints that both command by the same kind of command, and whether that is sure."""
     kinds = set(wired_commands(one)) & set(wired_commands(other))
-    if not kinds or not set(one.roots) & set(other.roots) or None in (one.names, other.names):
-        return []
-    every = list(joints_of(one, subject.stage))
-    first, second = (list(command.names or every) for command in (one, other))
-    return [name for name in first if name in second]
+    if not kinds or not set(one.roots) & set(other.roots):
+        return [], True
+    first, second = (named_joints(command, subject) for command in (one, other))
+    if first is not None and second is not None:
+        return [name for name in first if name in second], True
+    # Whatever the other names are, they are among those of a command of all joints.
+    named = first or second or []
+    return (named if set(named) >= {*joints_of(one, subject.stage)} else []), False
 
 
 @rule("K66", "joint-order", scope="lint", severity="warning", formerly="left-and-right")
