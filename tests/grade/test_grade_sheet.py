@@ -9,7 +9,7 @@ from report_examples import FAILED, HOSTILE, OLD_NAME, PASSED, SUBMISSION
 from lab3_usd.check.registry import all_rules
 from lab3_usd.grade.gradebook import HTML, MOST_LOST, grade_sheet, write_reports
 from lab3_usd.grade.rubric import Cap, Item, Rubric
-from lab3_usd.grade.scoring import Grade, ItemGrade, LostRequirement
+from lab3_usd.grade.scoring import Deduction, Grade, ItemGrade
 from lab3_usd.grade.workers.messages import Task, decode, encode
 from lab3_usd.grade.workers.submission_grading import ungraded_record
 from lab3_usd.model.finding import Finding, Report, Requirement
@@ -32,18 +32,19 @@ RUBRIC = Rubric(
 )
 GRADE = Grade(
     items=(
-        ItemGrade("clock", "part", 7.5, 10.0, 0.0),
-        ItemGrade("tree", "blocked", 0.0, 0.0, 10.0, "stands on clock"),
-        ItemGrade("nav2", "missing", 0.0, 5.0, 0.0),
-        ItemGrade("film", "open", 0.0, 0.0, 0.0, "for a person to judge"),
+        ItemGrade("clock", "part", 7.5, 10.0),
+        ItemGrade("tree", "none", 0.0, 10.0),
+        ItemGrade("nav2", "missing", 0.0, 5.0),
+        ItemGrade("film", "open", 0.0, 0.0, because="for a person to judge"),
     ),
     lost=(
-        LostRequirement("clock", WIRE.id, WIRE.title),
-        LostRequirement("nav2", "checkpoint 08", "checkpoint 08 is missing"),
+        Deduction("clock", WIRE.id, WIRE.title, 2.5, "W01", "work/clock.usda:7"),
+        Deduction("tree", "", "stands on clock, which earned nothing", 10.0),
+        Deduction("nav2", "checkpoint 08", "checkpoint 08 is missing", 5.0),
     ),
     earned=7.5,
-    possible=15.0,
-    percent=50.0,
+    possible=25.0,
+    percent=30.0,
     because=("late: at most 50%",),
 )
 LEFT_OUT = Finding(
@@ -65,9 +66,9 @@ def test_the_page_opens_with_the_student_and_the_points() -> None:
     tree = shown()
     hero = tree.one("header", "hero")
     assert tree.one("h1").text == "Jane Doe"
-    assert tree.one("title").text == "Jane Doe: 7.5 of 15 points"
+    assert tree.one("title").text == "Jane Doe: 7.5 of 25 points"
     said = " ".join(hero.one("p", "points").text.split())
-    assert said == "7.5 of 15 points 50 % late: at most 50%"
+    assert said == "7.5 of 25 points 30 % late: at most 50%"
     assert "1234567" in hero.text
 
 
@@ -82,50 +83,22 @@ def test_every_item_has_its_points_its_state_and_its_reasons() -> None:
     found = [[" ".join(cell.text.split()) for cell in row.inside] for row in rows]
     assert [cells[1:3] for cells in found] == [
         ["7.5 of 10", "part"],
-        ["\N{EN DASH}", "blocked"],
+        ["0 of 10", "none"],
         ["0 of 5", "missing"],
         ["\N{EN DASH}", "open"],
     ]
     assert [cells[3] for cells in found] == [
-        "ROS_Clock: tick reaches the clock",
-        "blocked by /clock is publishing: 10 of 10 points do not count",
-        "no stage of checkpoint 08 was found",
+        "\N{MINUS SIGN}2.50 tick reaches the clock W01 work/clock.usda:7",
+        "\N{MINUS SIGN}10.00 stands on clock, which earned nothing",
+        "\N{MINUS SIGN}5.00 checkpoint 08 is missing",
         "for a person to judge: the robot drives on the film",
-    ]
-
-
-def test_a_cap_says_why_it_limits() -> None:
-    capped = (ItemGrade("tree", "part", 5.0, 10.0, 0.0, "the handout forbids it"),)
-    grade = replace(GRADE, items=(GRADE.items[0], *capped, *GRADE.items[2:]))
-    sheet = grade_sheet(RUBRIC, grade, "1", "")
-    assert sheet.items[1].why == ("limited: the handout forbids it",)
-
-
-def test_what_was_lost_before_is_said_to_be_blocked() -> None:
-    items = (*GRADE.items[:2], ItemGrade("nav2", "part", 4.0, 4.0, 1.0), GRADE.items[3])
-    sheet = grade_sheet(RUBRIC, replace(GRADE, items=items), "1", "")
-    assert sheet.items[2].why == (
-        "blocked by faults that cost points above: 1 of 5 points do not count",
-    )
-
-
-def test_what_cannot_be_opened_and_what_is_not_met_is_said() -> None:
-    items = (
-        *GRADE.items[:2],
-        ItemGrade("nav2", "unreadable", 0.0, 5.0, 0.0),
-        ItemGrade("film", "none", 0.0, 5.0, 0.0),
-    )
-    sheet = grade_sheet(RUBRIC, replace(GRADE, items=items), "1", "")
-    assert [item.why for item in sheet.items[2:]] == [
-        ("the stage of checkpoint 08 cannot be opened",),
-        ("not met: the robot drives on the film",),
     ]
 
 
 def test_extra_points_and_all_or_nothing_are_said() -> None:
     first = replace(RUBRIC.items[0], optional=True, partial=False)
     rubric = replace(RUBRIC, items=(first, *RUBRIC.items[1:]))
-    items = (ItemGrade("clock", "none", 0.0, 10.0, 0.0), *GRADE.items[1:])
+    items = (ItemGrade("clock", "none", 0.0, 10.0), *GRADE.items[1:])
     sheet = grade_sheet(rubric, replace(GRADE, items=items), "1", "")
     assert sheet.items[0].why == (
         "extra points: nothing is lost where they are missing",
@@ -133,11 +106,17 @@ def test_extra_points_and_all_or_nothing_are_said() -> None:
     )
 
 
-def test_not_every_lost_requirement_is_named() -> None:
-    lost = tuple(LostRequirement("clock", f"ROS_Clock/{n}", str(n)) for n in range(MOST_LOST + 3))
+def test_not_every_fault_that_costs_nothing_more_is_named() -> None:
+    lost = tuple(Deduction("clock", f"ROS_Clock/{n}", str(n)) for n in range(MOST_LOST + 3))
     item = grade_sheet(RUBRIC, replace(GRADE, lost=lost), "1", "").items[0]
     assert len(item.lost) == MOST_LOST
     assert item.more == 3
+
+
+def test_every_deduction_is_named_however_many() -> None:
+    lost = tuple(Deduction("clock", f"ROS_Clock/{n}", str(n), 0.1) for n in range(MOST_LOST + 3))
+    item = grade_sheet(RUBRIC, replace(GRADE, lost=lost), "1", "").items[0]
+    assert len(item.lost) == MOST_LOST + 3
 
 
 def test_one_submission_is_one_block_whose_counts_agree() -> None:

@@ -198,9 +198,25 @@ def test_the_table_says_why_an_item_was_limited(tmp_path: Path) -> None:
     head, *others = found["items"]
     limited = {**head, "state": "none", "because": "the robot was changed"}
     found["items"] = [limited, *others]
+    found["lost"] = [line for line in found["lost"] if line["item"] != head["id"]]
     write_student(tmp_path, jane, SALT, found)
     write_tables(tmp_path, [jane], RUBRIC)
     with (tmp_path / "grades.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
     first, second, *_ = (item.id for item in RUBRIC.items)
     assert row["remarks"].startswith(f"{first}: the robot was changed; {second}: missing")
+
+
+def test_the_table_says_of_each_item_what_it_lost_and_where(tmp_path: Path) -> None:
+    jane = handed("jane")
+    found = answer("jane")
+    head, *others = found["items"]
+    lost = {"item": head["id"], "requirement": "Scene/axis", "title": "it turns forward"}
+    lines = [{**lost, "points": 0.25, "rule": "S09", "place": f"a.usda:{n}"} for n in range(5)]
+    found["items"] = [{**head, "state": "part"}, *({**item, "state": "full"} for item in others)]
+    write_student(tmp_path, jane, SALT, {**found, "lost": lines})
+    write_tables(tmp_path, [jane], RUBRIC)
+    with (tmp_path / "grades.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    told = ", ".join(f"-0.25 it turns forward (S09 a.usda:{n})" for n in range(3))
+    assert row["remarks"] == f"{head['id']}: {told}, 2 more"

@@ -16,6 +16,7 @@ from lab3_usd.check.requirements import (
     frame_requirements,
     graph_requirements,
     scene_requirements,
+    with_costs,
     with_named_faults,
     with_other_faults,
     with_unmet,
@@ -107,7 +108,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
     judged = with_other_faults(outcome.requirements, findings, graphs)
     return Judgement(
-        findings,
+        tuple(with_costs(findings, subjects, placed)),
         judged,
         tuple(run.crashes),
         tuple(run.not_judged),

@@ -96,7 +96,7 @@ MODULES = {
 }
 
 
-SCENE = "Scene"
+SCENE, TF = "Scene", "TF"  # parts of a stage that are no graph and no sensor
 
 
 class Demand(Struct, frozen=True):

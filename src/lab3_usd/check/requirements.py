@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import lru_cache
 
 from msgspec import Struct
@@ -15,8 +15,10 @@ from lab3_usd.check.match.conformance import (
     target_matches,
 )
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
-from lab3_usd.check.registry import SCENE, Demand, Demands, scene_demands
+from lab3_usd.check.registry import SCENE, TF, Demand, Demands, scene_demands
+from lab3_usd.check.repairs import TYPE
 from lab3_usd.check.robot.location import relocated_path
+from lab3_usd.check.robot.sensors import sensor_group
 from lab3_usd.check.tf.frames import published_edges
 from lab3_usd.check.tf.lab_frames import tf_view, waived_frames
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
@@ -39,14 +41,25 @@ class _GraphItem(Struct, frozen=True):
     met: Requirement
     unmet: Requirement
 
+    @property
+    def port(self) -> str:
+        """The property that it is about; '' for the node itself."""
+        if isinstance(self.expected, Wire):
+            return self.expected.target.port
+        return "" if self.expected is None else self.expected.port
+
 
 def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
     """Yield every node, setting, target and wire of one graph, met or not."""
-    spec, lab = subject.spec, subject.lab
-    is_of_lab = lab.graphs.get(spec.name) is spec  # else it reads as one that stands elsewhere
-    for item in _lab_items(lab, spec.name) if is_of_lab else _graph_items(spec):
+    for item in _items_of(subject):
         node = subject.roles.node_of[item.role]
         yield item.met if node is not None and _meets(subject, node, item.expected) else item.unmet
+
+
+def _items_of(subject: GraphSubject) -> list[_GraphItem]:
+    spec, lab = subject.spec, subject.lab
+    is_of_lab = lab.graphs.get(spec.name) is spec  # else it reads as one that stands elsewhere
+    return _lab_items(lab, spec.name) if is_of_lab else _graph_items(spec)
 
 
 @lru_cache(maxsize=64)
@@ -183,7 +196,7 @@ def frame_requirements(subject: StageSubject) -> Iterator[Requirement]:
         is_deeper = parent == spec.deeper_under and _is_below(child, parent, parents)
         met = (parent, child) in published or is_deeper or child in waived
         title = f"{parent} -> {child} is published"
-        yield Requirement(f"TF/frame/{child}", "TF", "frame", title, met, spec.handout)
+        yield Requirement(f"{TF}/frame/{child}", TF, "frame", title, met, spec.handout)
 
 
 def _is_below(child: str, ancestor: str, parents: Mapping[str, str]) -> bool:
@@ -195,6 +208,55 @@ def _is_below(child: str, ancestor: str, parents: Mapping[str, str]) -> bool:
         if child == ancestor:
             return True
     return False
+
+
+def with_costs(
+    findings: Collection[Finding], subjects: Iterable[GraphSubject], lab: Lab
+) -> Iterator[Finding]:
+    """Yield the findings with the requirements of graphs that they fail, and the parts they cost.
+
+    A finding fails what is asked of the property that it is about; one that names a missing node,
+    all that is asked of the node; one of a graph that is missing, all that is asked of the graph.
+    """
+    subjects = tuple(subjects)
+    sites: dict[tuple[str, str | None], list[str]] = {}
+    of_node: dict[str, list[str]] = {}
+    for subject in subjects if findings else ():
+        roles, name = subject.roles, subject.spec.name
+        for item in _items_of(subject):
+            of_node.setdefault(f"{name}/node/{item.role}", []).append(item.met.id)
+            node, retyped = roles.node_of[item.role], roles.retyped.get(item.role)
+            if roles.graph is None:
+                sites.setdefault((subject.spec.path, None), []).append(item.met.id)
+            elif retyped is not None:
+                sites.setdefault((retyped.path, TYPE), []).append(item.met.id)
+            elif node is not None and item.expected is not None:
+                sites.setdefault((node.path, item.port), []).append(item.met.id)
+    for finding in findings:
+        named = [name for unmet in finding.unmet for name in of_node.get(unmet, [unmet])]
+        related = (path.rpartition(".")[::2] for path in finding.related if "." in path)
+        for site in ((finding.prim, finding.property), *related):
+            named += sites.get(site, [])
+        unmet = tuple(dict.fromkeys(named))
+        costs = finding.costs or _parts_at(finding, subjects, lab)
+        yield replace(finding, unmet=unmet, costs=costs)
+
+
+def _parts_at(finding: Finding, subjects: Iterable[GraphSubject], lab: Lab) -> tuple[str, ...]:
+    """Return the graph or sensor in which a finding or what it relates to stands, else Scene."""
+    places = {
+        subject.spec.name: subject.spec.path
+        if subject.roles.graph is None
+        else subject.roles.graph.path
+        for subject in subjects
+    }
+    places |= {sensor_group(lab, name): sensor.path for name, sensor in lab.sensors.items()}
+    for prim in (finding.prim, *finding.related):
+        for part, path in places.items():
+            if is_at_or_below(prim, path):
+                return (part,)
+    is_of_robot = is_at_or_below(finding.prim, lab.scene.robot.path)
+    return (SCENE,) if finding.supplied or is_of_robot else ()
 
 
 def with_other_faults(

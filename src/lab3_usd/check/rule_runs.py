@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from msgspec import Struct
 
 from lab3_usd.check.manual import in_words_of
-from lab3_usd.check.registry import Rule, Scope, rules_of
+from lab3_usd.check.registry import SCENE, TF, Rule, Scope, rules_of
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import repair_by
 from lab3_usd.model.finding import Crash, Finding, NotJudged, Problem
@@ -28,6 +28,8 @@ class RuleResults(Struct, frozen=True):
 
 
 _NOTHING = RuleResults()
+# What the rules of a scope are about, wherever the prims of their findings stand.
+_PART_OF_SCOPE: Mapping[Scope, tuple[str, ...]] = {"frames": (TF,), "starter": (SCENE,)}
 
 
 def run_family(scope: Scope, family: str, subject: Any, lab: Lab | None) -> RuleResults:
@@ -97,6 +99,7 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         unopened=problem.unopened,
         unmet=problem.unmet,
         absent=problem.absent,
+        costs=problem.costs or _PART_OF_SCOPE.get(rule.scope, ()),
         causes=problem.causes,
         follows=problem.follows,
         frames=problem.frames,

@@ -154,7 +154,7 @@ def command(stage: Path, **options: Any) -> None:
     The graphs of STAGE run as they are wired, by functions written from the published source of
     Isaac Sim 6.0.1; the robot moves by exact kinematics. What is asked for is that of the
     checkpoint in the file's name. A stage of none is judged by what it shows itself: each robot is
-    driven by its own commands. Nothing of it counts in a score. Exit status:
+    driven by its own commands. Exit status:
     0 all right, 1 something is wrong or not judged, 2 unreadable or wrong usage, 3 the tool itself
     failed.
     """

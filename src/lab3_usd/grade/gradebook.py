@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec import to_builtins
 
 from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import UsageError
@@ -18,17 +19,17 @@ from lab3_usd.files import leftover_files, write_parts, write_whole
 from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.lock import LOCK
 from lab3_usd.grade.rubric import COLUMNS, Item, Rubric
-from lab3_usd.grade.scoring import Grade, ItemGrade, State
+from lab3_usd.grade.scoring import Grade, State
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.markdown import text
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html.class_page import class_page
-from lab3_usd.report.html.model import GradeItem, GradeSummary
+from lab3_usd.report.html.model import GradeItem, GradeSummary, LostPoints
 from lab3_usd.report.options import NAME, Options, tool_version
 from lab3_usd.report.safe_text import safe_cell
 from lab3_usd.spec.load.loader import load_lab
 
-MOST_LOST = 12  # requirements named at one item: the findings name the rest
+MOST_LOST = 12  # of what costs no more points at an item: the findings name the rest
 
 
 def grade_sheet(
@@ -36,14 +37,15 @@ def grade_sheet(
 ) -> GradeSummary:
     """Return the grade as the student's page shows it; `remarks` say what of it was judged."""
     graded = {grade.id: grade for grade in points.items}
-    lost: dict[str, list[str]] = {}
-    for requirement in points.lost:
-        part, slash, _ = requirement.requirement.partition("/")
-        if slash:
-            lost.setdefault(requirement.item, []).append(f"{part}: {requirement.title}")
     items = []
     for item in rubric.items:
-        own, lost_here = graded[item.id], lost.get(item.id, [])
+        own = graded[item.id]
+        lost = [
+            LostPoints(line.points, line.title, line.rule, line.place)
+            for line in points.lost
+            if line.item == item.id
+        ]
+        shown = max(MOST_LOST, sum(line.points > 0 for line in lost))
         items.append(
             GradeItem(
                 title=item.title,
@@ -51,9 +53,9 @@ def grade_sheet(
                 earned=own.earned,
                 possible=own.possible,
                 points=item.points,
-                why=tuple(_reasons(item, graded, rubric)),
-                lost=tuple(lost_here[:MOST_LOST]),
-                more=max(len(lost_here) - MOST_LOST, 0),
+                why=tuple(_reasons(item, own.state)),
+                lost=tuple(lost[:shown]),
+                more=max(len(lost) - shown, 0),
             )
         )
     return GradeSummary(
@@ -68,31 +70,13 @@ def grade_sheet(
     )
 
 
-def _reasons(item: Item, graded: Mapping[str, ItemGrade], rubric: Rubric) -> Iterator[str]:
-    """Yield why the item earned what it did: how much of it does not count, and why."""
-    own = graded[item.id]
+def _reasons(item: Item, state: State) -> Iterator[str]:
+    """Yield what is to be known of an item beside what it lost."""
     if item.optional:
         yield "extra points: nothing is lost where they are missing"
-    yield from _state_text(item, own.state)
-    if own.blocked:
-        titles = {line.id: line.title for line in rubric.items if graded[line.id].state != "full"}
-        stands_on = ", ".join(titles[name] for name in item.needs if name in titles)
-        amount = f"{own.blocked:g} of {item.points:g} points do not count"
-        yield f"blocked by {stands_on or 'faults that cost points above'}: {amount}"
-    if own.because in {cap.because for cap in rubric.caps}:
-        yield f"limited: {own.because}"
-
-
-def _state_text(item: Item, state: State) -> Iterator[str]:
-    if state == "missing":
-        yield f"no stage of checkpoint {item.checkpoint} was found"
-    elif state == "unreadable":
-        yield f"the stage of checkpoint {item.checkpoint} cannot be opened"
-    elif state == "open":
+    if state == "open":
         yield f"for a person to judge: {item.checklist}"
-    elif state == "none" and item.checklist:
-        yield f"not met: {item.checklist}"
-    elif state == "none" and not item.partial:
+    elif state == "none" and not item.checklist and not item.partial:
         yield "all or nothing"
 
 
@@ -126,9 +110,8 @@ def gradescope(report: Report, rubric: Rubric, points: Grade) -> str:
         groups = dict.fromkeys(requirement.group for requirement in rubric.asked[item.id])
         names = [f"Checkpoint {item.checkpoint}: {group}" for group in groups]
         blocks = [outputs.pop(name, "") for name in names]
-        if own.state in {"missing", "unreadable", "blocked"} or own.because:
-            because = f": {own.because}" if own.because else ""
-            blocks.insert(0, text(f"{own.state}{because}"))
+        lost = [to_builtins(line) for line in points.lost if line.item == item.id]
+        blocks.insert(0, "\n".join(f"- {text(_deduction_text(line))}" for line in lost))
         tests.append(
             {
                 "name": item.title,
@@ -336,13 +319,31 @@ def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
 
 
+_LINES = 3  # of what an item lost in the table; the student's page has all
+
+
 def _remarks_text(row: Row) -> str:
     remarks = [row["reason"], *row["remarks"], *row["because"]]
     for item in row["items"]:
-        is_named = item["state"] in {"missing", "unreadable", "blocked", "open"}
-        reason = item["state"] if is_named else item["because"]
-        remarks.append(f"{item['id']}: {reason}" if reason else "")
+        lost = [line for line in row["lost"] if line["item"] == item["id"]]
+        if item["state"] in {"missing", "unreadable", "blocked", "open"}:
+            remarks.append(f"{item['id']}: {item['state']}")
+        elif lost:
+            paying = [line for line in lost if line.get("points")] or lost
+            first = [line for line in paying if line["requirement"]][:_LINES] or paying[:1]
+            lines = [_deduction_text(line) for line in first]
+            lines += [f"{len(lost) - len(lines)} more"] if len(lost) > len(lines) else []
+            remarks.append(f"{item['id']}: {', '.join(lines)}")
+        elif item["because"]:
+            remarks.append(f"{item['id']}: {item['because']}")
     return "; ".join(filter(None, remarks))
+
+
+def _deduction_text(line: Row) -> str:
+    """Return a deduction in one line: the points, why, the rule, and the place."""
+    points = f"-{line['points']:.2f} " if line.get("points") else ""
+    where = " ".join(filter(None, (line.get("rule"), line.get("place"))))
+    return f"{points}{line['title']}{f' ({where})' if where else ''}"
 
 
 def _json_parts(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Collection, Iterator, Mapping
 from fnmatch import fnmatchcase
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,9 +14,10 @@ from msgspec import Meta, Struct, field, to_builtins
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
-from lab3_usd.check.registry import all_rules
+from lab3_usd.check.registry import FAMILIES, all_rules
 from lab3_usd.errors import SpecError
-from lab3_usd.model.finding import REQUIREMENT_KINDS, Requirement
+from lab3_usd.model.fault import FAULT_KINDS
+from lab3_usd.model.finding import REQUIREMENT_KINDS, Requirement, is_among
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.contradictions.names import LabFault
 from lab3_usd.spec.contradictions.references import RULES
@@ -27,6 +29,7 @@ COLUMNS = ("student", "name", "status", "late", "earned", "possible", "percent",
 Visibility = Literal["visible", "hidden", "after_due_date", "after_published"]
 Points = Annotated[float, Meta(ge=0.001, le=1e6)]  # so that sums and shares stay sane numbers
 Share = Annotated[float, Meta(ge=0, le=1)]
+BLEMISH, AGAIN = 0.1, 0.2  # where a rubric says nothing
 
 
 class Item(Struct, frozen=True, forbid_unknown_fields=True):
@@ -34,6 +37,11 @@ class Item(Struct, frozen=True, forbid_unknown_fields=True):
 
     `groups` and `requirements` are patterns of requirement groups and ids; `checklist` is the
     text of a line of the handout's checklists. `needs` names the items that this one stands on.
+
+    What contradicts the title takes the whole item: `breaks` are patterns of requirement ids, and
+    rules. `dry_run` names topics and checks that must be right in a dry run, and kinds of faults
+    that it must not show. `files` are the rules about files beside the stages whose errors are this
+    item's.
     """
 
     id: str
@@ -46,17 +54,25 @@ class Item(Struct, frozen=True, forbid_unknown_fields=True):
     partial: bool = True
     optional: bool = False
     needs: tuple[str, ...] = ()
+    breaks: tuple[str, ...] = ()
+    dry_run: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
     visibility: Visibility = "visible"
 
     def asks(self, requirement: Requirement) -> bool:
         """Whether the requirement, of this item's checkpoint, is one of this item's."""
-        return any(fnmatchcase(requirement.group, group) for group in self.groups) and any(
-            fnmatchcase(requirement.id, pattern) for pattern in self.requirements
+        return is_named(requirement.group, self.groups) and is_named(
+            requirement.id, self.requirements
         )
 
 
+def is_named(name: str, patterns: Collection[str]) -> bool:
+    """Whether a name fits one of these patterns."""
+    return any(fnmatchcase(name, pattern) for pattern in patterns)
+
+
 class Cap(Struct, frozen=True, forbid_unknown_fields=True):
-    """An error of one of `rules` limits `items` (all where none is named) to a share.
+    """An error of one of `rules`, or families, limits `items` (all where none is named) to a share.
 
     `checkpoints` are patterns of those in whose stages an error counts; where there are none it
     is the item's own, and any for an item of the handout's checklists.
@@ -71,7 +87,7 @@ class Cap(Struct, frozen=True, forbid_unknown_fields=True):
     def looks_at(self, number: str, item: Item) -> bool:
         """Whether an error in the stage of this checkpoint limits the item."""
         if self.checkpoints:
-            return any(fnmatchcase(number, checkpoint) for checkpoint in self.checkpoints)
+            return is_named(number, self.checkpoints)
         return item.checkpoint in {"", number}
 
 
@@ -82,11 +98,16 @@ class Late(Struct, frozen=True, forbid_unknown_fields=True):
     students: tuple[str, ...] = ()
 
 
-class Rubric(Struct, frozen=True):
-    """Everything that a rubric file says.
+class Rubric(Struct, frozen=True, dict=True):
+    """Everything that a rubric file says, and what follows from it for one lab.
 
-    `asked` holds the requirements of each item, none of them met. `digest` tells two rubrics
-    apart.
+    `blemish` is the share of an item that each node, prim or error with a fault takes beside the
+    shares of its requirements, `again` the share that the
+    earlier items decide, judged again in the item's stage. `digest` tells two rubrics apart.
+
+    Of the lab: `required` is what each checkpoint asks for, none of it met; `asked` what each item
+    asks that no earlier one does; `earlier` the items that come before one; `added` the ids of what
+    each checkpoint asks that the ones before do not; where it adds nothing, of the last that did.
     """
 
     title: str
@@ -95,12 +116,83 @@ class Rubric(Struct, frozen=True):
     items: tuple[Item, ...]
     caps: tuple[Cap, ...] = ()
     late: Late = field(default_factory=Late)
+    blemish: float = BLEMISH
+    again: float = AGAIN
     asked: Mapping[str, tuple[Requirement, ...]] = field(default_factory=dict)
+    required: Mapping[str, tuple[Requirement, ...]] = field(default_factory=dict)
+    earlier: Mapping[str, tuple[Item, ...]] = field(default_factory=dict)
+    added: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
     @property
     def points(self) -> float:
         """The points there are without the optional ones."""
         return sum(item.points for item in self.items if not item.optional)
+
+    @cached_property
+    def counted(self) -> frozenset[str]:
+        """The ids of all requirements that some item counts."""
+        return frozenset(
+            requirement.id for requirements in self.asked.values() for requirement in requirements
+        )
+
+    @cached_property
+    def titles(self) -> Mapping[str, Mapping[str, str]]:
+        """The titles of the requirements of each checkpoint, by id."""
+        return {
+            number: {requirement.id: requirement.title for requirement in requirements}
+            for number, requirements in self.required.items()
+        }
+
+    def is_priced(self, rule: str) -> bool:
+        """Whether a cap says what an error of the rule costs, in whatever stage it is."""
+        return any(
+            is_among(rule, cap.rules) and "*" in cap.checkpoints and cap.at_most <= 1 - self.blemish
+            for cap in self.caps
+        )
+
+    def until(self, checkpoint: str) -> Iterator[Item]:
+        """Yield the items of a checkpoint and of those before it."""
+        reached = [*self.required][: [*self.required].index(checkpoint) + 1]
+        return (item for item in self.items if item.checkpoint in reached)
+
+
+def with_lab(rubric: Rubric, required: Mapping[str, tuple[Requirement, ...]]) -> Rubric:
+    """Return a rubric with what follows from it for what the checkpoints of a lab ask for."""
+    numbers = [*required]
+    asked: dict[str, tuple[Requirement, ...]] = {}
+    earlier: dict[str, tuple[Item, ...]] = {}
+    paid: set[str] = set()
+    for item in rubric.items:
+        own = [
+            requirement
+            for requirement in required.get(item.checkpoint, ())
+            if item.asks(requirement) and requirement.id not in paid
+        ]
+        asked[item.id] = tuple(own)
+        reached = numbers[: numbers.index(item.checkpoint)] if item.checkpoint else []
+        if own and not item.optional:
+            paid.update(requirement.id for requirement in own)
+        if not own:
+            reached.append(item.checkpoint)
+        before = rubric.items[: rubric.items.index(item)]
+        counting = [known for known in before if known.checkpoint in reached]
+        counting = [known for known in counting if asked[known.id] and not known.optional]
+        earlier[item.id] = tuple(
+            sorted(counting, key=lambda known: numbers.index(known.checkpoint))
+        )
+    return replace(rubric, required=required, asked=asked, earlier=earlier, added=_added(required))
+
+
+def _added(required: Mapping[str, tuple[Requirement, ...]]) -> dict[str, frozenset[str]]:
+    known: set[str] = set()
+    added: dict[str, frozenset[str]] = {}
+    last: frozenset[str] = frozenset()
+    for number, requirements in required.items():
+        ids = frozenset(requirement.id for requirement in requirements)
+        last = ids - known or last
+        added[number] = last
+        known |= ids
+    return added
 
 
 def load_items(
@@ -131,6 +223,7 @@ def load_items(
         if bool(item.checkpoint) == bool(item.checklist):
             raise SpecError(f"{place}: give either 'checkpoint' or 'checklist'")
         _check_needs(item, tuple(data), place)
+        _check_breaks(item, required, place)
         if not item.checklist:
             _check_requirements(item, required, place)
         elif item.checklist not in lines:
@@ -164,6 +257,26 @@ def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
         raise SpecError(f"{place}: needs '{name}', {why}")
 
 
+def _check_breaks(item: Item, required: Mapping[str, tuple[Requirement, ...]], place: str) -> None:
+    """Refuse what could contradict nothing: no requirement, rule, topic, check or kind of fault."""
+    ids = {requirement.id for requirement in required.get(item.checkpoint, ())}
+    rules = {*all_rules(), *FAMILIES}
+    for name in item.breaks:
+        if name not in rules and not any(fnmatchcase(known, name) for known in ids):
+            raise SpecError(
+                f"{place}: '{name}' in 'breaks' is no rule, and nothing that "
+                f"checkpoint {item.checkpoint} asks for"
+            )
+    for name in item.files:
+        one_of(name, rules, f"{place}: files")
+    if item.dry_run:
+        from lab3_usd.sim.judge.checks import CHECKS
+
+        for name in item.dry_run:
+            if not name.startswith("/"):
+                one_of(name, (*CHECKS, *FAULT_KINDS), f"{place}: dry_run")
+
+
 def _check_requirements(
     item: Item, required: Mapping[str, tuple[Requirement, ...]], place: str
 ) -> None:
@@ -188,6 +301,8 @@ class _RubricFile(Struct, forbid_unknown_fields=True):
     title: str
     items: dict[str, dict[str, Any]]
     weights: dict[str, Points] = {}
+    blemish: Annotated[float, Meta(ge=0.001, le=1)] = BLEMISH
+    again: Share = AGAIN
     caps: tuple[Cap, ...] = ()
     late: Late = Late()
 
@@ -218,18 +333,13 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
         items=items,
         caps=content.caps,
         late=content.late,
-        asked={
-            item.id: tuple(
-                requirement
-                for requirement in required.get(item.checkpoint, ())
-                if item.asks(requirement)
-            )
-            for item in items
-        },
+        blemish=content.blemish,
+        again=content.again,
     )
     # What the checkpoints ask for is no part of it: that is the lab's, not the rubric's.
-    content_json = json.dumps(to_builtins(replace(rubric, asked={})))
-    return replace(rubric, digest=hashlib.sha256(content_json.encode()).hexdigest())
+    content_json = json.dumps(to_builtins(rubric))
+    digest = hashlib.sha256(content_json.encode()).hexdigest()
+    return with_lab(replace(rubric, digest=digest), required)
 
 
 def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
@@ -256,7 +366,7 @@ def _check_cap(cap: Cap, items: Collection[str], checkpoints: Collection[str], p
     if not cap.rules:
         raise SpecError(f"{place}: 'rules' is empty; name the rules whose errors limit the points")
     for rule in cap.rules:
-        one_of(rule, all_rules(), place)
+        one_of(rule, (*all_rules(), *FAMILIES), place)
     for name in cap.items:
         one_of(name, items, place)
     for pattern in cap.checkpoints:

@@ -1,82 +1,133 @@
-"""Turns the requirements that stages meet into points: the same faults, the same grade."""
+"""Turns what the stages of a submission fail into points: the same faults, the same grade.
+
+An item is judged in the stage of its checkpoint. What that stage fails takes shares of the item;
+points never leave the total, and fewer faults never earn less.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Literal, NamedTuple
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.grade.rubric import Cap, Item, Rubric
-from lab3_usd.model.finding import ChecklistItem, StageResult
+from lab3_usd.grade.rubric import Cap, Item, Rubric, is_named
+from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult, is_among
 
 State = Literal["full", "part", "none", "missing", "unreadable", "blocked", "open"]
+DRY_RUN = "dry run"
+_OF_NODES = ("node", "setting", "wire", "target")
+
+
+class Fault(Struct, frozen=True):
+    """An error as points see it.
+
+    It takes from the requirements that it fails (`unmet`), else from the `parts` it is about.
+    `place` is a line of a file, else the prim or file.
+    """
+
+    rule: str
+    message: str
+    place: str
+    unmet: tuple[str, ...] = ()
+    parts: tuple[str, ...] = ()
+
+
+class StageFacts(Struct, frozen=True):
+    """What a grade needs to know of a stage, under any rubric.
+
+    `unmet` are the ids of the requirements that it fails. `shown` is what a dry run shows to be
+    wrong, by topic, check and kind of fault; a stage without faults is not played.
+    """
+
+    checkpoint: str
+    path: str
+    readable: bool
+    unmet: tuple[str, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    shown: Mapping[str, str] = {}
+
+
+class SubmissionFacts(Struct, frozen=True):
+    """What a grade needs to know of a submission: its stages, its files, its checklists."""
+
+    stages: tuple[StageFacts, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    checklist: Mapping[str, str] = {}
 
 
 class ItemGrade(Struct, frozen=True):
-    """What one item earned, of what was possible after what is blocked has left.
+    """What one item earned, of how many points.
 
-    `open` items are for a person to judge: nothing earned, nothing possible yet.
+    `open` items are for a person to judge: nothing earned, nothing possible yet. `blocked` is of
+    results of earlier releases, in which points could leave the total.
     """
 
     id: str
     state: State
     earned: float
     possible: float
-    blocked: float
+    blocked: float = 0.0
     because: str = ""
 
 
-class LostRequirement(Struct, frozen=True):
-    """A requirement that cost points, at the item where it did."""
+class Deduction(Struct, frozen=True):
+    """Points that an item lost, and why: those of an item add up to what it did not earn.
+
+    `requirement` is the id of what is not met, `PART/error/RULE` for an error that fails none,
+    and empty where the faults are named elsewhere.
+    """
 
     item: str
     requirement: str
     title: str
+    points: float = 0.0
+    rule: str = ""
+    place: str = ""
 
 
 class Grade(Struct, frozen=True):
     """The points of one submission; `percent` is None where nothing could be judged."""
 
     items: tuple[ItemGrade, ...]
-    lost: tuple[LostRequirement, ...]
+    lost: tuple[Deduction, ...]
     earned: float
     possible: float
     percent: float | None
     because: tuple[str, ...] = ()
 
 
-def grade(
-    rubric: Rubric,
+def facts_of(
     results: Iterable[StageResult],
+    required: Mapping[str, Sequence[Requirement]],
+    findings: Iterable[Finding] = (),
     checklist: Iterable[ChecklistItem] = (),
-    *,
-    late: bool = False,
-) -> Grade:
-    """Return the points for the results of one submission, in whatever order they come."""
+) -> SubmissionFacts:
+    """Reduce the results of a submission, in whatever order they come, to what a grade needs.
+
+    `findings` are those of the folder as a whole. One about the file of a stage is that stage's.
+    """
     stages = _by_checkpoint(results)
-    states = {line.text: line.state for line in checklist}
-    errors = {
-        number: {finding.rule for finding in result.findings if finding.severity == "error"}
-        for number, result in stages.items()
-    }
-    grades: dict[str, ItemGrade] = {}
-    lost: dict[str, LostRequirement] = {}
-    for item in rubric.items:
-        state = states.get(item.checklist, "not shown")
-        if item.checklist and state == "met":
-            graded = ItemGrade(item.id, "full", item.points, item.points, 0.0)
-        elif item.checklist and state == "not met":
-            graded = ItemGrade(item.id, "none", 0.0, item.points, 0.0)
-        elif item.checklist:
-            graded = ItemGrade(item.id, "open", 0.0, 0.0, 0.0, "for a person to judge")
-        else:
-            needed = [grades[name] for name in item.needs]
-            known = dict(lost) if item.optional else lost
-            graded = _by_requirements(rubric, item, stages.get(item.checkpoint), needed, known)
-        grades[item.id] = _capped(rubric.caps, item, graded, errors)
-    return _total(rubric, grades, tuple(lost.values()), late=late)
+    of_files = [_fault(finding) for finding in findings if finding.severity == "error"]
+    paths = {result.path for result in stages.values()}
+    return SubmissionFacts(
+        stages=tuple(
+            StageFacts(
+                checkpoint=number,
+                path=result.path,
+                readable=result.verdict != "unreadable",
+                unmet=_unmet(result, required.get(number, ())),
+                faults=(
+                    *(_fault(found) for found in result.findings if found.severity == "error"),
+                    *(fault for fault in of_files if fault.place == result.path),
+                ),
+            )
+            for number, result in sorted(stages.items())
+        ),
+        faults=tuple(fault for fault in of_files if fault.place not in paths),
+        checklist={line.text: line.state for line in checklist},
+    )
 
 
 def _by_checkpoint(results: Iterable[StageResult]) -> dict[str, StageResult]:
@@ -93,100 +144,255 @@ def _by_checkpoint(results: Iterable[StageResult]) -> dict[str, StageResult]:
     return kept
 
 
-def _by_requirements(
+def _unmet(result: StageResult, required: Iterable[Requirement]) -> tuple[str, ...]:
+    met = {requirement.id for requirement in result.requirements if requirement.met}
+    return tuple(requirement.id for requirement in required if requirement.id not in met)
+
+
+def _fault(finding: Finding) -> Fault:
+    place = finding.prim if finding.layer in {None, finding.prim} else str(finding.layer)
+    if finding.line is not None:
+        place = f"{place}:{finding.line}"
+    return Fault(finding.rule, finding.message, place, finding.unmet, finding.costs)
+
+
+def grade(
+    rubric: Rubric,
+    results: Iterable[StageResult],
+    checklist: Iterable[ChecklistItem] = (),
+    *,
+    findings: Iterable[Finding] = (),
+    late: bool = False,
+) -> Grade:
+    """Return the points for the results of one submission, in whatever order they come."""
+    return grade_facts(rubric, facts_of(results, rubric.required, findings, checklist), late=late)
+
+
+def grade_facts(rubric: Rubric, facts: SubmissionFacts, *, late: bool = False) -> Grade:
+    """Return the points for what is known of a submission."""
+    stages = {stage.checkpoint: stage for stage in facts.stages}
+    grades: dict[str, ItemGrade] = {}
+    lost: list[Deduction] = []
+    for item in rubric.items:
+        if item.checklist:
+            graded, losses = _by_checklist(item, facts.checklist.get(item.checklist, "not shown"))
+        else:
+            graded, losses = _by_stage(rubric, item, stages.get(item.checkpoint), facts, grades)
+            graded, losses = _capped(rubric.caps, item, graded, losses, facts)
+        grades[item.id] = graded
+        lost += _in_cents(item, graded, losses)
+    return _total(rubric, grades, tuple(lost), late=late)
+
+
+class _Loss(NamedTuple):
+    """A share of an item, and what took it."""
+
+    share: float
+    title: str
+    requirement: str = ""
+    rule: str = ""
+    place: str = ""
+
+
+def _by_checklist(item: Item, state: str) -> tuple[ItemGrade, list[_Loss]]:
+    if state == "met":
+        return ItemGrade(item.id, "full", item.points, item.points), []
+    if state == "not met":
+        loss = _Loss(1.0, f"not met: {item.checklist}")
+        return ItemGrade(item.id, "none", 0.0, item.points), [loss]
+    return ItemGrade(item.id, "open", 0.0, 0.0, because="for a person to judge"), []
+
+
+def _by_stage(
     rubric: Rubric,
     item: Item,
-    result: StageResult | None,
-    needed: Sequence[ItemGrade],
-    lost: dict[str, LostRequirement],
-) -> ItemGrade:
-    """Weigh the item's requirements; those it loses are added to `lost`.
-
-    A file that is missing or unreadable loses the item and blocks no other: it is not the same
-    fault again but work that was not handed in.
-    """
-    if result is None or result.verdict == "unreadable":
-        state: State = "missing" if result is None else "unreadable"
+    stage: StageFacts | None,
+    facts: SubmissionFacts,
+    grades: Mapping[str, ItemGrade],
+) -> tuple[ItemGrade, list[_Loss]]:
+    """Weigh what the stage of the item's checkpoint fails."""
+    if stage is None or not stage.readable:
+        state: State = "missing" if stage is None else "unreadable"
         name = f"checkpoint {item.checkpoint}"
-        lost.setdefault(name, LostRequirement(item.id, name, f"{name} is {state}"))
-        return ItemGrade(item.id, state, 0.0, item.points, 0.0)
-    met = {requirement.id: requirement.met for requirement in result.requirements}
-    blocking = [item_grade.id for item_grade in needed if item_grade.state != "full"]
-    weights = {"met": 0.0, "lost": 0.0, "blocked": 0.0}
-    for requirement in rubric.asked[item.id]:
-        fate = "met"
-        if not met.get(requirement.id, False):
-            fate = "blocked" if blocking or requirement.id in lost else "lost"
-        weights[fate] += rubric.weights[requirement.kind]
-        if fate == "lost":
-            lost[requirement.id] = LostRequirement(item.id, requirement.id, requirement.title)
-    graded = _weighed(item, weights)
-    if graded.blocked and blocking:
-        return replace(graded, because=f"stands on {', '.join(blocking)}")
-    return graded
+        rule, place = ("", "") if stage is None else _first_cause(stage)
+        loss = _Loss(1.0, f"{name} is {state}", name, rule, place)
+        return ItemGrade(item.id, state, 0.0, item.points), [loss]
+    losses = [*_blocking(rubric, item, stage, grades), *_own_losses(rubric, item, stage)]
+    losses += _of_files(rubric, item, facts.faults)
+    losses.sort(key=lambda loss: loss.share < 1)  # what takes the whole item comes first
+    if item.partial or not rubric.asked[item.id]:
+        losses += _earlier_losses(rubric, item, stage, _kept(item, losses))
+    earned = _cents(item.points * _kept(item, losses), item.points)
+    state = "full" if not losses else "part" if earned else "none"
+    return ItemGrade(item.id, state, earned, item.points), losses
 
 
-def _weighed(item: Item, weights: Mapping[str, float]) -> ItemGrade:
-    counted = weights["met"] + weights["lost"]
-    share = counted / (counted + weights["blocked"])
-    blocked = round(item.points * (1 - share), 6)
-    if not counted:
-        return ItemGrade(item.id, "blocked", 0.0, 0.0, blocked)
-    possible = item.points * share
-    if weights["lost"] and not item.partial:
-        return ItemGrade(item.id, "none", 0.0, possible, blocked)
-    state: State = "full" if not weights["lost"] and not blocked else "part"
-    if not weights["met"]:
-        state = "none"
-    return ItemGrade(item.id, state, possible * weights["met"] / counted, possible, blocked)
+def _first_cause(stage: StageFacts) -> tuple[str, str]:
+    return next(((fault.rule, fault.place) for fault in stage.faults), ("", ""))
+
+
+def _kept(item: Item, losses: Sequence[_Loss]) -> float:
+    """Return the share that losses leave of an item."""
+    if losses and not item.partial:
+        return 0.0
+    return max(0.0, 1.0 - sum(loss.share for loss in losses))
+
+
+def _cents(points: float, whole: float) -> float:
+    """Round points to cents; what is less than the whole never shows as the whole."""
+    rounded = round(points, 2)
+    return rounded if rounded < whole or points >= whole else max(0.0, round(whole - 0.01, 6))
+
+
+def _blocking(
+    rubric: Rubric, item: Item, stage: StageFacts, grades: Mapping[str, ItemGrade]
+) -> Iterator[_Loss]:
+    """Yield what takes the whole item: an item it needs, or nothing of the checkpoint's own."""
+    for name in item.needs:
+        if not grades[name].earned:
+            yield _Loss(1.0, f"stands on {name}, which earned nothing")
+    added = rubric.added[item.checkpoint]
+    if added and added.issubset(stage.unmet):
+        yield _Loss(1.0, f"nothing is there of what checkpoint {item.checkpoint} needs last")
+    elif not rubric.asked[item.id]:
+        earlier = rubric.earlier[item.id]
+        latest = [known for known in earlier if known.checkpoint == earlier[-1].checkpoint]
+        losses = {known.title: [*_own_losses(rubric, known, stage)] for known in latest}
+        if latest and not any(_kept(known, losses[known.title]) for known in latest):
+            first = losses[latest[0].title][0]
+            title = f"nothing works of what came last: {', '.join(losses)}: {first.title}"
+            yield first._replace(share=1.0, title=title, requirement="")
+
+
+def _own_losses(rubric: Rubric, item: Item, stage: StageFacts) -> Iterator[_Loss]:
+    """Yield what a stage, of the item's checkpoint or a later one, fails of the item itself."""
+    unmet = set(stage.unmet)
+    causes = {name: fault for fault in reversed(stage.faults) for name in fault.unmet}
+    asked = {requirement.id: requirement for requirement in rubric.asked[item.id]}
+    total = sum(rubric.weights[requirement.kind] for requirement in asked.values())
+    titles = rubric.titles[stage.checkpoint]
+    blemished: set[str] = set()
+    for name in stage.unmet:
+        breaks = is_named(name, item.breaks)
+        if name in asked or breaks:
+            share = 1.0 if breaks else rubric.weights[asked[name].kind] / total
+            if not breaks and _place_of(name) not in blemished:
+                blemished.add(_place_of(name))
+                share += rubric.blemish
+            fault = causes.get(name)
+            rule, place = ("", stage.path) if fault is None else (fault.rule, fault.place)
+            yield _Loss(min(share, 1.0), titles[name], name, rule, place)
+    for fault in stage.faults:
+        if _is_home(rubric, item, stage, fault) and not rubric.is_priced(fault.rule):
+            breaks = is_among(fault.rule, item.breaks)
+            if breaks or unmet.isdisjoint(rubric.counted.intersection(fault.unmet)):
+                share = 1.0 if breaks else rubric.blemish
+                part = next(iter(_parts(fault)), f"checkpoint {stage.checkpoint}")
+                name = f"{part}/error/{fault.rule}"
+                yield _Loss(share, fault.message, name, fault.rule, fault.place)
+    for name in item.dry_run:
+        if name in stage.shown:
+            title = f"{DRY_RUN}: {stage.shown[name]}"
+            yield _Loss(1.0, title, f"{DRY_RUN}/{name}", place=stage.path)
+
+
+def _place_of(requirement: str) -> str:
+    """Return what a requirement is about: a node with its values and wires, else itself."""
+    part, _, name = requirement.partition("/")
+    kind, _, role = name.partition("/")
+    return f"{part}/{role.partition('.')[0]}" if kind in _OF_NODES else requirement
+
+
+def _parts(fault: Fault) -> list[str]:
+    """Return the parts that an error is about: those of what it fails, else its own."""
+    return [*dict.fromkeys(name.partition("/")[0] for name in fault.unmet)] or list(fault.parts)
+
+
+def _is_home(rubric: Rubric, item: Item, stage: StageFacts, fault: Fault) -> bool:
+    """Whether an error takes from this item: the first that counts its part, else the stage's."""
+    parts = _parts(fault)
+    for known in rubric.until(stage.checkpoint):
+        if rubric.asked[known.id] and any(is_named(part, known.groups) for part in parts):
+            return known is item
+    return item.checkpoint == stage.checkpoint
+
+
+def _of_files(rubric: Rubric, item: Item, faults: Iterable[Fault]) -> Iterator[_Loss]:
+    """Yield the errors in files beside the stages that are this item's."""
+    for fault in faults:
+        if is_among(fault.rule, item.files):
+            share = 1.0 if is_among(fault.rule, item.breaks) else rubric.blemish
+            yield _Loss(share, fault.message, f"files/error/{fault.rule}", fault.rule, fault.place)
+
+
+def _earlier_losses(rubric: Rubric, item: Item, stage: StageFacts, kept: float) -> Iterator[_Loss]:
+    """Yield what the earlier items, judged again in this stage, take of what is left."""
+    earlier = rubric.earlier[item.id]
+    share = kept * (rubric.again if rubric.asked[item.id] else 1.0)
+    points = sum(known.points for known in earlier)
+    for known in earlier if share else ():
+        losses = [*_own_losses(rubric, known, stage)]
+        lost = share * known.points / points * (1.0 - _kept(known, losses))
+        if lost:
+            first = max(losses, key=lambda loss: loss.share)
+            title = f"judged again in this stage: {known.title}: {first.title}"
+            yield first._replace(share=lost, title=title, requirement="")
 
 
 def _capped(
-    caps: Iterable[Cap], item: Item, graded: ItemGrade, errors: Mapping[str, set[str]]
-) -> ItemGrade:
-    """Limit what an item earned, given the rules that found errors in each checkpoint."""
+    caps: Iterable[Cap],
+    item: Item,
+    graded: ItemGrade,
+    losses: Sequence[_Loss],
+    facts: SubmissionFacts,
+) -> tuple[ItemGrade, list[_Loss]]:
+    """Limit what an item earned, given the rules that found errors in each stage."""
+    losses = list(losses)
     for cap in caps:
-        limit = graded.possible * cap.at_most
+        limit = _cents(graded.possible * cap.at_most, graded.possible)
         if graded.earned <= limit or (cap.items and item.id not in cap.items):
             continue
-        if any(
-            not rules.isdisjoint(cap.rules)
-            for number, rules in errors.items()
-            if cap.looks_at(number, item)
-        ):
+        stages = (stage for stage in facts.stages if cap.looks_at(stage.checkpoint, item))
+        faults = (fault for stage in stages for fault in stage.faults)
+        fault = next((fault for fault in faults if is_among(fault.rule, cap.rules)), None)
+        if fault is not None:
+            share = (graded.earned - limit) / item.points
+            title = f"{cap.because}: {fault.message}"
+            losses.append(_Loss(share, title, "", fault.rule, fault.place))
             state: State = "part" if limit else "none"
             graded = replace(graded, earned=limit, state=state, because=cap.because)
-    return graded
+    return graded, losses
+
+
+def _in_cents(item: Item, graded: ItemGrade, losses: Sequence[_Loss]) -> Iterator[Deduction]:
+    """Yield the deductions of an item, which add up to what it lost, to the cent."""
+    lost = round(100 * (graded.possible - graded.earned))
+    share, told = 0.0, 0
+    for number, loss in enumerate(losses, start=1):
+        share = min(1.0, share + loss.share)
+        until = min(lost, round(100 * item.points * share))
+        if number == len(losses) or not item.partial:
+            until = lost
+        points = (until - told) / 100
+        told = until
+        yield Deduction(item.id, loss.requirement, loss.title, points, loss.rule, loss.place)
 
 
 def _total(
     rubric: Rubric,
     grades: Mapping[str, ItemGrade],
-    lost: tuple[LostRequirement, ...],
+    lost: tuple[Deduction, ...],
     *,
     late: bool,
 ) -> Grade:
     optional = {item.id for item in rubric.items if item.optional}
-    earned = sum(graded.earned for graded in grades.values())
-    possible = sum(graded.possible for name, graded in grades.items() if name not in optional)
+    earned = round(sum(graded.earned for graded in grades.values()), 6)
+    possible = round(
+        sum(graded.possible for name, graded in grades.items() if name not in optional), 6
+    )
     because: tuple[str, ...] = ()
     if late and earned > possible * rubric.late.at_most:
-        earned = possible * rubric.late.at_most
+        earned = _cents(possible * rubric.late.at_most, possible)
         because = (f"late: at most {rubric.late.at_most:.0%}",)
-    rounded = (
-        replace(
-            graded,
-            earned=round(graded.earned, 2),
-            possible=round(graded.possible, 2),
-            blocked=round(graded.blocked, 2),
-        )
-        for graded in grades.values()
-    )
-    return Grade(
-        items=tuple(rounded),
-        lost=lost,
-        earned=round(earned, 2),
-        possible=round(possible, 2),
-        percent=round(100 * earned / possible, 2) if possible else None,
-        because=because,
-    )
+    percent = _cents(100 * earned / possible, 100.0) if possible else None
+    return Grade(tuple(grades.values()), lost, earned, possible, percent, because)

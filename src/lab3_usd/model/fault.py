@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 # fmt: off
 FaultKind = Literal[
@@ -45,3 +45,5 @@ FaultKind = Literal[
     "no-localization", "localization-ends", "no-goal-sent", "goal-not-reached",
 ]
 # fmt: on
+
+FAULT_KINDS: tuple[str, ...] = get_args(FaultKind)

@@ -33,9 +33,10 @@ class Problem(Struct, frozen=True):
     `severity` is None where the rule's own severity holds. `handout` names the section of the
     handout that asks for it (`C9`, `8.11`). `fix` are the edits that repair it, `unmet` the ids of
     the requirements that it fails; where the prim is `absent`, so does all that is asked of it and
-    of what lies below it. `unopened` is what could not be opened: the stage itself, a file of it or
-    beside it, an asset at the prim. `rests_on` is the missing asset that could say otherwise: what
-    rests on one is not judged.
+    of what lies below it. One that fails none takes points from the parts that it `costs` (a graph,
+    a sensor, Scene, TF); where none is named, from the part in which it stands. `unopened` is what
+    could not be opened: the stage itself, a file of it or beside it, an asset at the prim.
+    `rests_on` is the missing asset that could say otherwise: what rests on one is not judged.
 
     One that is `weaker` is left out beside an error at its prim, one that names `unknown_targets`
     beside an error at its site that names them as well. `causes` are the sites whose change brings
@@ -58,6 +59,7 @@ class Problem(Struct, frozen=True):
     fix: tuple[Edit, ...] = ()
     unmet: tuple[str, ...] = ()
     absent: bool = False
+    costs: tuple[str, ...] = ()
     causes: tuple[tuple[str, str | None], ...] = ()
     weaker: bool = False
     unknown_targets: tuple[str, ...] = ()
@@ -95,6 +97,7 @@ class Finding(Struct, frozen=True):
     unopened: Unopened = ""
     unmet: tuple[str, ...] = ()
     absent: bool = False
+    costs: tuple[str, ...] = ()
     causes: tuple[tuple[str, str | None], ...] = ()
     follows: tuple[str, ...] = ()
     frames: tuple[str, ...] = ()

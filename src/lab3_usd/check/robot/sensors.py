@@ -261,3 +261,10 @@ def _wrong_view(spec: SensorSpec, prim: Prim, seen: ViewSpec, expected: ViewSpec
 def _is_same(view: ViewSpec, expected: ViewSpec, limit: float) -> bool:
     pairs = ((view.along, expected.along), (view.up, expected.up))
     return all(angle_between(a, b) <= limit for a, b in pairs)
+
+
+def sensor_group(lab: Lab, sensor: str) -> str:
+    """Return the name of a sensor's prim; the sensor's own where several prims have that name."""
+    names = [spec.name for spec in lab.sensors.values()]
+    name = lab.sensors[sensor].name
+    return name if names.count(name) == 1 else sensor

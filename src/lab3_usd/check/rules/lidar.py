@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Demand, rule
-from lab3_usd.check.robot.sensors import LIDAR, second_lidars
+from lab3_usd.check.robot.sensors import LIDAR, second_lidars, sensor_group
 from lab3_usd.check.robot.surroundings import blind_range, place_of
 from lab3_usd.check.rules.sensors import (
     PresentSensor,
@@ -23,7 +23,6 @@ from lab3_usd.check.rules.sensors import (
     missing_sensors,
     present_sensors,
     sensor_demands,
-    sensor_group,
     sensor_place,
     sensor_prim,
     sensor_values,

@@ -73,6 +73,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
             related=() if present is None else (present.path,),
             hint=_way_back(subject, spec, present),
             fix=fix,
+            unmet=(f"{subject.spec.name}/node/{spec.role}",),
         )
 
 

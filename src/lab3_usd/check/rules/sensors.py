@@ -30,6 +30,7 @@ from lab3_usd.check.robot.sensors import (
     later_sensors,
     lidars,
     sensor_candidates,
+    sensor_group,
     sensors_of,
 )
 from lab3_usd.check.robot.surroundings import enclosing
@@ -56,13 +57,6 @@ def pose_demands(group: str, path: str, pose: PoseSpec) -> Iterator[Demand]:
     for kind in OPERATIONS:
         title = f"{path.rpartition('/')[2]}: {_PARTS[kind]} {getattr(pose, kind)}"
         yield Demand(part_of_pose(group, kind), title, path, pose.handout, group)
-
-
-def sensor_group(lab: Lab, sensor: str) -> str:
-    """Return the name of a sensor's prim; the sensor's own where several prims have that name."""
-    names = [spec.name for spec in lab.sensors.values()]
-    name = lab.sensors[sensor].name
-    return name if names.count(name) == 1 else sensor
 
 
 def attribute_demand(group: str, name: str) -> str:

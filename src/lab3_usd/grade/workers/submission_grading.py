@@ -14,13 +14,14 @@ from msgspec.structs import replace
 
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.check.rule_runs import finding_of
+from lab3_usd.grade.dry_runs import with_dry_runs
 from lab3_usd.grade.gradebook import write_reports
 from lab3_usd.grade.intake.archives import ArchiveError
 from lab3_usd.grade.intake.guard import check_layer
 from lab3_usd.grade.intake.staging import StagedSubmission, stage_submission
 from lab3_usd.grade.intake.submission_copy import Limits, TooLargeError
 from lab3_usd.grade.rubric import Rubric
-from lab3_usd.grade.scoring import Grade, grade
+from lab3_usd.grade.scoring import Grade, SubmissionFacts, facts_of, grade_facts
 from lab3_usd.grade.workers.messages import Json, Task, status_of
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.judge.results import with_findings
@@ -83,8 +84,14 @@ def grade_submission(
         )
         judged = _without_repairs(check_folder(Path(), settings))
         judged = _with_fence(judged, task.student, staged, fence.found.values())
-        checklist = judged.submission.checklist
-        points = grade(setup.rubric, judged.results, checklist, late=task.late)
+        facts = facts_of(
+            judged.results,
+            setup.rubric.required,
+            judged.submission.findings,
+            judged.submission.checklist,
+        )
+        facts = with_dry_runs(facts, setup.lab, staged.digests)
+        points = grade_facts(setup.rubric, facts, late=task.late)
         # Stages without faults are not pictured, but for the last: its pictures show what they do.
         fence.closed = {
             result.path
@@ -95,7 +102,7 @@ def grade_submission(
         remarks = tuple(remark.text for remark in staged.remarks)
         reports = write_reports(report, setup.rubric, points, task.name, remarks)
     return {
-        **_record(points, _status(judged, task.broken, staged)),
+        **_record(points, facts, _status(judged, task.broken, staged)),
         "remarks": list(remarks),
         "digest": staged.digest,
         "verdicts": {result.checkpoint: result.verdict for result in judged.results},
@@ -131,11 +138,12 @@ def _inside(folder: Path) -> Iterator[None]:
 
 def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name: str = "") -> Json:
     """Return the record of a submission of which nothing could be judged, with a report of why."""
-    points = grade(rubric, ())
+    facts = SubmissionFacts()
+    points = grade_facts(rubric, facts)
     finding = _finding(all_rules()["Z01"], student, reason)
     report = Report((), (Submission(student, (finding,)),))
     return {
-        **_record(points, (status, reason)),
+        **_record(points, facts, (status, reason)),
         "remarks": [],
         "digest": "",
         "verdicts": {},
@@ -144,9 +152,9 @@ def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name
     }
 
 
-def _record(points: Grade, status: tuple[str, str]) -> Json:
+def _record(points: Grade, facts: SubmissionFacts, status: tuple[str, str]) -> Json:
     record: Json = to_builtins(points)
-    return {"status": status[0], "reason": status[1], **record}
+    return {"status": status[0], "reason": status[1], **record, "facts": to_builtins(facts)}
 
 
 def _status(

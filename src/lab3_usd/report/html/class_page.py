@@ -95,7 +95,9 @@ def losses(rows: Iterable[Row]) -> Losses:
     """
     counts: Losses = Counter()
     for row in rows:
-        counts.update((lost["requirement"], lost["title"]) for lost in row["lost"])
+        counts.update(
+            {(lost["requirement"], lost["title"]) for lost in row["lost"] if lost["requirement"]}
+        )
     return counts
 
 

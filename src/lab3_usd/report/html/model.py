@@ -55,11 +55,20 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
         return None
 
 
+class LostPoints(Struct, frozen=True):
+    """Points that an item lost, and why: none where nothing was left to lose."""
+
+    points: float
+    title: str
+    rule: str = ""
+    place: str = ""
+
+
 class GradeItem(Struct, frozen=True):
     """One item of the rubric: what it earned, of how many points, and why not of all.
 
-    `state` is that of the gradebook. `possible` is what counts of the item's `points`; `lost` are
-    the requirements that cost points here, of which `more` are not named.
+    `state` is that of the gradebook. `possible` is what counts of the item's `points`. What it
+    `lost` adds up to what it did not earn; `more` of what cost nothing more are not named.
     """
 
     title: str
@@ -68,7 +77,7 @@ class GradeItem(Struct, frozen=True):
     possible: float
     points: float
     why: tuple[str, ...] = ()
-    lost: tuple[str, ...] = ()
+    lost: tuple[LostPoints, ...] = ()
     more: int = 0
 
 

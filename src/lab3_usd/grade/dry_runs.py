@@ -1,0 +1,80 @@
+"""What dry runs show of the stages of a submission: whether what an item says is so."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from lab3_usd.errors import StageError
+from lab3_usd.grade.scoring import SubmissionFacts
+from lab3_usd.sim.dry_run import is_asked, scene_of
+from lab3_usd.sim.execution.drive import drive_of
+from lab3_usd.sim.judge.checks import CHECKS
+from lab3_usd.sim.judge.topics import interface
+from lab3_usd.sim.judge.trial import Fault, Trial
+from lab3_usd.sim.timeline import record
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.compiled import load_isaac_types
+
+_DRIVE = "0.15,0,1 0,0.8,1"  # enough to see what it does: the whole drive takes thrice as long
+
+
+def with_dry_runs(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) -> SubmissionFacts:
+    """Play the stages that have faults, each file once, and add what that shows.
+
+    Stages without faults are not played: nothing would come of it.
+    """
+    shown: dict[tuple[str, str], Mapping[str, str]] = {}
+    stages = []
+    for stage in facts.stages:
+        demands = lab.same_demands(stage.checkpoint)
+        key = digests.get(stage.path, stage.path), demands.id
+        if stage.readable and stage.faults and demands.graphs and key not in shown:
+            shown[key] = shown_by(Path(stage.path), lab, demands.id)
+        stages.append(replace(stage, shown=shown.get(key, {})))
+    return replace(facts, stages=tuple(stages))
+
+
+def shown_by(path: Path, lab: Lab, checkpoint: str) -> dict[str, str]:
+    """Return what a dry run shows to be wrong, by topic, check and kind of fault.
+
+    What an asset that is missing could bring is not in there. What a node would do that is not
+    simulated, as a script, is not looked for: it is not what the lab asks for.
+    """
+    wanted = interface(lab, lab.checkpoints[checkpoint])
+    try:
+        scene = scene_of(path)
+    except StageError:
+        return {}  # what is damaged, the rules did not need
+    catalog = load_isaac_types().catalog
+    trial = record(scene, catalog, drive_of(_DRIVE, wanted.limits), wanted)
+
+    def is_sure(check: str, fault: Fault) -> bool:
+        """Whether no asset that is missing could be at fault."""
+        if not fault.sure or (trial.recording.assumed and fault.prim in trial.recording.assumed):
+            return False
+        return not scene.missing or trial.causes is None or not trial.causes.doubt(check, fault)
+
+    shown: dict[str, str] = {}
+    for name in (name for name in CHECKS if is_asked(name, trial)):
+        faults = [fault for fault in CHECKS[name](trial) if is_sure(name, fault)]
+        if faults and not (name == "scan" and trial.recording.assumed):
+            shown |= {fault.kind: _text(fault) for fault in faults}
+            shown[name] = "; ".join(map(_text, faults))
+    silent = ((topic, fault) for topic, fault in _silent(trial) if is_sure("topics", fault))
+    return shown | {topic: _text(fault) for topic, fault in silent}
+
+
+def _text(fault: Fault) -> str:
+    return f"{fault.message}; {fault.cause}" if fault.cause else fault.message
+
+
+def _silent(trial: Trial) -> Iterator[tuple[str, Fault]]:
+    """Yield the topics on which nothing comes of their type, and why."""
+    for topic, kind in trial.wanted.types.items():
+        if not any(message.type == kind for message in trial.recording.topic(topic, 0)):
+            cause = trial.causes.of_silence(topic, kind) if trial.causes is not None else None
+            prim, because, _ = cause or ("", "", None)
+            yield topic, Fault(f"nothing comes on {topic}", "silent-topic", prim, because)

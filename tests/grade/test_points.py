@@ -1,0 +1,134 @@
+"""Points of real stages: what does not work is not paid, no error is free, no repair costs."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+from failing_class import Mistake, hand_in, mistakes
+from fault_chains import drops, rubric
+from grade_files import LAB, built, stage, starter
+from msgspec.structs import replace
+
+from lab3_usd.grade.dry_runs import with_dry_runs
+from lab3_usd.grade.scoring import Grade, SubmissionFacts, facts_of, grade_facts
+from lab3_usd.judge.folder import FolderSettings, check_folder
+from lab3_usd.judge.starter import open_starter
+
+MADE = {mistake.name: mistake for mistake in mistakes()}
+GROSS = {
+    "all graphs on demand": {"clock", "drive", "scan", "camera", "odometry", "tree"},
+    "no tick wired": {"clock", "drive", "scan", "camera", "odometry", "tree"},
+    "all five topics wrong": {"clock", "drive", "scan", "camera", "odometry"},
+    "a namespace at every node": {"clock", "drive", "scan", "camera", "odometry"},
+    "a second controller": {"starter", "drive"},
+    "scene no wheel_left_link": {"starter", "drive"},
+    "fault locked-joint": {"starter", "drive"},
+    "fault no-lidar-schema": {"scan"},
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _small_lab() -> None:
+    """Points are those of the bundled lab."""
+
+
+def graded_submission(folder: Path) -> Grade:
+    """Grade a folder as `lab3 grade` does, with the maps' faults left out."""
+    settings = FolderSettings(starter=open_starter(starter(), LAB))
+    judged = check_folder(folder, settings)
+    found = [each for each in judged.submission.findings if not each.rule.startswith("M")]
+    facts = facts_of(judged.results, rubric().required, found)
+    return grade_facts(rubric(), with_dry_runs(facts, LAB, {}))
+
+
+def handed_in(mistake: Mistake, folder: Path) -> Grade:
+    hand_in(mistake, built(), folder / "student")
+    return graded_submission(folder / "student")
+
+
+def lost_items(graded: Grade) -> set[str]:
+    return {item.id for item in graded.items if not item.earned}
+
+
+@pytest.mark.parametrize("name", GROSS)
+def test_what_does_not_work_is_not_paid(name: str, tmp_path: Path) -> None:
+    assert lost_items(handed_in(MADE[name], tmp_path)) - {"qos", "amcl", "nav2"} == GROSS[name]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "case W04",
+        "case W08",
+        "ROS_Clock twice",
+        "a script in ROS_OdomTF",
+        "scene no light",
+        "scene focal length",
+        "case P04 a profile by a wire",
+    ],
+)
+def test_no_mistake_that_fails_a_stage_earns_all(name: str, tmp_path: Path) -> None:
+    graded = handed_in(MADE[name], tmp_path)
+    assert graded.possible == rubric().points
+    assert graded.earned < graded.possible
+    assert graded.percent is not None
+    assert graded.percent < 100
+    assert any(line.rule and line.place for line in graded.lost)
+
+
+def test_every_deduction_names_its_rule_and_place(tmp_path: Path) -> None:
+    graded = handed_in(MADE["all five topics wrong"], tmp_path)
+    assert {line.rule for line in graded.lost if line.points} == {"P01"}
+    assert all(line.place.startswith(str(tmp_path)) for line in graded.lost if line.points)
+
+
+def copied(folder: Path, copies: Mapping[str, str]) -> Grade:
+    """Grade a submission whose checkpoints have the stages of others."""
+    (folder / "work").mkdir(parents=True)
+    for number, other in copies.items():
+        shutil.copyfile(stage(other), folder / "work" / stage(number).name)
+    return graded_submission(folder)
+
+
+def test_copies_upward_earn_nothing(tmp_path: Path) -> None:
+    numbers = [*LAB.checkpoints]
+    until_3 = copied(tmp_path / "short", {number: number for number in numbers[:4]})
+    upward = copied(tmp_path / "long", {number: min(number, "03") for number in numbers})
+    assert until_3.earned == upward.earned == 45
+    bare = copied(tmp_path / "bare", dict.fromkeys(numbers, "00"))
+    assert bare.earned == 5
+
+
+def test_an_empty_stage_earns_no_more_than_a_missing_one(tmp_path: Path) -> None:
+    others = {number: number for number in LAB.checkpoints if number != "05"}
+    missing = copied(tmp_path / "missing", others)
+    (tmp_path / "empty" / "work").mkdir(parents=True)
+    (tmp_path / "empty" / "work" / stage("05").name).write_text("#usda 1.0\n")
+    for path in (tmp_path / "missing" / "work").iterdir():
+        shutil.copy(path, tmp_path / "empty" / "work")
+    empty = graded_submission(tmp_path / "empty")
+    assert (missing.earned, missing.percent) == (75, 75)
+    assert (empty.earned, empty.percent) == (70, 70)  # it lacks the robot of the starter
+
+
+@pytest.mark.parametrize("number", range(9))
+def test_one_mistake_more_never_earns_more(number: int) -> None:
+    assert drops(number, [*LAB.checkpoints][number]) == []
+
+
+def test_repairing_the_odometry_does_not_cost_the_tree(tmp_path: Path) -> None:
+    graded = handed_in(MADE["fault wrong-odometry-frame"], tmp_path)
+    assert graded.possible == 100
+    assert graded.earned < 100
+
+
+def test_stages_without_errors_are_not_played() -> None:
+    facts = facts_of(check_folder(built(), FolderSettings()).results, rubric().required)
+    assert with_dry_runs(facts, LAB, {}) == facts
+    faulty = SubmissionFacts(
+        tuple(replace(each, path="nowhere.usda", readable=False) for each in facts.stages)
+    )
+    assert with_dry_runs(faulty, LAB, {}) == faulty

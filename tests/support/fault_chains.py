@@ -1,0 +1,108 @@
+"""Chains of stages: a right one, then one mistake more in each."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from failing_class import Mistake, mistakes
+from grade_files import LAB, stage, starter
+from pxr import Sdf, Usd
+
+from lab3_usd.grade.dry_runs import with_dry_runs
+from lab3_usd.grade.rubric import Rubric, load_rubric
+from lab3_usd.grade.scoring import Grade, StageFacts, SubmissionFacts, facts_of, grade_facts
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.judge.starter import Starter, against_starter, open_starter
+
+LONGEST = 4
+
+
+@cache
+def _known() -> tuple[Mistake, ...]:
+    return tuple(mistake for mistake in mistakes() if mistake.changes)
+
+
+@cache
+def _starter() -> Starter:
+    return open_starter(starter(), LAB)
+
+
+@cache
+def rubric() -> Rubric:
+    return load_rubric(None, LAB)
+
+
+def chain(number: int, checkpoint: str) -> Iterator[tuple[str, Grade]]:
+    """Yield the grades of a submission as its stage of a checkpoint gets one mistake after another.
+
+    The same ones for the same number; first without any. What is no fault by itself is left out,
+    and so is what changes the same as another: it could repair that.
+    """
+    chance = random.Random(f"{number} {checkpoint}")  # noqa: S311 - no secret
+    made: list[Mistake] = []
+    yield "right", _graded(_with(checkpoint), checkpoint)
+    while len(made) < LONGEST:
+        mistake = chance.choice(_known())
+        layer = _with(checkpoint, *made, mistake)
+        is_independent = _lines(layer) == _lines(_with(checkpoint, mistake, *made))
+        if (
+            is_independent
+            and _lines(layer) != _lines(_with(checkpoint, *made))
+            and _facts(_with(checkpoint, mistake), checkpoint, play=False).faults
+        ):
+            made.append(mistake)
+            yield mistake.name, _graded(layer, checkpoint)
+
+
+def _with(checkpoint: str, *made: Mistake) -> Sdf.Layer:
+    """Return the right stage of a checkpoint after mistakes."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.TransferContent(Sdf.Layer.FindOrOpen(str(stage(checkpoint))))
+    for mistake in made:
+        mistake.make(Usd.Stage.Open(layer))
+    return layer
+
+
+def _lines(layer: Sdf.Layer) -> list[str]:
+    return sorted(layer.ExportToString().splitlines())
+
+
+def _graded(layer: Sdf.Layer, checkpoint: str) -> Grade:
+    stages = [StageFacts(other, other, readable=True) for other in LAB.checkpoints]
+    stages[[*LAB.checkpoints].index(checkpoint)] = _facts(layer, checkpoint, play=True)
+    return grade_facts(rubric(), SubmissionFacts(tuple(stages)))
+
+
+def _facts(layer: Sdf.Layer, checkpoint: str, *, play: bool) -> StageFacts:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / stage(checkpoint).name
+        layer.Export(str(path))
+        result = against_starter(check_stage(path, checkpoint, LAB), _starter(), LAB)
+        facts = facts_of([result], rubric().required)
+        (only,) = with_dry_runs(facts, LAB, {}).stages if play else facts.stages
+    return only
+
+
+def drops(number: int, checkpoint: str) -> list[str]:
+    """Return where a chain does not hold: a mistake more earned more."""
+    found = []
+    names: list[str] = []
+    last: Grade | None = None
+    for name, graded in chain(number, checkpoint):
+        names.append(name)
+        if last is not None and (
+            graded.earned > last.earned or (graded.percent or 0) > (last.percent or 0)
+        ):
+            steps = " + ".join(names)
+            items = [
+                f"{after.id} {before.earned:g} -> {after.earned:g}"
+                for before, after in zip(last.items, graded.items, strict=True)
+                if after.earned > before.earned
+            ]
+            found.append(f"{checkpoint}: {steps}: {', '.join(items)}")
+        last = graded
+    return found
