@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from foreign_robots import TICK, rover, write_graph
+from foreign_robots import ROBOTS, TICK, rover, write_graph
 from missing_assets import ROVER, rover_of_a_missing_asset
 from pxr import Sdf, Usd
 
@@ -100,6 +101,49 @@ def test_a_wire_from_a_node_that_the_asset_may_have_is_not_judged(tmp_path: Path
     tick = layer.GetPrimAtPath(f"{graph}/tick")
     tick.specifier, tick.typeName = Sdf.SpecifierOver, ""
     assert ("K20", f"{graph}/clock") not in errors(result_of(stage, tmp_path))
+
+
+def test_a_wire_from_a_node_that_a_missing_sublayer_may_have_is_a_warning(tmp_path: Path) -> None:
+    stage = rover()
+    write_graph(stage, "/World/Own", CLOCK, RUNS)
+    del stage.GetRootLayer().GetPrimAtPath("/World/Own").nameChildren["tick"]
+    assert ("K20", "/World/Own/clock") in errors(result_of(stage, tmp_path))
+    stage.GetRootLayer().subLayerPaths.append("./gone.usda")
+    (wire,) = [each for each in result_of(stage, tmp_path).findings if each.rule == "K20"]
+    assert (wire.prim, wire.severity) == ("/World/Own/clock", "warning")
+
+
+@pytest.mark.parametrize("place", ["", "/tick"])
+def test_a_node_that_an_asset_in_the_graph_may_have_is_not_judged(
+    place: str, tmp_path: Path
+) -> None:
+    stage = rover()
+    write_graph(stage, "/World/Own", CLOCK, RUNS)
+    layer = stage.GetRootLayer()
+    del layer.GetPrimAtPath("/World/Own").nameChildren["tick"]
+    stage.DefinePrim(f"/World/Own{place}").GetReferences().AddReference("./gone.usd")
+    assert ("K20", "/World/Own/clock") not in errors(result_of(stage, tmp_path))
+
+
+def test_a_joint_that_a_missing_asset_may_have_is_not_judged(tmp_path: Path) -> None:
+    stage = rover()
+    joint = f"{ROVER}/right_wheel_joint"
+    stage.RemovePrim(joint)
+    assert ("K61", "/World/Drive/move") in errors(result_of(stage, tmp_path))
+    stage.DefinePrim(joint).GetReferences().AddReference("./gone.usd")
+    result = result_of(stage, tmp_path)
+    assert "K61" not in {rule for rule, _ in errors(result)}
+    assert "K61" in {entry.rule for entry in result.not_judged}
+
+
+def test_a_wheel_that_a_missing_asset_may_make_a_body_is_not_judged(tmp_path: Path) -> None:
+    stage = rover()
+    wheel = f"{ROVER}/right_wheel"
+    stage.RemovePrim(wheel)
+    stage.DefinePrim(wheel).GetReferences().AddReference("./gone.usd")
+    result = result_of(stage, tmp_path)
+    assert errors(result) == set()
+    assert "K82" in {entry.rule for entry in result.not_judged}
 
 
 def test_nodes_that_are_overs_of_a_missing_asset_are_counted_and_not_judged(
@@ -235,3 +279,46 @@ def test_a_target_that_is_elsewhere_may_be_in_a_stage_above(
         stage.DefinePrim("/Camera", "Camera")
     found = {each.rule: each.severity for each in result_of(stage, tmp_path).findings}
     assert found["K14"] == severity
+
+
+def changed(stage: Usd.Stage, change: Callable[[Sdf.Layer], None], path: Path) -> StageResult:
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.TransferContent(stage.GetRootLayer())
+    change(layer)
+    layer.Export(str(path))
+    return lint_stage(path)
+
+
+def in_an_asset(layer: Sdf.Layer, place: str) -> None:
+    """Leave of a prim what is saved where all of it, and below it, is in an asset."""
+    spec = layer.GetPrimAtPath(place)
+    for child in [each.name for each in spec.nameChildren]:
+        del spec.nameChildren[child]
+    for name in [each.name for each in spec.properties]:
+        spec.RemoveProperty(spec.properties[name])
+    spec.ClearInfo("apiSchemas")
+    spec.referenceList.Prepend(Sdf.Reference("./gone.usd"))
+
+
+def in_a_sublayer(layer: Sdf.Layer, place: str) -> None:
+    edit = Sdf.BatchNamespaceEdit()
+    edit.Add(Sdf.NamespaceEdit.Remove(place))
+    assert layer.Apply(edit)
+    layer.subLayerPaths.append("./gone.usda")
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("take_away", [in_an_asset, in_a_sublayer])
+def test_what_a_missing_asset_has_is_never_an_error(
+    robot: str, take_away: Callable[[Sdf.Layer, str], None], tmp_path: Path
+) -> None:
+    stage = ROBOTS[robot]()
+    prims = [str(prim.GetPath()) for prim in stage.TraverseAll()]
+    places = [place for place in prims if place.count("/") <= 3]
+    assert len(places) > 10
+    for place in places:
+
+        def change(layer: Sdf.Layer, place: str = place) -> None:
+            take_away(layer, place)
+
+        assert errors(changed(stage, change, tmp_path / "stage.usda")) == set(), place

@@ -290,13 +290,17 @@ class StageModel(Struct, frozen=True, eq=False):
     def unknown_node(self, path: str) -> UnresolvedAsset | None:
         """Return the missing asset that could hold a node at `path`.
 
-        A graph that is there holds the nodes that are there: an asset could only make nodes of
-        overs in it.
+        A graph that is there holds the nodes that are there: an asset above it could only make
+        nodes of overs in it.
         """
         for graph in self.graphs:
             if graph.active and is_at_or_below(path, graph.path):
+                inside = (
+                    asset for asset in self.unresolved if is_at_or_below(asset.prim, graph.path)
+                )
                 overs = (prim.path for prim in graph.absent if prim.reason == OVER)
-                return self.unknown(path) if path in overs else None
+                may_be = path in overs or any(is_at_or_below(path, each.prim) for each in inside)
+                return self.unknown(path) if may_be else None
         return self.unknown(path)
 
     def unknown_inputs(self, node: Node) -> UnresolvedAsset | None:

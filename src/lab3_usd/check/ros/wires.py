@@ -104,6 +104,16 @@ def why_dead(wire: Connection, subject: LintSubject) -> str | None:
     return absence_reason(stage, path) if stage.prim(path) is None else "is no node"
 
 
+def sublayer_with_source(wire: Connection, subject: LintSubject) -> str | None:
+    """Return the missing sublayer that could hold the source of a wire, which nothing else has."""
+    stage, path = subject.stage, wire.source_prim
+    known = {node.path for graph in stage.graphs for node in graph.nodes}
+    known |= {prim.path for graph in stage.graphs for prim in graph.absent}
+    if path in stage.prims or path in known or any(node.path == path for node in stage.orphans):
+        return None
+    return next((asset.asset for asset in stage.unresolved if asset.kind == "sublayer"), None)
+
+
 Kind = Literal["execution", "data"]
 
 

@@ -132,7 +132,7 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
                     f"{message}, but {command.node.path} drives the wheel",
                     property=name,
                     related=(command.node.path,),
-                    rests_on=subject.stage.unknown(site),
+                    rests_on=subject.stage.unknown(site, *joint.relationships.get(name or "", ())),
                 )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.articulations import (
@@ -30,7 +30,7 @@ from lab3_usd.check.rules.limits import stopping_limits, unknown_limits
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Matrix, Prim
-from lab3_usd.model.stage import Node, StageModel
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
 from lab3_usd.model.transforms import Vector, distance, transform_point
 from lab3_usd.spec.isaac import is_within
 
@@ -89,8 +89,14 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
                     expected=likely_name(name, known) or ", ".join(sorted(known)),
                     actual=name,
                     related=(command.robot,),
-                    rests_on=command.unknown,
+                    rests_on=command.unknown or _unknown_joint(name, known.values(), subject.stage),
                 )
+
+
+def _unknown_joint(name: str, known: Iterable[Prim], stage: StageModel) -> UnresolvedAsset | None:
+    """Return the missing asset that could hold a joint, at a prim of its name or beside others."""
+    places = [prim.path for prim in stage.named(name)]
+    return stage.unknown(*places, *(f"{joint.parent}/{name}" for joint in known))
 
 
 @rule("K62", "drive-ignores-velocity", scope="lint")

@@ -14,6 +14,7 @@ from lab3_usd.check.ros.wires import (
     connections,
     differ_in_role,
     find_cycles,
+    sublayer_with_source,
     why_dead,
 )
 from lab3_usd.model.changes import Connect, Edit, RenameProperty
@@ -32,7 +33,8 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
     """A wire comes from a node that is not there.
 
     Why: Isaac Sim drops such a wire when it opens the stage. The input then has no source: without
-    its execution wire a node never computes, without data it works on zeros.
+    its execution wire a node never computes, without data it works on zeros. Where a sublayer of
+    the stage is missing, the node may be in it: a warning.
 
     Fix: drag a new wire from the node that should feed this input, or delete the wire.
 
@@ -58,13 +60,15 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
                 severity="note",
             )
             continue
+        sublayer = sublayer_with_source(wire, subject)
         yield Problem(
             wire.node.path,
             f"{wire.port} is wired from {name}, which {reason}"
-            f"{'; another source feeds it' if is_fed else ''}",
+            f"{'; another source feeds it' if is_fed else ''}"
+            f"{f', unless {sublayer} has it' if sublayer else ''}",
             property=wire.port,
             actual=wire.path,
-            severity="warning" if is_fed else None,
+            severity="warning" if is_fed or sublayer else None,
             fix=_rewiring(wire, *others) if is_fed else (),
         )
 
