@@ -227,10 +227,11 @@ def _signs(node: Node, subject: LintSubject) -> Iterator[_Sign]:
         yield _Sign(node, TYPE, f"only {_named(versions)} has the type {name}", tuple(versions))
     alike = tuple(release for release, number in versions.items() if number == node.version)
     if alike and len(alike) < len(versions):
-        title = subject.title(node)
-        yield _Sign(node, VERSION, f"{title} {node.version} is that of {_named(alike)}", alike)
+        what = f"version {node.version} of {subject.title(node)} is that of {_named(alike)}"
+        yield _Sign(node, VERSION, what, alike)
     for port in node.ports:
-        releases = types.releases_with(name, port)
+        has_port = node.type is not None and port in node.type.ports
+        releases = () if has_port else types.releases_with(name, port)
         if releases:
             yield _Sign(node, port, f"only {_named(releases)} has {port}", releases)
 
