@@ -208,6 +208,30 @@ def test_the_action_writes_sarif_where_it_is_asked_to(
     assert '"2.1.0"' in target.read_text()
 
 
+@pytest.mark.parametrize(("untrusted", "found"), [("false", []), ("true", ["P01"])])
+def test_the_action_heeds_the_configuration_of_those_it_trusts_only(
+    action: dict[str, Any],
+    repository_of_a_student: Path,
+    tmp_path: Path,
+    untrusted: str,
+    found: list[str],
+) -> None:
+    folder = tmp_path / "student"
+    shutil.copytree(repository_of_a_student / "my work", folder / "work")
+    (folder / "lab3.toml").write_text('ignore = ["P", "X"]\n')
+    build_checkpoint(None, "00", tmp_path / "starter.usda")
+    ran = run_check(
+        action,
+        folder,
+        tmp_path,
+        paths=".",
+        untrusted=untrusted,
+        starter=str(tmp_path / "starter.usda"),
+    )
+    rules = re.findall(r"^::error file=work/.+title=(P\w+)", ran.printed, re.MULTILINE)
+    assert (ran.status, rules) == (int(bool(found)), found)
+
+
 def test_wrong_use_fails_the_action_with_its_own_status(
     action: dict[str, Any], repository_of_a_student: Path, tmp_path: Path
 ) -> None:

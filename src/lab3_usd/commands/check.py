@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lab3_usd.commands.steps.options import (
+    asset_places,
     assets_option,
     config_options,
     native_option,
@@ -17,6 +18,7 @@ from lab3_usd.commands.steps.options import (
     view_options,
     with_config,
 )
+from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
     from lab3_usd.commands.steps.judging import Judge
@@ -33,22 +35,87 @@ if TYPE_CHECKING:
 @native_option
 @report_options
 @click.option("--require-evidence", is_flag=True, help="Missing evidence is an error.")
+@click.option(
+    "--untrusted",
+    is_flag=True,
+    help="Judge strangers' submissions as `lab3 grade` does: fenced, with --starter alone.",
+)
 @config_options
 @view_options
 def command(paths: tuple[str, ...], **options: Any) -> None:
     """Check stages and submissions against the lab.
 
     PATHS are stage files, folders of stages, or submission folders. The checkpoint is read from
-    each file's name. Exit status: 0 nothing found, 1 findings or not judged, 2 wrong usage or no
-    such path, 3 the tool itself failed.
+    each file's name. With --untrusted, they are submissions of strangers: folders or archives.
+    Exit status: 0 nothing found, 1 findings or not judged, 2 wrong usage or no such path, 3 the
+    tool itself failed.
     """
+    if options["untrusted"]:
+        options = {**options, "isolated": True}
+        _refuse_trust(options)
     options = with_config(paths, options)
     shared = tuple(options[name] for name in ("starter", "maps") if options[name] is not None)
     from lab3_usd.commands.steps.judging import run
     from lab3_usd.commands.steps.reporting import refuse_unusable
 
     refuse_unusable((*paths, *shared), options)
-    sys.exit(run(paths, _judge(shared, options), options))
+    judge = _untrusting_judge(options) if options["untrusted"] else _judge(shared, options)
+    sys.exit(run(paths, judge, options))
+
+
+_TRUSTING = ("checkpoint", "maps", "sim", "native", "require_evidence", "config_file", "watch")
+
+
+def _refuse_trust(options: Mapping[str, Any]) -> None:
+    """Refuse what would open files of a stranger outside of a worker, or judge by them.
+
+    Raises:
+        UsageError: such an option is given, or no starter.
+    """
+    for name in _TRUSTING:
+        if options[name]:
+            option = "--config" if name == "config_file" else f"--{name.replace('_', '-')}"
+            raise UsageError(f"{option} is for files that are trusted, and not for --untrusted")
+    if options["form"] == "html":
+        raise UsageError(
+            "--format html opens the stages again: use the page that lab3 grade writes"
+        )
+    if options["starter"] is None:
+        raise UsageError("--untrusted needs the instructor's starter: give --starter")
+
+
+def _untrusting_judge(options: Mapping[str, Any]) -> Judge:
+    """Say how submissions of strangers are judged: one after the other, in a worker each."""
+    from lab3_usd.commands.steps.judging import Judge
+    from lab3_usd.grade.intake.archives import is_archive
+    from lab3_usd.grade.intake.submission_copy import Limits
+    from lab3_usd.grade.untrusted import check_untrusted
+    from lab3_usd.grade.workers.messages import PoolSettings
+    from lab3_usd.judge.results import Entry
+
+    settings = PoolSettings(
+        Path(options["starter"]), None, Limits(), assets=asset_places(options["assets"])
+    )
+
+    def find(path: str) -> list[Entry]:
+        if not Path(path).is_dir() and not is_archive(path):
+            raise UsageError(f"{path}: --untrusted judges submissions: give a folder or an archive")
+        return [Entry(path, is_submission=True)]
+
+    def judge(work: list[Entry], _jobs: int) -> Generator[Results]:
+        for entry in work:
+            report = check_untrusted(Path(entry.path), settings, _notify)
+            yield report.results, report.submissions
+
+    return Judge(
+        find=find,
+        judge=judge,
+        module="lab3_usd.check.checker",
+    )
+
+
+def _notify(line: str) -> None:
+    click.echo(f"lab3: {line}", err=True)
 
 
 def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:

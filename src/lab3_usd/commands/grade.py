@@ -7,14 +7,17 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
 from lab3_usd.commands.steps.options import asset_places, assets_option
-from lab3_usd.errors import EXIT_CRASH
+from lab3_usd.errors import EXIT_CRASH, UsageError
+
+if TYPE_CHECKING:
+    from lab3_usd.grade.intake.submission_copy import Limits
 
 _SECONDS_BETWEEN = 0.1
 _WIDTH = 30
@@ -80,10 +83,15 @@ def _refuse_empty(context: click.Context, parameter: click.Parameter, submission
     "--output",
     "-o",
     "out",
-    required=True,
     type=click.Path(path_type=Path),
-    metavar="FOLDER",
-    help="Folder for the gradebook; must be new or empty, except with --resume.",
+    metavar="PATH",
+    help="Folder for the gradebook, new or empty except with --resume; with --format, a file.",
+)
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["gradescope"]),
+    help="Grade one submission, and write its result instead of a gradebook.",
 )
 @click.option(
     "--rubric",
@@ -127,26 +135,32 @@ def command(submissions: str, **options: Any) -> None:
 
     SUBMISSIONS is a folder or an archive as a learning platform exports it, or the address
     of a folder in object storage. The gradebook has grades.csv, grades.json, index.html and a
-    report folder for each student. Exit status: 0 every submission has a grade or a status, 2
-    wrong usage or rubric, 3 the tool itself failed, 130 interrupted: go on with --resume.
+    report folder for each student. With --format gradescope it is one submission, whatever lies in
+    it, and the result of a Gradescope autograder is written. Exit status: 0 every submission has a
+    grade or a status, 2 wrong usage or rubric, 3 the tool itself failed, 130 interrupted: go on
+    with --resume.
     """
+    if options["form"] is not None:
+        _grade_alone(Path(submissions), options)
+        return
+    if options["out"] is None:
+        raise click.UsageError("Missing option '--output' / '-o'.", click.get_current_context())
     from lab3_usd.grade.class_run import ClassSettings, grade_class
     from lab3_usd.grade.intake.remote import is_address
-    from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 
     settings = ClassSettings(
         submissions=submissions if is_address(submissions) else Path(submissions),
         starter=options["starter"],
         out=options["out"],
         rubric=options["rubric"],
-        limits=Limits(seconds=options["timeout"], memory=options["memory"] * MEGABYTE),
+        limits=_limits(options),
         jobs=options["jobs"] or _processors(),
         resume=options["resume"],
         assets=asset_places(options["assets"]),
         merge_uploads=options["merge_uploads"],
         force=options["force"],
         runner=_runner(options["cluster"]),
-        notify=lambda line: click.echo(f"lab3: {line}", err=True),
+        notify=_notify,
     )
     rows = grade_class(settings, _progress())
     counts = Counter(row["status"] for row in rows)
@@ -155,6 +169,47 @@ def command(submissions: str, **options: Any) -> None:
     click.echo(f"{number} ({states}): {options['out'] / 'index.html'}")
     if counts["tool failed"]:
         sys.exit(EXIT_CRASH)
+
+
+def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
+    """Write the Gradescope result of one submission; where the program fails there is none.
+
+    Raises:
+        UsageError: an option for a class is given, or the output lies in what is graded.
+    """
+    for name in ("resume", "force", "merge_uploads", "cluster", "jobs"):
+        if options[name]:
+            option = f"--{name.replace('_', '-')}"
+            raise UsageError(f"{option} is for a class; --format grades one submission")
+    from lab3_usd.commands.steps.reporting import write_report
+    from lab3_usd.grade.class_run import grade_alone
+    from lab3_usd.grade.gradebook import GRADESCOPE
+    from lab3_usd.grade.workers.messages import PoolSettings
+
+    out = options["out"]
+    if out is not None and out.resolve().is_relative_to(submission.resolve()):
+        raise UsageError(f"{out}: lies in what is graded; choose another -o")
+    settings = PoolSettings(
+        options["starter"],
+        options["rubric"],
+        _limits(options),
+        assets=asset_places(options["assets"]),
+    )
+    graded = grade_alone(submission, settings, _notify)
+    if graded["status"] == "tool failed":
+        click.echo(f"lab3: {graded['reason']}", err=True)
+        sys.exit(EXIT_CRASH)
+    write_report(graded["reports"][GRADESCOPE], None if out is None else str(out))
+
+
+def _limits(options: Mapping[str, Any]) -> Limits:
+    from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
+
+    return Limits(seconds=options["timeout"], memory=options["memory"] * MEGABYTE)
+
+
+def _notify(line: str) -> None:
+    click.echo(f"lab3: {line}", err=True)
 
 
 def _runner(cluster: str | None) -> Any:

@@ -22,6 +22,7 @@ from lab3_usd.grade.gradebook import (
     write_tables,
 )
 from lab3_usd.grade.intake.remote import local_path
+from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.intake.submissions import (
     StudentSubmission,
@@ -131,6 +132,32 @@ def _graded(
     return write_tables(settings.out, submissions, rubric)
 
 
+def grade_alone(
+    submission: Path, settings: PoolSettings, notify: Callable[[str], None] = lambda _line: None
+) -> Json:
+    """Grade one submission, a folder or an archive, and return what is recorded of it.
+
+    Raises:
+        SpecError: the rubric is wrong.
+        StageError: the starter cannot be opened.
+        UsageError: there is no such submission, or no starter to judge it with.
+    """
+    if not submission.exists():
+        raise UsageError(f"{submission}: there is no such file or folder")
+    if settings.starter is None:
+        raise UsageError("untrusted files are judged with the instructor's starter: give --starter")
+    rubric = load_rubric(settings.rubric, load_lab())
+    with assets_at(settings.assets):
+        check_starter(settings.starter)
+    path = submission.resolve()
+    name = path.name or "submission"
+    pool = replace(settings, readable=(path,), jobs=1, lab=own_lab())
+    with closing(run_tasks([Task(name, "", (Source(path),))], pool)) as answers:
+        answer = next(given for _, given in answers)
+    _notify_unconfined(answer, set(), notify)
+    return _whole(answer, rubric, name)
+
+
 def check_apart(submissions: Path | str, out: Path) -> None:
     """Make sure that the gradebook does not become a submission.
 
@@ -205,9 +232,14 @@ def _record(
 ) -> None:
     if answer.get("status") == "known":
         return
-    if "failed" in answer:
-        reason = answer["failed"]
-        status = status_of(reason)
-        record = ungraded_record(rubric, submission.student, status, reason, submission.name)
-        answer = {key: answer[key] for key in answer if key != "failed"} | record
-    write_student(out, submission, salt, answer)
+    whole = _whole(answer, rubric, submission.student, submission.name)
+    write_student(out, submission, salt, whole)
+
+
+def _whole(answer: Json, rubric: Rubric, student: str, name: str = "") -> Json:
+    """Return an answer with all that is recorded, also where a submission was not judged."""
+    if "failed" not in answer:
+        return answer
+    reason = answer["failed"]
+    record = ungraded_record(rubric, student, status_of(reason), reason, name)
+    return {key: answer[key] for key in answer if key != "failed"} | record

@@ -116,7 +116,7 @@ def gradescope(report: Report, rubric: Rubric, points: Grade) -> str:
             {
                 "name": item.title,
                 "score": own.earned,
-                "max_score": own.possible,
+                "max_score": item.points,
                 "status": "passed" if own.state == "full" else "failed",
                 "visibility": item.visibility,
                 "output": "\n\n".join(block for block in blocks if block),

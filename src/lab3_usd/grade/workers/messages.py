@@ -30,7 +30,7 @@ class PoolSettings(Struct, frozen=True):
 
     `lab` is the folder of another lab than the bundled one, `assets` the folders in which the
     grader has what lies at these addresses. With `merge`, what the last upload of a student lacks
-    comes from the ones before.
+    comes from the ones before. With `with_report`, an answer holds the report as data too.
     """
 
     starter: Path | None
@@ -41,6 +41,7 @@ class PoolSettings(Struct, frozen=True):
     lab: Path | None = None
     assets: dict[str, Path] = {}
     merge: bool = False
+    with_report: bool = False
 
 
 class Task(Struct, frozen=True):

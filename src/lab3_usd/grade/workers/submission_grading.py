@@ -40,7 +40,8 @@ class GradingSetup(Struct, frozen=True):
 
     `starter` is open already, and `allowed` are the files that it consists of. `supplied` are the
     folders in which the grader has assets of servers. With `merge`, what the last upload of a
-    student lacks comes from the ones before.
+    student lacks comes from the ones before. With `with_report`, the answer holds the report as
+    data, and where in the upload the submission lies.
     """
 
     lab: Lab
@@ -50,6 +51,7 @@ class GradingSetup(Struct, frozen=True):
     limits: Limits
     supplied: tuple[str, ...] = ()
     merge: bool = False
+    with_report: bool = False
 
 
 def grade_submission(
@@ -101,7 +103,12 @@ def grade_submission(
         report = Report(judged.results, (judged.submission,))
         remarks = tuple(remark.text for remark in staged.remarks)
         reports = write_reports(report, setup.rubric, points, task.name, remarks)
+    told: Json = {}
+    if setup.with_report:
+        place = staged.folder.relative_to(scratch).as_posix()
+        told = {"report": to_builtins(report), "place": place}
     return {
+        **told,
         **_record(points, facts, _status(judged, task.broken, staged)),
         "remarks": list(remarks),
         "digest": staged.digest,
@@ -113,11 +120,15 @@ def grade_submission(
 
 def _without_repairs(judged: FolderResult) -> FolderResult:
     """Let reports to students say what is wrong, and not how a program would change it."""
-    results = (
-        replace(result, findings=tuple(replace(finding, fix=None) for finding in result.findings))
-        for result in judged.results
+
+    def bare(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+        return tuple(replace(finding, fix=None) for finding in findings)
+
+    about = judged.submission
+    return FolderResult(
+        tuple(replace(result, findings=bare(result.findings)) for result in judged.results),
+        replace(about, findings=bare(about.findings)),
     )
-    return replace(judged, results=tuple(results))
 
 
 def _may_open(fence: Fence, name: str) -> str:
@@ -140,8 +151,7 @@ def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name
     """Return the record of a submission of which nothing could be judged, with a report of why."""
     facts = SubmissionFacts()
     points = grade_facts(rubric, facts)
-    finding = _finding(all_rules()["Z01"], student, reason)
-    report = Report((), (Submission(student, (finding,)),))
+    report = ungraded_report(student, reason)
     return {
         **_record(points, facts, (status, reason)),
         "remarks": [],
@@ -150,6 +160,12 @@ def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name
         "crashes": [],
         "reports": write_reports(report, rubric, points, name),
     }
+
+
+def ungraded_report(student: str, reason: str) -> Report:
+    """Return the report of a submission of which nothing could be judged."""
+    finding = _finding(all_rules()["Z01"], student, reason)
+    return Report((), (Submission(student, (finding,)),))
 
 
 def _record(points: Grade, facts: SubmissionFacts, status: tuple[str, str]) -> Json:

@@ -121,6 +121,7 @@ def load_setup(settings: PoolSettings) -> GradingSetup:
         limits=settings.limits,
         supplied=tuple(map(os.path.realpath, settings.assets.values())),
         merge=settings.merge,
+        with_report=settings.with_report,
     )
 
 
