@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import os
 import re
+import stat
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from itertools import count
 from pathlib import Path
+from typing import NamedTuple
 
 from lab3_usd.errors import UsageError
 
 _DEVICES = ("/", "dev")
+_ORIGINAL = re.compile(r"\.orig(\.[0-9]+)?$")
 _RANDOM = re.compile("[a-z0-9_]{8}")  # what tempfile puts behind a prefix
 
 
@@ -49,6 +53,77 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
         raise UsageError(f"{target} cannot be written ({error.strerror})") from error
 
 
+class FileState(NamedTuple):
+    """A file when it was read: which file it was, its last change in nanoseconds, its content."""
+
+    device: int
+    inode: int
+    changed: int
+    content: bytes
+
+
+def read_state(path: Path) -> FileState:
+    """Read a file, or the one that a link names, so that a later change of it can be seen.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        status = os.fstat(file.fileno())
+        return FileState(status.st_dev, status.st_ino, status.st_mtime_ns, file.read())
+
+
+def refuse_shared(path: Path) -> None:
+    """Refuse to replace a file that is read-only, somebody else's, or has several names.
+
+    Raises:
+        UsageError: it is one of these.
+    """
+    status = path.stat()
+    reason = ""
+    if not status.st_mode & stat.S_IWUSR:
+        reason = "is read-only"
+    elif hasattr(os, "geteuid") and status.st_uid != os.geteuid():
+        reason = "belongs to another user"
+    elif status.st_nlink > 1:
+        reason = f"has {status.st_nlink} names (hard links), of which only this one would change"
+    if reason:
+        raise UsageError(f"{path} {reason}; use --force to replace it")
+
+
+def replace_files(contents: Mapping[Path, bytes], states: Mapping[Path, FileState]) -> None:
+    """Replace files that are still as they were read, all of them or none; links stay links.
+
+    Mode and owner stay as they were.
+
+    Raises:
+        UsageError: one was changed meanwhile, or cannot be written; nothing was written.
+    """
+    waiting: dict[Path, Path] = {}  # what is to be replaced, by the new file
+    try:
+        for path, data in contents.items():
+            target = path.resolve()
+            status = target.stat()
+            temporary = temporary_beside(target)
+            waiting[temporary] = target
+            temporary.write_bytes(data)
+            if hasattr(os, "chown") and os.geteuid() == 0:
+                os.chown(temporary, status.st_uid, status.st_gid)
+            temporary.chmod(status.st_mode)
+        for path, state in states.items():
+            if path in contents and read_state(path) != state:
+                raise UsageError(
+                    f"{path} was changed meanwhile by somebody else; nothing was written"
+                )
+        for temporary, target in waiting.items():
+            temporary.replace(target)
+    except OSError as error:
+        raise UsageError(f"{error.filename} cannot be written ({error.strerror})") from error
+    finally:
+        for temporary in waiting:
+            temporary.unlink(missing_ok=True)
+
+
 def temporary_beside(target: Path, suffix: str = "") -> Path:
     """Make an empty file in the folder of `target`, which others may read, under a hidden name.
 
@@ -72,6 +147,24 @@ def leftover_files(folder: Path, names: Iterable[str]) -> tuple[Path, ...]:
         and any(_RANDOM.fullmatch(path.name.removeprefix(prefix)) for prefix in prefixes)
         and path.is_file()
     )
+
+
+def original_of(path: Path) -> Path:
+    """Return the name under which a file is kept that is about to be replaced.
+
+    `NAME.orig`, and where that is taken the next of `NAME.orig.2`, `NAME.orig.3`: the first
+    original stays.
+    """
+    original = path.with_name(f"{path.name}.orig")
+    numbers = count(2)
+    while os.path.lexists(original):
+        original = path.with_name(f"{path.name}.orig.{next(numbers)}")
+    return original
+
+
+def is_original(name: str) -> bool:
+    """Whether a file has the name of an original that was kept."""
+    return bool(_ORIGINAL.search(name))
 
 
 def refuse_existing(target: Path, *, force: bool) -> None:

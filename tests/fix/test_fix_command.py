@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import difflib
+import os
+import shutil
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,13 +13,17 @@ import pytest
 from breaking import Step, broken, correct_stage
 from click.testing import Result
 from invoking import invoke
+from msgspec.structs import replace
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from lab3_usd.errors import Lab3Error
+from lab3_usd.fix.repairing import Fixed, check_result
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import against_starter, open_starter
+from lab3_usd.model.finding import Finding
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.write.starter import build_starter
 
 CLOCK = "/World/ROS_Clock"
@@ -86,14 +93,185 @@ def test_who_may_read_the_file_stays_the_same(tmp_path: Path) -> None:
     assert modes == [0o600, 0o600]
 
 
-def test_an_older_original_is_not_replaced(tmp_path: Path) -> None:
+def test_an_older_original_is_kept(tmp_path: Path) -> None:
     path = saved(tmp_path, WRONG_RADIUS)
     old = path.read_bytes()
     original = tmp_path / f"{path.name}.orig"
     original.write_text("mine")
-    with pytest.raises(Lab3Error, match="exists already"):
+    fix(path, "--in-place")
+    assert original.read_text() == "mine"
+    assert (tmp_path / f"{path.name}.orig.2").read_bytes() == old
+
+
+def test_a_save_by_somebody_else_is_not_overwritten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    theirs = path.read_text() + "# saved meanwhile\n"
+
+    def save_meanwhile(fixed: Fixed, data: bytes, target: Path) -> None:
+        check_result(fixed, data, target)
+        path.write_text(theirs)
+
+    monkeypatch.setattr("lab3_usd.commands.fix.check_result", save_meanwhile)
+    with pytest.raises(Lab3Error, match="was changed meanwhile"):
         fix(path, "--in-place")
-    assert (original.read_text(), path.read_bytes()) == ("mine", old)
+    assert (path.read_text(), [*tmp_path.iterdir()]) == (theirs, [path])
+
+
+def test_a_save_while_the_stage_is_judged_is_not_overwritten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    theirs = path.read_text() + "# saved meanwhile\n"
+
+    def save_and_open(file: Path) -> Usd.Stage:
+        stage = open_stage(file)
+        path.write_text(theirs)
+        return stage
+
+    monkeypatch.setattr("lab3_usd.fix.repairing.open_stage", save_and_open)
+    with pytest.raises(Lab3Error, match="was changed meanwhile"):
+        fix(path, "--in-place", "--no-orig")
+    assert path.read_text() == theirs
+
+
+def test_a_link_stays_a_link_to_the_repaired_stage(tmp_path: Path) -> None:
+    folder = tmp_path / "elsewhere"
+    folder.mkdir()
+    path = saved(folder, WRONG_RADIUS)
+    link = tmp_path / path.name
+    link.symlink_to(path)
+    assert fix(link, "--in-place").exit_code == 0
+    assert link.is_symlink()
+    assert check_stage(path).verdict == "pass"
+
+
+def test_a_result_below_a_linked_folder_is_judged_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "real").mkdir()
+    (tmp_path / "linked").symlink_to(tmp_path / "real")
+    path = saved(tmp_path / "linked", WRONG_RADIUS)
+    judged: list[Path] = []
+
+    def judge_again(fixed: Fixed, data: bytes, target: Path) -> None:
+        def heard(file: Path) -> tuple[Finding, ...]:
+            judged.append(file)
+            return fixed.judge_again(file)
+
+        check_result(replace(fixed, judge_again=heard), data, target)
+
+    monkeypatch.setattr("lab3_usd.commands.fix.check_result", judge_again)
+    fix(path, "--in-place")
+    assert len(judged) == 1
+
+
+def read_only(path: Path) -> None:
+    path.chmod(0o444)
+
+
+def with_a_second_name(path: Path) -> None:
+    path.with_name("second.usda").hardlink_to(path)
+
+
+@pytest.mark.parametrize("making", [read_only, with_a_second_name])
+def test_a_file_that_is_shared_or_protected_is_replaced_with_force_only(
+    making: Callable[[Path], None], tmp_path: Path
+) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    making(path)
+    old, mode = path.read_bytes(), path.stat().st_mode
+    with pytest.raises(Lab3Error, match="use --force to replace it"):
+        fix(path, "--in-place")
+    assert path.read_bytes() == old
+    fix(path, "--in-place", "--force")
+    assert (check_stage(path).verdict, path.stat().st_mode) == ("pass", mode)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="needs to be root")
+def test_the_owner_stays_the_same(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    os.chown(path, 12345, 12345)
+    with pytest.raises(Lab3Error, match="belongs to another user"):
+        fix(path, "--in-place")
+    fix(path, "--in-place", "--force")
+    assert (path.stat().st_uid, path.stat().st_gid) == (12345, 12345)
+
+
+@pytest.mark.parametrize("type_name", ["", "Scope"])
+def test_a_graph_that_lost_its_type_gets_it_back_and_keeps_its_nodes(
+    type_name: str, tmp_path: Path
+) -> None:
+    path = saved(tmp_path)
+    text = path.read_text()
+    typed, untyped = 'def OmniGraph "ROS_Clock"', f'def {type_name} "ROS_Clock"'.replace("  ", " ")
+    assert typed in text
+    path.write_text(text.replace(typed, untyped))
+    fix(path, "--in-place", "--unsafe")
+    assert path.read_text() == text
+
+
+@pytest.mark.parametrize("name", ["Lab3_03_ros_lidar2d.usda.orig", "._Lab3_03_ros_lidar2d.usda"])
+def test_what_programs_leave_beside_a_stage_makes_no_submission(name: str, tmp_path: Path) -> None:
+    path = saved(tmp_path)
+    (tmp_path / name).write_bytes(b"\0")
+    result = invoke("check", tmp_path)
+    assert (result.exit_code, "missing" in result.stdout) == (0, False), path
+
+
+def test_the_stages_of_a_folder_are_repaired(tmp_path: Path) -> None:
+    first, second = tmp_path / "work", tmp_path / "other"
+    first.mkdir()
+    second.mkdir()
+    paths = [saved(folder, WRONG_RADIUS) for folder in (first, second)]
+    assert fix(tmp_path, "--in-place").exit_code == 0
+    assert [check_stage(path).verdict for path in paths] == ["pass", "pass"]
+
+
+def test_a_stage_that_cannot_be_read_does_not_hold_up_the_others(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    (tmp_path / "Lab3_01_ros_clock.usda").write_text("#usda 1.0\n{")
+    assert fix(tmp_path, "--in-place").exit_code == 2
+    assert check_stage(path).verdict == "pass"
+
+
+def test_a_preview_says_what_would_be_repaired_and_what_to_type(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    result = fix(path)
+    assert result.exit_code == 1
+    assert f"would repair P01 {RADIUS}" in result.stdout
+    assert result.stdout.splitlines()[-1].endswith(f"{path.name} --in-place")
+
+
+def test_a_diff_of_a_right_stage_is_empty(tmp_path: Path) -> None:
+    result = fix(saved(tmp_path), "--diff")
+    assert (result.exit_code, result.stdout) == (0, "")
+
+
+ODD_ENDS = {
+    "no line end at the end": lambda text: text.rstrip("\n"),
+    "a form feed in a comment": lambda text: f"{text}# a\fb\n",
+    "line ends of other alphabets": lambda text: f"{text}# a\u2028b\u0085c\n",
+    "line ends of Windows": lambda text: text.replace("\n", "\r\n"),
+}
+
+
+@pytest.mark.parametrize("odd", ODD_ENDS)
+@pytest.mark.parametrize("program", [["git", "apply"], ["patch", "-p1", "--binary"]], ids=" ".join)
+def test_a_diff_is_applied_by_the_usual_programs(
+    odd: str, program: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if shutil.which(program[0]) is None:
+        pytest.skip(f"{program[0]} is not installed")
+    monkeypatch.chdir(tmp_path)
+    path = saved(tmp_path, WRONG_RADIUS)
+    wrong = ODD_ENDS[odd](path.read_text())
+    right = wrong.replace("wheelRadius = 0.033", "wheelRadius = 0.025")
+    path.write_bytes(wrong.encode())
+    patch = fix(path, "--diff").stdout_bytes
+    done = subprocess.run(program, input=patch, capture_output=True, check=False)
+    assert (done.returncode, path.read_bytes()) == (0, right.encode()), done.stderr
 
 
 def test_nothing_is_written_unless_asked(tmp_path: Path) -> None:

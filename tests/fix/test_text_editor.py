@@ -46,7 +46,7 @@ def edited(tmp_path: Path) -> Editing:
             for edit in edits:
                 apply_edit(session, edit)
             ((_, found),) = session.edited.items()
-            return new_bytes(found).decode().removeprefix("#usda 1.0\n")
+            return new_bytes(found, path.read_bytes()).decode().removeprefix("#usda 1.0\n")
         finally:
             session.close()
 
@@ -98,6 +98,26 @@ CASES: dict[str, tuple[str, Edit, str]] = {
         'def "A"\n{\n  rel x = [</B>, </C>] # why\n}\n',
         Retarget("/A", "x", ("/D",)),
         'def "A"\n{\n  rel x = </D> # why\n}\n',
+    ),
+    "an item of a list is replaced, its comments stay": (
+        'def "A"\n{\n  rel x = [\n    </B>, # b\n    </C>, # c\n  ]\n}\n',
+        Retarget("/A", "x", ("/B", "/D")),
+        'def "A"\n{\n  rel x = [\n    </B>, # b\n    </D>, # c\n  ]\n}\n',
+    ),
+    "an item of a list is added, its comments stay": (
+        'def "A"\n{\n  rel x = [</B>, # b\n    </C> # c\n  ]\n}\n',
+        Retarget("/A", "x", ("/B", "/C", "/D")),
+        'def "A"\n{\n  rel x = [</B>, # b\n    </C>, </D> # c\n  ]\n}\n',
+    ),
+    "an item of a list is added before the others, their comments stay": (
+        'def "A"\n{\n  rel x = [\n    # b\n    </B>,\n  ]\n}\n',
+        Retarget("/A", "x", ("/D", "/B")),
+        'def "A"\n{\n  rel x = [\n    # b\n    </D>, </B>,\n  ]\n}\n',
+    ),
+    "an item of a list is taken out, the comments of others stay": (
+        'def "A"\n{\n  rel x = [\n    # all\n    </B>,\n    </C>, # c\n    </D> /* d */ ]\n}\n',
+        Retarget("/A", "x", ("/C",)),
+        'def "A"\n{\n  rel x = [\n    # all\n    </C>, # c\n     /* d */ ]\n}\n',
     ),
     "a new attribute comes last": (
         'def "A"\n{\n  int x = 1\n\n  def "B"\n  {\n  }\n}\n',
@@ -172,7 +192,7 @@ def test_a_text_that_would_say_something_else_is_refused(
         "lab3_usd.fix.text_editor.new_text", lambda *given: new_text(*given).replace("2", "3")
     )
     with pytest.raises(StageError, match="does not say what the repairs ask for"):
-        new_bytes(session.edited[session.stage.GetRootLayer().identifier])
+        new_bytes(session.edited[session.stage.GetRootLayer().identifier], path.read_bytes())
 
 
 def test_blocks_have_their_places() -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
+import shlex
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,26 +20,83 @@ from lab3_usd.commands.steps.options import (
     with_config,
 )
 from lab3_usd.commands.steps.reporting import selected_findings
-from lab3_usd.errors import UsageError
-from lab3_usd.files import refuse_existing, write_whole
+from lab3_usd.errors import Lab3Error, UsageError
+from lab3_usd.files import (
+    original_of,
+    refuse_existing,
+    refuse_shared,
+    replace_files,
+    write_whole,
+)
 from lab3_usd.fix.repairing import USELESS, Fixed, FixOptions, check_result, fix_linted, fix_stage
 from lab3_usd.judge.entries import JudgeSettings, checkpoint_at
+from lab3_usd.judge.lint import find_stages as find_linted
 from lab3_usd.model.finding import Finding, site_of
 from lab3_usd.report.safe_text import visible
 from lab3_usd.spec.isaac import BASE
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.submission import named_checkpoint
 
 _TEXT = b"#usda"
+_LINE = re.compile("[^\n]*\n|[^\n]+")  # as patch reads lines: nothing else ends one
 
 
-def run(stage: Path, options: Mapping[str, Any]) -> int:
-    """Repair a stage, write and print what was asked for, and return the exit status.
+def run(paths: Sequence[str], options: Mapping[str, Any]) -> int:
+    """Repair stages, write and print what was asked for, and return the exit status.
 
     Raises:
         UsageError: the options do not go together, or a file cannot be written.
-        StageError: the stage cannot be opened.
+        StageError: the only stage cannot be opened.
     """
-    _check_options(stage, options)
+    stages = [stage for path in paths for stage in _stages(Path(path), options)]
+    _check_options(stages, options)
+    if len(stages) == 1:
+        return _fix(stages[0], options)
+    return max(_fix_one_of_several(stage, options) for stage in stages)
+
+
+def _fix_one_of_several(stage: Path, options: Mapping[str, Any]) -> int:
+    try:
+        return _fix(stage, options)
+    except Lab3Error as error:  # which the other stages do not wait for
+        click.echo(f"lab3: {visible(str(error))}", err=True)
+        return 2
+
+
+def _stages(path: Path, options: Mapping[str, Any]) -> Iterator[Path]:
+    """Yield a stage, or those in and below a folder that can be judged."""
+    if not path.is_dir():
+        yield path
+        return
+    files = [Path(entry.path) for entry in find_linted(str(path))]
+    if not options["lint"] and options["checkpoint"] is None:
+        files = [file for file in files if named_checkpoint(file.name, load_lab().files)]
+    if not files:
+        raise UsageError(f"{path}: holds no stage of a checkpoint, nor does a folder in it")
+    yield from files
+
+
+def _check_options(stages: Sequence[Path], options: Mapping[str, Any]) -> None:
+    ways = [name for name in ("diff", "output", "in_place") if options[name]]
+    if len(ways) > 1:
+        raise UsageError("--diff, --output and --in-place exclude each other")
+    if options["release"] is not None and not options["lint"]:
+        raise UsageError("--isaac goes with --lint")
+    for stage in stages:
+        if not stage.is_file():
+            raise UsageError(f"{stage}: there is no such file")
+    output = options["output"]
+    if output is None:
+        return
+    if len(stages) > 1:
+        raise UsageError("--output goes with one stage; use --in-place")
+    if output.suffix.lower() != stages[0].suffix.lower():
+        raise UsageError(f"{output}: must end in {stages[0].suffix}, as the stage does")
+    if output.exists() and output.samefile(stages[0]):
+        raise UsageError(f"{output}: is the stage itself; use --in-place")
+
+
+def _fix(stage: Path, options: Mapping[str, Any]) -> int:
     settings = FixOptions(
         unsafe=options["unsafe"],
         root_only=options["output"] is not None,
@@ -55,63 +114,52 @@ def run(stage: Path, options: Mapping[str, Any]) -> int:
     if options["diff"]:
         for line in _diffs(fixed):
             click.echo(line, nl=False)
-    else:
-        _write(stage, fixed, options)
-        _print_findings(stage, fixed, options)
-    remain = any(finding.severity == "error" or finding.fix is not None for finding in fixed.left)
-    return 1 if remain else 0
-
-
-def _check_options(stage: Path, options: Mapping[str, Any]) -> None:
-    ways = [name for name in ("diff", "output", "in_place") if options[name]]
-    if len(ways) > 1:
-        raise UsageError("--diff, --output and --in-place exclude each other")
-    if options["release"] is not None and not options["lint"]:
-        raise UsageError("--isaac goes with --lint")
-    if not stage.is_file():
-        raise UsageError(f"{stage}: there is no such file")
-    output = options["output"]
-    if output is not None and output.suffix.lower() != stage.suffix.lower():
-        raise UsageError(f"{output}: must end in {stage.suffix}, as the stage does")
-    if output is not None and output.exists() and output.samefile(stage):
-        raise UsageError(f"{output}: is the stage itself; use --in-place")
-
-
-def _diffs(fixed: Fixed) -> Iterator[str]:
-    """Yield a unified diff of each text file; of others it is said that they differ."""
-    for path, data in fixed.files.items():
-        name, old = _shown(path), path.read_bytes()
-        if not data.startswith(_TEXT):
-            yield f"Binary file {name} differs\n"
-            continue
-        before, after = (text.decode().splitlines(keepends=True) for text in (old, data))
-        yield from difflib.unified_diff(before, after, name, name)
-
-
-def _write(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> None:
+        return 1 if fixed.files else 0
     if options["output"] is not None:
         data = next(iter(fixed.files.values()), stage.read_bytes())
         refuse_existing(options["output"], force=options["force"])
         check_result(fixed, data, options["output"])
         write_whole(options["output"], data, force=options["force"])
         click.echo(f"written: {_shown(options['output'])}")
-    if options["in_place"]:
+    elif options["in_place"]:
         _replace(fixed, keep=not options["no_orig"], force=options["force"])
+    _print_findings(stage, fixed, options)
+    is_preview = not (options["output"] or options["in_place"]) and fixed.files
+    remain = any(finding.severity == "error" or finding.fix is not None for finding in fixed.left)
+    return 1 if remain or is_preview else 0
+
+
+def _diffs(fixed: Fixed) -> Iterator[str]:
+    """Yield a unified diff of each text file; of others it is said that they differ."""
+    for path, data in fixed.files.items():
+        name, old = _shown(path), fixed.states[path].content
+        if not data.startswith(_TEXT):
+            yield f"Binary file {name} differs\n"
+            continue
+        before, after = (_LINE.findall(content.decode()) for content in (old, data))
+        for line in difflib.unified_diff(before, after, f"a/{name}", f"b/{name}"):
+            yield line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
 
 
 def _replace(fixed: Fixed, *, keep: bool, force: bool) -> None:
     """Replace the files of a stage, after the last of them was checked."""
     for path, data in fixed.files.items():
+        if not force:
+            refuse_shared(path)
         check_result(fixed, data, path)
-    for path in fixed.files if keep else ():
-        original = path.with_name(f"{path.name}.orig")
-        write_whole(original, path.read_bytes(), force=force)
-        original.chmod(path.stat().st_mode)
-    for path, data in fixed.files.items():
-        mode = path.stat().st_mode
-        write_whole(path, data, force=True)
-        path.chmod(mode)
-        click.echo(f"written: {_shown(path)}")
+    originals = {path: original_of(path) for path in fixed.files} if keep else {}
+    try:
+        for path, original in originals.items():
+            write_whole(original, fixed.states[path].content, force=False)
+            original.chmod(path.stat().st_mode)
+        replace_files(fixed.files, fixed.states)
+    except Lab3Error:
+        for original in originals.values():
+            original.unlink(missing_ok=True)
+        raise
+    for path in fixed.files:
+        kept = f", the old one is {_shown(originals[path])}" if keep else ""
+        click.echo(f"written: {_shown(path)}{kept}")
 
 
 def _shown(path: Path) -> str:
@@ -119,15 +167,17 @@ def _shown(path: Path) -> str:
 
 
 def _print_findings(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> None:
+    written = options["output"] is not None or options["in_place"]
     for finding in fixed.repaired:
-        click.echo(f"repaired {_line(finding)}")
+        click.echo(f"{'repaired' if written else 'would repair'} {_line(finding)}")
     for finding in fixed.left:
         why = _why_left(finding, fixed, unsafe=options["unsafe"])
         click.echo(f"{why} {finding.severity} {_line(finding)}")
-    written = options["output"] is not None or options["in_place"]
-    hint = "" if written or not fixed.files else "; give --diff, --output or --in-place"
-    counts = f"{len(fixed.repaired)} repaired, {len(fixed.left)} left"
-    click.echo(f"{_shown(stage)}: {counts}{hint}")
+    done = "repaired" if written else "would be repaired"
+    click.echo(f"{_shown(stage)}: {len(fixed.repaired)} {done}, {len(fixed.left)} left")
+    if fixed.files and not written:
+        switches = "".join(f" --{name}" for name in ("lint", "unsafe") if options[name])
+        click.echo(f"to repair: lab3 fix {shlex.quote(_shown(stage))}{switches} --in-place")
 
 
 def _why_left(finding: Finding, fixed: Fixed, *, unsafe: bool) -> str:
@@ -145,7 +195,7 @@ def _line(finding: Finding) -> str:
 
 
 @click.command("fix")
-@click.argument("stage", type=click.Path(path_type=Path))
+@click.argument("paths", nargs=-1, required=True, metavar="STAGE...")
 @click.option("--checkpoint", metavar="NN", help="Judge at this checkpoint, whatever the name.")
 @click.option("--starter", type=click.Path(), help="Take what is missing from this starter.")
 @click.option("--lint", is_flag=True, help="Repair what lab3 lint finds, without a spec.")
@@ -155,21 +205,26 @@ def _line(finding: Finding) -> str:
 @click.option(
     "--output", "-o", type=click.Path(path_type=Path), help="Write the repaired stage here."
 )
-@click.option("--in-place", is_flag=True, help="Replace the file; the old one stays as NAME.orig.")
+@click.option("--in-place", is_flag=True, help="Replace the file; the old one stays, as NAME.orig.")
 @click.option("--no-orig", is_flag=True, help="With --in-place: keep no NAME.orig.")
-@click.option("--force", is_flag=True, help="Replace an output or a NAME.orig that exists.")
+@click.option(
+    "--force",
+    is_flag=True,
+    help="Replace an output that exists, or a read-only, linked or foreign file.",
+)
 @click.option(
     "--select", multiple=True, metavar="RULES", help="Only these rules (W01) or families (W)."
 )
 @click.option("--ignore", multiple=True, metavar="RULES", help="Not these rules or families.")
 @assets_option
 @config_options
-def command(stage: Path, **options: Any) -> None:
-    """Repair a stage.
+def command(paths: tuple[str, ...], **options: Any) -> None:
+    """Repair stages.
 
     Values, connections, targets, types and schemas are repaired; prims are added, removed and
-    moved with --unsafe only. In a text stage no other line changes. Without --diff, --output or
+    moved with --unsafe only. In a text stage no other line changes. Of a folder all stages are
+    repaired whose names give a checkpoint; with --lint, all. Without --diff, --output or
     --in-place the repairs are only listed. Exit status: 0 nothing is left, 1 errors or repairs
-    are left, 2 wrong usage.
+    are left, or would be made, 2 wrong usage; with --diff 1 where something would change.
     """
-    sys.exit(run(stage, with_config([str(stage)], options)))
+    sys.exit(run(paths, with_config(paths, options)))

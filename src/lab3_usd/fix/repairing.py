@@ -15,13 +15,13 @@ from lab3_usd.check.lint import lint
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.files import temporary_beside
+from lab3_usd.files import FileState, read_state, temporary_beside
 from lab3_usd.fix.text_editor import new_bytes
 from lab3_usd.judge.lint import lint_lab
 from lab3_usd.judge.results import without_noted
 from lab3_usd.judge.stage import checkpoint_of
 from lab3_usd.judge.starter import open_against_starter, open_starter
-from lab3_usd.model.changes import MovePrim, Repair, TextChange
+from lab3_usd.model.changes import MovePrim, RemovePrim, Repair, TextChange
 from lab3_usd.model.finding import Finding, Report, Score, Site, StageResult, ordered, site_of
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -44,12 +44,14 @@ Changes = Mapping[tuple[str, Site], tuple[TextChange, ...]]
 class Attempt(Struct, frozen=True):
     """What came of some repairs: the findings afterwards, and the new bytes of each file.
 
-    `error` says why the result cannot be used; '' where it can.
+    `states` are the files as they were read. `error` says why the result cannot be used; '' where
+    it can.
     """
 
     after: tuple[Finding, ...]
     repairs: tuple[Repair, ...] = ()
     files: dict[Path, bytes] = {}
+    states: dict[Path, FileState] = {}
     error: str = ""
 
 
@@ -76,8 +78,8 @@ class FixOptions(Struct, frozen=True):
 class Fixed(Struct, frozen=True):
     """What came of a repair: the findings before and after, and the new bytes of each file.
 
-    `left_out` says why a repair was not made. `judge_again` judges the stage in another file as
-    this one was judged.
+    `states` are the files as they were read, `left_out` says why a repair was not made, and
+    `judge_again` judges the stage in another file as this one was judged.
     """
 
     root: Path
@@ -85,6 +87,7 @@ class Fixed(Struct, frozen=True):
     after: tuple[Finding, ...]
     repairs: tuple[Repair, ...]
     files: dict[Path, bytes]
+    states: dict[Path, FileState]
     left_out: dict[Site, str]
     judge_again: Callable[[Path], tuple[Finding, ...]]
 
@@ -143,6 +146,13 @@ def fix_linted(path: Path, release: str, options: FixOptions) -> Fixed:
     return _fixed(path, lint_stage, lab, lab.checkpoints[lab.first], options)
 
 
+def _state(path: Path) -> FileState:
+    try:
+        return read_state(path)
+    except OSError as error:
+        raise StageError(f"{path}: cannot be read ({error.strerror})") from error
+
+
 def _findings_of(file: Path, judged: Judgement | RuleResults) -> tuple[Finding, ...]:
     if judged.crashes:
         raise StageError(f"{file}: rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}")
@@ -161,6 +171,7 @@ def _fixed(
         raise StageError(
             f"{path}: is a package, which is not repaired; unpack it and repair its stage"
         )
+    root = _state(path)
     stage = open_stage(path)
 
     def findings_in(file: Path, stage: Any) -> tuple[Finding, ...]:
@@ -177,7 +188,7 @@ def _fixed(
 
     def attempt(kept: frozenset[Site]) -> Attempt:
         session, left_out = replace(first, edited={}), frozenset(sites) - kept
-        return _attempt(session, options, left_out, before, lambda: findings_in(path, stage))
+        return _attempt(session, options, left_out, before, root, lambda: findings_in(path, stage))
 
     chosen = most_helpful(tuple(sites), attempt)
     return Fixed(
@@ -186,6 +197,7 @@ def _fixed(
         after=chosen.attempt.after,
         repairs=chosen.attempt.repairs,
         files=chosen.attempt.files,
+        states=chosen.attempt.states,
         left_out=chosen.left_out,
         judge_again=lambda copy: findings_in(copy, open_stage(copy)),
     )
@@ -201,6 +213,7 @@ def _attempt(
     options: FixOptions,
     left_out: frozenset[Site],
     before: tuple[Finding, ...],
+    root: FileState,
     findings_now: Callable[[], tuple[Finding, ...]],
 ) -> Attempt:
     """Repair until nothing but `left_out` remains; the layers then hold what they held before."""
@@ -209,19 +222,44 @@ def _attempt(
         for _ in range(_ROUNDS):
             findings = (finding for finding in after if site_of(finding) not in left_out)
             repairs = [repair for finding in findings if (repair := _repair_of(finding, options))]
+            repairs = [
+                repair for repair in repairs if not _deletes_what_waits(repair, after, session)
+            ]
             _make_edits(session, repairs)
             made.update(dict.fromkeys(repairs))
             before_edits, after = after, findings_now() if repairs else after
             if after == before_edits:
                 break
-        edited = session.edited.values()
-        files = {Path(layer.layer.realPath): new_bytes(layer) for layer in edited}
-        changed = {path: data for path, data in files.items() if path.read_bytes() != data}
-        return Attempt(after, tuple(made), changed)
+        edited = {Path(layer.layer.realPath): layer for layer in session.edited.values()}
+        root_path = Path(session.stage.GetRootLayer().realPath)
+        states = {path: root if path == root_path else read_state(path) for path in edited}
+        files = {path: new_bytes(layer, states[path].content) for path, layer in edited.items()}
+        changed = {path: data for path, data in files.items() if states[path].content != data}
+        return Attempt(after, tuple(made), changed, states)
     except StageError as error:
         return Attempt(before, error=str(error))
     finally:
         session.close()
+
+
+def _deletes_what_waits(repair: Repair, findings: Iterable[Finding], session: EditSession) -> bool:
+    """Whether a repair deletes a node while an error names a prim above it.
+
+    Once that is repaired the node may be right where it is.
+    """
+    node_type = session.lab.catalog.graph.node_type
+    nodes = [
+        edit.prim
+        for edit in repair.edits
+        if isinstance(edit, RemovePrim)
+        and session.stage.GetPrimAtPath(edit.prim).GetTypeName() == node_type
+    ]
+    return any(
+        is_at_or_below(node.rpartition("/")[0], finding.prim)
+        for node in nodes
+        for finding in findings
+        if finding.severity == "error" and finding.prim != "/" and finding.fix != repair
+    )
 
 
 def _make_edits(session: EditSession, repairs: Iterable[Repair]) -> None:
@@ -317,7 +355,7 @@ def check_result(fixed: Fixed, data: bytes, target: Path) -> None:
         StageError: no stage can be opened from them, or there is more to find than before.
         UsageError: nothing can be written there.
     """
-    is_whole = {*fixed.files} <= {fixed.root.resolve()}
+    is_whole = {path.resolve() for path in fixed.files} <= {fixed.root.resolve()}
     try:
         temporary = temporary_beside(target, target.suffix)
     except OSError as error:
@@ -384,8 +422,9 @@ def _lines(session: EditSession, repair: Repair, path: str) -> Iterator[TextChan
 
 
 def _hunks(edited: EditedLayer, name: str) -> Iterator[TextChange]:
-    before = Path(edited.layer.realPath).read_bytes().decode().splitlines(keepends=True)
-    after = new_bytes(edited).decode().splitlines(keepends=True)
+    content = Path(edited.layer.realPath).read_bytes()
+    before = content.decode().splitlines(keepends=True)
+    after = new_bytes(edited, content).decode().splitlines(keepends=True)
     matcher = difflib.SequenceMatcher(None, before, after, autojunk=False)
     for kind, first, last, start, stop in matcher.get_opcodes():
         if kind != "equal":

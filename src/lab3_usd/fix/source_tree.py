@@ -173,3 +173,19 @@ def _value_end(text: str, pos: int) -> int:
         return group_end(text, pos)
     atom = _ATOM.match(text, pos)
     return atom.end() if atom else pos + 1
+
+
+def list_items(text: str) -> list[tuple[int, int]] | None:
+    """Return where the items of a list stand in its text; None for any other value."""
+    if not text.startswith("["):
+        return None
+    items = []
+    pos, last = after_blank(text, 1), group_end(text, 0) - 1
+    while pos < last:
+        items.append((pos, _value_end(text, pos)))
+        pos = after_blank(text, items[-1][1])
+        if text.startswith(",", pos):
+            pos = after_blank(text, pos + 1)
+        elif pos < last:
+            return None
+    return items

@@ -6,13 +6,22 @@ the same in both is not touched; of one that differs, only the part that differs
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from lab3_usd.errors import StageError
-from lab3_usd.fix.source_tree import ROOT, Block, Statement, parent_path, read_blocks, read_metadata
+from lab3_usd.fix.source_tree import (
+    ROOT,
+    Block,
+    Statement,
+    list_items,
+    parent_path,
+    read_blocks,
+    read_metadata,
+)
 from lab3_usd.stage.edit.session import (
     EditedLayer,
     child_names,
@@ -56,18 +65,18 @@ class PrimChange(NamedTuple):
     after: str | None
 
 
-def new_bytes(edited: EditedLayer) -> bytes:
-    """Return what the file of an edited layer is to hold.
+def new_bytes(edited: EditedLayer, content: bytes) -> bytes:
+    """Return what the file of an edited layer is to hold; `content` is what it holds.
 
     Raises:
         StageError: the text cannot be made to say what the edits ask for.
     """
     path = Path(edited.layer.realPath)
     if same_content(edited.before, edited.layer):
-        return path.read_bytes()
+        return content
     if not is_text(edited.layer):
         return crate_bytes(edited.layer)
-    text = new_text(path.read_bytes().decode(), edited)
+    text = new_text(content.decode(), edited)
     written = layer_from(text)
     if written is None or not same_content(written, edited.layer):
         raise StageError(f"{path}: the repaired text does not say what the repairs ask for")
@@ -251,11 +260,69 @@ def _changed(text: str, own: Statement, old: _Parts, new: _Parts) -> Iterator[Sp
         yield Splice(own.start, own.head, new[0])
     at = own.head
     if old[1] != new[1]:
-        yield _part(own.value, at, new[1], " = ")
+        items = _changed_items(text, own, old[1], new[1])
+        yield from items or [_part(own.value, at, new[1], " = ")]
     at = own.value[1] if own.value else at
     if old[2] != new[2]:
         meta = reindented(new[2], 0, len(new[2]), indent_at(text, own.start)).lstrip()
         yield _part(own.meta, at, meta, " ")
+
+
+def _changed_items(text: str, own: Statement, old: str, new: str) -> list[Splice]:
+    """Replace, add and take out the items of a list that differ, so that its comments stay.
+
+    Empty where the value is no list with comments, or not the list that is rendered as `old`.
+    """
+    start, stop = own.value or (0, 0)
+    is_commented = any(piece[0][0] in "#/" for piece in _OPAQUE.finditer(text, start, stop))
+    spans = list_items(text[start:stop]) if is_commented else None
+    before, after = (_items(value) for value in (old, new))
+    if not spans or not after or len(before) != len(spans):
+        return []
+    matcher = difflib.SequenceMatcher(None, before, after, autojunk=False)
+    splices = []
+    for kind, first, last, begin, end in matcher.get_opcodes():
+        if kind == "equal":
+            continue
+        common = min(last - first, end - begin)
+        for (at, to), item in zip(spans[first:], after[begin : begin + common], strict=False):
+            splices.append(Splice(start + at, start + to, item))
+        added = after[begin + common : end]
+        if added and first + common:
+            at = start + spans[first + common - 1][1]
+            splices.append(Splice(at, at, "".join(f", {item}" for item in added)))
+        elif added:
+            at = start + spans[0][0]
+            splices.append(Splice(at, at, "".join(f"{item}, " for item in added)))
+        splices += (
+            _without_item(text, start, spans, index) for index in range(first + common, last)
+        )
+    return splices
+
+
+def _items(value: str) -> list[str]:
+    """Return the items of a rendered list; usd-core writes one target without brackets."""
+    spans = list_items(value)
+    return [value] if spans is None else [value[at:to] for at, to in spans]
+
+
+def _without_item(text: str, start: int, spans: list[tuple[int, int]], index: int) -> Splice:
+    """Take an item out of a list with the comma behind it, the last one with that before it."""
+    at, to = start + spans[index][0], start + spans[index][1]
+    rest = text[to:]
+    behind = len(rest) - len(rest.lstrip(" \t"))
+    if rest[behind:].startswith(","):
+        close = to + behind + 1
+        line = line_start(text, at)
+        end = text.find("\n", close)
+        if not text[line:at].strip() and end >= 0 and not text[close:end].strip():
+            return Splice(line, end + 1, "")
+        return Splice(at, close + (text[close : close + 1] == " "), "")
+    comma = text.rfind(",", start, at)
+    is_between = comma >= start + (spans[index - 1][1] if index else 0)
+    if index and is_between and not text[comma + 1 : at].strip():
+        return Splice(comma, to, "")
+    return Splice(at, to, "")
 
 
 def _split(text: str, statement: Statement) -> _Parts:

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from lab3_usd.config.settings import Config, matching
 from lab3_usd.errors import UsageError
-from lab3_usd.judge.results import STAGE_ENDINGS, Entry, Results, crashed, with_findings
+from lab3_usd.judge.results import Entry, Results, crashed, is_stage_file, with_findings
 from lab3_usd.judge.stage import check_stage, checkpoint_of
 from lab3_usd.model.finding import Submission
 from lab3_usd.spec.lab import Lab
@@ -55,7 +55,7 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Entry]:
     if is_submission(Path(path)):
         yield Entry(path, is_submission=True)
         return
-    files = sorted(file for file in Path(path).iterdir() if file.suffix.lower() in STAGE_ENDINGS)
+    files = sorted(file for file in Path(path).iterdir() if is_stage_file(file.name))
     if not files:
         raise UsageError(f"{path}: holds no stage and is no submission")
     for file in files:

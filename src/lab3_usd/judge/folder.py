@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
 from lab3_usd.errors import StageError
+from lab3_usd.files import is_original
 from lab3_usd.judge.files import (
     FolderContents,
     judge_maps,
@@ -65,15 +66,22 @@ class FolderResult(Struct, frozen=True):
 
 
 def is_submission(folder: Path) -> bool:
-    """Whether a folder is a submission: it has the folder of stages, or several of the stages."""
+    """Whether a folder is a submission: it has the folder of stages, or several of the stages.
+
+    Hidden files, which are none of the student's, and the originals that repairs keep do not count.
+    """
     lab = load_lab()
     if folder_named(folder, lab.submission.folders.stages):
         return True
     try:
-        numbered = [path for path in folder.iterdir() if named_checkpoint(path.name, lab.files)]
+        names = [path.name for path in folder.iterdir() if not _is_aside(path.name)]
     except OSError:
         return False
-    return len(numbered) > 1
+    return len([name for name in names if named_checkpoint(name, lab.files)]) > 1
+
+
+def _is_aside(name: str) -> bool:
+    return name.startswith(".") or is_original(name)
 
 
 def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:

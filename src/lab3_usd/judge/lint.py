@@ -15,10 +15,10 @@ from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.judge.results import (
-    STAGE_ENDINGS,
     Entry,
     Results,
     crashed,
+    is_stage_file,
     located,
     unreadable,
     verdict_of,
@@ -172,9 +172,7 @@ def find_stages(path: str) -> Iterator[Entry]:
     files: list[Path] = []
     for folder, folders, names in os.walk(path):
         folders[:] = [name for name in folders if not name.startswith(".")]
-        files += (
-            Path(folder, name) for name in names if Path(name).suffix.lower() in STAGE_ENDINGS
-        )
+        files += (Path(folder, name) for name in names if is_stage_file(name))
     if not files:
         raise UsageError(f"{path}: holds no stage, nor does a folder in it")
     yield from (Entry(str(file)) for file in sorted(files))

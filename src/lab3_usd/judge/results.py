@@ -25,6 +25,13 @@ from lab3_usd.model.finding import (
 
 UNREADABLE, UNUSED = "F01", "F06"
 STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")
+
+
+def is_stage_file(name: str) -> bool:
+    """Whether a file of this name in a folder is a stage; hidden files are left by programs."""
+    return not name.startswith(".") and name.lower().endswith(STAGE_ENDINGS)
+
+
 _WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint"})
 _WITH_SPEC: frozenset[Scope] = frozenset({"model", "graph", "stage", "frames", "outcome"})
 

@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 
 from msgspec.structs import replace
 
+from lab3_usd.files import is_original
 from lab3_usd.model.folder import Entry, Listing, StageFile
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.submission import (
@@ -31,7 +32,8 @@ _NOT_OURS = "__MACOSX"
 def list_submission(root: Path, lab: Lab, spec: SubmissionSpec) -> Listing:
     """List what a folder holds and which file stands for what.
 
-    Hidden files are left out. Links are followed to files inside the folder only.
+    Hidden files are left out, and the originals that repairs keep. Links are followed to files
+    inside the folder only.
     """
     listed: list[Entry] = []
     folders = spec.folders
@@ -85,7 +87,7 @@ def _entries(
         yield Entry("/".join(below) or ".", f"the folder cannot be read ({error.strerror})")
         return
     for entry in inside:
-        if entry.name.startswith(".") or entry.name == _NOT_OURS:
+        if entry.name.startswith(".") or entry.name == _NOT_OURS or is_original(entry.name):
             continue
         names = (*below, entry.name)
         if entry.is_dir(follow_symlinks=False):

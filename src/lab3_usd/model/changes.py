@@ -71,6 +71,13 @@ class Activate(Struct, frozen=True, tag="activate", tag_field="edit"):
     prim: str
 
 
+class SetType(Struct, frozen=True, tag="set-type", tag_field="edit"):
+    """Give a prim another type; what is in it and below it stays."""
+
+    prim: str
+    type: str
+
+
 class Restore(Struct, frozen=True, tag="restore", tag_field="edit"):
     """Make a prim, or one property of it, what it is in the starter or as the lab adds it."""
 
@@ -115,6 +122,7 @@ Edit: TypeAlias = (
     | ApplySchema
     | RemoveSchema
     | Activate
+    | SetType
     | Restore
     | AddNode
     | AddGraph

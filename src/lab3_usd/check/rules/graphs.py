@@ -6,7 +6,15 @@ from collections.abc import Iterator, Sequence
 
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.model.changes import Activate, AddGraph, Edit, MovePrim, RemovePrim, SetValue
+from lab3_usd.model.changes import (
+    Activate,
+    AddGraph,
+    Edit,
+    MovePrim,
+    RemovePrim,
+    SetType,
+    SetValue,
+)
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel, StageModel
@@ -50,12 +58,17 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
 
 
 def _way_back(subject: GraphSubject) -> Iterator[Edit]:
-    """Yield how to get a graph back; a prim of another kind at its path stays."""
+    """Yield how to get a graph back; a prim of another kind at its path stays.
+
+    One that holds nodes is a graph that lost its type.
+    """
     prim = subject.stage.prims.get(subject.spec.path)
     if prim is None:
         yield AddGraph(subject.spec.path, subject.spec.name)
     elif not prim.present:
         yield Activate(prim.path)
+    elif any(node.path.rpartition("/")[0] == prim.path for node in subject.stage.orphans):
+        yield SetType(prim.path, subject.lab.catalog.graph.type)
 
 
 def _why_missing(subject: GraphSubject) -> str:

@@ -20,6 +20,7 @@ from lab3_usd.model.changes import (
     RemoveSchema,
     RenameProperty,
     Retarget,
+    SetType,
     SetValue,
 )
 from lab3_usd.spec.values import are_alike
@@ -201,6 +202,11 @@ def _schema_items(spec: Sdf.PrimSpec) -> Sdf.TokenListOp:
 def _applied(session: EditSession, path: str) -> list[str]:
     prim = session.stage.GetPrimAtPath(path)
     return list(prim.GetPrimTypeInfo().GetAppliedAPISchemas()) if prim else []
+
+
+def set_type(session: EditSession, edit: SetType) -> None:
+    """Give a prim a type in the layer that says the most of it."""
+    session.prim_spec(session.prim_layer(edit.prim), edit.prim).typeName = edit.type
 
 
 def activate(session: EditSession, edit: Activate) -> None:

@@ -22,6 +22,7 @@ from lab3_usd.stage.edit.prims import (
     remove_schema,
     rename_property,
     set_targets,
+    set_type,
     set_typed,
     set_value,
 )
@@ -217,6 +218,7 @@ _EDITORS: Mapping[type, Callable[[EditSession, Any], None]] = {
     changes.ApplySchema: apply_schema,
     changes.RemoveSchema: remove_schema,
     changes.Activate: activate,
+    changes.SetType: set_type,
     changes.Restore: restore,
     changes.AddNode: add_node,
     changes.AddGraph: add_graph,

@@ -5,6 +5,7 @@ Prims are rendered as usd-core writes them.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,6 @@ from typing import Any
 from msgspec import Struct, field
 from pxr import Sdf, Usd
 
-from lab3_usd.files import temporary_beside
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.stage.write.builder import checkpoint_layer
 
@@ -57,12 +57,10 @@ def is_text(layer: Sdf.Layer) -> bool:
 
 def crate_bytes(layer: Sdf.Layer) -> bytes:
     """Return a layer in the binary form."""
-    path = temporary_beside(Path(layer.realPath), ".usdc")
-    try:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "layer.usdc"
         layer.Export(str(path), args={"format": "usdc"})
         return path.read_bytes()
-    finally:
-        path.unlink(missing_ok=True)
 
 
 def render_prim(layer: Sdf.Layer, path: str) -> str:
