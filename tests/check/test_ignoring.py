@@ -127,6 +127,8 @@ def test_a_note_for_check_is_none_that_lint_finds_unused(tmp_path: Path) -> None
         ("# lab3: ignore[P99]", "there is no such rule"),
         ("# lab3: ignore", "it names no rule"),
         ("# lab3: ignore[]", "it names no rule"),
+        ("# as measured, lab3: ignore[P01]", "a note begins its comment"),
+        ("# lab3 ignore[P01]", "a note begins its comment"),
     ],
 )
 def test_a_comment_that_ignores_nothing_is_a_warning_at_its_line(
@@ -136,6 +138,11 @@ def test_a_comment_that_ignores_nothing_is_a_warning_at_its_line(
     assert [each for each in told(wrong) if each[0] != UNUSED] == BOTH
     printed = lab3("check", "--format", "concise", "--select", UNUSED, wrong).stdout
     assert re.match(rf".*usda:{line}:\d+: F06 ignore\[.*\] ignores nothing: {why}", printed)
+
+
+def test_a_comment_that_speaks_of_the_lab_is_no_note(wrong: Path) -> None:
+    put_comment(wrong, "# in lab3 we ignore this")
+    assert told(wrong) == BOTH
 
 
 def test_a_comment_in_a_sublayer_is_heeded(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from lab3_usd.commands.config import _DEFAULTS
 from lab3_usd.config.files import find_file
 from lab3_usd.config.settings import _KEYS, Config, config_for, load_config
 from lab3_usd.data import LAB_VARIABLE, data_folder
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.stage.write.starter import build_starter
 
@@ -106,6 +107,29 @@ def test_several_configurations_in_one_call_are_wrong_use(wrong: Path) -> None:
         config_for([str(wrong), str(other)])
     chosen = set_up(wrong.parents[1], 'ignore = ["P01"]', "other.toml")
     assert found("--config", chosen, wrong, other) == {("W01", "error")}
+
+
+def test_a_hidden_file_counts_before_an_open_one(wrong: Path) -> None:
+    (wrong.parent / "lab3.toml").write_text('ignore = ["P"]')
+    (wrong.parent / ".lab3.toml").write_text('ignore = ["W"]')
+    assert found(wrong) == {("P01", "error")}
+
+
+@pytest.mark.parametrize("command", [("check",), ("lint",), ("fix", "--in-place")])
+@pytest.mark.parametrize("pattern", ["spoilt", "Lab3_02*spoilt.usda", "work/spoilt/*"])
+@pytest.mark.parametrize("key", ["exclude", "extend-exclude"])
+def test_what_is_excluded_is_passed_over_in_folders(
+    wrong: Path, key: str, pattern: str, command: tuple[str, ...]
+) -> None:
+    folder = wrong.parent / "spoilt"
+    folder.mkdir()
+    spoilt = folder / "Lab3_02_ros_drive_spoilt.usda"
+    spoilt.write_text("no stage")
+    (wrong.parents[1] / "lab3.toml").write_text(f'{key} = ["{pattern}"]')
+    result = lab3(*command, wrong.parent)
+    assert "spoilt" not in result.output
+    with pytest.raises(Lab3Error) if command[0] == "fix" else nullcontext():
+        assert "spoilt" in lab3(*command, spoilt).output
 
 
 def test_isolated_uses_none(wrong: Path) -> None:

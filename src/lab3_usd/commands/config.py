@@ -21,6 +21,8 @@ _DEFAULTS = {
     "maps": "none",
     "lab": "the bundled one",
     "assets": "where usd-core finds them",
+    "exclude": "nothing",
+    "extend-exclude": "nothing",
 }
 
 
@@ -30,8 +32,8 @@ _DEFAULTS = {
 def command(path: Path, config_file: str | None, *, isolated: bool) -> None:
     """Print the configuration with which PATH is checked, and where each value comes from.
 
-    It is the nearest lab3.toml, or pyproject.toml with a table [tool.lab3], in the folder of PATH
-    or above it.
+    It is the nearest .lab3.toml, lab3.toml, or pyproject.toml with a table [tool.lab3], in the
+    folder of PATH or above it.
     """
     from lab3_usd.config.settings import Config, config_for, load_config
 

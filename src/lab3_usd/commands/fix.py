@@ -68,7 +68,7 @@ def _stages(path: Path, options: Mapping[str, Any]) -> Iterator[Path]:
     if not path.is_dir():
         yield path
         return
-    files = [Path(entry.path) for entry in find_linted(str(path))]
+    files = [Path(entry.path) for entry in find_linted(str(path), options["config"])]
     if not options["lint"] and options["checkpoint"] is None:
         files = [file for file in files if named_checkpoint(file.name, load_lab().files)]
     if not files:

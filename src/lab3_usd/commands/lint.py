@@ -51,7 +51,7 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     )
     lint_lab(settings.release)  # which refuses an unknown one
     judge = Judge(
-        find=find_stages,
+        find=lambda path: find_stages(path, options["config"]),
         judge=lambda entries, jobs: lint_stages(entries, settings, jobs),
         module="lab3_usd.check.lint",
     )

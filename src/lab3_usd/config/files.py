@@ -1,4 +1,4 @@
-"""Finds and reads configuration files: `lab3.toml`, or `[tool.lab3]` in `pyproject.toml`."""
+"""Finds and reads configuration: `.lab3.toml`, `lab3.toml`, `[tool.lab3]` in `pyproject.toml`."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ from typing import Any
 
 from lab3_usd.errors import UsageError
 
-NAME, SHARED_NAME = "lab3.toml", "pyproject.toml"
+NAME, HIDDEN_NAME, SHARED_NAME = "lab3.toml", ".lab3.toml", "pyproject.toml"
 TOOL, TABLE = "tool", "lab3"
 
 
 def find_file(path: Path) -> Path | None:
     """Return the nearest configuration file in the folder of `path` or above it.
 
-    Of two in one folder `lab3.toml` counts. Called for every file that is checked: a folder
-    without any costs a look for each name.
+    Of several in one folder `.lab3.toml` counts first, as ruff has it, then `lab3.toml`. Called for
+    every file that is checked: a folder without any costs a look for each name.
     """
     start = path.absolute()
     for folder in (start, *start.parents):
-        own = folder / NAME
-        if own.is_file():
-            return own
+        for own in (folder / HIDDEN_NAME, folder / NAME):
+            if own.is_file():
+                return own
         shared = folder / SHARED_NAME
         try:
             content = shared.read_bytes() if shared.is_file() else b""

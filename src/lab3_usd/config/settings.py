@@ -20,7 +20,8 @@ class Config(Struct, frozen=True):
     """What is set: None or empty where nothing is.
 
     `file` holds it. `per_file_ignores` and `checkpoints` are by patterns of file names, or of
-    paths below the folder of `file`; `severity` is by rules and families, `assets` by addresses.
+    paths below the folder of `file`, as those of `exclude` and `extend_exclude` are; `severity` is
+    by rules and families, `assets` by addresses.
     """
 
     file: Path | None = None
@@ -33,6 +34,16 @@ class Config(Struct, frozen=True):
     maps: Path | None = None
     lab: Path | None = None
     assets: tuple[tuple[str, Path], ...] = ()
+    exclude: tuple[str, ...] = ()
+    extend_exclude: tuple[str, ...] = ()
+
+    def excludes(self, path: Path) -> bool:
+        """Whether a file that a folder holds is passed over: it, or a folder above it, is named."""
+        whole = path.absolute()
+        top = whole.parent if self.file is None else self.file.parent
+        named = [(pattern, True) for pattern in (*self.exclude, *self.extend_exclude)]
+        above = [folder for folder in whole.parents if named and folder.is_relative_to(top)]
+        return any(any(matching(named, str(item), self)) for item in (whole, *above))
 
 
 def config_for(paths: Iterable[str]) -> Config:
@@ -111,6 +122,12 @@ def _checkpoints(value: Any, where: str, _folder: Path) -> tuple[tuple[str, str]
     return tuple(value.items())
 
 
+def _patterns(value: Any, where: str, _folder: Path) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+        raise UsageError(f"{where} is {value!r}, expected a list of patterns of file names")
+    return tuple(value)
+
+
 def _assets(value: Any, where: str, folder: Path) -> tuple[tuple[str, Path], ...]:
     table = _table(value, where)
     return tuple((name, _path(place, f"{where}: {name}", folder)) for name, place in table.items())
@@ -126,6 +143,8 @@ _KEYS: dict[str, Callable[[Any, str, Path], Any]] = {
     "maps": _path,
     "lab": _path,
     "assets": _assets,
+    "exclude": _patterns,
+    "extend-exclude": _patterns,
 }
 
 

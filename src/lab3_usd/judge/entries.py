@@ -55,7 +55,11 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Entry]:
     if is_submission(Path(path)):
         yield Entry(path, is_submission=True)
         return
-    files = sorted(file for file in Path(path).iterdir() if is_stage_file(file.name))
+    files = sorted(
+        file
+        for file in Path(path).iterdir()
+        if is_stage_file(file.name) and not settings.config.excludes(file)
+    )
     if not files:
         raise UsageError(f"{path}: holds no stage and is no submission")
     for file in files:

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
+from lab3_usd.config.settings import Config
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.judge.results import (
     Entry,
@@ -158,7 +159,7 @@ def read_ros(path: Path) -> RosStage:
     return RosStage(subject, coverage, tuple(nodes_of_unknown_type(subject)))
 
 
-def find_stages(path: str) -> Iterator[Entry]:
+def find_stages(path: str, config: Config) -> Iterator[Entry]:
     """Yield what a path names: a stage, or the stages in a folder and below it.
 
     Folders whose names begin with a dot are left out, and links to folders are not followed.
@@ -172,7 +173,8 @@ def find_stages(path: str) -> Iterator[Entry]:
     files: list[Path] = []
     for folder, folders, names in os.walk(path):
         folders[:] = [name for name in folders if not name.startswith(".")]
-        files += (Path(folder, name) for name in names if is_stage_file(name))
+        here = (Path(folder, name) for name in names if is_stage_file(name))
+        files += (file for file in here if not config.excludes(file))
     if not files:
         raise UsageError(f"{path}: holds no stage, nor does a folder in it")
     yield from (Entry(str(file)) for file in sorted(files))

@@ -108,7 +108,9 @@ def without_noted(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[
 
 def _unused(note: IgnoreNote) -> Iterator[Finding]:
     why = "there is no such finding here"
-    if not note.rule:
+    if note.misspelt:
+        why = "a note begins its comment, as in # lab3: ignore[P01]"
+    elif not note.rule:
         why = "it names no rule"
     elif note.rule not in FAMILIES and note.rule not in all_rules():
         why = "there is no such rule"

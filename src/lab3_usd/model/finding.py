@@ -114,7 +114,7 @@ class IgnoreNote(Struct, frozen=True):
 
     A note in the custom data of a prim is about that prim and all below it, one of a property
     about that alone. A comment has no prim: it is about one `line` of a `layer`, and stands at
-    the line `written`.
+    the line `written`. One that is `misspelt` only looks like a note.
     """
 
     rule: str
@@ -123,6 +123,7 @@ class IgnoreNote(Struct, frozen=True):
     layer: str = ""
     line: int | None = None
     written: int | None = None
+    misspelt: bool = False
 
     def covers(self, finding: Finding) -> bool:
         """Whether the note is about a finding."""

@@ -60,6 +60,7 @@ _BODY = re.compile(r"[/{=}.]")  # around what can stand in the path of something
 _GROUP, _KEY = "lab3", "ignore"
 NAME = f"{_GROUP}:{_KEY}"
 _COMMENT = re.compile(r"#[ \t]*lab3:[ \t]*ignore\b(?:\[([^\]\r\n]*)\])?")
+_LIKE_A_NOTE = re.compile(r"\blab[ \t]?3[ \t]*[:=.-]?[ \t]*ignore\b")
 # Strings and paths of assets come first: what looks like a comment inside of them is none.
 _TOKEN = re.compile(
     rf"{STRING}|{ASSET}|{BLOCK_COMMENT}|(?P<comment>{LINE_COMMENT})", re.DOTALL | re.VERBOSE
@@ -199,13 +200,17 @@ def _bytes_of(layer: Sdf.Layer) -> bytes:
 
 def _comments(text: str, layer: str) -> Iterator[IgnoreNote]:
     """Yield the notes in comments: of the line that they end, else of the next that says more."""
-    if _COMMENT.search(text) is None:
+    if _LIKE_A_NOTE.search(text) is None:
         return
     lines = text.splitlines(keepends=True)
     starts = [*accumulate(map(len, lines), initial=0)]
     for token in _TOKEN.finditer(text):
-        note = _COMMENT.search(token["comment"] or "")
+        comment = token["comment"] or ""
+        note = _COMMENT.search(comment)
         if note is None:
+            if _LIKE_A_NOTE.search(comment):
+                line = bisect_right(starts, token.start())
+                yield IgnoreNote("", layer=layer, line=line, written=line, misspelt=True)
             continue
         number = about = bisect_right(starts, token.start())
         while about <= len(lines) and _ALONE.fullmatch(lines[about - 1].rstrip()):
