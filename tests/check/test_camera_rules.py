@@ -80,6 +80,11 @@ CHANGED: dict[str, tuple[Change, str]] = {
         author(CAMERA, "omni:lensdistortion:model", "Token", "opencvFisheye"),
         "omni:lensdistortion:model",
     ),
+    "shifted": (
+        author(CAMERA, "horizontalApertureOffset", "Float", 9.0),
+        "horizontalApertureOffset",
+    ),
+    "black": (author(CAMERA, "exposure", "Float", -30.0), "exposure"),
     "clipped": (
         author(CAMERA, "clippingPlanes", "Float4Array", [Gf.Vec4f(1, 0, 0, -2)]),
         "clippingPlanes",

@@ -23,6 +23,7 @@ from scene_changes import (
     Sabotage,
     aim,
     as_matrix,
+    author,
     clear,
     deactivate,
     define,
@@ -45,7 +46,7 @@ from scene_changes import (
     with_api,
     without_api,
 )
-from scene_sabotage import scene_sabotage, turned_floor
+from scene_sabotage import LIGHTS, scene_sabotage, turned_floor
 from scene_stages import built, findings_of, stage_rules, told
 
 from lab3_usd.check.requirements import demands_of, unmet_by
@@ -846,3 +847,17 @@ def test_a_root_that_does_not_fall_alone_may_be_a_body(change: Change) -> None:
     stage = built("05")
     several(with_api(ROBOT, "PhysicsRigidBodyAPI"), change)(stage)
     assert [rule for rule, _, _ in told(stage, "05") if rule == "S05"] == []
+
+
+def test_one_light_that_shines_is_enough() -> None:
+    stage = built("04")
+    for light in LIGHTS:
+        author(light, "inputs:intensity", "Float", 0.0)(stage)
+    define("/World/Lamp", "SphereLight")(stage)
+    assert told(stage, "04") == []
+
+
+def test_lights_below_a_prim_that_is_invisible_are_dark() -> None:
+    stage = built("04")
+    author("/Environment/Lights", "visibility", "Token", "invisible")(stage)
+    assert told(stage, "04") == [("S14", "/Environment/Lights", "visibility")]

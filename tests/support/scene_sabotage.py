@@ -17,6 +17,7 @@ from scene_changes import (
     Change,
     Sabotage,
     aim,
+    author,
     clear,
     collider,
     deactivate,
@@ -307,9 +308,12 @@ _GRAVITY = ("/physicsScene", "physics:gravityMagnitude")
 _PULL = ("/physicsScene", "physics:gravityDirection")
 
 
+LIGHTS = ("/Environment/Lights/Sun", "/Environment/Lights/Sky")
+
+
 def _world() -> list[Sabotage]:
     flag = "physics:collisionEnabled"
-    lights = several(remove("/Environment/Lights/Sun"), remove("/Environment/Lights/Sky"))
+    lights = several(*map(remove, LIGHTS))
     return [
         Sabotage("no ground", "00", remove("/Environment/GroundPlane"), ("/Environment", None)),
         Sabotage("ground off", "00", deactivate(FLOOR), (FLOOR, None)),
@@ -324,6 +328,18 @@ def _world() -> list[Sabotage]:
         Sabotage("environment off", "00", deactivate("/Environment"), ("/Environment", None)),
         Sabotage("no light", "04", lights, ("/Environment", None)),
         Sabotage("lights off", "04", deactivate("/Environment/Lights"), ("/Environment", None)),
+        Sabotage(
+            "lights invisible",
+            "04",
+            several(*(author(light, "visibility", "Token", "invisible") for light in LIGHTS)),
+            (LIGHTS[0], "visibility"),
+        ),
+        Sabotage(
+            "lights without intensity",
+            "04",
+            several(*(author(light, "inputs:intensity", "Float", 0.0) for light in LIGHTS)),
+            (LIGHTS[0], "inputs:intensity"),
+        ),
         Sabotage("no physics", "01", remove("/physicsScene"), ("/physicsScene", None)),
         Sabotage("physics off", "01", deactivate("/physicsScene"), ("/physicsScene", None)),
         Sabotage(

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.model.prims import Collider, Prim, is_at_or_below
+from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import Vector, scaled
 
 _SOLID = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone")  # whose boxes are as they are
 _SHAPES = (*_SOLID, "Mesh")
 _ROOM = 1.0  # metres to a side: what is larger around a sensor is a room, or the sky
-_HIDDEN = {"visibility": "invisible", "purpose": "guide"}
+INVISIBLE = {"visibility": "invisible"}
+_HIDDEN = {**INVISIBLE, "purpose": "guide"}
 
 
 def place_of(prim: Prim, subject: StageSubject) -> Vector | None:
@@ -67,17 +69,17 @@ def enclosing(sensor: Prim, subject: StageSubject) -> Iterator[Prim]:
             low < middle < high and high - low < 2 * _ROOM
             for low, middle, high in zip(box.low, at, box.high, strict=True)
         )
-        if is_around and not _is_hidden(prim, subject):
+        if is_around and hidden_by(prim, subject.stage) is None:
             yield prim
 
 
-def _is_hidden(prim: Prim, subject: StageSubject) -> bool:
-    """Whether a prim, or one above it, is not rendered."""
+def hidden_by(prim: Prim, stage: StageModel, hiding: Mapping[str, str] = _HIDDEN) -> Prim | None:
+    """Return the prim, itself or one above it, by whose value a prim is not rendered."""
     path = prim.path
     while path:
-        above = subject.stage.prim(path)
+        above = stage.prim(path)
         values = {} if above is None else above.attributes
-        if any(values.get(name) == value for name, value in _HIDDEN.items()):
-            return True
+        if any(values.get(name) == value for name, value in hiding.items()):
+            return above
         path = path.rpartition("/")[0]
-    return False
+    return None

@@ -211,8 +211,9 @@ def camera_aperture(subject: StageSubject) -> Iterator[Problem]:
 def camera_image(subject: StageSubject) -> Iterator[Problem]:
     """The image of the robot's camera is not a plain perspective one.
 
-    Why: the camera info describes a pinhole camera with focal length and aperture. An orthographic
-    or fisheye image does not match it, and clipping planes hide parts of the world.
+    Why: the camera info describes a pinhole camera with focal length and aperture. An orthographic,
+    shifted or fisheye image does not match it, and clipping planes hide parts of the world. Another
+    exposure may make the image black or white.
 
     Fix: select the camera, and reset the property named here with the blue square beside it.
 

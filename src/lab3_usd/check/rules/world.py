@@ -30,8 +30,9 @@ from lab3_usd.check.robot.poses import (
     root_tolerance,
     vector_text,
 )
+from lab3_usd.check.robot.surroundings import INVISIBLE, hidden_by
 from lab3_usd.model.changes import ApplySchema, RemoveSchema, Restore
-from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.physics import (
     BODY_API,
     BODY_ENABLED,
@@ -160,20 +161,49 @@ def _silent_ground(subject: StageSubject) -> Prim | None:
 
 @rule("S14", "light", scope="stage", demands=_HAS_LIGHT)
 def light(subject: StageSubject) -> Iterator[Problem]:
-    """The scene has no light.
+    """The scene has no light, or all of its lights are dark.
 
     Why: the camera may publish black images.
 
-    Fix: activate the light of the supplied file, or choose Create > Light > Dome Light.
+    Fix: activate the light of the supplied file, or choose Create > Light > Dome Light. Make it
+    visible, and give it an intensity above 0.
 
-    Example: the only DistantLight deactivated.
+    Example: the only DistantLight deactivated, or its intensity 0.
     """
     prims = list(lights(subject.stage))
     part = _asked(subject, subject.lab.scene.world.light)
-    if part is None or any(prim.present for prim in prims):
+    present = [prim for prim in prims if prim.present]
+    dark = [found for prim in present if (found := _darkened(prim, subject)) is not None]
+    if part is None or len(dark) < len(present):
         return
-    if not _is_lost_with_ground(subject, part):
+    if dark:
+        (site, name), others = dark[0], dark[1:]
+        value = display(site.attributes.get(name))
+        yield Problem(
+            site.path,
+            f"the lights are dark: {name} of {site.name} is {value}",
+            name,
+            "a light",
+            value,
+            part.handout,
+            related=tuple(dict.fromkeys(prim.path for prim, _ in others if prim != site)),
+            fix=(Restore(site.path, name),),
+            unmet=(_LIGHT,),
+            rests_on=_missing_environment(subject),
+        )
+    elif not _is_lost_with_ground(subject, part):
         yield _missing(subject, part, "a light", prims, _LIGHT)
+
+
+_INTENSITY = "inputs:intensity"
+
+
+def _darkened(light: Prim, subject: StageSubject) -> tuple[Prim, str] | None:
+    """Return the prim and the property by which a light is dark, None for one that shines."""
+    if light.attributes.get(_INTENSITY) == 0:
+        return light, _INTENSITY
+    hiding = hidden_by(light, subject.stage, INVISIBLE)
+    return None if hiding is None else (hiding, next(iter(INVISIBLE)))
 
 
 @rule("S15", "physics-scene", scope="stage", demands=_HAS_SCENE)

@@ -24,7 +24,8 @@ EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 # What rules ask of prims outside the graphs; everything else on a stage is none of their business.
 _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
-    r"horizontalAperture|verticalAperture|projection|cameraProjectionType|clippingPlanes|"
+    r"(horizontal|vertical)Aperture(Offset)?|exposure|projection|cameraProjectionType|"
+    r"clippingPlanes|inputs:intensity|"
     r"kind|node|axis|purpose|xformOpOrder|omniGraphs)(:|$)"
 )
 # Prims whose place matters even if they are no rigid bodies, beside the lab's sensors.
