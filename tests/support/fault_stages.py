@@ -292,6 +292,7 @@ BY_HAND: frozenset[FaultKind] = frozenset(
         "joint-off-target",
         "link-off-frame",
         "wrong-joint-state",
+        "no-inertial-sensor",
     }
 )
 MOTION = ("rest", "follows", "limits", "again")  # shown by a stage that only drives, too

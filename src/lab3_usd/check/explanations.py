@@ -35,6 +35,7 @@ EXPLAINED_BY: Mapping[FaultKind, str] = {
     "joint-off-target": "S10",
     "wrong-joint-state": "W01",
     "link-off-frame": "W01",
+    "no-inertial-sensor": "R02",
     # the robot
     "no-driven-robot": "S07",
     "kinematic-link": "S05",

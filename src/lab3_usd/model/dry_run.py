@@ -154,6 +154,7 @@ class Graph(Struct, frozen=True):
     pipeline: str
     mode: str
     nodes: tuple[Node, ...]
+    variables: dict[str, Any] = {}
 
 
 RENDER_PRODUCT = "RenderProduct"

@@ -14,7 +14,7 @@ FaultKind = Literal[
     "ramp-without-time-step", "invalid-wheel-size", "no-joint-controller", "no-articulation",
     "excluded-joint", "unknown-joint", "wrong-command-count", "non-numeric-command",
     "no-chassis-body", "unequal-joint-arrays", "joint-off-target", "wrong-joint-state",
-    "link-off-frame",
+    "link-off-frame", "no-inertial-sensor",
     # the robot
     "no-driven-robot", "kinematic-link", "base-fixed-to-world", "no-gravity", "no-ground",
     "no-wheel-contact", "locked-joint", "no-velocity-drive", "limited-joint",

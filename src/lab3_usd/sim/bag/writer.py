@@ -25,6 +25,7 @@ from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.bag.files import NOT_SENT
 from lab3_usd.sim.execution.drive import RATE, Leg, command_frames
 from lab3_usd.sim.execution.recording import (
+    Inertia,
     JointStates,
     Message,
     Odometry,
@@ -57,6 +58,8 @@ def serialized(message: Message) -> bytes | None:
         made = _info(message, data) if data.matrix else None
     elif isinstance(data, JointStates):
         made = _joint_states(message, data)
+    elif isinstance(data, Inertia):
+        made = _inertia(message, data)
     elif isinstance(data, tuple):
         transforms = [_transform(message, transform) for transform in data]
         made = _new(message.type, transforms)
@@ -155,6 +158,22 @@ def _joint_states(message: Message, states: JointStates) -> object:
     arrays = (states.positions, states.velocities, states.efforts)
     numbers = (np.array(array, dtype=np.float64) for array in arrays)
     return _new(message.type, _header(message, ""), [*states.names], *numbers)
+
+
+def _inertia(message: Message, data: Inertia) -> object:
+    """Return what an inertial sensor says; a covariance that begins with -1 is not measured."""
+    parts = (data.orientation, data.angular, data.linear)
+    covariances = [np.array([0.0 if part else -1.0, *(0.0,) * 8]) for part in parts]
+    return _new(
+        message.type,
+        _header(message, message.frame),
+        _quaternion(data.orientation or (1.0, 0.0, 0.0, 0.0)),
+        covariances[0],
+        _vector(data.angular or (0.0, 0.0, 0.0)),
+        covariances[1],
+        _vector(data.linear or (0.0, 0.0, 0.0)),
+        covariances[2],
+    )
 
 
 def _info(message: Message, view: View) -> object:

@@ -21,13 +21,14 @@ from lab3_usd.sim.execution.running import (
     event_of,
     function_of,
     initial,
+    last_name,
     push,
 )
 from lab3_usd.sim.execution.world import World
 from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, can_connect
 from lab3_usd.spec.values import are_alike
 
-_USD = {"execution": "uint"}
+_USD = {"execution": "uint", "union": "token"}
 _UNLISTED = {  # ports of types that the catalog does not describe, as far as they run here
     "OnTick": {
         "outputs:tick": "execution",
@@ -40,6 +41,16 @@ _UNLISTED = {  # ports of types that the catalog does not describe, as far as th
         "outputs:deltaSimulationTime": "double",
         "outputs:deltaSystemTime": "double",
     },
+    "Subtract": {"inputs:a": "union", "inputs:b": "union", "outputs:difference": "union"},
+    "Divide": {"inputs:a": "union", "inputs:b": "union", "outputs:result": "union"},
+    "Negate": {"inputs:input": "union", "outputs:output": "union"},
+    "Clamp": {
+        "inputs:input": "union",
+        "inputs:lower": "union",
+        "inputs:upper": "union",
+        "outputs:result": "union",
+    },
+    "ToFloat": {"inputs:value": "union", "outputs:converted": "union"},
     "IsaacReadSystemTime": {"outputs:systemTime": "double"},
     "IsaacSimulationGate": {
         "inputs:execIn": "execution",
@@ -51,6 +62,7 @@ _DEFAULTS = {"inputs:step": 1}  # of the ports of those types, where there is on
 
 _STAGES = {FRAME: "pipelineStageSimulation", STEP: "pipelineStageOnDemand"}
 _PUSH = ("push", "dirty_push")
+READ_VARIABLE, WRITE_VARIABLE = "ReadVariable", "WriteVariable"
 _UNSAVED = Input("")
 
 
@@ -126,14 +138,21 @@ def _dropped(
     for name, state in node.node.inputs.items():
         if not state.sources or name.partition(":")[2] in node.fed:
             continue
-        if catalog.get(node.node.type) is not None and node.type.port(name) is None:
+        if _is_described(node, catalog) and node.type.port(name) is None:
             yield node.path, Failure(f"its type has no {name}", "unknown-port")
         for path, _, output in (wire.rpartition(".") for wire in state.sources):
             source = nodes.get(path)
-            known = source is not None and catalog.get(source.node.type) is not None
-            if source is not None and known and source.type.port(output) is None:
+            if source is None or not _is_described(source, catalog):
+                continue
+            if source.type.port(output) is None:
                 text = f"{name} is wired to {path}, whose type has no {output}"
                 yield node.path, Failure(text, "unknown-port")
+
+
+def _is_described(node: Running, catalog: Catalog) -> bool:
+    """Whether the catalog has every port of a node's type."""
+    known = catalog.get(node.node.type)
+    return known is not None and not known.is_open
 
 
 def depending(program: Program, missing: Collection[str]) -> frozenset[str]:
@@ -171,9 +190,12 @@ def _schedule(graph: Graph, nodes: dict[str, Running], program: Program) -> None
 
 
 def _running(graph: Graph, catalog: Catalog, program: Program) -> Iterator[tuple[str, Running]]:
+    is_written = any(last_name(node.type) == WRITE_VARIABLE for node in graph.nodes)
     for node in graph.nodes:
         known = type_of(node, catalog)
         function = function_of(known) if known is not None else None
+        if last_name(node.type) == READ_VARIABLE and is_written:
+            function = None
         if known is None or function is None:
             program.not_simulated[node.path] = f"node type {node.type or 'none'}"
             program.unwritten[node.path] = known
@@ -200,6 +222,8 @@ def _connect(node: Running, nodes: dict[str, Running]) -> None:
             for path, _, output in (wire.rpartition(".") for wire in state.sources):
                 source = nodes.get(path)
                 out = source.type.ports.get(output) if source is not None else None
+                if out is None and source is not None and source.type.is_open:
+                    out = Port(output, "execution", "uint")
                 if source is not None and out is not None and can_connect(out, port):
                     source.follows.setdefault(out.short, []).append(node)
                     node.fed.add(port.short)

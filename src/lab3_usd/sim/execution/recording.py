@@ -38,6 +38,20 @@ class JointStates(Struct, frozen=True):
     efforts: tuple[float, ...] = ()
 
 
+class Inertia(Struct, frozen=True):
+    """What a message of an inertial sensor says; None is not measured."""
+
+    orientation: Quaternion | None
+    angular: Vector | None
+    linear: Vector | None
+
+
+class Fields(Struct, frozen=True):
+    """The fields of a message of any type, by the names of the inputs that they come from."""
+
+    values: dict[str, Any]
+
+
 class Scan(Struct, frozen=True):
     """What a scan says beside its header; a ray without return is -1.
 

@@ -29,6 +29,7 @@ _AROUND: tuple[FaultKind, ...] = (
 _PART: tuple[FaultKind, ...] = (
     "no-articulation", "unknown-joint", "wrong-command-count", "no-chassis-body", "no-target-prim",
     "missing-frame", "unknown-frame", "missing-camera-prim",
+    "no-inertial-sensor",
 )  # fmt: skip
 _DRIVEN = ("rest", "follows", "limits", "again", "joints")  # checks that show how the robot moves
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"

@@ -11,6 +11,7 @@ from lab3_usd.stage.read.assets import find_unresolved
 from lab3_usd.stage.read.properties import CENTIMETRES, stage_number, targets_of
 
 GRAPH, NODE = "OmniGraph", "OmniGraphNode"
+VARIABLE = "graph:variable:"  # how the attributes begin that hold variables of a graph
 IGNORED = ("Replicator", "Render")
 UNSEEN = ("guide",)
 LARGEST = 1e9
@@ -62,6 +63,11 @@ def read_scene(stage: Usd.Stage) -> Scene:
                 str(_value(prim, "pipelineStage") or "pipelineStageSimulation"),
                 str(_value(prim, "evaluationMode") or "Automatic"),
                 tuple(nodes[path]),
+                {
+                    str(name).removeprefix(VARIABLE): _value(prim, str(name))
+                    for name in prim.GetAuthoredPropertyNames()
+                    if str(name).startswith(VARIABLE)
+                },
             )
             for path, prim in graphs.items()
         ),

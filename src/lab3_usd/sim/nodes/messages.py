@@ -1,0 +1,120 @@
+"""Inertia, commands to steer, and messages of any type. RN is ROS 2 nodes."""
+
+from __future__ import annotations
+
+import math
+
+from lab3_usd.model.dry_run import Affine, column
+from lab3_usd.model.physics import SCENE, number
+from lab3_usd.model.transforms import Vector, cross, length
+from lab3_usd.sim.execution.recording import Fields, Inertia, Message
+from lab3_usd.sim.execution.running import NO_VECTOR, Running, computes
+from lab3_usd.sim.execution.world import World, opened_endpoint, send
+from lab3_usd.sim.nodes.core import wxyz, xyzw
+from lab3_usd.spec.catalog import INPUT
+
+IMU = "IsaacImuSensor"
+_EARTH = 9.80665  # m/s2, where the scene names no gravity
+
+
+@computes("IsaacReadIMU")
+def read_imu(node: Running, world: World) -> bool:
+    """OgnIsaacReadIMU.cpp:40-130, ImuSensorImpl.cpp:106-160, 745-850 of isaacsim.sensors.
+
+    The acceleration is that of the velocity of the sensor's body, seen from the sensor, without
+    the smoothing that a sensor may ask for.
+    """
+    targets = node.targets("imuPrim")
+    prim = world.scene.prims.get(targets[0]) if targets else None
+    body = world.machines.body_of(prim.path) if prim is not None else ""
+    if prim is None or prim.type != IMU or not body:
+        node.outputs.update(linAcc=NO_VECTOR, angVel=NO_VECTOR, orientation=(0.0, 0.0, 0.0, 1.0))
+        return node.fails("its prim is no inertial sensor on a body", "no-inertial-sensor")
+    place, now = world.machines.place(prim.path), world.machines.place(body)
+    back = place.inverse()
+    before: Affine | None = node.memory.get("place")
+    velocity, turning = _motion(before, now, world.dt)
+    seen = back.turn(velocity)
+    last: Vector = node.memory.get("velocity", seen)
+    node.memory.update(place=now, velocity=seen)
+    pull = back.turn(_gravity(world)) if node.flag("readGravity", world) else NO_VECTOR
+    node.outputs.update(
+        linAcc=tuple((v - u) / world.dt + g for v, u, g in zip(seen, last, pull, strict=True)),
+        angVel=back.turn(turning),
+        orientation=xyzw(place),
+        sensorTime=world.since_play,
+    )
+    node.enabled.append("execOut")
+    return True
+
+
+def _motion(before: Affine | None, now: Affine, dt: float) -> tuple[Vector, Vector]:
+    """Return how fast something moved and turned in the last step."""
+    if before is None:
+        return NO_VECTOR, NO_VECTOR
+    x, y, z = ((n - b) / dt for n, b in zip(now.origin, before.origin, strict=True))
+    turns = (cross(column(before.rows, axis), column(now.rows, axis)) for axis in range(3))
+    sums = tuple(map(sum, zip(*turns, strict=True)))
+    sine = length((sums[0], sums[1], sums[2])) / 2.0
+    k = math.asin(min(1.0, sine)) / sine / 2.0 / dt if sine else 0.0
+    return (x, y, z), (sums[0] * k, sums[1] * k, sums[2] * k)
+
+
+def _gravity(world: World) -> Vector:
+    """Return what a sensor at rest feels: the pull of the first physics scene, turned around."""
+    values = next((p.values for p in world.scene.prims.values() if p.type == SCENE), {})
+    size = abs(number(values.get("physics:gravityMagnitude")) or 0.0)
+    size = size if 0 < size < math.inf else _EARTH
+    down = values.get("physics:gravityDirection") or NO_VECTOR
+    x, y, z = down if any(down) else (0.0, 0.0, -1.0)
+    size /= world.scene.meters_per_unit
+    return (-x * size, -y * size, -z * size)
+
+
+@computes("ROS2PublishImu")
+def publish_imu(node: Running, world: World) -> bool:
+    """RN/nodes/OgnROS2PublishImu.cpp:30-150: what is not published says so by a covariance."""
+    endpoint, ready = opened_endpoint(node, world)
+    if endpoint is None:
+        return False
+    if not ready:
+        node.memory["frame"] = node.text("frameId", world)
+        return True
+    data = Inertia(
+        wxyz(node, "orientation", world) if node.flag("publishOrientation", world) else None,
+        node.vector("angularVelocity", world)
+        if node.flag("publishAngularVelocity", world)
+        else None,
+        node.vector("linearAcceleration", world)
+        if node.flag("publishLinearAcceleration", world)
+        else None,
+    )
+    stamp = node.number("timeStamp", world)
+    send(node, world, endpoint, Message("sensor_msgs/msg/Imu", stamp, node.memory["frame"], data))
+    return True
+
+
+_NAMED = ("messagePackage", "messageSubfolder", "messageName")
+_OWN = (*_NAMED, "context", "nodeNamespace", "topicName", "qosProfile", "queueSize", "execIn")
+
+
+@computes("ROS2Publisher")
+def publish_any(node: Running, world: World) -> bool:
+    """RN/nodes/OgnROS2Publisher.cpp:44-190: the first compute makes the message, the second opens.
+
+    The fields of the message are inputs of the node. Without a header it is stamped now.
+    """
+    kind = "/".join(node.text(name, world) for name in _NAMED)
+    if not all(kind.split("/")):
+        return node.fails("it names no type of message", "unknown-output")
+    if node.memory.get("kind") != kind:
+        node.memory["kind"] = kind
+        return False
+    endpoint, ready = opened_endpoint(node, world)
+    if endpoint is None or not ready:
+        return endpoint is not None
+    names = [name.removeprefix(INPUT) for name in node.node.inputs]
+    fields = {name: node.get(name, world) for name in names if name not in _OWN}
+    send(node, world, endpoint, Message(kind, world.since_play, data=Fields(fields)))
+    node.enabled.append("execOut")
+    return True
