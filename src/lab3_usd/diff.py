@@ -16,7 +16,7 @@ from lab3_usd.model.finding import display, format_paths, node_title
 from lab3_usd.model.stage import GraphModel, Node, StageModel, same_value
 from lab3_usd.spec.catalog import INPUT, GraphForm
 from lab3_usd.spec.lab import Lab
-from lab3_usd.stage.compare.scenes import scene_changes
+from lab3_usd.stage.compare.scenes import metadata_changes, scene_changes
 from lab3_usd.stage.read.opening import open_stage, stage_errors
 from lab3_usd.stage.read.reader import read_model
 
@@ -191,7 +191,8 @@ def _node_changes(was: Node | None, now: Node | None, pairs: StagePairs) -> Iter
 
 def _itself(was: Node, now: Node, pairs: StagePairs) -> Iterator[StageChange]:
     if now.name != was.name:
-        yield StageChange("node", "changed", now.path, "path", pairs.path(was.path), now.path)
+        folder = pairs.path(was.path.rpartition("/")[0])
+        yield StageChange("node", "changed", now.path, "path", f"{folder}/{was.name}", now.path)
     facts = {
         _TYPE: (was.type_name, now.type_name),
         _VERSION: (was.version, now.version),
@@ -260,7 +261,10 @@ def compare_stages(before: Path, after: Path, lab: Lab) -> Comparison:
     )
     pairs = pair_stages(was, now)
     with stage_errors(f"{before} or {after}"):
-        scene = tuple(scene_changes(stages[0], stages[1], lab, pairs.path))
+        scene = (
+            *metadata_changes(stages[0], stages[1]),
+            *scene_changes(stages[0], stages[1], lab, pairs.path),
+        )
     changes = [
         *graph_changes(pairs, lab.catalog.graph),
         *_stage_changes(was, now),

@@ -254,6 +254,80 @@ def test_a_missing_asset_and_an_animation_are_told(right: Path, tmp_path: Path) 
 # ---- what is told of ROS
 
 
+def over_an_asset(folder: Path, name: str, content: str) -> Path:
+    path = folder / name
+    path.write_text(
+        "#usda 1.0\n"
+        'def Xform "World"\n{\n'
+        '    def "chair" (prepend references = @./nowhere.usd@)\n    {\n'
+        f"        {content}\n"
+        "    }\n}\n"
+    )
+    return path
+
+
+OVERS = {
+    "a pose": (
+        'over "leg"\n{\ndouble3 xformOp:translate = (0, 0, 1)\n}',
+        ("scene", "changed", "/World/chair/leg", "place"),
+    ),
+    "a value": (
+        'over "leg"\n{\nbool physics:kinematicEnabled = 1\n}',
+        ("scene", "changed", "/World/chair/leg", "physics:kinematicEnabled"),
+    ),
+    "a deactivation": (
+        'over "leg" (active = false) { }',
+        ("scene", "changed", "/World/chair/leg", "active"),
+    ),
+    "none": ("", ("scene", "removed", "/World/chair/leg", "")),
+}
+
+
+@pytest.mark.parametrize("edit", OVERS)
+def test_an_edit_of_what_only_a_missing_asset_holds_is_told(edit: str, tmp_path: Path) -> None:
+    content, change = OVERS[edit]
+    order = 'uniform token[] xformOpOrder = ["xformOp:translate"]'
+    content = content.replace("\n}", f"\n{order}\n}}").replace(" { }", f"\n{{\n{order}\n}}")
+    before = over_an_asset(tmp_path, "before.usda", f'over "leg"\n{{\n{order}\n}}')
+    assert told(before, over_an_asset(tmp_path, "after.usda", content)) == [change]
+
+
+@pytest.mark.parametrize(
+    "metadata", ["defaultPrim = 'World'", "timeCodesPerSecond = 60", "startTimeCode = 3"]
+)
+def test_what_a_stage_says_of_itself_is_told(metadata: str, tmp_path: Path) -> None:
+    before, after = tmp_path / "before.usda", tmp_path / "after.usda"
+    before.write_text('#usda 1.0\n(endTimeCode = 9)\ndef "World" { }\n')
+    after.write_text(f'#usda 1.0\n(endTimeCode = 9; {metadata})\ndef "World" {{ }}\n')
+    name = metadata.partition(" ")[0]
+    assert told(before, after) == [("scene", "changed", "/", name)]
+
+
+def test_the_order_of_layers_is_told(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.usda").write_text('#usda 1.0\ndef "World" { }\n')
+    before, after = tmp_path / "before.usda", tmp_path / "after.usda"
+    before.write_text("#usda 1.0\n(subLayers = [@./a.usda@, @./b.usda@])\n")
+    after.write_text("#usda 1.0\n(subLayers = [@./b.usda@, @./a.usda@])\n")
+    assert told(before, after) == [("scene", "changed", "/", "subLayers")]
+
+
+def test_a_renamed_node_of_a_moved_graph_is_told_from_its_old_name(
+    right: Path, tmp_path: Path
+) -> None:
+    stage = correct_stage("05")
+    edits = Sdf.BatchNamespaceEdit()
+    edits.Add("/World/ROS_Clock/ros2_context", "/World/ROS_Clock/context")
+    edits.Add("/World/ROS_Clock", "/World/Clock")
+    assert stage.GetRootLayer().Apply(edits)
+    changes = compare_stages(right, saved(stage, tmp_path), the_lab()).diff.changes
+    paths = {(each.was, each.now) for each in changes if each.property == "path"}
+    assert paths == {
+        ("/World/ROS_Clock", "/World/Clock"),
+        ("/World/Clock/ros2_context", "/World/Clock/context"),
+    }
+
+
 def test_another_topic_name_is_told_of_the_topic(right: Path, tmp_path: Path) -> None:
     graph = the_lab().graphs["ROS_Lidar2D"]
     role = next(r for r, n in graph.nodes.items() if any("topicName" in s.port for s in n.settings))

@@ -87,6 +87,11 @@ class RawDifference(Struct, frozen=True, eq=False):
 _RECORDS: WeakKeyDictionary[Usd.Stage, PrimRecord] = WeakKeyDictionary()
 
 
+def read_record_alone(prim: Usd.Prim) -> PrimRecord:
+    """Return what one prim is and holds, without those below it."""
+    return _record(prim, ())
+
+
 def read_records(stage: Usd.Stage) -> PrimRecord:
     """Return the root of a stage with every prim below it, read once for as long as it is open."""
     if stage not in _RECORDS:
@@ -95,6 +100,10 @@ def read_records(stage: Usd.Stage) -> PrimRecord:
 
 
 def _read_record(prim: Usd.Prim) -> PrimRecord:
+    return _record(prim, tuple(map(_read_record, prim.GetFilteredChildren(PRESENT))))
+
+
+def _record(prim: Usd.Prim, children: tuple[PrimRecord, ...]) -> PrimRecord:
     attributes, relationships = prim.GetAuthoredAttributes(), prim.GetAuthoredRelationships()
     return PrimRecord(
         prim,
@@ -105,7 +114,7 @@ def _read_record(prim: Usd.Prim) -> PrimRecord:
         prim.GetAuthoredPropertyNames(),
         {attribute.GetName(): attribute.Get() for attribute in attributes},
         {relationship.GetName(): targets_of(relationship) for relationship in relationships},
-        tuple(map(_read_record, prim.GetFilteredChildren(PRESENT))),
+        children,
     )
 
 
@@ -156,6 +165,16 @@ def _is_in_scope(prim: Usd.Prim, kind: str, scope: Scope) -> bool:
     path = Usd.Prim.GetPath(prim)
     is_root = path.pathElementCount == 1
     return not (is_root and any(fnmatchcase(str(path), pattern) for pattern in scope.roots))
+
+
+def is_aside(prim: Usd.Prim, scope: Scope) -> bool:
+    """Whether a prim, or one above it, is not compared."""
+    above = prim
+    while not above.IsPseudoRoot():
+        if not _is_in_scope(above, str(above.GetTypeName()), scope):
+            return True
+        above = above.GetParent()
+    return False
 
 
 def _is_hidden(path: str, scope: Scope) -> bool:

@@ -20,7 +20,9 @@ from lab3_usd.stage.compare.pairs import (
     Signature,
     children_in_scope,
     compare_prims,
+    is_aside,
     raw_differences,
+    read_record_alone,
     read_records,
     signature,
 )
@@ -52,6 +54,20 @@ class _Terms(Struct, frozen=True):
     def part(self, path: str) -> Part:
         """Return what a prim at this path belongs to."""
         return "robot" if is_at_or_below(path, self.robot) else "scene"
+
+
+_METADATA = ("defaultPrim", "timeCodesPerSecond", "framesPerSecond", "startTimeCode", "endTimeCode")
+
+
+def metadata_changes(before: Usd.Stage, after: Usd.Stage) -> Iterator[StageChange]:
+    """Yield what differs of the stages themselves: prim and times by default, order of layers."""
+    for name in _METADATA:
+        was, now = before.GetMetadata(name), after.GetMetadata(name)
+        if was != now:
+            yield StageChange("scene", "changed", "/", name, display_value(was), display_value(now))
+    orders = [[*stage.GetRootLayer().subLayerPaths] for stage in (before, after)]
+    if orders[0] != orders[1] and sorted(orders[0]) == sorted(orders[1]):
+        yield StageChange("scene", "changed", "/", "subLayers", *map(", ".join, orders))
 
 
 @quiet()
@@ -94,6 +110,46 @@ def scene_changes(
         for twin in twins:
             now = str(twin.GetPath())
             yield StageChange(terms.part(now), "added", now, now=_counted(twin, terms))
+    yield from _over_changes(before, after, terms)
+
+
+def _over_changes(before: Usd.Stage, after: Usd.Stage, terms: _Terms) -> Iterator[StageChange]:
+    """Yield how overs differ that define nothing: they edit what an asset holds that is not found.
+
+    One that stands in one stage alone stands for those below it.
+    """
+    ours, theirs = (
+        {str(over.GetPath()): over for over in _overs(stage, terms)} for stage in (before, after)
+    )
+    for path in sorted({*ours, *theirs}):
+        was, now, part = ours.get(path), theirs.get(path), terms.part(path)
+        above = path.rpartition("/")[0]
+        if was is not None and now is not None:
+            if was.IsActive() != now.IsActive():
+                active = (str(over.IsActive()).lower() for over in (was, now))
+                yield StageChange(part, "changed", path, "active", *active)
+            yield from _prim_changes(read_record_alone(was), now, terms)
+        elif was is not None and not after.GetPrimAtPath(path) and _stands(above, after):
+            yield StageChange(part, "removed", path, was=_over_text(was))
+        elif now is not None and not before.GetPrimAtPath(path) and _stands(above, before):
+            yield StageChange(part, "added", path, now=_over_text(now))
+
+
+def _overs(stage: Usd.Stage, terms: _Terms) -> Iterator[Usd.Prim]:
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate):
+        is_over = not prim.IsDefined() and not prim.IsAbstract()
+        if is_over and not is_aside(prim, terms.scope):
+            yield prim
+
+
+def _stands(path: str, stage: Usd.Stage) -> bool:
+    return path == "" or bool(stage.GetPrimAtPath(path))
+
+
+def _over_text(over: Usd.Prim) -> str:
+    names = over.GetAuthoredPropertyNames()
+    state = "" if over.IsActive() else ", inactive"
+    return f"an over{state}" + (f" of {', '.join(names)}" if names else "")
 
 
 def _removed(record: PrimRecord, after: Usd.Stage, terms: _Terms) -> StageChange:
