@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from breaking import broken, correct_stage, judged, place, the_lab
-from pxr import Sdf, Usd
+from pxr import Sdf, Ts, Usd
 
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import against_starter, open_starter
@@ -163,6 +163,19 @@ def test_a_stage_without_samples_is_left_alone() -> None:
     hold_start_values(stage)
     assert stage.GetSessionLayer().empty
     assert changes_after_start(stage) == ()
+
+
+def test_a_spline_that_rises_behind_its_last_knot_changes() -> None:
+    stage = correct_stage("05")
+    stage.SetEndTimeCode(100)
+    spline = Ts.Spline("float")
+    spline.SetKnot(Ts.Knot("float", time=0, value=18.0))
+    after = Ts.Extrapolation(Ts.ExtrapSloped)
+    after.slope = 0.5
+    spline.SetPostExtrapolation(after)
+    stage.GetAttributeAtPath(f"{CAMERA}.focalLength").SetSpline(spline)
+    found = [(each.rule, each.severity) for each in judged(stage, "05").findings]
+    assert ("S30", "warning") in found
 
 
 @pytest.mark.parametrize("ending", ["usda", "usdc"])

@@ -305,13 +305,15 @@ class WriterPorts(Struct, frozen=True, forbid_unknown_fields=True):
     """Which inputs of a type say what it changes in the scene.
 
     `prims` are relationships, `paths` texts or lists of texts, and `wires` lead to the node whose
-    work is changed. `property` names what is written, '' where the prims themselves are.
+    work is changed. `property` names what is written, '' where the prims themselves are. A prim
+    without one of the `schemas` is left as it is.
     """
 
     prims: tuple[str, ...] = ()
     paths: tuple[str, ...] = ()
     wires: tuple[str, ...] = ()
     property: str = ""
+    schemas: tuple[str, ...] = ()
 
 
 class Catalog(Struct, frozen=True):

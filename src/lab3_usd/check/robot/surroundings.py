@@ -12,7 +12,7 @@ from lab3_usd.model.transforms import Vector, scaled
 
 _SOLID = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone")  # whose boxes are as they are
 _SHAPES = (*_SOLID, "Mesh")
-_ROOM = 1.0  # metres to a side: what is larger around a sensor is a room, or the sky
+_ROOM = 1.5  # metres to a side: what is larger around a sensor is a room, or the sky
 INVISIBLE = {"visibility": "invisible"}
 _HIDDEN = {**INVISIBLE, "purpose": "guide"}
 

@@ -41,6 +41,7 @@ from lab3_usd.model.physics import (
     PLANE,
     SCENE,
     collides,
+    number,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import UnresolvedAsset, absence_reason
@@ -200,7 +201,8 @@ _INTENSITY = "inputs:intensity"
 
 def _darkened(light: Prim, subject: StageSubject) -> tuple[Prim, str] | None:
     """Return the prim and the property by which a light is dark, None for one that shines."""
-    if light.attributes.get(_INTENSITY) == 0:
+    intensity = number(light.attributes.get(_INTENSITY))
+    if intensity is not None and intensity <= 0:
         return light, _INTENSITY
     hiding = hidden_by(light, subject.stage, INVISIBLE)
     return None if hiding is None else (hiding, next(iter(INVISIBLE)))

@@ -45,8 +45,8 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
         ports = lab.catalog.writers.get(lab.catalog.modern(node.type_name))
         if ports is None:
             continue
-        written = _written(node, ports, live)
-        hit = next((prim for prim in written if _is_of_lab(prim, subject)), "")
+        written = (path for path in _written(node, ports, live) if _takes(path, ports, subject))
+        hit = next((path for path in written if _is_of_lab(path, subject)), "")
         name = effective_value(node, INPUT + ports.property, live) if ports.property else ""
         is_seen_only = isinstance(name, str) and bool(name) and name.startswith(lab.catalog.looks)
         is_harmful = bool(hit) and not is_seen_only
@@ -81,6 +81,12 @@ def _written(node: Node, ports: WriterPorts, live: Nodes) -> Iterator[str]:
         yield from (text for text in texts if isinstance(text, str) and text.startswith("/"))
     for short in ports.wires:
         yield from (source.path for source, _ in live_sources(node, INPUT + short, live))
+
+
+def _takes(path: str, ports: WriterPorts, subject: StageSubject) -> bool:
+    """Whether a prim can be written by a node of this type."""
+    prim = subject.stage.prim(path) if ports.schemas else None
+    return not ports.schemas or (prim is not None and not {*ports.schemas}.isdisjoint(prim.apis))
 
 
 def _is_of_lab(path: str, subject: StageSubject) -> bool:

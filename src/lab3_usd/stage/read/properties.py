@@ -169,7 +169,8 @@ def changes_after_start(stage: Usd.Stage) -> tuple[AnimatedAttribute, ...]:
 
 def _changes(attribute: Usd.Attribute, first: Any, start: float) -> Iterator[AnimatedAttribute]:
     """Yield the first sample or knot after the start that is not as the value there."""
-    for time in attribute.GetTimeSamples() or attribute.GetSpline().GetKnots():
+    end = attribute.GetStage().GetEndTimeCode()  # which a curve may reach beyond its last knot
+    for time in attribute.GetTimeSamples() or (*attribute.GetSpline().GetKnots(), end):
         then = attribute.Get(time) if time > start else first
         if then == first:
             continue
