@@ -84,6 +84,7 @@ MODULES = {
     "Z": ("files",),
     "K": (
         "lint_running",
+        "lint_clocks",
         "lint_wires",
         "lint_types",
         "lint_topics",

@@ -258,6 +258,15 @@ def endpoints(stage: StageModel, lab: Lab) -> tuple[Endpoint, ...]:
     return tuple(sorted(unordered, key=lambda end: (end.topic or "", end.direction, end.node.path)))
 
 
+def running_endpoints(stage: StageModel, lab: Lab, direction: Direction) -> list[Endpoint]:
+    """Return the topics that something is sent to, or received from, and whose name is known."""
+    return [
+        endpoint
+        for endpoint in endpoints(stage, lab)
+        if endpoint.runs and endpoint.topic and endpoint.direction == direction
+    ]
+
+
 def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:
     """Yield the topic inputs in use: a topic with a switch of its own counts when that is on.
 

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.contexts import DOMAIN, FROM_ENVIRONMENT, context_inputs, domains
 from lab3_usd.check.ros.execution import (
     Stop,
     array_items,
@@ -429,84 +428,3 @@ def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
                 severity="warning",
                 rests_on=subject.stage.unknown_inputs(node),
             )
-
-
-@rule("K12", "context-missing", scope="lint", severity="warning")
-def context_missing(subject: LintSubject) -> Iterator[Problem]:
-    """A ROS node has no context, while others of the stage have one.
-
-    Why: without a context a node is in the domain that the environment names in `ROS_DOMAIN_ID`,
-    else in 0. The others are in the domain of their ROS2 Context. Where these differ, the node is
-    alone.
-
-    Fix: wire Context of the ROS2 Context to Context of this node.
-
-    Example: of four publishers one has no wire at `inputs:context`.
-    """
-    connected = [entry for entry in context_inputs(subject) if entry.contexts]
-    unset = [entry for entry in context_inputs(subject) if not entry.is_set]
-    for entry in unset if connected else ():
-        if has_side_effects(entry.node) and subject.runs(entry.node.path):
-            context = connected[0].contexts[0].path
-            count = len(connected)
-            yield Problem(
-                entry.node.path,
-                f"{entry.port} is not connected: the domain is that of the environment, while "
-                f"{count} other {'node takes its' if count == 1 else 'nodes take their'} domain "
-                f"from {context}",
-                property=entry.port,
-                expected=f"{context}.outputs:context",
-            )
-
-
-@rule("K13", "contexts-differ", scope="lint", severity="warning")
-def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
-    """Two contexts of the stage name different ROS domains.
-
-    Why: nodes of different domains do not see each other. A robot whose clock is in one domain and
-    whose odometry is in another has no time.
-
-    Fix: give all ROS2 Context nodes the same Domain Id, and the same choice of Use Domain ID Env
-    Var.
-
-    Example: one context has `domain_id = 5`, the other `domain_id = 0`.
-    """
-    contexts_of = domains(subject)
-    if len(contexts_of) < 2:  # noqa: PLR2004 - the first is what the others differ from
-        return
-    (first, nodes), *others = contexts_of.items()
-    for domain, contexts in others:
-        for context in contexts:
-            yield Problem(
-                context.path,
-                f"context names {domain}, {nodes[0].path} names {first}",
-                expected=str(first),
-                actual=str(domain),
-                related=tuple(node.path for node in nodes),
-            )
-
-
-@rule("K16", "domain-of-environment", scope="lint", severity="warning")
-def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
-    """A context names a domain, and the environment may name another one, which wins.
-
-    Why: with Use Domain ID Env Var on, which it is by default, the context takes the domain from
-    `ROS_DOMAIN_ID` where that is set, and leaves its own number aside. On another computer the
-    robot is in another domain.
-
-    Fix: switch Use Domain ID Env Var off, or leave Domain Id at 0.
-
-    Example: a ROS2 Context with `inputs:domain_id = 5` and nothing else.
-    """
-    for contexts in domains(subject).values():
-        for context in contexts:
-            number = effective_value(context, DOMAIN, subject.live)
-            is_asked = effective_value(context, FROM_ENVIRONMENT, subject.live) is True
-            if is_asked and number:
-                yield Problem(
-                    context.path,
-                    f"{DOMAIN} is {number}, but ROS_DOMAIN_ID wins where it is set",
-                    property=FROM_ENVIRONMENT,
-                    expected="False",
-                    actual="True",
-                )

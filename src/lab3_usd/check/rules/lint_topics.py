@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.clocks import CLOCK, Stamp, stamps
-from lab3_usd.check.ros.contexts import Domain, are_surely_one, domain_of, may_meet
+from lab3_usd.check.ros.contexts import are_surely_one
 from lab3_usd.check.ros.running import LintSubject, effective_value
 from lab3_usd.check.ros.topics import (
     KIND,
@@ -17,20 +16,12 @@ from lab3_usd.check.ros.topics import (
     did_you_mean,
     endpoints,
     likely_name,
+    running_endpoints,
 )
 from lab3_usd.check.tf.trees import refused_namespaces, written_frames, written_topics
 from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.stage import Node
-
-
-def _running(subject: LintSubject, direction: str) -> list[Endpoint]:
-    found = endpoints(subject.stage, subject.lab)
-    return [
-        endpoint
-        for endpoint in found
-        if endpoint.runs and endpoint.topic and endpoint.direction == direction
-    ]
 
 
 def _grave(*ends: Endpoint) -> Severity | None:
@@ -52,7 +43,7 @@ def two_publishers(subject: LintSubject) -> Iterator[Problem]:
     Example: two robots publish their joints on `/joint_states`.
     """
     together: dict[tuple[str, str], list[Endpoint]] = {}
-    for endpoint in _running(subject, "publishes"):
+    for endpoint in running_endpoints(subject.stage, subject.lab, "publishes"):
         is_tree = endpoint.topic in subject.lab.policy.tree_topics or endpoint.type == TRANSFORMS
         if not is_tree:
             key = (str(endpoint.topic), endpoint.domain.name)
@@ -87,7 +78,10 @@ def two_types(subject: LintSubject) -> Iterator[Problem]:
     Example: a camera's depth image and its depth points are both published on `/depth`.
     """
     first: dict[tuple[str, str], Endpoint] = {}
-    ends = [*_running(subject, "publishes"), *_running(subject, "subscribes")]
+    ends = [
+        *running_endpoints(subject.stage, subject.lab, "publishes"),
+        *running_endpoints(subject.stage, subject.lab, "subscribes"),
+    ]
     for endpoint in (end for end in ends if end.type is not None):
         known = first.setdefault((str(endpoint.topic), endpoint.domain.name), endpoint)
         if known.type != endpoint.type:
@@ -140,8 +134,8 @@ def profiles_do_not_meet(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `/cmd_vel` is published as Sensor Data and subscribed with the default.
     """
-    publishers = _running(subject, "publishes")
-    for taker in _running(subject, "subscribes"):
+    publishers = running_endpoints(subject.stage, subject.lab, "publishes")
+    for taker in running_endpoints(subject.stage, subject.lab, "subscribes"):
         for maker in publishers:
             is_one = (maker.topic, maker.domain.name) == (taker.topic, taker.domain.name)
             if is_one and maker.qos is not None and taker.qos is not None:
@@ -164,139 +158,6 @@ def _mismatch(maker: Qos, taker: Qos) -> str:
     if taker.durability == "transient_local" and maker.durability == "volatile":
         return "the subscriber asks for transient local, the publisher offers volatile"
     return ""
-
-
-@rule("K44", "two-clocks", scope="lint", severity="warning")
-def two_clocks(subject: LintSubject) -> Iterator[Problem]:
-    """The stage publishes the clock on several topics.
-
-    Why: nodes that use simulation time listen to `/clock` alone. A clock on another topic, as in
-    the namespace of a robot, serves only who was told of it.
-
-    Fix: publish one clock, on `/clock`.
-
-    Example: two robots publish `/robot_1/clock` and `/robot_2/clock`.
-    """
-    clocks = [end for end in _running(subject, "publishes") if end.type == CLOCK]
-    for endpoint in clocks:
-        others = [
-            clock
-            for clock in clocks
-            if clock.topic != endpoint.topic and clock.domain.name == endpoint.domain.name
-        ]
-        if others and endpoint.topic != "/clock":
-            yield Problem(
-                endpoint.node.path,
-                f"publishes a clock on {endpoint.topic}; another clock is on {others[0].topic}",
-                property=endpoint.port,
-                expected="/clock",
-                actual=endpoint.topic,
-                related=tuple(other.node.path for other in others),
-            )
-
-
-@rule("K45", "system-time", scope="lint", severity="warning")
-def system_time(subject: LintSubject) -> Iterator[Problem]:
-    """A message is stamped with the time of the computer, while others have simulation time.
-
-    Why: the two clocks are decades apart. No transform has the time of the message, so that no
-    node can place it.
-
-    Fix: wire Time Stamp from Isaac Read Simulation Time, and switch Use System Time off.
-
-    Example: `inputs:useSystemTime = 1` on a lidar helper, beside a `/clock` of simulation time.
-    """
-    every = list(stamps(subject))
-    simulated = {stamp.domain.name: stamp for stamp in every[::-1] if stamp.clock == "simulation"}
-    for stamp in every:
-        other = simulated.get(stamp.domain.name)
-        if other is not None and stamp.clock == "system":
-            yield Problem(
-                stamp.node.path,
-                f"{stamp.topic} is stamped with system time, {other.topic} with simulation time",
-                property=stamp.port,
-                expected="simulation time",
-                actual="system time",
-                related=(other.node.path,),
-            )
-
-
-@rule(
-    "K46",
-    "stamps-restart",
-    scope="lint",
-    severity="note",
-    counted=("time that restarts", "times that restart"),
-)
-def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
-    """Time restarts on Stop for some messages, and goes on for others.
-
-    Why: after Stop and Play the messages that restart are older than the clock says, and are
-    dropped or not placed until time has caught up.
-
-    Fix: choose the same Reset On Stop for all nodes that read simulation time, and the same Reset
-    Simulation Time On Stop for the helpers.
-
-    Example: `/clock` has `resetOnStop = 0` while the lidar helper keeps its default, which is on.
-    """
-    simulated = [stamp for stamp in stamps(subject) if stamp.clock == "simulation"]
-    leading: dict[str, Stamp] = {}  # by domain: the clock, else the first message
-    for stamp in sorted(simulated, key=lambda stamp: not stamp.is_clock):
-        leading.setdefault(stamp.domain.name, stamp)
-    for stamp in simulated:
-        first = leading[stamp.domain.name]
-        if {stamp.restarts, first.restarts} == {True, False}:
-            yield Problem(
-                stamp.node.path,
-                f"the time of {stamp.topic} {_restarts(stamp)} on Stop, that of {first.topic} "
-                f"{_restarts(first)}",
-                property=stamp.port,
-                related=(first.node.path,),
-            )
-
-
-def _restarts(stamp: Stamp) -> str:
-    return "restarts" if stamp.restarts else "continues"
-
-
-@rule("K47", "no-clock", scope="lint", severity="warning")
-def no_clock(subject: LintSubject) -> Iterator[Problem]:
-    """Messages have simulation time, and nobody publishes the clock.
-
-    Why: nodes that use simulation time wait forever for a `/clock`. Others compare the stamps,
-    which begin near 0, with the time of the computer, and find no transform.
-
-    Fix: add a ROS2 Publish Clock in the same domain, with its time from Isaac Read Simulation Time.
-
-    Example: a graph with an odometry and transforms alone.
-    """
-    stamped: dict[Domain, list[Stamp]] = {}
-    for stamp in stamps(subject):
-        if stamp.clock == "simulation":
-            stamped.setdefault(stamp.domain, []).append(stamp)
-    clocks = [
-        node
-        for node in subject.live.values()
-        if node.type is not None and node.type.message.get("") == CLOCK
-    ]
-    # A script or a node of an unknown type may send it; of one that is not in the scene, and of one
-    # that never runs, other rules speak.
-    is_known = (
-        not (subject.stage.scripts or subject.stage.absent)
-        and all(graph.active for graph in subject.graphs())
-        and all(node.type is not None for node in subject.live.values())
-    )
-    for domain, simulated in stamped.items() if is_known else ():
-        if not any(may_meet(domain, domain_of(clock, subject.live)) for clock in clocks):
-            first, count = simulated[0], len(simulated)
-            others = "" if count == 1 else f", as {count - 1} more"
-            yield Problem(
-                first.node.path,
-                f"{first.topic} has simulation time{others}, and no /clock is published",
-                expected="a publisher of /clock",
-                related=tuple(dict.fromkeys(stamp.node.path for stamp in simulated[1:])),
-                rests_on=next(iter(subject.stage.unresolved), None),
-            )
 
 
 @rule("K34", "value-type", scope="lint", formerly="value-of-another-type")

@@ -1,0 +1,239 @@
+"""Rules about ROS contexts and their domains, and about the clocks that stamp messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.registry import rule
+from lab3_usd.check.ros.clocks import CLOCK, Stamp, stamps
+from lab3_usd.check.ros.contexts import (
+    DOMAIN,
+    FROM_ENVIRONMENT,
+    Domain,
+    context_inputs,
+    domain_of,
+    domains,
+    may_meet,
+)
+from lab3_usd.check.ros.execution import has_side_effects
+from lab3_usd.check.ros.running import LintSubject, effective_value
+from lab3_usd.check.ros.topics import running_endpoints
+from lab3_usd.model.finding import Problem
+
+
+@rule("K12", "context-missing", scope="lint", severity="warning")
+def context_missing(subject: LintSubject) -> Iterator[Problem]:
+    """A ROS node has no context, while others of the stage have one.
+
+    Why: without a context a node is in the domain that the environment names in `ROS_DOMAIN_ID`,
+    else in 0. The others are in the domain of their ROS2 Context. Where these differ, the node is
+    alone.
+
+    Fix: wire Context of the ROS2 Context to Context of this node.
+
+    Example: of four publishers one has no wire at `inputs:context`.
+    """
+    connected = [entry for entry in context_inputs(subject) if entry.contexts]
+    unset = [entry for entry in context_inputs(subject) if not entry.is_set]
+    for entry in unset if connected else ():
+        if has_side_effects(entry.node) and subject.runs(entry.node.path):
+            context = connected[0].contexts[0].path
+            count = len(connected)
+            yield Problem(
+                entry.node.path,
+                f"{entry.port} is not connected: the domain is that of the environment, while "
+                f"{count} other {'node takes its' if count == 1 else 'nodes take their'} domain "
+                f"from {context}",
+                property=entry.port,
+                expected=f"{context}.outputs:context",
+            )
+
+
+@rule("K13", "contexts-differ", scope="lint", severity="warning")
+def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
+    """Two contexts of the stage name different ROS domains.
+
+    Why: nodes of different domains do not see each other. A robot whose clock is in one domain and
+    whose odometry is in another has no time.
+
+    Fix: give all ROS2 Context nodes the same Domain Id, and the same choice of Use Domain ID Env
+    Var.
+
+    Example: one context has `domain_id = 5`, the other `domain_id = 0`.
+    """
+    contexts_of = domains(subject)
+    if len(contexts_of) < 2:  # noqa: PLR2004 - the first is what the others differ from
+        return
+    (first, nodes), *others = contexts_of.items()
+    for domain, contexts in others:
+        for context in contexts:
+            yield Problem(
+                context.path,
+                f"context names {domain}, {nodes[0].path} names {first}",
+                expected=str(first),
+                actual=str(domain),
+                related=tuple(node.path for node in nodes),
+            )
+
+
+@rule("K16", "domain-of-environment", scope="lint", severity="warning")
+def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
+    """A context names a domain, and the environment may name another one, which wins.
+
+    Why: with Use Domain ID Env Var on, which it is by default, the context takes the domain from
+    `ROS_DOMAIN_ID` where that is set, and leaves its own number aside. On another computer the
+    robot is in another domain.
+
+    Fix: switch Use Domain ID Env Var off, or leave Domain Id at 0.
+
+    Example: a ROS2 Context with `inputs:domain_id = 5` and nothing else.
+    """
+    for contexts in domains(subject).values():
+        for context in contexts:
+            number = effective_value(context, DOMAIN, subject.live)
+            is_asked = effective_value(context, FROM_ENVIRONMENT, subject.live) is True
+            if is_asked and number:
+                yield Problem(
+                    context.path,
+                    f"{DOMAIN} is {number}, but ROS_DOMAIN_ID wins where it is set",
+                    property=FROM_ENVIRONMENT,
+                    expected="False",
+                    actual="True",
+                )
+
+
+@rule("K44", "two-clocks", scope="lint", severity="warning")
+def two_clocks(subject: LintSubject) -> Iterator[Problem]:
+    """The stage publishes the clock on several topics.
+
+    Why: nodes that use simulation time listen to `/clock` alone. A clock on another topic, as in
+    the namespace of a robot, serves only who was told of it.
+
+    Fix: publish one clock, on `/clock`.
+
+    Example: two robots publish `/robot_1/clock` and `/robot_2/clock`.
+    """
+    clocks = [
+        end
+        for end in running_endpoints(subject.stage, subject.lab, "publishes")
+        if end.type == CLOCK
+    ]
+    for endpoint in clocks:
+        others = [
+            clock
+            for clock in clocks
+            if clock.topic != endpoint.topic and clock.domain.name == endpoint.domain.name
+        ]
+        if others and endpoint.topic != "/clock":
+            yield Problem(
+                endpoint.node.path,
+                f"publishes a clock on {endpoint.topic}; another clock is on {others[0].topic}",
+                property=endpoint.port,
+                expected="/clock",
+                actual=endpoint.topic,
+                related=tuple(other.node.path for other in others),
+            )
+
+
+@rule("K45", "system-time", scope="lint", severity="warning")
+def system_time(subject: LintSubject) -> Iterator[Problem]:
+    """A message is stamped with the time of the computer, while others have simulation time.
+
+    Why: the two clocks are decades apart. No transform has the time of the message, so that no
+    node can place it.
+
+    Fix: wire Time Stamp from Isaac Read Simulation Time, and switch Use System Time off.
+
+    Example: `inputs:useSystemTime = 1` on a lidar helper, beside a `/clock` of simulation time.
+    """
+    every = list(stamps(subject))
+    simulated = {stamp.domain.name: stamp for stamp in every[::-1] if stamp.clock == "simulation"}
+    for stamp in every:
+        other = simulated.get(stamp.domain.name)
+        if other is not None and stamp.clock == "system":
+            yield Problem(
+                stamp.node.path,
+                f"{stamp.topic} is stamped with system time, {other.topic} with simulation time",
+                property=stamp.port,
+                expected="simulation time",
+                actual="system time",
+                related=(other.node.path,),
+            )
+
+
+@rule(
+    "K46",
+    "stamps-restart",
+    scope="lint",
+    severity="note",
+    counted=("time that restarts", "times that restart"),
+)
+def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
+    """Time restarts on Stop for some messages, and goes on for others.
+
+    Why: after Stop and Play the messages that restart are older than the clock says, and are
+    dropped or not placed until time has caught up.
+
+    Fix: choose the same Reset On Stop for all nodes that read simulation time, and the same Reset
+    Simulation Time On Stop for the helpers.
+
+    Example: `/clock` has `resetOnStop = 0` while the lidar helper keeps its default, which is on.
+    """
+    simulated = [stamp for stamp in stamps(subject) if stamp.clock == "simulation"]
+    leading: dict[str, Stamp] = {}  # by domain: the clock, else the first message
+    for stamp in sorted(simulated, key=lambda stamp: not stamp.is_clock):
+        leading.setdefault(stamp.domain.name, stamp)
+    for stamp in simulated:
+        first = leading[stamp.domain.name]
+        if {stamp.restarts, first.restarts} == {True, False}:
+            yield Problem(
+                stamp.node.path,
+                f"the time of {stamp.topic} {_restarts(stamp)} on Stop, that of {first.topic} "
+                f"{_restarts(first)}",
+                property=stamp.port,
+                related=(first.node.path,),
+            )
+
+
+def _restarts(stamp: Stamp) -> str:
+    return "restarts" if stamp.restarts else "continues"
+
+
+@rule("K47", "no-clock", scope="lint", severity="warning")
+def no_clock(subject: LintSubject) -> Iterator[Problem]:
+    """Messages have simulation time, and nobody publishes the clock.
+
+    Why: nodes that use simulation time wait forever for a `/clock`. Others compare the stamps,
+    which begin near 0, with the time of the computer, and find no transform.
+
+    Fix: add a ROS2 Publish Clock in the same domain, with its time from Isaac Read Simulation Time.
+
+    Example: a graph with an odometry and transforms alone.
+    """
+    stamped: dict[Domain, list[Stamp]] = {}
+    for stamp in stamps(subject):
+        if stamp.clock == "simulation":
+            stamped.setdefault(stamp.domain, []).append(stamp)
+    clocks = [
+        node
+        for node in subject.live.values()
+        if node.type is not None and node.type.message.get("") == CLOCK
+    ]
+    # A script or a node of an unknown type may send it; of one that is not in the scene, and of one
+    # that never runs, other rules speak.
+    is_known = (
+        not (subject.stage.scripts or subject.stage.absent)
+        and all(graph.active for graph in subject.graphs())
+        and all(node.type is not None for node in subject.live.values())
+    )
+    for domain, simulated in stamped.items() if is_known else ():
+        if not any(may_meet(domain, domain_of(clock, subject.live)) for clock in clocks):
+            first, count = simulated[0], len(simulated)
+            others = "" if count == 1 else f", as {count - 1} more"
+            yield Problem(
+                first.node.path,
+                f"{first.topic} has simulation time{others}, and no /clock is published",
+                expected="a publisher of /clock",
+                related=tuple(dict.fromkeys(stamp.node.path for stamp in simulated[1:])),
+                rests_on=next(iter(subject.stage.unresolved), None),
+            )
