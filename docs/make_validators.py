@@ -31,6 +31,9 @@ PAGE = Path(__file__).with_name("lint-corpus.md")
 FAULTS: Mapping[str, Mapping[str, Mapping[str, Any]]] = yaml.safe_load(
     (TESTS / "lint_faults.yaml").read_text(encoding="utf-8")
 )
+ISSUES: Mapping[str, str] = yaml.safe_load(
+    (TESTS / "lint_fault_issues.yaml").read_text(encoding="utf-8")
+)
 # What the others do judge: without it nobody would know whether they were running.
 CONTROL = "*control: a joint joins a prim that is not there*"
 JOINTS = {
@@ -154,14 +157,22 @@ def control(validator: Validator) -> str:
 def table() -> Iterator[str]:
     """Yield the lines of the table."""
     columns = [column(validator) for validator in VALIDATORS]
-    yield _row("fault", [validator.title for validator in VALIDATORS])
-    yield _row("---", ["---"] * len(columns))
+    yield _row("fault", [*(validator.title for validator in VALIDATORS), "users"])
+    yield _row("---", ["---"] * (len(columns) + 1))
     for name in FAULTS:
-        yield _row(name, [cells[name] for cells in columns])
+        yield _row(name, [*(cells[name] for cells in columns), issue_link(name)])
     seen = [sum(cell != "-" for cell in cells.values()) for cells in columns]
-    yield _row(f"**faults seen, of {len(FAULTS)}**", [f"**{each}**" for each in seen])
-    yield _row(CONTROL, [control(validator) for validator in VALIDATORS])
-    yield _row("version", [version(validator.package) for validator in VALIDATORS])
+    had = f"{sum(name in ISSUES for name in FAULTS)} issues"
+    yield _row(f"**faults seen, of {len(FAULTS)}**", [*(f"**{each}**" for each in seen), had])
+    yield _row(CONTROL, [*(control(validator) for validator in VALIDATORS), ""])
+    yield _row("version", [*(version(validator.package) for validator in VALIDATORS), ""])
+
+
+def issue_link(fault: str) -> str:
+    """Return a link to the issue that tells of a fault, '' for none."""
+    repository, _, number = ISSUES.get(fault, "").partition("#")
+    name = repository.rpartition("/")[2]
+    return f"[{name} #{number}](https://github.com/{repository}/issues/{number})" if number else ""
 
 
 def _row(first: str, cells: Iterable[str]) -> str:

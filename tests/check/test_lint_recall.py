@@ -10,9 +10,11 @@ from linting import broken_robot, linted
 from places import TESTS
 
 FAULTS: dict[str, dict[str, Any]] = quick_yaml.load((TESTS / "lint_faults.yaml").read_text())
-LEAST = 26
+LEAST = 60
 MISSED = {  # what no rule knows, and why
     "the wheel radius is another one (truck)": "only differential wheels are measured",
+    "nobody sends the topic that is listened to (rover)": "who sends it is outside the stage",
+    "one topic of a robot is outside its namespace (rover)": "it may be meant for all robots",
 }
 
 
@@ -31,8 +33,8 @@ SEEDS = [
 ]
 
 
-def test_there_are_thirty_two_faults_in_three_robots() -> None:
-    assert len(FAULTS) == 32
+def test_there_are_seventy_nine_faults_in_three_robots() -> None:
+    assert len(FAULTS) == 79
     assert {robot for robots in FAULTS.values() for robot in robots} == {"rover", "truck", "arm"}
 
 

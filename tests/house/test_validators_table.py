@@ -20,6 +20,7 @@ ROWS = [
     if line.startswith("|")
 ]
 VERSIONS = dict(zip(ROWS[0][1:], ROWS[-1][1:], strict=True))
+USERS = ROWS[0].index("users")
 SOME = list(script.FAULTS)[::6]  # of the validators that take their time
 
 
@@ -42,6 +43,12 @@ def test_the_table_has_a_row_for_each_fault_and_counts_them() -> None:
         counted = sum(cell != "-" for cell in committed(validator.title).values())
         total = ROWS[2 + len(script.FAULTS)][ROWS[0].index(validator.title)]
         assert total == f"**{counted}**"
+
+
+def test_every_issue_is_of_a_fault_and_stands_beside_it() -> None:
+    assert script.ISSUES.keys() <= script.FAULTS.keys()
+    rows = {row[0]: row[USERS] for row in ROWS if row[0] in script.FAULTS}
+    assert rows == {name: script.issue_link(name) for name in script.FAULTS}
 
 
 def test_our_own_column_is_what_the_linter_says() -> None:

@@ -27,6 +27,7 @@ from lab3_usd.spec.values import Value
 
 AXES = {REVOLUTE: "angular", "PhysicsPrismaticJoint": "linear"}  # others have several drives
 _MIMIC = "Mimic"
+_PAIR = 2
 
 
 class Command(Struct, frozen=True, eq=False):
@@ -216,6 +217,18 @@ def controller_of(command: Command, subject: LintSubject) -> Node | None:
             if source.type is not None and source.type.step_limits:
                 return source
     return None
+
+
+def driven_pairs(subject: LintSubject) -> Iterator[tuple[Command, Node, tuple[Prim, Prim]]]:
+    """Yield the commands of two wheels, with what computes them and the joints in its order."""
+    for command in commands(subject):
+        controller = controller_of(command, subject)
+        if controller is None or len(command.names or ()) != _PAIR:
+            continue
+        known = joints_of(command, subject.stage) if command.roots else {}
+        pair = [known[name] for name in command.names or () if name in known]
+        if len(pair) == _PAIR:
+            yield command, controller, (pair[0], pair[1])
 
 
 class Followed(Struct, frozen=True, eq=False):

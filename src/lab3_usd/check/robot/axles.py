@@ -53,14 +53,18 @@ def axle(joint: WheelJoint, subject: StageSubject) -> Vector | None:
     frame = None if side is None else _frame(ends_of(joint)[side], subject)
     if side is None or frame is None or joint.prim is None:
         return None
-    attributes = joint.prim.attributes
-    along = _ALONG.get(attributes.get(AXIS, "X"))
+    local = joint_axis(joint.prim, side)
+    return None if local is None else rotate_vector(local, decompose(frame).rotation)
+
+
+def joint_axis(joint: Prim, side: int) -> Vector | None:
+    """Return about what a positive velocity turns the other body, in the axes of this side's."""
+    along = _ALONG.get(joint.attributes.get(AXIS, "X"))
     if along is None:
         return None
-    local = rotate_by_quaternion(along, _quaternion(attributes.get(f"physics:localRot{side}")))
+    turn = _quaternion(joint.attributes.get(f"physics:localRot{side}"))
     # A joint turns its second body against its first.
-    sign = 1.0 if side == 0 else -1.0
-    return scaled(rotate_vector(local, decompose(frame).rotation), sign)
+    return scaled(rotate_by_quaternion(along, turn), 1.0 if side == 0 else -1.0)
 
 
 def own_axle(joint: WheelJoint, subject: StageSubject) -> tuple[Vector, Vector] | None:

@@ -9,10 +9,12 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.articulations import (
     Command,
     commands,
+    driven_pairs,
     ends,
     followed_bodies,
     told_joints,
 )
+from lab3_usd.check.robot.axles import joint_axis
 from lab3_usd.check.ros.quantities import quantity_of
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.model.finding import Problem
@@ -32,8 +34,10 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel
+from lab3_usd.model.transforms import dot
 
 _VELOCITY = "inputs:velocityCommand"
+_APART = -0.9  # cosine of the angle between two axes
 _WHEEL_SPEEDS = "speeds of wheels"
 
 
@@ -146,7 +150,7 @@ def _obstacles(
     if low > -FAR or high < FAR:
         name = LIMITS[0] if low > -FAR else LIMITS[1]
         yield joint.path, name, f"turns between {low:g} and {high:g} degrees only"
-    wheel = _wheel(joint, wheels)
+    wheel = _wheel(joint, wheels, stage)
     body = None if wheel is None else _body(wheel, stage)
     if wheel is None or stage.prim(wheel) is None:
         return
@@ -161,19 +165,25 @@ def _obstacles(
     for other in joints(stage):
         if other.type == FIXED and wheel in bodies(other):
             held = next((path for path in bodies(other) if path != wheel), "")
-            if not held or held in _bases(wheels):
+            if not held or held in _bases(wheels, stage):
                 yield other.path, None, f"ties {wheel} to {held or 'the world'}"
 
 
-def _bases(wheels: list[Prim]) -> set[str]:
-    """Return the bodies that several wheels hang on."""
+def _bases(wheels: list[Prim], stage: StageModel) -> set[str]:
+    """Return the bodies that wheels hang on: those of several wheels, or of more joints."""
     counts = Counter(path for joint in wheels for path in set(ends(joint)))
-    return {path for path, count in counts.items() if count > 1}
+    shared = {path for path, count in counts.items() if count > 1}
+    if shared:
+        return shared
+    ties = Counter(path for joint in joints(stage) for path in set(ends(joint)))
+    most = max((ties[path] for path in counts), default=0)
+    tied = [path for path in counts if ties[path] == most]
+    return {*tied} if len(tied) == 1 else set()
 
 
-def _wheel(joint: Prim, wheels: list[Prim]) -> str | None:
+def _wheel(joint: Prim, wheels: list[Prim], stage: StageModel) -> str | None:
     """Return the body that a joint turns as a wheel, None where both ends may be the base."""
-    bases = _bases(wheels)
+    bases = _bases(wheels, stage)
     moved = [path for path in ends(joint) if path not in bases]
     return moved[0] if len(moved) == 1 and len(ends(joint)) == len(BODIES) else None
 
@@ -193,7 +203,7 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
         wheel: joint.path
         for _, wheels in _wheel_commands(subject)
         for joint in wheels
-        if (wheel := _wheel(joint, wheels)) is not None
+        if (wheel := _wheel(joint, wheels, subject.stage)) is not None
     }
     for odometry in followed_bodies(subject):
         if odometry.body is not None and odometry.body.path in turning:
@@ -205,4 +215,33 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
                 expected="the base link of the robot",
                 actual=odometry.prim.path,
                 related=(joint,),
+            )
+
+
+@rule("K84", "wheels-turn-apart", scope="lint")
+def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
+    """The joints of two wheels turn them in opposite senses.
+
+    Why: a Differential Controller gives both wheels a positive speed to drive ahead. Where the axis
+    of one joint points the other way, the robot turns on the spot instead, and drives when it
+    should turn.
+
+    Fix: turn the frame of that joint by 180 degrees, so that both axes point to the same side.
+
+    Example: `physics:localRot0` of the left wheel's joint is turned half a circle about Z.
+    """
+    for command, controller, pair in driven_pairs(subject):
+        bases = _bases(list(pair), subject.stage)
+        sides = [next((i for i, path in enumerate(bodies(j)) if path in bases), None) for j in pair]
+        axes = [
+            None if side is None else joint_axis(joint, side)
+            for joint, side in zip(pair, sides, strict=True)
+        ]
+        if len(bases) == 1 and axes[0] and axes[1] and dot(axes[0], axes[1]) < _APART:
+            yield Problem(
+                pair[0].path,
+                f"turns its wheel against that of {pair[1].path}: {controller.path} turns the "
+                "robot where it should drive ahead",
+                related=(pair[1].path, command.node.path),
+                rests_on=subject.stage.unknown(pair[0].path, pair[1].path),
             )

@@ -12,7 +12,7 @@ from lab3_usd.check.robot.articulations import (
     Command,
     Followed,
     commands,
-    controller_of,
+    driven_pairs,
     followed_bodies,
     has_joint,
     ignored_indices,
@@ -30,7 +30,7 @@ from lab3_usd.check.rules.limits import stopping_limits, unknown_limits
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Matrix, Prim
-from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
+from lab3_usd.model.stage import StageModel, UnresolvedAsset
 from lab3_usd.model.transforms import Vector, distance, transform_point
 from lab3_usd.spec.isaac import is_within
 
@@ -249,7 +249,6 @@ _ALIKE = 0.02
 _RADIUS, _DISTANCE = "inputs:wheelRadius", "inputs:wheelDistance"
 _SPEED = "inputs:linearVelocity"
 _CLOSE = 0.05  # of the geometry, which a builder rounds
-_PAIR = 2
 
 
 @rule("K63", "limit-needs-time-step", scope="lint")
@@ -292,7 +291,7 @@ def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
     """
-    for command, controller, pair in _driven_pairs(subject):
+    for command, controller, pair in driven_pairs(subject):
         unit = unit_of(controller, _SPEED, subject)
         units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
         is_metric = unit in {None, 1.0}
@@ -314,18 +313,6 @@ def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
                     related=tuple(joint.path for joint in pair),
                     rests_on=command.unknown,
                 )
-
-
-def _driven_pairs(subject: LintSubject) -> Iterator[tuple[Command, Node, tuple[Prim, Prim]]]:
-    """Yield the commands of two wheels, with what computes them and the joints in its order."""
-    for command in commands(subject):
-        controller = controller_of(command, subject)
-        if controller is None or len(command.names or ()) != _PAIR:
-            continue
-        known = joints_of(command, subject.stage) if command.roots else {}
-        pair = [known[name] for name in command.names or () if name in known]
-        if len(pair) == _PAIR:
-            yield command, controller, (pair[0], pair[1])
 
 
 @rule("K65", "joint-commanded-twice", scope="lint", formerly="joint-of-two-controllers")
@@ -380,7 +367,7 @@ def left_and_right(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `jointNames = ["wheel_right_joint", "wheel_left_joint"]`.
     """
-    for command, controller, (first, second) in _driven_pairs(subject):
+    for command, controller, (first, second) in driven_pairs(subject):
         says_so = (_side(first), _side(second)) == ("right", "left")
         places = [_anchor(joint, subject.stage) for joint in (first, second)]
         is_so = True

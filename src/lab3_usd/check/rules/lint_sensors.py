@@ -6,11 +6,13 @@ from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.ros.running import LintSubject, effective_value, sensor_of
+from lab3_usd.check.tf.trees import all_edges
 from lab3_usd.model.changes import ApplySchema
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import BODY_API, number
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel, absence_reason
+from lab3_usd.model.transforms import AXES, angle_between, decompose, rotate_vector
 from lab3_usd.spec.catalog import INPUT
 from lab3_usd.spec.isaac import SensorOf, TargetOf
 
@@ -21,6 +23,8 @@ _NEAR, _FAR = f"{_CORE}nearRangeM", f"{_CORE}farRangeM"
 _TYPE, _SOLID = f"{_CORE}scanType", "SOLID_STATE"  # OgnROS2RtxLidarHelper.py:117
 _PRODUCT = "inputs:renderProductPath"
 _OWN_PRODUCT, _MADE = "inputs:renderProductPrim", "outputs:renderProductPath"
+_KIND, _FLAT = "inputs:type", "laser_scan"
+_STEEP = 45.0  # degrees
 _SIZE = ("inputs:width", "inputs:height")
 
 
@@ -290,6 +294,65 @@ def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
                     property=port,
                     expected="above 0",
                     actual="0",
+                )
+
+
+@rule("K76", "lidar-on-its-side", scope="lint", severity="warning")
+def lidar_on_its_side(subject: LintSubject) -> Iterator[Problem]:
+    """A lidar that gives a flat scan is turned, so that the scan is not level.
+
+    Why: a laser scan is taken in the plane across the lidar's own Z axis. Where that does not point
+    up, the scan goes through floor and ceiling, and a map of it is no floor plan.
+
+    Fix: turn the lidar so that its Z axis points up; in a stage with Y up it needs a rotation.
+
+    Example: an `OmniLidar` with `xformOp:rotateX = 90` in a stage with Z up.
+    """
+    up = AXES["XYZ".index(subject.stage.up_axis)]
+    for node, needed, path in _read_sensors(subject):
+        prim = subject.stage.prim(path)
+        is_flat = effective_value(node, _KIND, subject.live) == _FLAT
+        if prim is None or prim.world is None or not (needed.needs and is_flat):
+            continue
+        tilt = angle_between(rotate_vector(AXES[2], decompose(prim.world).rotation), up)
+        if tilt > _STEEP:
+            yield Problem(
+                path,
+                f"its Z axis points {tilt:.0f} degrees away from up, and {node.path} publishes a "
+                "flat scan",
+                related=(node.path,),
+                rests_on=subject.stage.unknown_pose(prim),
+            )
+
+
+@rule("K77", "frame-of-another-sensor", scope="lint", severity="warning")
+def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
+    """A message of one sensor names the frame of another kind of sensor.
+
+    Why: the message is placed where the other sensor stands and looks as that does.
+
+    Fix: write the frame of the sensor itself, or of the link that carries it.
+
+    Example: a lidar helper with the frame of the camera.
+    """
+    kinds = {
+        path: prim.type
+        for _, _, path in _read_sensors(subject)
+        if (prim := subject.stage.prim(path))
+    }
+    frames = {edge.child: edge.prim for edge in all_edges(subject) if edge.prim in kinds}
+    for node, _, path in _read_sensors(subject):
+        for port in () if node.type is None or path not in kinds else node.type.frames[:1]:
+            name = effective_value(node, port, subject.live)
+            other = frames.get(name) if isinstance(name, str) else None
+            if other is not None and kinds[other] != kinds[path]:
+                yield Problem(
+                    node.path,
+                    f"{port} is '{name}', the frame of {other}, but it publishes {path}",
+                    property=port,
+                    expected="the frame of its own sensor",
+                    actual=str(name),
+                    related=(other,),
                 )
 
 
