@@ -6,7 +6,7 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
-from foreign_robots import add_api, rover, write_node
+from foreign_robots import add_api, connect, rover, write_node
 from layerings import copied
 from linting import linted, said_by
 from menu_graphs import MENUS, with_menus
@@ -107,6 +107,18 @@ def test_a_camera_helper_took_a_window_before_six() -> None:
     model = read_model(stage, lint_lab("5.1"), "stage.usda")
     (image,) = (end for end in endpoints(model, lint_lab("5.1")) if end.topic == "/rgb")
     assert image.runs
+
+
+def test_a_scan_needed_intensities_before_six() -> None:
+    stage = rover()
+    graph = "/World/Clock"
+    ports = {"numRows": 1, "numCols": 2, "linearDepthData": [1.0, 2.0]}
+    write_node(stage, f"{graph}/scan", "ros.ROS2PublishLaserScan", ports)
+    connect(stage, graph, "tick.tick", "scan.execIn")
+    connect(stage, graph, "time.simulationTime", "scan.timeStamp")
+    found = f"K10 {graph}/scan inputs:intensitiesData"
+    known = load_isaac_types().known_releases
+    assert [each for each in known if found in said_by(stage, release=each)] == ["5.0", "5.1"]
 
 
 def test_a_camera_with_the_schema_of_a_lidar_was_one_before_six() -> None:

@@ -20,8 +20,8 @@ class Need(Struct, frozen=True, forbid_unknown_fields=True):
     With `when` it needs it only where that input is wired or set, or switched on, with
     `when_wired` where it is wired, and with `unless` where it is not switched on. With
     `zero_counts`, zeros that somebody wrote are as good as other values. `effect` says what
-    happens without, `source` names the file of Isaac Sim that shows it. `since` and `until` name
-    the first and the last release in which it does, '' where all do.
+    happens without, `source` names the file of Isaac Sim that shows it. `until` is the last release
+    in which it does, '' where all do.
     """
 
     inputs: tuple[str, ...]
@@ -32,7 +32,6 @@ class Need(Struct, frozen=True, forbid_unknown_fields=True):
     unless: str = ""
     zero_counts: bool = False
     severity: Literal["error", "warning"] = "error"
-    since: str = ""
     until: str = ""
 
 
@@ -101,12 +100,11 @@ class BodyOf(Struct, frozen=True, forbid_unknown_fields=True):
 class JointsOf(Struct, frozen=True, forbid_unknown_fields=True):
     """How a node picks the joints that it moves, each with the last release in which it does so.
 
-    Until `zeros_until` numbers of joints that are all 0 are ignored, so that all joints move; from
-    `zeros_since` on they count. Until `spreads_until` one command counts for all joints named.
+    Until `zeros_until` numbers of joints that are all 0 are ignored, so that all joints move. Until
+    `spreads_until` one command counts for all joints named.
     """
 
     zeros_until: str
-    zeros_since: str
     spreads_until: str
     source: str
 

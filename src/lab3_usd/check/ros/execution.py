@@ -27,7 +27,7 @@ def unmet_needs(node: Node, subject: LintSubject) -> Iterator[Need]:
     """Yield what a node needs by the catalog and does not get."""
     kind = node.type
     for need in subject.types.needs.get(kind.type, ()) if kind is not None else ():
-        if not is_within(subject.release, need.since, need.until):
+        if not is_within(subject.release, "", need.until):
             continue
         if need.when and not (is_given(node, need.when) or _is_on(node, need.when)):
             continue
