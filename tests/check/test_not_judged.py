@@ -134,6 +134,17 @@ def test_a_fault_beside_a_missing_robot_fails(tmp_path: Path) -> None:
     assert check_stage(str(path), "05").verdict == "fail"
 
 
+def test_a_link_that_is_missing_is_no_pass(tmp_path: Path) -> None:
+    path = tmp_path / "Lab3_05.usda"
+    stage = built("05")
+    clear(BASE, "physics:mass")(stage)
+    refer(BASE, "./elsewhere.usd")(stage)
+    stage.GetRootLayer().Export(str(path))
+    result = check_stage(str(path), "05")
+    assert result.verdict == "not judged"
+    assert "./elsewhere.usd" in result.gaps[0]
+
+
 @pytest.mark.parametrize("place", ["/Environment", LIDAR])
 def test_a_missing_asset_beside_or_in_the_robot_leaves_a_pass(place: str, tmp_path: Path) -> None:
     path = tmp_path / "Lab3_05.usda"

@@ -117,16 +117,20 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
 
 
 def _gaps(lab: Lab, stage: StageModel, left_open: Iterable[NotJudged]) -> Iterator[str]:
-    """Yield what matters and could not be judged: the robot, where a missing asset would hold it.
+    """Yield what matters and could not be judged: the robot or a link that is in a missing asset.
 
     An asset that only a sensor or the environment refers to is no gap: what the lab asks of these
     is mostly written in the stage itself.
     """
-    robot = stage.unknown(lab.scene.robot.path)
-    count = 0 if robot is None else sum(entry.asset == robot.asset for entry in left_open)
-    if robot is not None and count:
-        left = "1 thing of the robot waits" if count == 1 else f"{count} things of the robot wait"
-        yield f"{left} for {robot.asset}, which cannot be found"
+    robot = lab.scene.robot
+    missing = [asset for path in (robot.path, *robot.link_paths) if (asset := stage.unknown(path))]
+    for name in dict.fromkeys(asset.asset for asset in missing):
+        count = sum(entry.asset == name for entry in left_open)
+        if count:
+            left = (
+                "1 thing of the robot waits" if count == 1 else f"{count} things of the robot wait"
+            )
+            yield f"{left} for {name}, which cannot be found"
 
 
 def _without_repeats(findings: list[Finding]) -> list[Finding]:
