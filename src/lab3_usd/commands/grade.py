@@ -61,9 +61,11 @@ class Seconds(click.FloatRange):
         return seconds
 
 
-def _refuse_empty(context: click.Context, parameter: click.Parameter, submissions: str) -> str:
+def _refuse_empty(
+    context: click.Context, parameter: click.Parameter, submissions: str | None
+) -> str | None:
     """Refuse the empty name, which stands for the current folder and is never meant."""
-    if not submissions.strip():
+    if submissions is not None and not submissions.strip():
         raise click.BadParameter(
             "give a folder, an archive or an address; '.' is the current folder", context, parameter
         )
@@ -71,10 +73,9 @@ def _refuse_empty(context: click.Context, parameter: click.Parameter, submission
 
 
 @click.command("grade")
-@click.argument("submissions", callback=_refuse_empty)
+@click.argument("submissions", callback=_refuse_empty, required=False)
 @click.option(
     "--starter",
-    required=True,
     type=click.Path(path_type=Path),
     metavar="FILE",
     help="The supplied starter: stages are compared with it, and may refer to its files.",
@@ -129,8 +130,29 @@ def _refuse_empty(context: click.Context, parameter: click.Parameter, submission
     is_flag=True,
     help="Complete a student's last upload with files of the earlier ones.",
 )
+@click.option(
+    "--explain", metavar="STUDENT", help="Print the whole sum of a student of the gradebook -o."
+)
+@click.option(
+    "--regrade",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Give this gradebook the points of --rubric, without opening a submission.",
+)
+@click.option(
+    "--gradebook",
+    metavar="PLATFORM",
+    help="Write the points as canvas, moodle, gradescope, brightspace or blackboard takes them.",
+)
+@click.option(
+    "--roster",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="The platform's own export of its gradebook, for --gradebook.",
+)
+@click.option("--column", default="", metavar="NAME", help="The column of it for the points.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tcp://host:port.")
-def command(submissions: str, **options: Any) -> None:
+def command(submissions: str | None, **options: Any) -> None:
     """Grade a class: a folder for each student, archives, or single stages.
 
     SUBMISSIONS is a folder or an archive as a learning platform exports it, or the address
@@ -139,12 +161,96 @@ def command(submissions: str, **options: Any) -> None:
     it, and the result of a Gradescope autograder is written. Exit status: 0 every submission has a
     grade or a status, 2 wrong usage or rubric, 3 the tool itself failed, 130 interrupted: go on
     with --resume.
+
+    With --explain, --regrade or --gradebook alone, a gradebook that is there is read.
     """
+    _check(submissions, options)
     if options["form"] is not None:
-        _grade_alone(Path(submissions), options)
+        _grade_alone(Path(str(submissions)), options)
         return
-    if options["out"] is None:
+    if options["regrade"] is not None:
+        options["out"] = options["out"] or options["regrade"]
+        _regrade(options)
+    if submissions is not None:
+        _grade(submissions, options)
+    if options["gradebook"] is not None:
+        _write_for_platform(options)
+    if options["explain"] is not None:
+        _explain(options)
+
+
+def _check(submissions: str | None, options: dict[str, Any]) -> None:
+    """Refuse what is missing, or does not go together, before anything is read.
+
+    Raises:
+        UsageError: it does not go together.
+    """
+    from lab3_usd.grade.rosters import PLATFORMS
+
+    afterwards = [name for name in ("regrade", "gradebook", "explain") if options[name] is not None]
+    if options["form"] is not None and afterwards:
+        raise UsageError(f"--{afterwards[0]} is for a class; --format grades one submission")
+    if submissions is None and not afterwards:
+        raise click.MissingParameter(param_type="argument", param_hint="'SUBMISSIONS'")
+    if submissions is not None and options["regrade"] is not None:
+        raise UsageError("--regrade reads a gradebook, and no submissions")
+    if submissions is not None and options["starter"] is None:
+        raise click.MissingParameter(param_type="option", param_hint="'--starter'")
+    if options["out"] is None and options["regrade"] is None and options["form"] is None:
         raise click.UsageError("Missing option '--output' / '-o'.", click.get_current_context())
+    if options["gradebook"] not in {None, *PLATFORMS}:
+        names = ", ".join(PLATFORMS)
+        raise UsageError(f"--gradebook {options['gradebook']}: is none of {names}")
+    if (options["gradebook"] is None) != (options["roster"] is None):
+        raise UsageError("--gradebook and --roster go together: the export names the students")
+
+
+def _write_for_platform(options: dict[str, Any]) -> None:
+    """Write the points as a platform takes them."""
+    from lab3_usd.grade.afterwards import class_of
+    from lab3_usd.grade.rosters import write_for_platform
+
+    path = write_for_platform(
+        options["out"],
+        options["gradebook"],
+        options["roster"],
+        class_of(options["out"]),
+        lambda line: click.echo(f"lab3: {line}", err=True),
+        options["column"],
+    )
+    click.echo(path)
+
+
+def _explain(options: dict[str, Any]) -> None:
+    """Print the sum of one student."""
+    from lab3_usd.grade.afterwards import class_of, student_in, sum_of
+    from lab3_usd.report.safe_text import printable
+
+    book = class_of(options["out"])
+    for text in sum_of(book, student_in(book, options["explain"])):
+        click.echo(printable(text))
+
+
+def _regrade(options: dict[str, Any]) -> None:
+    """Give a gradebook the points of a rubric, and say who changed."""
+    from lab3_usd.grade.afterwards import regrade
+    from lab3_usd.grade.rubric import load_rubric
+    from lab3_usd.report.safe_text import printable
+    from lab3_usd.spec.load.loader import load_lab
+
+    out = options["regrade"]
+    changed = regrade(out, load_rubric(options["rubric"], load_lab()), force=options["force"])
+    for grade in changed:
+        (earned, possible), (now, now_possible) = grade.before, grade.after
+        click.echo(
+            f"{printable(grade.student)}: {earned:.2f} of {possible:g} -> "
+            f"{now:.2f} of {now_possible:g} ({now - earned:+.2f})"
+        )
+    click.echo(f"{len(changed)} changed: {out / 'index.html'}")
+
+
+def _grade(submissions: str, options: dict[str, Any]) -> None:
+    """Grade a class into a gradebook."""
     from lab3_usd.grade.class_run import ClassSettings, grade_class
     from lab3_usd.grade.intake.remote import is_address
 

@@ -18,6 +18,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.files import leftover_files, write_parts, write_whole
 from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.lock import LOCK
+from lab3_usd.grade.rosters import PLATFORMS
 from lab3_usd.grade.rubric import COLUMNS, Item, Rubric
 from lab3_usd.grade.scoring import Grade, State
 from lab3_usd.model.finding import Report
@@ -111,7 +112,7 @@ def gradescope(report: Report, rubric: Rubric, points: Grade) -> str:
         names = [f"Checkpoint {item.checkpoint}: {group}" for group in groups]
         blocks = [outputs.pop(name, "") for name in names]
         lost = [to_builtins(line) for line in points.lost if line.item == item.id]
-        blocks.insert(0, "\n".join(f"- {text(_deduction_text(line))}" for line in lost))
+        blocks.insert(0, "\n".join(f"- {text(deduction_text(line))}" for line in lost))
         tests.append(
             {
                 "name": item.title,
@@ -158,7 +159,7 @@ def check_target(out: Path, *, resume: bool) -> None:
         raise UsageError(
             f"{out}: is not empty; choose another folder, or give --resume to go on with it"
         )
-    foreign = sorted(holds - {STUDENTS, *_TABLES})
+    foreign = sorted(holds - {STUDENTS, *_TABLES, *(f"{name}.csv" for name in PLATFORMS)})
     if foreign:
         raise UsageError(
             f"{out}: holds {foreign[0]}, which is no part of a gradebook; choose another one"
@@ -331,7 +332,7 @@ def _remarks_text(row: Row) -> str:
         elif lost:
             paying = [line for line in lost if line.get("points")] or lost
             first = [line for line in paying if line["requirement"]][:_LINES] or paying[:1]
-            lines = [_deduction_text(line) for line in first]
+            lines = [deduction_text(line) for line in first]
             lines += [f"{len(lost) - len(lines)} more"] if len(lost) > len(lines) else []
             remarks.append(f"{item['id']}: {', '.join(lines)}")
         elif item["because"]:
@@ -339,7 +340,7 @@ def _remarks_text(row: Row) -> str:
     return "; ".join(filter(None, remarks))
 
 
-def _deduction_text(line: Row) -> str:
+def deduction_text(line: Row) -> str:
     """Return a deduction in one line: the points, why, the rule, and the place."""
     points = f"-{line['points']:.2f} " if line.get("points") else ""
     where = " ".join(filter(None, (line.get("rule"), line.get("place"))))
@@ -359,7 +360,7 @@ def _json_parts(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
     yield json.dumps(head, indent=1).removesuffix("\n}").encode() + b',\n "students": ['
     between = b"\n"
     for row in rows:
-        shown = {key: row[key] for key in row if key not in {"version", "salt"}}
+        shown = {key: row[key] for key in row if key not in {"version", "salt", "facts"}}
         yield between + b"  " + json.dumps(shown).encode()
         between = b",\n"
     yield b"\n ]\n}\n"

@@ -1,0 +1,158 @@
+"""What is done with a gradebook that is there: one student's sum, and points by another rubric."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from msgspec import Struct, to_builtins
+
+from lab3_usd.errors import UsageError
+from lab3_usd.files import write_whole
+from lab3_usd.grade.gradebook import (
+    GRADEBOOK_JSON,
+    GRADESCOPE,
+    HTML,
+    RESULT,
+    STUDENTS,
+    Row,
+    deduction_text,
+    write_reports,
+    write_tables,
+)
+from lab3_usd.grade.intake.submissions import StudentSubmission
+from lab3_usd.grade.lock import locked
+from lab3_usd.grade.rubric import Rubric
+from lab3_usd.grade.scoring import SubmissionFacts, grade_facts
+from lab3_usd.model.finding import Report, Submission
+
+# What of a student's page shows the grade; pictures have titles as well.
+_OF_GRADE = re.compile(
+    r"<!--grade-->.*?<!--/grade-->|<title>[^<]*</title>(?=\s*<link rel=.icon)", re.DOTALL
+)
+
+
+class ChangedGrade(Struct, frozen=True):
+    """What a student had earned, and has by another rubric; of how many points."""
+
+    student: str
+    before: tuple[float, float]
+    after: tuple[float, float]
+
+
+def class_of(out: Path) -> Row:
+    """Return what grades.json says of a class.
+
+    Raises:
+        UsageError: there is no gradebook.
+    """
+    try:
+        book = json.loads((out / GRADEBOOK_JSON).read_bytes())
+        book["students"] = [dict(row) for row in book["students"]]
+        book["items"] = [dict(item) for item in book["items"]]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UsageError(f"{out}: holds no gradebook that can be read") from error
+    return dict(book)
+
+
+def student_in(book: Row, name: str) -> Row:
+    """Return the row of the student of this number or name.
+
+    Raises:
+        UsageError: there is none, or several are called so.
+    """
+    rows = book["students"]
+    found = [row for row in rows if row["student"] == name]
+    found = found or [row for row in rows if row["name"].casefold() == name.casefold()]
+    if len(found) != 1:
+        why = "several students are called so; give the number" if found else "no such student"
+        raise UsageError(f"{name}: {why}")
+    return dict(found[0])
+
+
+def sum_of(book: Row, row: Row) -> Iterator[str]:
+    """Yield the lines of a student's sum: every item, and what it lost and why."""
+    titles = {item["id"]: item["title"] for item in book["items"]}
+    width = max(len(title) for title in (*titles.values(), "total"))
+    of = f" of {row['possible']:.2f} points"
+    percent = "" if row["percent"] is None else f", {row['percent']:.2f} %"
+    name = f" ({row['name']})" if row["name"] not in {"", row["student"]} else ""
+    yield f"{row['student']}{name}: {row['status']}, {row['earned']:.2f}{of}{percent}"
+    yield from filter(None, [row["reason"], *row.get("remarks", [])])
+    yield ""
+    for item in row["items"]:
+        title = titles.get(item["id"], item["id"])
+        points = f"{item['earned']:>8.2f} of {item['possible']:>6.2f}"
+        yield f"{title:<{width}}  {points}  {item['state']}"
+        for line in row["lost"]:
+            if line["item"] == item["id"]:
+                yield f"    {deduction_text(line)}"
+    yield f"{'total':<{width}}  {row['earned']:>8.2f} of {row['possible']:>6.2f}"
+    yield from row["because"]
+
+
+def regrade(out: Path, rubric: Rubric, *, force: bool = False) -> list[ChangedGrade]:
+    """Give the students of a gradebook their points by another rubric, and return who changed.
+
+    No submission is opened: what was found in it is in the results.
+
+    Raises:
+        UsageError: there is no gradebook, or one of an earlier release.
+    """
+    with locked(out, force=force):
+        students = class_of(out)["students"]
+        rows = [_recorded(out, student) for student in students]
+        changed = [
+            ChangedGrade(
+                row["student"],
+                (row["earned"], row["possible"]),
+                _regraded(out, rubric, row, facts),
+            )
+            for row, facts in rows
+        ]
+        write_tables(out, [_submission(row) for row, _ in rows], rubric)
+    return [grade for grade in changed if grade.before != grade.after]
+
+
+def _submission(row: Row) -> StudentSubmission:
+    return StudentSubmission(row["student"], row["name"], row["folder"], (), row["late"])
+
+
+def _recorded(out: Path, student: Row) -> tuple[Row, SubmissionFacts]:
+    """Return the result of a student, and what was found in the submission."""
+    try:
+        row = json.loads((out / STUDENTS / student["folder"] / RESULT).read_bytes())
+        return row, msgspec.convert(row["facts"], SubmissionFacts)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UsageError(
+            f"{out}: the result of {student['student']} does not say what was found; "
+            "grade again with --resume"
+        ) from error
+
+
+def _regraded(
+    out: Path, rubric: Rubric, row: dict[str, Any], facts: SubmissionFacts
+) -> tuple[float, float]:
+    """Write the points of a student by a rubric, and return them."""
+    late = row["late"] or row["student"] in rubric.late.students
+    points = grade_facts(rubric, facts, late=late)
+    folder = out / STUDENTS / row["folder"]
+    empty = Report((), (Submission(row["student"]),))
+    remarks = tuple(row.get("remarks", ()))
+    reports = write_reports(empty, rubric, points, row["name"], remarks)
+    page = folder / HTML
+    parts = _OF_GRADE.findall(reports[HTML])
+    old = page.read_text(encoding="utf-8") if page.is_file() else ""
+    if len(_OF_GRADE.findall(old)) == len(parts):
+        new = iter(parts)
+        reports[HTML] = _OF_GRADE.sub(lambda _part: next(new), old)
+    # Neither this rubric nor the starter made these findings: --resume judges them again.
+    row |= {**to_builtins(points), "late": late, "salt": ""}
+    for name in (HTML, GRADESCOPE):
+        write_whole(folder / name, reports[name].encode("utf-8", "replace"), force=True)
+    write_whole(folder / RESULT, (json.dumps(row, indent=1) + "\n").encode(), force=True)
+    return points.earned, points.possible
