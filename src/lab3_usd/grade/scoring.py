@@ -253,7 +253,7 @@ def _blocking(
             yield _Loss(1.0, f"stands on {name}, which earned nothing")
     added = rubric.added[item.checkpoint]
     if added and added.issubset(stage.unmet):
-        yield _Loss(1.0, f"nothing is there of what checkpoint {item.checkpoint} needs last")
+        yield _Loss(1.0, "nothing is there of what was added last")
     elif not rubric.asked[item.id]:
         earlier = rubric.earlier[item.id]
         latest = [known for known in earlier if known.checkpoint == earlier[-1].checkpoint]
