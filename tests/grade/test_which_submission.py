@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 import shutil
@@ -236,6 +237,37 @@ def test_a_stage_that_cannot_be_read_does_not_count(damage: bytes, tmp_path: Pat
     assert remark.text.startswith("a is judged (6 checkpoints")
 
 
+def test_a_folder_of_damaged_stages_is_named_too(tmp_path: Path) -> None:
+    submission(tmp_path / "ana" / "Lab3")
+    for path in submission(tmp_path / "ana" / "Archive", work=".").rglob("*.usda"):
+        path.write_bytes(path.read_bytes()[:2000])
+    (remark,) = staged(tmp_path / "ana").remarks
+    assert remark.text.endswith("left aside: Archive (6 stages, none of which can be read)")
+
+
+@pytest.mark.parametrize("mtime", [float("nan"), -1, 10**400, "zip"])
+def test_a_time_that_is_none_costs_nothing(mtime: float | str, tmp_path: Path) -> None:
+    data = stage("00").read_bytes()
+    name = f"work/{stage('00').name}"
+    if mtime == "zip":
+        archive = tmp_path / "ana.zip"
+        with zipfile.ZipFile(archive, "w") as packed:
+            packed.writestr(zipfile.ZipInfo(name), data)
+        unknown = (33).to_bytes(2, "little")  # the date of a zip file: 1 January 1980
+        written = archive.read_bytes()
+        assert written.count(b"\0\0" + unknown) == 2
+        archive.write_bytes(written.replace(b"\0\0" + unknown, b"\0\0\0\0"))
+    else:
+        archive = tmp_path / "ana.tar"
+        with tarfile.open(archive, "w", format=tarfile.PAX_FORMAT) as tar:
+            member = tarfile.TarInfo(name)
+            member.size = len(data)
+            member.pax_headers = {"mtime": str(mtime)}
+            tar.addfile(member, io.BytesIO(data))
+    found = staged(archive)
+    assert (set(found.digests), found.refused) == ({name}, ())
+
+
 # ---- archives in an archive
 
 
@@ -448,6 +480,27 @@ def test_links_inside_a_submission_give_one_grade_in_every_form(tmp_path: Path) 
     }
     assert len({row["earned"] for row in rows.values()}) == 1
     assert len({str(findings(row)) for row in rows.values()}) == 1
+
+
+@pytest.mark.parametrize("form", ["zip", "tar.gz"])
+@pytest.mark.parametrize("wrapper", ["", "class/"])
+def test_links_in_the_archive_of_a_class_are_followed_within_a_student(
+    wrapper: str, form: str, tmp_path: Path
+) -> None:
+    made = tmp_path / "made"
+    linked(made / wrapper / "ana")
+    work = made / wrapper / "ben" / "work"
+    work.mkdir(parents=True)
+    (work / stage("00").name).symlink_to(f"../../ana/work/{stage('00').name}")
+    shutil.copyfile(stage("01"), work / stage("01").name)
+    out = tmp_path / "book"
+    archive = packed(made, tmp_path / f"all.{form}")
+    graded_here(ClassSettings(archive, starter(), out))
+    rows = json.loads((out / "grades.json").read_text())["students"]
+    verdicts = {row["student"]: row["verdicts"] for row in rows}
+    assert verdicts == {"ana": dict.fromkeys(ALL, "pass"), "ben": {"01": "pass"}}
+    (ben,) = (row for row in rows if row["student"] == "ben")
+    assert findings({**ben, "out": out})["Z01"] == [f"work/{stage('00').name}"]
 
 
 def test_links_out_of_a_submission_give_one_grade_in_every_form(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from msgspec import Struct
 
 from lab3_usd.errors import Lab3Error
 from lab3_usd.grade.intake.submission_copy import (
+    LEADS_OUT,
     SubmissionCopy,
     TooLargeError,
     is_hidden,
@@ -40,8 +41,6 @@ _SMALL = 1 << 20  # a file that small is no bomb, whatever its ratio
 _ENCRYPTED = 0x1
 _LONGEST_LINK = 4096  # bytes
 _MOST_LINKS = 40  # one after the other
-LEADS_OUT = "it is a link that leads out of the submission; not opened"
-LEADS_TO_NO_FILE = "it is a link to what is no file of the submission; not opened"
 _DAMAGED = (
     zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError, EOFError, OSError,
     ValueError, NotImplementedError, RuntimeError, IndexError, OverflowError,
@@ -150,7 +149,7 @@ def _from_zip(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
                 copy.keep_folder(name)
             elif inside.is_made(entry.filename):
                 continue
-            elif stat.S_ISLNK(entry.external_attr >> 16) and not copy.archives:
+            elif stat.S_ISLNK(entry.external_attr >> 16):
                 inside.links[_plain(entry.filename)] = _Link(_zip_link(packed, entry))
             else:
                 _zip_entry(packed, entry, name, copy)
@@ -187,8 +186,11 @@ def _zip_entry(
 
 
 def _seconds(written: tuple[int, ...]) -> float:
-    """Return the time of an entry of a zip file, which names no time zone, in seconds."""
-    return float(calendar.timegm((*written, 0, 0, 0)))
+    """Return the time of an entry of a zip file, which names no time zone; 0 for none."""
+    try:
+        return float(calendar.timegm((*written, 0, 0, 0)))
+    except ValueError:  # month 0 is written where the time is not known
+        return 0.0
 
 
 def _zip_fault(entry: zipfile.ZipInfo, ratio: int) -> str:
@@ -219,8 +221,9 @@ def _from_tar(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
             copy.keep_folder(name)
         elif inside.is_made(path):
             continue
-        elif (member.issym() or member.islnk()) and not copy.archives:
-            inside.links[_plain(path)] = _Link(member.linkname, from_top=member.islnk())
+        elif member.issym() or member.islnk():
+            target = member.linkname if len(member.linkname) <= _LONGEST_LINK else "/"
+            inside.links[_plain(path)] = _Link(target, from_top=member.islnk())
         elif not member.isreg() or member.issparse():
             copy.refuse(name, "it is a link, pipe or device; not unpacked")
         else:
@@ -228,7 +231,7 @@ def _from_tar(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
             if _is_nested(name, copy):
                 _unpack_nested(stream, member.size, name, copy)
             else:
-                copy.take(name, member.size, stream, float(member.mtime))
+                copy.take(name, member.size, stream, member.mtime)
     inside.take_links()
 
 
@@ -293,19 +296,19 @@ class _Inside:
         return True
 
     def take_links(self) -> None:
-        """Take in the links to files of the archive that were taken in, as files."""
+        """Take in the links to files of the archive that were taken in, as files.
+
+        In the archive of a class it is not known yet whose they are.
+        """
         for path in self.links:
             name, target = self.name(path), self._target(path)
             if target is None:
                 self._copy.refuse(name, LEADS_OUT)
                 continue
-            file = self._copy.path_of(self.name(target))
-            if file is None:
-                self._copy.refuse(name, LEADS_TO_NO_FILE)
-                continue
-            status = file.stat()
-            with file.open("rb") as stream:
-                self._copy.take(name, status.st_size, stream, status.st_mtime)
+            if self._copy.archives:
+                self._copy.links[name] = self.name(target)
+            else:
+                self._copy.take_link(name, self.name(target))
 
     def _target(self, path: str) -> str | None:
         """Return the file of the archive that a link leads to, None where it leads out of it."""

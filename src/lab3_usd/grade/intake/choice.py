@@ -35,13 +35,15 @@ class Remark(Struct, frozen=True):
 class StageFolder(Struct, frozen=True):
     """A folder that may be the submission: its checkpoints that can be read, and its stages.
 
-    `newest` is when the last of these was changed, `contents` are their digests by checkpoint.
+    `newest` is when the last of these was changed, `contents` are their digests by checkpoint, and
+    `unread` is how many more stages there are, which cannot be read.
     """
 
     path: str
     checkpoints: tuple[str, ...]
     newest: float
     contents: frozenset[tuple[str, str]]
+    unread: int = 0
 
 
 class Choice(Struct, frozen=True):
@@ -61,7 +63,8 @@ def choose_folder(copy: SubmissionCopy) -> Choice:
     first = _with_its_files(copy, folders)
     others = [folder for folder in folders if folder != first]
     aside = [folder for folder in others if not _is_inside(folder.path, first.path)]
-    aside = [folder for folder in [*aside, *_stray_stages(copy, places)] if folder.contents]
+    aside += _stray_stages(copy, places)
+    aside = [folder for folder in aside if folder.contents or folder.unread]
     covered = [first.path, *(folder.path for folder in aside)]
     return Choice(
         first.path, tuple(_remarks(first, aside)), tuple(_beside(copy, first.path, covered))
@@ -137,6 +140,7 @@ def stage_folder(copy: SubmissionCopy, place: str) -> StageFolder:
         tuple(whole),
         max((file.stat().st_mtime for file in whole.values()), default=0.0),
         frozenset((number, copy.digests[str(file)]) for number, file in whole.items()),
+        len(files) - len(whole),
     )
 
 
@@ -175,6 +179,8 @@ def _shown(path: str) -> str:
 
 
 def _holding(folder: StageFolder, chosen: StageFolder) -> str:
+    if not folder.contents:
+        return f"{folder.unread} stage{'s' * (folder.unread > 1)}, none of which can be read"
     if folder.contents <= chosen.contents:
         return f"{_counted(folder)}, the same files"
     lacking = [number for number in folder.checkpoints if number not in chosen.checkpoints]

@@ -81,6 +81,7 @@ def fetch(storage: Any, root: str, target: Path, bounds: FetchLimits) -> Fetched
             os.truncate(place, min(size, max(bounds.limits.file_size + 1, _LARGER_THAN_PICTURES)))
         else:
             room -= _copy(storage, path, place, room, bounds)
+        os.utime(place, (0.0, 0.0))  # not the time of the download
     return tuple(left_out)
 
 

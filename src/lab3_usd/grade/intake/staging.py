@@ -20,8 +20,6 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.grade.intake.archives import (
-    LEADS_OUT,
-    LEADS_TO_NO_FILE,
     OTHER_ENDINGS,
     ArchiveError,
     is_archive,
@@ -31,6 +29,8 @@ from lab3_usd.grade.intake.archives import (
 )
 from lab3_usd.grade.intake.choice import Remark, choose_folder, counted, stage_folder
 from lab3_usd.grade.intake.submission_copy import (
+    LEADS_OUT,
+    LEADS_TO_NO_FILE,
     Limits,
     RefusedFile,
     SubmissionCopy,

@@ -87,7 +87,7 @@ _MADE = (".git", ".venv", "venv", "build", "install", "log", "node_modules", "__
 _PASSED_OVER = "programs fill folders of this name; what is in it is not judged"
 _CLOUD_FILE = re.compile(r"^\.(?P<name>.+)\.icloud$")
 _IN_THE_CLOUD = "it is a placeholder of iCloud, not the file itself"
-_LATEST = 2**32 - 1.0
+_LATEST = 2**32  # seconds, beyond which not every file system counts
 
 
 class RefusedFile(Struct, frozen=True):
@@ -181,6 +181,8 @@ def yaml_fault(data: bytes) -> str:
 
 _CHUNK = 1 << 20
 _AS_LARGE = 8 << 20  # bytes of the placeholder of a large file in the copy of a class
+LEADS_OUT = "it is a link that leads out of the submission; not opened"
+LEADS_TO_NO_FILE = "it is a link to what is no file of the submission; not opened"
 _TWICE = "it is there twice; the other one counts"
 _CLASH = "a file and a folder have the same name"
 
@@ -192,7 +194,8 @@ class SubmissionCopy:
     With `archives`, the files of a class come in as they are, and archives in an archive too:
     those of a class are students', and are looked into one by one. `hidden` are the names of what
     is passed over there without a word, and `is_nested` holds while an archive that lay in another
-    is unpacked. `unpacked` are the folders that stand for archives, the outer ones first.
+    is unpacked. `unpacked` are the folders that stand for archives, the outer ones first, and
+    `links` those of a class, with what they lead to.
     """
 
     target: Path
@@ -203,6 +206,7 @@ class SubmissionCopy:
     hidden: list[str] = field(default_factory=list)
     passed_over: dict[str, None] = field(default_factory=dict)
     unpacked: list[str] = field(default_factory=list)
+    links: dict[str, str] = field(default_factory=dict)
     taken: int = 0
     is_nested: bool = False
 
@@ -240,10 +244,15 @@ class SubmissionCopy:
             return None
         return self.target.joinpath(*parts)
 
-    def path_of(self, name: str) -> Path | None:
-        """Return the copy of a file that was taken in, None where none of this name was."""
-        path = self.target.joinpath(*path_parts(name))
-        return path if str(path) in self.digests else None
+    def take_link(self, name: str, target: str) -> None:
+        """Copy in again, under another name, a file that was taken in."""
+        path = self.target.joinpath(*path_parts(target))
+        if str(path) not in self.digests:
+            self.refuse(name, LEADS_TO_NO_FILE)
+            return
+        status = path.stat()
+        with path.open("rb") as stream:
+            self.take(name, status.st_size, stream, status.st_mtime)
 
     def take(self, name: str, size: int, stream: BinaryIO, changed: float = 0.0) -> None:
         """Copy one file in, never more than `size` bytes of it, the size it says it has.
@@ -281,7 +290,7 @@ class SubmissionCopy:
         self.taken += size
         self.limits.check_size(self.taken)
         if self._write(name, path, size, stream):
-            os.utime(path, (0.0, min(max(changed, 0.0), _LATEST)))
+            os.utime(path, (0.0, changed if 0 <= changed <= _LATEST else 0.0))
 
     def move(self, name: str, goal: str) -> None:
         """Move a file that was taken in to where no other one is."""

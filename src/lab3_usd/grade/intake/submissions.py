@@ -34,7 +34,14 @@ from lab3_usd.grade.intake.platforms import (
 )
 from lab3_usd.grade.intake.remote import archive_at, entries_at, read_at
 from lab3_usd.grade.intake.staging import Source, scratch_folder
-from lab3_usd.grade.intake.submission_copy import Limits, RefusedFile, SubmissionCopy, TooLargeError
+from lab3_usd.grade.intake.submission_copy import (
+    LEADS_OUT,
+    Limits,
+    RefusedFile,
+    SubmissionCopy,
+    TooLargeError,
+    path_parts,
+)
 from lab3_usd.judge.folder import is_submission
 
 # A class in one archive holds many submissions.
@@ -116,9 +123,26 @@ def _unpacked(archive: Path, given: str, scratch: Path) -> ClassLocation:
         with contextlib.suppress(OSError, ValueError):  # names that no file system takes
             folder.joinpath(*parts[:-1][:2]).mkdir(parents=True, exist_ok=True)
     wrapper = _wrapper(folder, left_out)
+    if copy.links:
+        _take_links(copy, wrapper)
+        left_out = _left_out(copy)
     entries = tuple(_entries(left_out, wrapper))
     name = ARCHIVE_END.sub("", archive.name) or archive.name
     return ClassLocation(folder / wrapper, given, name, entries, empty_folder)
+
+
+def _take_links(copy: SubmissionCopy, wrapper: str) -> None:
+    """Take in the links of a class that stay within what one student handed in."""
+    is_one = is_submission(copy.target / wrapper)
+    for name, target in copy.links.items():
+        students = []
+        for path in (name, target):
+            student, *below = path_parts(path)[bool(wrapper) :] or [""]
+            students.append(student if below else "")
+        if is_one or (students[0] and students[0] == students[1]):
+            copy.take_link(name, target)
+        else:
+            copy.refuse(name, LEADS_OUT)
 
 
 def _left_out(copy: SubmissionCopy) -> _LeftOut:
