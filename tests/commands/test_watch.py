@@ -6,6 +6,7 @@ import json
 import os
 import queue
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -282,6 +283,17 @@ def test_a_file_that_is_gone_for_a_moment_is_no_fault(
     assert news(watch([replaced], stage)) == ["0 repaired, 1 new; 1 error"]
 
 
+def test_a_stage_of_a_folder_that_is_moved_away_while_it_is_saved_is_one_change(
+    watch: Callable[..., Result], stage: Path
+) -> None:
+    def saved_with_a_backup() -> list[Path]:
+        stage.rename(stage.with_name(f"{NAME}~"))
+        threading.Timer(0.1, lambda: stage.write_bytes(WRONG)).start()
+        return [stage]
+
+    assert news(watch([saved_with_a_backup], stage.parent)) == ["0 repaired, 1 new; 1 error"]
+
+
 def test_a_text_that_is_half_written_is_waited_for(
     watch: Callable[..., Result], stage: Path
 ) -> None:
@@ -536,3 +548,21 @@ def test_text_may_be_written_while_it_is_read(tmp_path: Path, ending: str) -> No
         is_over.set()
         writer.join()
     assert exit_code == 0
+
+
+def test_a_folder_that_goes_and_comes_back_is_heard_again(
+    watcher: Callable[..., Watcher], stage: Path
+) -> None:
+    running = watcher(stage)
+    shutil.rmtree(stage.parent)
+    running.wait_for("no such file")
+    stage.parent.mkdir()
+    stage.write_bytes(WRONG)
+    running.wait_for("P01")
+    time.sleep(0.5)
+    stage.write_bytes(RIGHT)
+    assert "1 repaired, 0 new" in running.wait_for("repaired,")
+
+
+def test_a_folder_that_is_gone_before_it_is_watched_ends_nothing(tmp_path: Path) -> None:
+    assert [*watching.saves([str(tmp_path / "gone")])] == []

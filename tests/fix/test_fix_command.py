@@ -212,7 +212,9 @@ def test_a_graph_that_lost_its_type_gets_it_back_and_keeps_its_nodes(
     assert path.read_text() == text
 
 
-@pytest.mark.parametrize("name", ["Lab3_03_ros_lidar2d.usda.orig", "._Lab3_03_ros_lidar2d.usda"])
+@pytest.mark.parametrize(
+    "name", ["Lab3_03_lidar.usda.orig", "._Lab3_03_lidar.usda", "Lab3_03_lidar.usda~"]
+)
 def test_what_programs_leave_beside_a_stage_makes_no_submission(name: str, tmp_path: Path) -> None:
     path = saved(tmp_path)
     (tmp_path / name).write_bytes(b"\0")

@@ -12,7 +12,6 @@ from msgspec.structs import replace
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
 from lab3_usd.errors import StageError
-from lab3_usd.files import is_original
 from lab3_usd.judge.files import (
     FolderContents,
     judge_maps,
@@ -22,6 +21,7 @@ from lab3_usd.judge.files import (
     read_recordings,
     read_saved_outputs,
 )
+from lab3_usd.judge.results import is_stage_file
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter, open_starter
 from lab3_usd.lab.submission import folder_named, list_submission
@@ -68,20 +68,16 @@ class FolderResult(Struct, frozen=True):
 def is_submission(folder: Path) -> bool:
     """Whether a folder is a submission: it has the folder of stages, or several of the stages.
 
-    Hidden files, which are none of the student's, and the originals that repairs keep do not count.
+    Hidden files and backups, which programs leave, do not count.
     """
     lab = load_lab()
     if folder_named(folder, lab.submission.folders.stages):
         return True
     try:
-        names = [path.name for path in folder.iterdir() if not _is_aside(path.name)]
+        names = [path.name for path in folder.iterdir() if is_stage_file(path.name)]
     except OSError:
         return False
     return len([name for name in names if named_checkpoint(name, lab.files)]) > 1
-
-
-def _is_aside(name: str) -> bool:
-    return name.startswith(".") or is_original(name)
 
 
 def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:

@@ -7,6 +7,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +22,7 @@ from lab3_usd.report.safe_text import printable
 
 # Milliseconds without another event before a save counts as over, and at most.
 STEP, DEBOUNCE = 5, 100
+QUIET = 1000  # milliseconds without an event after which a look is taken whether one was missed
 
 Stamp = tuple[int, int, int]
 
@@ -28,22 +30,39 @@ Stamp = tuple[int, int, int]
 def saves(folders: Iterable[str]) -> Iterator[frozenset[str]]:
     """Yield the files that were written, moved or removed in these folders, save by save.
 
-    Folders are watched rather than files: whoever saves by renaming makes another file.
+    Folders are watched rather than files: whoever saves by renaming makes another file. No files
+    are yielded where none was written for a while. Ends where a folder is gone before it is
+    watched.
     """
     from watchfiles import watch as file_events
 
-    events = file_events(*folders, watch_filter=None, step=STEP, debounce=DEBOUNCE, recursive=False)
-    for changes in events:
-        yield frozenset(os.path.realpath(path) for _, path in changes)
+    events = file_events(
+        *folders,
+        watch_filter=None,
+        step=STEP,
+        debounce=DEBOUNCE,
+        rust_timeout=QUIET,
+        yield_on_timeout=True,
+        recursive=False,
+    )
+    with suppress(FileNotFoundError):
+        for changes in events:
+            yield frozenset(os.path.realpath(path) for _, path in changes)
 
 
-def folders_of(files: Iterable[str]) -> set[str]:
-    """Return the folders of files, and of folders all that are in them."""
+def folders_of(files: Iterable[str]) -> dict[str, int]:
+    """Return the folders of files, of folders all that are in them, with what tells each anew.
+
+    The folder above each belongs to them, or the nearest that there is: it tells when a folder
+    goes and comes back.
+    """
     folders: set[str] = set()
     for path in map(os.path.realpath, files):
         inside = (folder for folder, _, _ in os.walk(path))
         folders.update(inside if Path(path).is_dir() else [str(Path(path).parent)])
-    return {folder for folder in folders if Path(folder).is_dir()}
+    above = {str(next(filter(Path.is_dir, Path(folder).parents))) for folder in folders - {os.sep}}
+    numbers = {folder: stamp(Path(folder)) for folder in folders | above}
+    return {folder: number[2] for folder, number in numbers.items() if number is not None}
 
 
 def stamp(path: Path) -> Stamp | None:
@@ -215,15 +234,20 @@ class _Session:
         self._show([f"{clock()}  watching, Ctrl-C ends"])
 
     def judge_until_others_count(self, given: Iterable[str]) -> None:
-        """Judge what is saved, until files in other folders count than at first."""
+        """Judge what is saved, until the folders are others: some came, went, or count now, too."""
         watched = self._folders(given)
         for changed in saves(watched):
-            self.judge_changed(changed)
-            if not self._folders(given) <= watched:
-                self.judge_changed(frozenset())
-                return
+            self.judge_changed(changed or self._missed())
+            if self._folders(given) != watched:
+                break
+        self.judge_changed(frozenset())
 
-    def _folders(self, given: Iterable[str]) -> set[str]:
+    def _missed(self) -> frozenset[str]:
+        """Return the stages that were saved when nobody listened yet."""
+        then = self._stamps.items()
+        return frozenset(path for path, before in then if stamp(Path(path)) not in {before, None})
+
+    def _folders(self, given: Iterable[str]) -> dict[str, int]:
         used = (file for files in self._files.values() for file in files)
         return folders_of([*given, *used, *self._shared_files])
 
@@ -243,10 +267,7 @@ class _Session:
             self._watched.renew()
             _forget(changed)
             self._shared_files |= self._used_by_shared()  # a damaged layer counts on
-        try:
-            names = self._watched.names()
-        except Lab3Error:  # a file that is being saved under a name of its own
-            names = [name for name in self._reports if Path(name).exists()]
+        names = self._names()
         touched = [
             name
             for name in names
@@ -271,6 +292,18 @@ class _Session:
         saved = ", ".join(touched or sorted(gone))
         after = self._whole()
         self._show(change_lines(saved, changes_between(before, after), after))
+
+    def _names(self) -> list[str]:
+        """Return what there is to judge; a file that is gone may be about to come back."""
+        until = time.monotonic() + PATIENCE
+        while True:
+            try:
+                names = self._watched.names()
+            except Lab3Error:  # a file that is being saved under a name of its own
+                names = [name for name in self._reports if Path(name).exists()]
+            if self._reports.keys() <= set(names) or time.monotonic() > until:
+                return names
+            time.sleep(_PAUSE)
 
     def close(self) -> None:
         """Leave a page that is a report like any other."""
