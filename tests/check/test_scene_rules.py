@@ -14,9 +14,11 @@ from scene_changes import (
     JOINTS,
     LIDAR,
     LINKS,
+    MATERIALS,
     ORIENT,
     ROBOT,
     SCALE,
+    SLIDING,
     TRANSLATE,
     WHEELS,
     Change,
@@ -38,6 +40,7 @@ from scene_changes import (
     rotated,
     several,
     slab,
+    slick,
     switch,
     turn,
     undefine,
@@ -861,3 +864,67 @@ def test_lights_below_a_prim_that_is_invisible_are_dark() -> None:
     stage = built("04")
     author("/Environment/Lights", "visibility", "Token", "invisible")(stage)
     assert told(stage, "04") == [("S14", "/Environment/Lights", "visibility")]
+
+
+def test_wheels_without_friction_are_one_error() -> None:
+    stage = built("02")
+    slick(*MATERIALS)(stage)
+    assert told(stage, "02") == [("S25", MATERIALS[1], SLIDING)]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        slick(MATERIALS[1]),  # the mean of 0 and that of the ground
+        slick(MATERIALS[0]),
+        several(
+            slick(*MATERIALS),
+            author(MATERIALS[0], "physxMaterial:frictionCombineMode", "Token", "max"),
+            put(MATERIALS[0], SLIDING, 0.5),
+        ),
+    ],
+)
+def test_some_friction_is_enough(change: Change) -> None:
+    stage = built("02")
+    change(stage)
+    assert told(stage, "02") == []
+
+
+def test_a_mode_that_takes_the_smaller_friction_leaves_none() -> None:
+    stage = built("02")
+    mode = author(MATERIALS[1], "physxMaterial:frictionCombineMode", "Token", "min")
+    several(slick(MATERIALS[1]), mode)(stage)
+    assert told(stage, "02") == [("S25", MATERIALS[1], SLIDING)]
+
+
+DRIVES = tuple(f"{JOINTS}/{name}" for name in WHEELS)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told_of"),
+    [
+        ("maxForce", 1e-3, "maxForce"),  # 0.06 m/s2
+        ("maxForce", 0.1, ""),  # 6 m/s2
+        ("type", "acceleration", "type"),
+        ("damping", 1e-6, "damping"),
+        ("damping", 1e-3, ""),
+    ],
+)
+def test_a_drive_that_does_not_move_the_robot_is_an_error(
+    name: str, value: object, told_of: str
+) -> None:
+    stage = built("02")
+    several(*(put(path, drive(name), value) for path in DRIVES))(stage)
+    expected = [("S10", path, drive(told_of)) for path in DRIVES] if told_of else []
+    assert told(stage, "02") == expected
+
+
+def test_an_acceleration_drive_that_is_strong_enough_is_none() -> None:
+    """1745 for a degree, as the importer of URDF writes it: 1e5 for a radian."""
+    stage = built("02")
+    changes = [
+        (put(path, drive("type"), "acceleration"), put(path, drive("damping"), 1745.3))
+        for path in DRIVES
+    ]
+    several(*(change for pair in changes for change in pair))(stage)
+    assert told(stage, "02") == []

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from breaking import STEPS, Step
 from pxr import Gf
-from scene_changes import CAMERA, JOINTS, LIDAR, ROBOT, Change, put, several, switch, weld
+from scene_changes import (
+    CAMERA,
+    JOINTS,
+    LIDAR,
+    MATERIALS,
+    ROBOT,
+    Change,
+    put,
+    several,
+    slick,
+    switch,
+    weld,
+)
 
 from lab3_usd.model.fault import FaultKind
 
@@ -123,6 +135,14 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
         "follows",
     ),
     "no-velocity-drive": (put(LEFT, "drive:angular:physics:damping", 0.0), "follows"),
+    "weak-drive": (
+        several(*(put(each, "drive:angular:physics:maxForce", 1e-4) for each in (LEFT, RIGHT))),
+        "follows",
+    ),
+    "no-grip": (
+        slick(*MATERIALS),
+        "follows",
+    ),
     "limited-joint": (put(LEFT, "physics:upperLimit", 90.0), "follows"),
     "moves-uncommanded": (
         steps(

@@ -73,6 +73,16 @@ def author(path: str, name: str, kind: str, value: Any) -> Change:
     return change
 
 
+MATERIALS = ("/Environment/PhysicsMaterials/Ground", "/Environment/PhysicsMaterials/Tyre")
+SLIDING = "physics:dynamicFriction"
+
+
+def slick(*materials: str) -> Change:
+    """Take all friction from materials."""
+    names = ("physics:staticFriction", SLIDING)
+    return several(*(put(path, name, 0.0) for path in materials for name in names))
+
+
 def detach(path: str) -> Change:
     """Let a prim leave out the transforms of its parents."""
     return lambda stage: void(

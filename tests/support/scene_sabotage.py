@@ -9,9 +9,11 @@ from scene_changes import (
     FLOOR,
     JOINTS,
     LINKS,
+    MATERIALS,
     ORIENT,
     ROBOT,
     SCALE,
+    SLIDING,
     TRANSLATE,
     WHEELS,
     Change,
@@ -28,6 +30,7 @@ from scene_changes import (
     remove,
     retype,
     several,
+    slick,
     switch,
     turn,
     undefine,
@@ -199,6 +202,15 @@ def _joint(name: str) -> list[Sabotage]:
             put(path, drive("maxForce"), 0.0),
             (path, drive("maxForce")),
         ),
+        Sabotage(
+            f"{name} weak", "02", put(path, drive("maxForce"), 1e-4), (path, drive("maxForce"))
+        ),
+        Sabotage(
+            f"{name} of type acceleration",
+            "02",
+            put(path, drive("type"), "acceleration"),
+            (path, drive("type")),
+        ),
         *(
             Sabotage(f"{name} with a {end}", "02", put(path, end, at), (path, end))
             for end, at in (("physics:lowerLimit", -90.0), ("physics:upperLimit", 90.0))
@@ -324,6 +336,7 @@ def _world() -> list[Sabotage]:
             switch(FLOOR, flag),
             (FLOOR, flag),
         ),
+        Sabotage("ground and tyres slick", "02", slick(*MATERIALS), (MATERIALS[1], SLIDING)),
         Sabotage("ground low", "00", _lower_floor, (ROBOT, None)),
         Sabotage("environment off", "00", deactivate("/Environment"), ("/Environment", None)),
         Sabotage("no light", "04", lights, ("/Environment", None)),

@@ -45,6 +45,8 @@ EXPLAINED_BY: Mapping[FaultKind, str] = {
     "no-wheel-contact": "S19",
     "locked-joint": "S23",
     "no-velocity-drive": "S10",
+    "weak-drive": "S10",
+    "no-grip": "S25",
     "limited-joint": "S07",
     # motion
     "moves-uncommanded": "S10",

@@ -70,7 +70,7 @@ MODULES = {
     "P": ("settings", "limits"),
     "R": ("targets",),
     "W": ("wires",),
-    "S": ("scene", "robot", "wheel_joints", "world"),
+    "S": ("scene", "robot", "wheel_joints", "wheel_drives", "world"),
     "L": ("lidar", "sensors"),
     "C": ("camera", "sensors"),
     "D": ("sensors",),

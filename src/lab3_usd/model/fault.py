@@ -17,7 +17,8 @@ FaultKind = Literal[
     "link-off-frame", "no-inertial-sensor",
     # the robot
     "no-driven-robot", "kinematic-link", "base-fixed-to-world", "no-gravity", "no-ground",
-    "no-wheel-contact", "locked-joint", "no-velocity-drive", "limited-joint",
+    "no-wheel-contact", "no-grip", "locked-joint", "no-velocity-drive", "weak-drive",
+    "limited-joint",
     # motion
     "moves-uncommanded", "moves-sideways", "does-not-stop", "does-not-move", "wall-ahead",
     "wrong-distance", "wrong-turn", "wrong-arc", "sideways-drift", "turn-off-centre",

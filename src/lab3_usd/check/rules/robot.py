@@ -49,7 +49,7 @@ from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import LinkSpec
 
 
-def _link_bodies(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+def link_bodies(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     """Yield what is asked of each link by itself."""
     del checkpoint
     robot = lab.scene.robot
@@ -76,7 +76,7 @@ def _links(subject: StageSubject) -> Iterator[tuple[Prim, LinkSpec]]:
             yield prim, spec
 
 
-@rule("S04", "link-mass", scope="stage", demands=_link_bodies)
+@rule("S04", "link-mass", scope="stage", demands=link_bodies)
 def link_mass(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot does not have the mass in the handout.
 
@@ -118,7 +118,7 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
         )
 
 
-@rule("S05", "rigid-body", scope="stage", demands=_link_bodies)
+@rule("S05", "rigid-body", scope="stage", demands=link_bodies)
 def rigid_body(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot is not a rigid body, or is one that cannot move; or the root is one.
 
@@ -181,7 +181,7 @@ def _falls_alone(root: Prim, subject: StageSubject) -> bool:
 _GROUPS = ("Xform", "Scope")
 
 
-@rule("S06", "wheel-collision", scope="stage", demands=_link_bodies)
+@rule("S06", "wheel-collision", scope="stage", demands=link_bodies)
 def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
     """A wheel has no collision geometry, or its collision is disabled.
 
@@ -231,7 +231,7 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
         )
 
 
-@rule("S24", "link-scale", scope="stage", demands=_link_bodies)
+@rule("S24", "link-scale", scope="stage", demands=link_bodies)
 def link_scale(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot is scaled.
 

@@ -21,24 +21,19 @@ from lab3_usd.check.robot.wheels import (
     wrong_ends,
 )
 from lab3_usd.check.rules.robot import joined_links
-from lab3_usd.model.changes import ApplySchema, Edit, MovePrim, RemovePrim, Restore
+from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Restore
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
-    DAMPING,
-    DRIVE_API,
     EXCLUDED,
     FAR,
     JOINT_ENABLED,
     LIMITS,
-    MAX_FORCE,
     REVOLUTE,
-    STIFFNESS,
     bodies,
     is_excluded,
     is_switched_off,
     joints,
     limits,
-    number,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import absence_reason
@@ -49,7 +44,7 @@ from lab3_usd.spec.scene import WheelSpec
 _PAIR = 2  # wheels that are a distance apart
 
 
-def _of_each_joint(**titles: str) -> Demands:
+def of_each_joint(**titles: str) -> Demands:
     """Return the demands that each wheel joint has to meet: their ids, and what they say of it."""
 
     def demands(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
@@ -69,7 +64,7 @@ def _wheel_fix(joint: WheelJoint, name: str) -> tuple[Edit, ...]:
     return () if is_turned_round else (Restore(joint.site, name),)
 
 
-_TURNS_A_WHEEL = _of_each_joint(joint="turns a wheel")
+_TURNS_A_WHEEL = of_each_joint(joint="turns a wheel")
 
 
 @rule("S07", "wheel-joint", scope="stage", demands=_TURNS_A_WHEEL)
@@ -178,7 +173,7 @@ def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
     return None
 
 
-@rule("S08", "joint-bodies", scope="stage", demands=_of_each_joint(bodies="connects its wheel"))
+@rule("S08", "joint-bodies", scope="stage", demands=of_each_joint(bodies="connects its wheel"))
 def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint does not connect its own wheel to a body of the robot.
 
@@ -255,7 +250,7 @@ def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
     return wheel.live is not None and not is_switched_off(wheel.live, JOINT_ENABLED)
 
 
-@rule("S20", "wheel-distance", scope="stage", demands=_of_each_joint(place="sits at its place"))
+@rule("S20", "wheel-distance", scope="stage", demands=of_each_joint(place="sits at its place"))
 def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     """The distance between the wheel joints is not the handout's, or the wheels are exchanged.
 
@@ -327,10 +322,7 @@ def _exchanged(places: Mapping[WheelJoint, Vector], wheels: WheelSpec) -> Iterat
     )
 
 
-_WORDS = {DAMPING: "damping", MAX_FORCE: "the drive's largest force"}
-
-
-@rule("S09", "joint-axis", scope="stage", demands=_of_each_joint(axis="turns forward"))
+@rule("S09", "joint-axis", scope="stage", demands=of_each_joint(axis="turns forward"))
 def joint_axis(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint has a wrong axis: not the lateral axis of the robot, or inverted.
 
@@ -408,69 +400,3 @@ def _cause(joint: WheelJoint, others: list[WheelJoint]) -> str:
     side = base_side(joint)
     is_rotation = len(axes) == 1 and len(others) > 1 and side is not None
     return f"physics:localRot{side}" if is_rotation else AXIS
-
-
-_DRIVE = _of_each_joint(stiffness="has stiffness 0", damping="has damping and force")
-
-
-@rule("S10", "joint-drive", scope="stage", demands=_DRIVE)
-def joint_drive(subject: StageSubject) -> Iterator[Problem]:
-    """A wheel joint has no velocity drive (stiffness 0, damping and force above 0).
-
-    Why: velocity commands act through damping. Without damping, or with a largest force of 0, the
-    wheel ignores them. With stiffness it is pulled back to its start position.
-
-    Fix: select the joint, and under Drive > Angular set Stiffness to 0 and Damping to the value in
-    the supplied file, or Max Force. If the drive is missing, choose Add > Physics > Angular Drive.
-
-    Example: `drive:angular:physics:damping` 0 on `{joint}`.
-    """
-    handout = subject.lab.scene.robot.wheels.handout
-    for joint in turning_joints(subject):
-        prim = joint.prim
-        if prim is None:
-            continue
-        asset = subject.stage.unknown(prim.path)
-        if DRIVE_API not in prim.apis:
-            yield Problem(
-                prim.path,
-                f"{joint.name} has no angular drive",
-                DAMPING,
-                DRIVE_API,
-                handout=handout,
-                related=joint.related,
-                fix=(ApplySchema(prim.path, DRIVE_API),),
-                unmet=(f"Scene/damping/{joint.name}",),
-                rests_on=asset,
-            )
-            if asset is None:
-                continue
-        stiffness = number(prim.attributes.get(STIFFNESS, 0.0))
-        if stiffness != 0:
-            actual = "no number" if stiffness is None else f"{stiffness:g}"
-            yield Problem(
-                prim.path,
-                f"stiffness is {actual}, expected 0",
-                STIFFNESS,
-                "0",
-                f"{stiffness}",
-                handout,
-                joint.related,
-                fix=(Restore(prim.path, STIFFNESS),),
-                unmet=(f"Scene/stiffness/{joint.name}",),
-            )
-        for name, unset in ((DAMPING, 0.0), (MAX_FORCE, None)):
-            value = number(prim.attributes.get(name, unset))
-            if value is not None and not value > 0:
-                yield Problem(
-                    prim.path,
-                    f"{_WORDS[name]} is {value:g}, expected more than 0",
-                    name,
-                    "above 0",
-                    f"{value:g}",
-                    handout,
-                    joint.related,
-                    fix=(Restore(prim.path, name),),
-                    unmet=(f"Scene/damping/{joint.name}",),
-                    rests_on=subject.stage.unknown_value(prim, name),
-                )

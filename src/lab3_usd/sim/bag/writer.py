@@ -133,7 +133,7 @@ _BRIGHT = 255.0  # of a ray that returns: how much a material reflects is not kn
 def _scan(message: Message, scan: Scan) -> object:
     """Return a scan as Isaac Sim fills it: its angles end where the turn does.
 
-    Ros2Message.cpp:1574-1596 of isaacsim.ros2.core, OgnROS2RtxLidarHelper.py:134-150,
+    Ros2Message.cpp:1574-1596, OgnROS2RtxLidarHelper.py:134-150,
     OgnROS2PublishLaserScan.cpp:169-200.
     """
     count = len(scan.ranges)

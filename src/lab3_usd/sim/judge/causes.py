@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import FAR
+from lab3_usd.model.traction import Pull
 from lab3_usd.sim.execution.program import Program, is_within
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.execution.running import Running
@@ -186,9 +187,17 @@ def _of_robot(robot: Machine) -> Iterator[Cause]:
         yield Cause(base, "gravity does not hold the robot on the ground", "no-gravity")
     if not robot.grounded:
         yield Cause(base, "no ground is below the robot", "no-ground")
+    if robot.smooth:
+        yield Cause(robot.smooth, "it has no friction on the ground", "no-grip")
     if not robot.wheels:
         yield Cause(base, "no wheel of the robot touches the ground", "no-wheel-contact")
     yield from filter(None, (_of_joint(joint, base) for joint in robot.joints.values()))
+    for wheel in robot.wheels:
+        if wheel.pull != Pull():
+            what = f"the drive of {wheel.joint.name} is too weak for the weight of the robot"
+            if wheel.joint.is_acceleration:
+                what = f"the drive of {wheel.joint.name} is for a unit of inertia, not of force"
+            yield Cause(base, what, "weak-drive")
 
 
 def _of_joint(joint: Joint, site: str) -> Cause | None:

@@ -11,6 +11,7 @@ import math
 from msgspec import Struct, field
 
 from lab3_usd.model.dry_run import AXES, Affine, Segment, about
+from lab3_usd.model.traction import Pull
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.geometry import distance
 
@@ -40,6 +41,8 @@ class Joint(Struct, eq=False):
     authored: tuple[float, float] = (0.0, 0.0)  # the targets that the stage gives
     limits: tuple[float, float] = (-math.inf, math.inf)  # of its position
     kinematic: str = ""  # the body at its end that nothing moves, which counts as the world
+    force: float = math.inf  # the drive's largest
+    is_acceleration: bool = False  # whether the drive's damping is for a unit of inertia
 
     @property
     def holds(self) -> bool:
@@ -81,6 +84,14 @@ class Wheel(Struct, frozen=True):
     radius: float
     along: tuple[float, float]  # where its contact goes when the joint turns forward
     contact: tuple[float, float]
+    pull: Pull = Pull()  # of its drive; as a rule it is at its speed at once
+
+    def reached(self, wanted: float, dt: float) -> float:
+        """Return the speed of its joint after a step."""
+        start = self.joint.velocity
+        change = (wanted - start) * dt / (dt + self.pull.lag)
+        most = self.pull.most / self.radius * dt if self.radius else math.inf
+        return start + max(-most, min(most, change))
 
     def sideways(self, motion: Vector) -> float:
         """Return how much a motion of the base (x, y, turn) moves its contact along its axle."""
@@ -102,6 +113,7 @@ class Machine(Struct):
     held: bool
     kinematic: str = ""  # the body at a joint of it that nothing moves
     wheels: list[Wheel] = field(default_factory=list)
+    smooth: str = ""  # a wheel that touches the ground and has no friction on it
     solve: list[tuple[float, float, float]] = field(default_factory=list)
     middle: tuple[float, float] = (0.0, 0.0)
     radius: float = 0.0
@@ -119,6 +131,10 @@ class Machine(Struct):
     clearance: float = 0.0
     scrubs: bool = False  # whether wheels slide in a turn, as four that do not steer
     walls: list[Segment] = field(default_factory=list)
+
+    def link_of(self, joint: Joint) -> str:
+        """Return the body that hangs on a joint."""
+        return next(link for link, parent in self.parents.items() if parent is joint)
 
     @property
     def articulated(self) -> dict[str, Joint]:
@@ -165,6 +181,9 @@ class Machine(Struct):
                 self.drop -= self.fall * dt
             return
         speeds = {name: joint.speed(dt) for name, joint in self.joints.items()}
+        for wheel in self.wheels:
+            if wheel.pull != Pull():
+                speeds[wheel.joint.name] = wheel.reached(speeds[wheel.joint.name], dt)
         vx = vy = w = 0.0
         for wheel, (a, b, c) in zip(self.wheels, self.solve, strict=True):
             rolled = wheel.sign * speeds[wheel.joint.name] * wheel.radius

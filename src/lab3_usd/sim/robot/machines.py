@@ -4,9 +4,20 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
+
+from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Prim, Scene, rotation
-from lab3_usd.model.physics import EXCLUDED, SCENE, is_down, is_felt, limits, number
+from lab3_usd.model.physics import EXCLUDED, MASS, SCENE, is_down, is_felt, limits, number
+from lab3_usd.model.traction import (
+    MATERIAL_API,
+    Load,
+    Surface,
+    bound_material,
+    pull_of,
+    surface_of,
+)
 from lab3_usd.model.transforms import Vector, cross, minus
 from lab3_usd.sim.geometry import cut, height_at, placed
 from lab3_usd.sim.robot.machine import DRIVE, FIXED, HINGE, JOINTS, Joint, Machine, Wheel
@@ -83,6 +94,8 @@ class Bodies:
             authored=(of_drive("targetVelocity") * unit, of_drive("targetPosition") * unit),
             excluded=prim.values.get(EXCLUDED) is True,
             kinematic=next(filter(None, still), ""),
+            force=math.inf if force is None else force,
+            is_acceleration=prim.values.get(f"{drive}type") == "acceleration",
             limits=(low * unit, high * unit),
         )
 
@@ -157,6 +170,9 @@ _UPRIGHT = 0.5  # an axle that stands steeper rolls nowhere
 TOUCH = 5e-3  # metres between the lowest point of all and that of a wheel that still touches
 STEP_UP = 0.05  # metres that the ground may be above a robot's origin
 SKIRT = 0.05  # metres above the ground at which walls stop a robot
+LEVEL = 1e-6  # metres between what carries a wheel and the ground
+PROMPT = 2.0  # metres a second squared, from which on a drive is taken to be at its speed at once
+SOON = 0.02  # seconds
 _SLIDES = 1e-4  # sideways for each unit that a wheel rolls, from which on it slides
 STILL = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -169,12 +185,12 @@ class Machines:
         self.has_ground = has_ground
         self._bodies = Bodies(scene)
         self.bodies = self._bodies.prims
-        self.static = [
-            triangle
+        self._solid = {
+            prim.path: placed(prim, prim.world)
             for prim in scene.prims.values()
             if collides(prim) and self.body_of(prim.path) == ""
-            for triangle in placed(prim, prim.world)
-        ]
+        }
+        self.static = [triangle for surface in self._solid.values() for triangle in surface]
         self.machines = self._bodies.machines()
         self.member = {body: machine for machine in self.machines for body in machine.rest}
         self._local: dict[str, tuple[str, Affine]] = {}
@@ -287,13 +303,59 @@ class Machines:
             low = min(point[2] for point in every)
             for joint in machine.joints.values():
                 wheel = _wheel_at(machine, joint, points, low + TOUCH * unit)
-                machine.wheels += [wheel] if wheel is not None else []
+                body = machine.link_of(joint)
+                if wheel is not None and not self._grips(body, ground, wheel):
+                    machine.smooth = body
+                elif wheel is not None:
+                    machine.wheels.append(wheel)
+            machine.wheels = list(self._pulling(machine))
             machine.solve = _solution(machine.wheels)
             machine.scrubs = any(
                 abs(wheel.sideways(motion)) > _SLIDES
                 for motion in machine.solve
                 for wheel in machine.wheels
             )
+
+    def _grips(self, body: str, ground: float, wheel: Wheel) -> bool:
+        """Whether a shape of a wheel has friction on what it stands on."""
+        (x, y), (u, v, _) = wheel.contact, self.member[body].start.origin
+        heights = {
+            path: height_at(surface, x + u, y + v, ground + LEVEL)
+            for path, surface in self._solid.items()
+        }
+        below = [path for path, at in heights.items() if at is not None and at >= ground - LEVEL]
+        shapes = [
+            prim.path
+            for prim in self.scene.below(body)
+            if collides(prim) and self.body_of(prim.path) == body
+        ]
+        floors = list(map(self._surface, below)) or [Surface()]
+        return any(self._surface(shape).grips(floor) for shape in shapes for floor in floors)
+
+    def _surface(self, shape: str) -> Surface:
+        prims = self.scene.prims
+        path = bound_material(shape, lambda at: prims[at].targets if at in prims else {})
+        material = prims.get(path)
+        is_physical = material is not None and MATERIAL_API in material.apis
+        return surface_of(material.values if material is not None and is_physical else None)
+
+    def _pulling(self, machine: Machine) -> Iterator[Wheel]:
+        """Yield the wheels of a machine, those of weak drives with how these pull its weight."""
+        masses = {
+            body: max(0.0, number(self.bodies[body].values.get(MASS)) or 0.0)
+            for body in machine.rest
+        }
+        driven = [wheel for wheel in machine.wheels if wheel.joint.holds]
+        for wheel in machine.wheels:
+            joint = wheel.joint
+            if wheel in driven and joint.damping > 0 and not joint.stiffness:
+                own = masses[machine.link_of(joint)]
+                load = Load((sum(masses.values()) - own) / len(driven), own, wheel.radius)
+                damping = math.degrees(joint.damping)
+                pull = pull_of(load, joint.force, damping, is_acceleration=joint.is_acceleration)
+                if pull.most * self.scene.meters_per_unit < PROMPT or pull.lag > SOON:
+                    wheel = replace(wheel, pull=pull)  # noqa: PLW2901
+            yield wheel
 
     def _points(self, body: str, machine: Machine) -> list[Vector]:
         """Return the corners of a body's collision shapes, with the base turned as at the start."""
@@ -320,7 +382,7 @@ def _wheel_at(
     machine: Machine, joint: Joint, points: dict[str, list[Vector]], touch: float
 ) -> Wheel | None:
     """Return the wheel at a joint, or None where it does not touch or cannot roll."""
-    body = next(link for link, parent in machine.parents.items() if parent is joint)
+    body = machine.link_of(joint)
     low = min((point[2] for point in points[body]), default=math.inf)
     if joint.kind != HINGE or low > touch:
         return None

@@ -26,7 +26,7 @@ _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
     r"(horizontal|vertical)Aperture(Offset)?|exposure|projection|cameraProjectionType|"
     r"clippingPlanes|inputs:intensity|"
-    r"kind|node|axis|purpose|xformOpOrder|omniGraphs)(:|$)"
+    r"kind|node|axis|purpose|xformOpOrder|omniGraphs|material)(:|$)"
 )
 # Prims whose place matters even if they are no rigid bodies, beside the lab's sensors.
 _PLACED = ("Xform", "Camera", "Plane", "Cylinder", "Capsule", "")

@@ -1,0 +1,206 @@
+"""Rules about what moves the robot: the drives of its wheels, and their grip on the ground."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.ground import highest_ground
+from lab3_usd.check.robot.wheels import WheelJoint, turning_joints
+from lab3_usd.check.rules.robot import link_bodies
+from lab3_usd.check.rules.wheel_joints import of_each_joint
+from lab3_usd.model.changes import ApplySchema, Restore
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.physics import (
+    COLLISION_API,
+    DAMPING,
+    DRIVE_API,
+    MAX_FORCE,
+    STIFFNESS,
+    collides,
+    number,
+)
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import StageModel
+from lab3_usd.model.traction import (
+    DRIVE_TYPE,
+    FRICTIONS,
+    MATERIAL_API,
+    Load,
+    bound_material,
+    pull_of,
+    surface_of,
+)
+
+_WORDS = {DAMPING: "damping", MAX_FORCE: "the drive's largest force"}
+_DRIVEN = of_each_joint(stiffness="has stiffness 0", damping="has damping and force")
+
+
+@rule("S10", "joint-drive", scope="stage", demands=_DRIVEN)
+def joint_drive(subject: StageSubject) -> Iterator[Problem]:
+    """A wheel joint has no velocity drive (stiffness 0, damping and force above 0), or a weak one.
+
+    Why: velocity commands act through damping. Without damping, or with a largest force of 0, the
+    wheel ignores them. With stiffness it is pulled back to its start position. A drive of type
+    acceleration reckons with the inertia of the wheel alone: with the damping of a drive of type
+    force it hardly moves the robot, and neither does a force or damping too small for its weight.
+
+    Fix: select the joint, and under Drive > Angular set Stiffness to 0, Type to Force, and Damping
+    and Max Force to the values in the supplied file. If the drive is missing, choose Add > Physics
+    > Angular Drive.
+
+    Example: `drive:angular:physics:damping` 0 on `{joint}`.
+    """
+    handout = subject.lab.scene.robot.wheels.handout
+    for joint in turning_joints(subject):
+        prim = joint.prim
+        if prim is None:
+            continue
+        asset = subject.stage.unknown(prim.path)
+        if DRIVE_API not in prim.apis:
+            yield Problem(
+                prim.path,
+                f"{joint.name} has no angular drive",
+                DAMPING,
+                DRIVE_API,
+                handout=handout,
+                related=joint.related,
+                fix=(ApplySchema(prim.path, DRIVE_API),),
+                unmet=(f"Scene/damping/{joint.name}",),
+                rests_on=asset,
+            )
+            if asset is None:
+                continue
+        stiffness = number(prim.attributes.get(STIFFNESS, 0.0))
+        if stiffness != 0:
+            actual = "no number" if stiffness is None else f"{stiffness:g}"
+            yield Problem(
+                prim.path,
+                f"stiffness is {actual}, expected 0",
+                STIFFNESS,
+                "0",
+                f"{stiffness}",
+                handout,
+                joint.related,
+                fix=(Restore(prim.path, STIFFNESS),),
+                unmet=(f"Scene/stiffness/{joint.name}",),
+            )
+        for name, unset in ((DAMPING, 0.0), (MAX_FORCE, None)):
+            value = number(prim.attributes.get(name, unset))
+            if value is not None and not value > 0:
+                yield Problem(
+                    prim.path,
+                    f"{_WORDS[name]} is {value:g}, expected more than 0",
+                    name,
+                    "above 0",
+                    f"{value:g}",
+                    handout,
+                    joint.related,
+                    fix=(Restore(prim.path, name),),
+                    unmet=(f"Scene/damping/{joint.name}",),
+                    rests_on=subject.stage.unknown_value(prim, name),
+                )
+        yield from _weak_drive(joint, subject, handout)
+
+
+_LEAST_PULL = 0.1  # metres a second squared: at half a second it goes 5 cm/s
+_LONGEST_LAG = 0.5  # seconds in which a robot comes up to most of its speed
+
+
+def _weak_drive(joint: WheelJoint, subject: StageSubject, handout: str) -> Iterator[Problem]:
+    """Say that a drive that is one does not move the robot's weight."""
+    robot, stage, prim = subject.lab.scene.robot, subject.stage, joint.prim
+    boxes = list(stage.colliders.below(joint.link))
+    weight = sum(link.mass or 0.0 for link in robot.links.values())
+    if prim is None or not boxes or not weight or stage.meters_per_unit != 1.0:
+        return
+    damping, force = (number(prim.attributes.get(name)) for name in (DAMPING, MAX_FORCE))
+    force = math.inf if force is None else force
+    if not (damping and damping > 0 and force > 0):
+        return
+    own = robot.links[joint.link.rpartition("/")[2]].mass or 0.0
+    radius = max(box.high[2] - box.low[2] for box in boxes) / 2
+    load = Load((weight - own) / len(robot.wheels.joints), own, radius)
+    is_acceleration = prim.attributes.get(DRIVE_TYPE) == "acceleration"
+    pull = pull_of(load, force, math.degrees(damping), is_acceleration=is_acceleration)
+    name, expected, actual = DAMPING, "more", f"{damping:g}"
+    message = f"damping is {damping:g}, too small for a robot of {weight:.2g} kg"
+    if pull.lag > _LONGEST_LAG and is_acceleration:
+        name, expected, actual = DRIVE_TYPE, "force", "acceleration"
+        message = f"the drive is of type acceleration, expected force: with damping {damping:g}"
+        message += f" it takes {pull.lag:.2g} s to move the robot"
+    elif pull.lag <= _LONGEST_LAG and pull.most < _LEAST_PULL:
+        name, actual = MAX_FORCE, f"{force:g}"
+        message = (
+            f"the drive's largest force is {force:g}, too small for a robot of {weight:.2g} kg"
+        )
+    elif pull.lag <= _LONGEST_LAG:
+        return
+    yield Problem(
+        prim.path,
+        message,
+        name,
+        expected,
+        actual,
+        handout,
+        joint.related,
+        fix=(Restore(prim.path, name),),
+        unmet=(f"Scene/damping/{joint.name}",),
+    )
+
+
+@rule("S25", "wheel-grip", scope="stage", demands=link_bodies)
+def wheel_grip(subject: StageSubject) -> Iterator[Problem]:
+    """A wheel has no friction on the ground.
+
+    Why: the wheels turn, and the robot stands or slides. Two materials are combined as the Friction
+    Combine Mode of the stronger one says, by default to the mean of the two: one without friction
+    alone does not matter. A friction that is not written is 0.
+
+    Fix: select the material and set Static Friction and Dynamic Friction to the values in the
+    supplied file.
+
+    Example: 0 for both frictions, of the material of the ground and of that of the tyres.
+    """
+    stage, robot = subject.stage, subject.lab.scene.robot
+    ground = highest_ground(subject)
+    if ground is None:
+        return
+    floor_material = _material(stage, ground[1])
+    floor = surface_of(floor_material.attributes if floor_material is not None else None)
+    slick: dict[str, list[str]] = {}  # wheels without friction, by the material of their shapes
+    for name in robot.wheels.joints.values():
+        link = f"{robot.path}/{name}"
+        shapes = [part for part in stage.with_api(COLLISION_API) if is_at_or_below(part.path, link)]
+        materials = [_material(stage, shape.path) for shape in shapes if collides(shape)]
+        surfaces = [surface_of(None if each is None else each.attributes) for each in materials]
+        if surfaces and not any(surface.grips(floor) for surface in surfaces):
+            of_wheel = next(
+                (each for each in (*materials, floor_material) if each is not None), None
+            )
+            slick.setdefault(of_wheel.path if of_wheel is not None else link, []).append(name)
+    for site, names in slick.items():
+        sites = [site] if floor_material is None else [site, floor_material.path]
+        yield Problem(
+            site,
+            f"{' and '.join(names)} {'have' if names[1:] else 'has'} no friction on {ground[1]}",
+            FRICTIONS[1],
+            "above 0",
+            handout=subject.lab.handout.behind("S25", robot.handout),
+            related=tuple(dict.fromkeys((*(f"{robot.path}/{name}" for name in names), *sites[1:]))),
+            fix=tuple(Restore(path, name) for path in dict.fromkeys(sites) for name in FRICTIONS),
+            unmet=tuple(f"Scene/collision/{name}" for name in names),
+        )
+
+
+def _material(stage: StageModel, shape: str) -> Prim | None:
+    """Return the physics material of a shape, None for Isaac Sim's default."""
+
+    def targets(path: str) -> Mapping[str, tuple[str, ...]]:
+        prim = stage.prims.get(path)
+        return {} if prim is None else prim.relationships
+
+    prim = stage.prim(bound_material(shape, targets))
+    return prim if prim is not None and prim.present and MATERIAL_API in prim.apis else None
