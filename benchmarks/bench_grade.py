@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import shutil
 import sys
 import tempfile
 import threading
@@ -28,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
 
 from grade_files import LAB, stage, starter
 
+from lab3_usd.data import data_folder
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 
 SMALL = 10
@@ -108,6 +110,7 @@ def make_class(folder: Path, count: int, numbers: tuple[str, ...]) -> None:
             named = text.replace("(\n", f'(\n    doc = "student {index}"\n', 1)
             own = POSITION.sub(lambda found, index=index: arranged(found, index), named)
             (work / stage(number).name).write_text(own)
+        shutil.copytree(data_folder("maps"), work.parent / "maps")
 
 
 def arranged(found: re.Match[str], index: int) -> str:
