@@ -15,8 +15,13 @@ from lab3_usd.judge.lint import lint_stage
 
 CLOCK, LIDAR, HELPER = "/World/Clock/clock", "/World/Lidar/helper", "/World/Camera/helper"
 TIME = "/World/Clock/time.outputs:simulationTime"
+ODOMETRY = "/World/Odometry/odometry"
+PADDED = ["left_wheel_joint", " right_wheel_joint"]
 BARE = "/World/Rover/chassis/bare"
 SLIPS: dict[str, list[Step]] = {
+    "K01": [{"disconnect": f"{CLOCK}.inputs:execIn"}],
+    "K01 behind the node that computes": [{"disconnect": f"{ODOMETRY}.inputs:execIn"}],
+    "K12": [{"disconnect": f"{ODOMETRY}.inputs:context"}],
     "K20": [{"add source": [f"{CLOCK}.inputs:timeStamp", "/World/Clock/gone.outputs:time"]}],
     "K21": [{"connect": ["/World/Drive/names.inputs:input0", "/World/Drive/left.outputs:value"]}],
     "K21 at the other end": [
@@ -25,6 +30,18 @@ SLIPS: dict[str, list[Step]] = {
     "K30": [{"set": [f"{CLOCK}.node:type", "isaacsim.ros2.nodes.ROS2PublishClock"]}],
     "K31": [{"set": [f"{CLOCK}.node:type", "omni.isaac.ros2_bridge.ROS2PublishClock"]}],
     "K35": [{"declare": [f"{HELPER}.inputs:type", "token", "RGB"]}],
+    "K35 of another node": [{"declare": [f"{HELPER}.inputs:type", "token", "camera_info"]}],
+    "K37": [{"set": [f"{HELPER}.inputs:topicName", " rgb "]}],
+    "K38 with white space": [{"set": [f"{LIDAR}.inputs:frameId", "laser "]}],
+    "K61": [{"set": ["/World/Drive/right.inputs:value", "right_wheel_joint "]}],
+    "K61 in the list": [
+        {"disconnect": "/World/Drive/move.inputs:jointNames"},
+        {"declare": ["/World/Drive/move.inputs:jointNames", "token[]", PADDED]},
+    ],
+    "K63": [
+        {"disconnect": "/World/Drive/drive.inputs:dt"},
+        {"declare": ["/World/Drive/drive.inputs:maxAngularAcceleration", "double", 1.0]},
+    ],
     "K38": [{"set": [f"{LIDAR}.inputs:frameId", "/laser"]}],
     "K71": [
         {"define": [BARE, "OmniLidar"]},
@@ -32,6 +49,15 @@ SLIPS: dict[str, list[Step]] = {
     ],
 }
 LEFT: dict[str, list[Step]] = {
+    "a signal of one of two events": [
+        {"node": ["/World/Clock/again", "omni.graph.action.OnPlaybackTick"]},
+        {"disconnect": f"{CLOCK}.inputs:execIn"},
+    ],
+    "a context of one of two": [
+        {"node": ["/World/Odometry/other", "isaacsim.ros2.bridge.ROS2Context"]},
+        {"disconnect": f"{ODOMETRY}.inputs:context"},
+    ],
+    "a topic with a space in it": [{"set": [f"{HELPER}.inputs:topicName", "rgb image"]}],
     "a dead wire without another": [
         {"connect": [f"{CLOCK}.inputs:timeStamp", "/World/Clock/gone.outputs:time"]}
     ],
@@ -90,3 +116,19 @@ def test_sarif_holds_the_lines(tmp_path: Path) -> None:
 def test_a_release_without_the_linter_is_wrong_use(tmp_path: Path) -> None:
     with pytest.raises(UsageError):
         lab3("fix", "--isaac", "5.1", saved(tmp_path, []))
+
+
+def test_the_linter_lists_its_repairs_and_writes_them_when_asked_for(tmp_path: Path) -> None:
+    path = saved(tmp_path, [dict(slip) for slip in SLIPS["K12"]])
+    old = path.read_bytes()
+    listed = lab3("lint", "--fix", path)
+    assert (path.read_bytes(), "1 would be repaired, 0 left" in listed.stdout) == (old, True)
+    assert "+" in lab3("lint", "--fix", "--diff", path).stdout
+    assert path.read_bytes() == old
+    assert lab3("lint", "--fix", "--in-place", path).exit_code == 0
+    assert lab3("lint", path).exit_code == 0
+
+
+def test_what_goes_with_repairs_needs_them(tmp_path: Path) -> None:
+    with pytest.raises(UsageError):
+        lab3("lint", "--in-place", saved(tmp_path, []))

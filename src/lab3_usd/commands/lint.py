@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
@@ -15,6 +16,16 @@ from lab3_usd.commands.steps.options import (
     view_options,
     with_config,
 )
+from lab3_usd.errors import UsageError
+
+# What lab3 fix asks for besides the options of lab3 lint.
+_AS_FIX = {
+    "unsafe": False,
+    "starter": None,
+    "checkpoint": None,
+    "no_orig": False,
+    "force": False,
+}
 
 
 @click.command("lint")
@@ -25,6 +36,9 @@ from lab3_usd.commands.steps.options import (
     metavar="RELEASE",
     help="Judge by this release of Isaac Sim (5.0 to 6.2), where defaults and ports differ.",
 )
+@click.option("--fix", is_flag=True, help="List the repairs that lab3 fix --lint would make.")
+@click.option("--diff", is_flag=True, help="With --fix: print what would change.")
+@click.option("--in-place", is_flag=True, help="With --fix: make the repairs.")
 @assets_option
 @native_option
 @report_options
@@ -35,10 +49,19 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
 
     PATHS are stage files, or folders with stages in them or below. Stages only have to work: what
     is found are nodes that never compute or compute on zeros, dead wires, topics, frames, robots
-    and sensors that do not fit together. Exit status: 0 nothing found, 1 findings or
-    not judged, 2 wrong usage or no such path, 3 the tool itself failed.
+    and sensors that do not fit together. With --fix what has one right repair is listed, and
+    nothing is written but with --output, or with --in-place, which keeps NAME.orig. Exit status: 0
+    nothing found, 1 findings or not judged, 2 wrong usage or no such path, 3 the tool itself
+    failed.
     """
     options = with_config(paths, options)
+    if options["fix"]:
+        from lab3_usd.commands.fix import run as repair
+
+        output = None if options["output"] is None else Path(options["output"])
+        sys.exit(repair(paths, {**_AS_FIX, **options, "lint": True, "output": output}))
+    if options["diff"] or options["in_place"]:
+        raise UsageError("--diff and --in-place go with --fix")
     from lab3_usd.commands.steps.judging import Judge, run
     from lab3_usd.commands.steps.reporting import refuse_unusable, wants_native
 

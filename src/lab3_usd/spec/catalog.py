@@ -320,7 +320,8 @@ class Catalog(Struct, frozen=True):
     """Every node type the lab knows, by its name in 6.0.1, and the names that mean another.
 
     `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
-    in which it does, '' where a stage does not tell whether it will. `once` are the types with
+    in which it does, '' where a stage does not tell whether it will; `deltas` name their outputs
+    that give the length of a step. `once` are the types with
     outputs that signal a single time after Play, `gates` those that pass no signal on while the
     input named there is 0. Below `world_frame` hangs what has no parent prim. `writers` change the
     scene; what begins with one of the `looks` is a property that only changes what one sees.
@@ -332,6 +333,7 @@ class Catalog(Struct, frozen=True):
     renamed: Mapping[str, str]
     lookalikes: Mapping[str, str]
     events: Mapping[str, str]
+    deltas: Mapping[str, str]
     once: Mapping[str, SingleSignal]
     gates: Mapping[str, str]
     scripts: Scripts

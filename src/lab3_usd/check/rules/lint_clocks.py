@@ -16,6 +16,7 @@ from lab3_usd.check.ros.contexts import (
     may_meet,
 )
 from lab3_usd.check.ros.execution import has_side_effects
+from lab3_usd.check.ros.rewiring import context_wire
 from lab3_usd.check.ros.running import LintSubject, effective_value
 from lab3_usd.check.ros.topics import running_endpoints
 from lab3_usd.model.finding import Problem
@@ -46,6 +47,7 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
                 f"from {context}",
                 property=entry.port,
                 expected=f"{context}.outputs:context",
+                fix=context_wire(entry.node, entry.port, subject),
             )
 
 

@@ -24,9 +24,11 @@ from lab3_usd.check.robot.articulations import (
 )
 from lab3_usd.check.ros.execution import array_items
 from lab3_usd.check.ros.quantities import unit_of
+from lab3_usd.check.ros.rewiring import step_wire
 from lab3_usd.check.ros.running import LintSubject, effective_value, live_sources
 from lab3_usd.check.ros.topics import did_you_mean, likely_name
 from lab3_usd.check.rules.limits import stopping_limits, unknown_limits
+from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Matrix, Prim
@@ -89,8 +91,24 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
                     expected=likely_name(name, known) or ", ".join(sorted(known)),
                     actual=name,
                     related=(command.robot,),
+                    fix=_without_space(command, name, subject) if name.strip() in known else (),
                     rests_on=command.unknown or _unknown_joint(name, known.values(), subject.stage),
                 )
+
+
+def _without_space(command: Command, name: str, subject: LintSubject) -> tuple[Edit, ...]:
+    """Return what takes the white space around a joint's name away, where it is written."""
+    ports, written = command.ports, command.names or ()
+    if not command.node.sources(ports.joints):
+        stripped = tuple(joint.strip() for joint in written)
+        return (SetValue(command.node.path, ports.joints, "token[]", stripped),)
+    return tuple(
+        SetValue(constant.path, port, "token", name.strip())
+        for maker, _ in live_sources(command.node, ports.joints, subject.live)
+        for item in maker.ports
+        for constant, port in live_sources(maker, item, subject.live)
+        if constant.value(port) == name
+    )
 
 
 def _unknown_joint(name: str, known: Iterable[Prim], stage: StageModel) -> UnresolvedAsset | None:
@@ -275,6 +293,7 @@ def limit_needs_time_step(subject: LintSubject) -> Iterator[Problem]:
                 property=step,
                 expected="a wire from the delta of the tick",
                 actual="0",
+                fix=() if node.sources(step) else step_wire(node, step, subject),
                 severity=None if limits else "warning",
             )
 

@@ -15,6 +15,7 @@ from lab3_usd.check.ros.execution import (
     stops,
     unmet_needs,
 )
+from lab3_usd.check.ros.rewiring import execution_wire
 from lab3_usd.check.ros.running import (
     ENABLED,
     LintSubject,
@@ -90,6 +91,7 @@ def _stopped(stop: Stop, subject: LintSubject) -> Problem:
         related=tuple(node.path for node in stop.waiting),
         hint=f"switch {stop.cause} on again" if is_off else None,
         severity="note" if is_off else None,
+        fix=execution_wire(stop.node, stop.port, subject) if stop.reason == "unwired" else (),
         rests_on=subject.stage.unknown_inputs(stop.node),
     )
 

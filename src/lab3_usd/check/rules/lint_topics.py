@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import TYPE, VERSION
 from lab3_usd.check.ros.contexts import are_surely_one
 from lab3_usd.check.ros.running import LintSubject, effective_value
 from lab3_usd.check.ros.topics import (
@@ -16,12 +17,14 @@ from lab3_usd.check.ros.topics import (
     did_you_mean,
     endpoints,
     likely_name,
+    resolve,
     running_endpoints,
 )
 from lab3_usd.check.tf.trees import refused_namespaces, written_frames, written_topics
-from lab3_usd.model.changes import Edit, SetValue
+from lab3_usd.model.changes import ClearValue, Edit, SetValue
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.stage import Node
+from lab3_usd.spec.catalog import NodeType
 
 
 def _grave(*ends: Endpoint) -> Severity | None:
@@ -220,7 +223,8 @@ def value_not_offered(subject: LintSubject) -> Iterator[Problem]:
             known = (*port.allowed, *(() if node.type is None else node.type.message))
             if isinstance(value, str) and value not in ("", port.default, *known):
                 near = likely_name(value, port.allowed)
-                other = _other_node(node, value, subject) if name == KIND else None
+                moved = _other_type(node, value, subject) if name == KIND else None
+                other = None if moved is None else moved.ui_name
                 expected = other or near or ", ".join(port.allowed)
                 yield Problem(
                     node.path,
@@ -230,14 +234,30 @@ def value_not_offered(subject: LintSubject) -> Iterator[Problem]:
                     expected=expected,
                     actual=value,
                     hint=f"replace the node by a {other}" if other else None,
-                    fix=_setting(node, name, expected if expected in port.allowed else ""),
+                    fix=_setting(node, name, expected if expected in port.allowed else "")
+                    if moved is None
+                    else _becoming(node, moved),
                 )
 
 
-def _other_node(node: Node, kind: str, subject: LintSubject) -> str | None:
-    """Return the title of the type of nodes that publishes this kind of messages now."""
-    moved = None if node.type is None else subject.catalog.get(node.type.moved.get(kind, ""))
-    return None if moved is None else moved.ui_name
+def _other_type(node: Node, kind: str, subject: LintSubject) -> NodeType | None:
+    """Return the type of nodes that publishes this kind of messages now."""
+    return None if node.type is None else subject.catalog.get(node.type.moved.get(kind, ""))
+
+
+def _becoming(node: Node, kind: NodeType) -> tuple[Edit, ...]:
+    """Return what makes a node one of another type that has all of its wired inputs."""
+    if any(state.sources and kind.port(name) is None for name, state in node.ports.items()):
+        return ()
+    return (
+        SetValue(node.path, TYPE, "token", kind.type),
+        SetValue(node.path, VERSION, "int", kind.version),
+        *(
+            ClearValue(node.path, name)
+            for name, state in node.ports.items()
+            if state.value is not None and kind.port(name) is None
+        ),
+    )
 
 
 def _setting(node: Node, name: str, value: str) -> tuple[Edit, ...]:
@@ -246,6 +266,13 @@ def _setting(node: Node, name: str, value: str) -> tuple[Edit, ...]:
     if port is None or not value or node.sources(name):
         return ()
     return (SetValue(node.path, name, port.usd_type, value),)
+
+
+def _without_space(node: Node, name: str, value: str) -> tuple[Edit, ...]:
+    """Return what takes the white space around a name away, where the rest is a name."""
+    stripped = value.strip()
+    is_name = stripped != value and resolve("", stripped) is not None
+    return _setting(node, name, stripped) if is_name and node.value(name) == value else ()
 
 
 @rule("K37", "topic-name", scope="lint")
@@ -278,6 +305,7 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
                 expected=name.resolved,
                 actual=name.written,
                 severity="warning",
+                fix=_without_space(name.node, name.port, name.written),
             )
     for node, namespace in refused_namespaces(subject):
         yield Problem(
@@ -290,24 +318,26 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K38", "frame-name", scope="lint", severity="warning")
 def frame_name(subject: LintSubject) -> Iterator[Problem]:
-    """The name of a frame is empty, or begins with a slash.
+    """The name of a frame is empty, begins with a slash, or has white space around it.
 
-    Why: tf2 refuses an empty name and one that begins with a slash: no transform is found for the
-    message.
+    Why: tf2 refuses an empty name and one that begins with a slash, and to it a name with a space
+    is another one: no transform is found for the message.
 
-    Fix: write the name as in the TF tree, without a slash.
+    Fix: write the name as in the TF tree, without a slash and without white space.
 
     Example: `inputs:frameId = "/base_scan"`.
     """
     for node, port, value in written_frames(subject):
         is_stripped = node.type is not None and node.type.tf is not None  # by tf2
-        if not value or (value.startswith("/") and not is_stripped):
-            fault = "is empty" if not value else f"is {display(value)}, which begins with a slash"
+        is_padded = value != value.strip()
+        if not value or is_padded or (value.startswith("/") and not is_stripped):
+            fault = "begins with a slash" if not is_padded else "has white space around it"
+            fault = f"is {display(value)}, which {fault}" if value else "is empty"
             yield Problem(
                 node.path,
                 f"{port} {fault}",
                 property=port,
-                expected=value.lstrip("/") or "the name of a frame",
+                expected=value.strip().lstrip("/") or "the name of a frame",
                 actual=value,
-                fix=_setting(node, port, value.lstrip("/")),
+                fix=_setting(node, port, value.strip().lstrip("/")),
             )

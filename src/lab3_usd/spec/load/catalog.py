@@ -101,6 +101,7 @@ class _TypeEntry(Struct, forbid_unknown_fields=True):
 
 class _EventEntry(Struct, forbid_unknown_fields=True):
     stage: str = ""
+    delta: str = ""
 
 
 class _CatalogFile(Struct, forbid_unknown_fields=True):
@@ -136,6 +137,7 @@ def parse_catalog(data: Mapping[str, Any]) -> Catalog:
         renamed=content.renamed,
         lookalikes=content.lookalikes,
         events={name: event.stage for name, event in content.events.items()},
+        deltas={name: event.delta for name, event in content.events.items() if event.delta},
         once=content.once,
         gates=content.gates,
         writers=content.writers,
