@@ -95,7 +95,8 @@ def measure(count: int, numbers: tuple[str, ...], jobs: int = 1) -> Figures:
             started, before = time.perf_counter(), sum(os.times()[:4])
             rows = grade_class(settings)
             seconds, busy = time.perf_counter() - started, sum(os.times()[:4]) - before
-        if any(row["lost"] and not row["lost"][0]["title"].endswith("missing") for row in rows):
+        lost = [line for row in rows for line in row["lost"]]
+        if any(line["rule"] != "M01" and not line["title"].endswith("missing") for line in lost):
             raise RuntimeError("a clean submission is not graded as one")
     return Figures(count, count * len(numbers), seconds, busy, most["parent"], most["workers"])
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 import quick_yaml
 from html_pages import read
-from mini_lab import LAB, MINI, cut_wire, stage, starter, submission
+from mini_lab import LAB, LAST, MINI, cut_wire, stage, starter, submission
+from pxr import Gf, Usd
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.afterwards import class_of, regrade, student_in, sum_of
@@ -185,3 +186,41 @@ def test_the_export_of_another_platform_is_refused(text: str, book: Path, tmp_pa
     roster.write_text(text)
     with pytest.raises(UsageError, match="no export of canvas"):
         write_for_platform(book, "canvas", roster, class_of(book), lambda _line: None)
+
+
+def renamed(path: Path) -> None:
+    """Name a node otherwise, move it in the editor, and write a comment."""
+    stage = Usd.Stage.Open(str(path))
+    clock = LAB.graphs["ROS_Clock"].path
+    editor = Usd.NamespaceEditor(stage)
+    editor.MovePrimAtPath(f"{clock}/ros2_context", f"{clock}/mine")
+    editor.ApplyEdits()
+    node = stage.GetPrimAtPath(f"{clock}/mine")
+    node.GetAttribute("ui:nodegraph:node:pos").Set(Gf.Vec2f(7, 8))
+    stage.GetRootLayer().comment = "my own work"
+    stage.Save()
+
+
+def test_the_same_work_is_listed_and_not_judged(tmp_path: Path) -> None:
+    place = tmp_path / "class"
+    for student in ("ann", "bob", "cem"):
+        submission(place / student)
+    other = cut_wire(submission(place / "dan") / "work" / stage(LAST).name)
+    assert other.is_file()
+    for path in (place / "cem" / "work").iterdir():
+        if path.name != stage("00").name:
+            renamed(path)
+    rows = list(grade_class(ClassSettings(place, starter(), tmp_path / "book")))
+    assert {row["earned"] for row in rows[:3]} == {100.0}
+    stages = [number for number in LAB.checkpoints if number != "00"]
+    assert class_of(tmp_path / "book")["alike"] == [
+        {"students": ["ann", "bob"], "what": "the same files", "checkpoints": [LAST]},
+        {
+            "students": ["ann", "bob", "cem"],
+            "what": "the same but for names and comments",
+            "checkpoints": [],
+        },
+        {"students": ["ann", "bob", "dan"], "what": "the same files", "checkpoints": stages[:-1]},
+    ]
+    page = read((tmp_path / "book" / "index.html").read_text(encoding="utf-8"))
+    assert "ann, bob, cem: the same but for names and comments" in page.text

@@ -61,7 +61,7 @@ def test_the_figures_are_printed(
 def test_a_class_that_is_not_graded_clean_is_no_measure(
     bench: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rows = [{"lost": [{"title": "ROS2 Context"}]}]
+    rows = [{"lost": [{"title": "ROS2 Context", "rule": "N01"}]}]
     monkeypatch.setattr(bench, "grade_class", lambda _settings: rows)
     with pytest.raises(RuntimeError, match="not graded as one"):
         bench.measure(1, ("00",))

@@ -282,11 +282,42 @@ class Rows(Sized, Iterable[Row]):
 def write_tables(out: Path, submissions: Iterable[StudentSubmission], rubric: Rubric) -> Rows:
     """Write the tables and the page of the class from the students' results, and return those."""
     rows = Rows(out, submissions)
-    page = class_page(rubric.title, _columns(rubric), rows)
+    page = class_page(rubric.title, _columns(rubric), rows, alike(rows))
     write_parts(out / CSV, _csv_lines(rows, rubric), force=True)
     write_parts(out / GRADEBOOK_JSON, _json_parts(rows, rubric), force=True)
     write_parts(out / PAGE, (part.encode() for part in page), force=True)
     return rows
+
+
+_NOT_IN_TABLES = ("version", "salt", "facts", "work")
+
+
+def alike(rows: Iterable[Row]) -> list[Row]:
+    """Return who handed in the same: the same files, or last stages that differ in names only.
+
+    It is for the grader to judge: who works by the handout alone may come to the same.
+    """
+    by_file: dict[tuple[str, str], list[str]] = {}
+    by_content: dict[str, list[str]] = {}
+    for row in rows:
+        work = row.get("work") or {}
+        for number, digest in work.get("files", {}).items():
+            by_file.setdefault((number, digest), []).append(row["student"])
+        by_content.setdefault(work.get("likeness", ""), []).append(row["student"])
+    shared: dict[tuple[str, ...], list[str]] = {}
+    for (number, _), students in by_file.items():
+        if len(students) > 1:
+            shared.setdefault(tuple(students), []).append(number)
+    found: list[Row] = [
+        {"students": list(students), "what": "the same files", "checkpoints": sorted(numbers)}
+        for students, numbers in shared.items()
+    ]
+    found += [
+        {"students": students, "what": "the same but for names and comments", "checkpoints": []}
+        for likeness, students in by_content.items()
+        if likeness and len(students) > 1 and tuple(students) not in shared
+    ]
+    return sorted(found, key=lambda group: (group["students"], group["what"]))
 
 
 def _columns(rubric: Rubric) -> list[Row]:
@@ -355,12 +386,13 @@ def _json_parts(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
         "title": rubric.title,
         "points": rubric.points,
         "items": _columns(rubric),
+        "alike": alike(rows),
         "unconfined": sorted({name for row in rows for name in row.get("unconfined", [])}),
     }
     yield json.dumps(head, indent=1).removesuffix("\n}").encode() + b',\n "students": ['
     between = b"\n"
     for row in rows:
-        shown = {key: row[key] for key in row if key not in {"version", "salt", "facts"}}
+        shown = {key: row[key] for key in row if key not in _NOT_IN_TABLES}
         yield between + b"  " + json.dumps(shown).encode()
         between = b",\n"
     yield b"\n ]\n}\n"

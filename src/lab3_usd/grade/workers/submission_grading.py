@@ -30,6 +30,7 @@ from lab3_usd.model.finding import Crash, Finding, Report, Submission, ordered
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.fence import BlockedAsset, Fence, fenced
+from lab3_usd.stage.likeness import likeness
 from lab3_usd.stage.read.opening import PLACEHOLDER
 
 _EMPTY = hashlib.sha256().hexdigest()
@@ -94,6 +95,7 @@ def grade_submission(
         )
         facts = with_dry_runs(facts, setup.lab, staged.digests)
         points = grade_facts(setup.rubric, facts, late=task.late)
+        work = _work(facts, setup.lab, staged.digests)
         # Stages without faults are not pictured, but for the last: its pictures show what they do.
         fence.closed = {
             result.path
@@ -111,11 +113,23 @@ def grade_submission(
         **told,
         **_record(points, facts, _status(judged, task.broken, staged)),
         "remarks": list(remarks),
+        "work": work,
         "digest": staged.digest,
         "verdicts": {result.checkpoint: result.verdict for result in judged.results},
         "crashes": [crash.rule for crash in _crashes(judged)],
         "reports": reports,
     }
+
+
+def _work(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) -> Json:
+    """Return what tells this work from that of others: its files, and what the last one says."""
+    stages = [
+        stage
+        for stage in facts.stages
+        if stage.readable and lab.checkpoints[stage.checkpoint].graphs
+    ]
+    files = {stage.checkpoint: digests[stage.path] for stage in stages if stage.path in digests}
+    return {"files": files, "likeness": likeness(Path(stages[-1].path)) if stages else ""}
 
 
 def _without_repairs(judged: FolderResult) -> FolderResult:
@@ -155,6 +169,7 @@ def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name
     return {
         **_record(points, facts, (status, reason)),
         "remarks": [],
+        "work": {},
         "digest": "",
         "verdicts": {},
         "crashes": [],

@@ -50,7 +50,9 @@ class Rows(Sized, Iterable[Row], Protocol):
     """The rows of a gradebook: counted, and read as often as asked for."""
 
 
-def class_page(title: str, items: Sequence[Row], rows: Rows) -> Iterator[str]:
+def class_page(
+    title: str, items: Sequence[Row], rows: Rows, alike: Sequence[Row] = ()
+) -> Iterator[str]:
     """Yield the parts of the page for the rows of a gradebook, whose order is kept.
 
     It needs no network, and no script for reading: the script only sorts and filters.
@@ -65,6 +67,7 @@ def class_page(title: str, items: Sequence[Row], rows: Rows) -> Iterator[str]:
         bars=list(distribution(percents)),
         hardest=hardest(lost),
         missing=missing(lost),
+        alike=alike,
         summaries=summaries(items, rows),
         statuses=sorted(Counter(row["status"] for row in rows).items()),
         median=statistics.median(percents) if percents else None,
