@@ -70,6 +70,15 @@ def test_a_single_command_was_for_all_joints_before() -> None:
     assert found not in said_by(stage, release="5.1")
 
 
+def test_how_a_joint_of_no_articulation_was_read_before_is_not_known() -> None:
+    stage = broken_robot(
+        "arm", CASES["K15"]["more"]["the effort of a joint outside the articulation"]["break"]
+    )
+    found = "K15 /ActionGraph/effort inputs:prim"
+    assert found in said_by(stage)
+    assert found not in said_by(stage, release="5.1")
+
+
 def test_two_topics_of_one_node_are_no_rivals_of_another() -> None:
     steps = CASES["K40"]["more"]["two topics of one node"]["break"]
     (found,) = linted(broken_robot("rover", steps)).findings

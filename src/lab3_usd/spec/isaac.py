@@ -128,7 +128,8 @@ class TargetOf(Struct, frozen=True, forbid_unknown_fields=True):
     """The prims that a node can read by its input `input`.
 
     Such a prim has one of these types and one of these schemas, where any are listed. A prim above
-    it carries the schema `inside`; it or a prim below it carries `holds`.
+    it carries the schema `inside`; it or a prim below it carries `holds`. `since` is the first
+    release in which that holds.
     """
 
     input: str
@@ -139,6 +140,7 @@ class TargetOf(Struct, frozen=True, forbid_unknown_fields=True):
     schemas: tuple[str, ...] = ()
     inside: str = ""
     holds: str = ""
+    since: str = ""
 
 
 class QuantityOf(Struct, frozen=True, forbid_unknown_fields=True):

@@ -300,6 +300,8 @@ def two_events(subject: LintSubject) -> Iterator[Problem]:
     Example: Exec In of a ROS2 Publish Transform Tree is wired from two On Playback Tick nodes.
     """
     for node in subject.live.values():
+        if sum(len(node.sources(port)) for port in signal_inputs(node)) <= 1:
+            continue  # which brings no other events than the node before has
         is_judged = any(map(has_side_effects, (node, *feeds(node, subject))))
         events = _events(node, subject) if is_judged else {}
         # Of a node that is behind another one with the same events the first tells enough.

@@ -14,7 +14,7 @@ from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel, absence_reason
 from lab3_usd.model.transforms import AXES, angle_between, decompose, rotate_vector
 from lab3_usd.spec.catalog import INPUT
-from lab3_usd.spec.isaac import SensorOf, TargetOf
+from lab3_usd.spec.isaac import SensorOf, TargetOf, is_within
 
 _TICK = "omni:sensor:tickRate"
 _CORE = "omni:sensor:Core:"
@@ -87,7 +87,9 @@ def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
         asked = None if node.type is None else subject.types.targets.get(node.type.type)
         path = next(iter(node.targets(INPUT + asked.input)), "") if asked is not None else ""
         prim = subject.stage.prim(path)
-        if asked is not None and prim is not None and not _is_readable(prim, asked, subject.stage):
+        if asked is None or prim is None or not is_within(subject.release, asked.since, ""):
+            continue
+        if not _is_readable(prim, asked, subject.stage):
             yield Problem(
                 node.path,
                 f"{INPUT}{asked.input} is {path}, which is not {asked.what}: {asked.effect}",
