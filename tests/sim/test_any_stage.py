@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from foreign_robots import (
 )
 from invoking import invoke
 from jsonschema import Draft202012Validator
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
@@ -266,3 +267,145 @@ def test_four_wheels_drive(tmp_path: Path) -> None:
     names.Set(["rear_left_joint", "missing_joint"])
     found = played(stage, tmp_path)
     assert by_name(found)["follows"].verdict == "bad"
+
+
+def car() -> Usd.Stage:
+    """A car that is driven by its rear wheels and steered by knuckles, 0.6 m between the axles."""
+    stage = empty_stage("Z", 1.0)
+    robot = "/World/Car"
+    add_api(UsdGeom.Xform.Define(stage, robot).GetPrim(), "PhysicsArticulationRootAPI")
+    body(stage, f"{robot}/base", (0, 0, 0.1))
+    for name, x, y in (
+        ("front_left", 0.3, 0.2),
+        ("front_right", 0.3, -0.2),
+        ("rear_left", -0.3, 0.2),
+        ("rear_right", -0.3, -0.2),
+    ):
+        wheel(stage, f"{robot}/{name}", (x, y, 0.1), 0.1)
+        carrier, at = f"{robot}/base", (x, y, 0.0)
+        if name.startswith("front"):
+            carrier, at = f"{robot}/{name}_knuckle", (0.0, 0.0, 0.0)
+            body(stage, carrier, (x, y, 0.1))
+            steer = revolute(
+                stage, f"{robot}/{name}_steer", f"{robot}/base", carrier, (x, y, 0), "Z"
+            )
+            UsdPhysics.DriveAPI(steer, "angular").GetStiffnessAttr().Set(20000.0)
+        revolute(stage, f"{robot}/{name}_joint", carrier, f"{robot}/{name}", at, "Y")
+    sizes = {"wheelBase": 0.6, "trackWidth": 0.4, "frontWheelRadius": 0.1, "backWheelRadius": 0.1}
+    steering = ["front_left_steer", "front_right_steer"]
+    wheels = ["front_left_joint", "front_right_joint", "rear_left_joint", "rear_right_joint"]
+    move = "core.IsaacArticulationController"
+    write_graph(
+        stage,
+        "/World/Drive",
+        {
+            "tick": TICK,
+            "context": CONTEXT,
+            "command": ("ros.ROS2SubscribeAckermannDrive", {"topicName": "drive"}),
+            "ackermann": ("wheeled.AckermannController", sizes),
+            "steer": (move, {"targetPrim": robot, "jointNames": steering}),
+            "roll": (move, {"targetPrim": robot, "jointNames": wheels}),
+            "compute": ("core.IsaacComputeOdometry", {"chassisPrim": f"{robot}/base"}),
+            "odometry": ("ros.ROS2PublishOdometry", {"chassisFrameId": "base"}),
+        },
+        [
+            *(f"tick.tick -> {name}.execIn" for name in ("command", "ackermann", "steer", "roll")),
+            "tick.tick -> compute.execIn",
+            "compute.execOut -> odometry.execIn",
+            "context.context -> command.context",
+            "command.speed -> ackermann.speed",
+            "command.steeringAngle -> ackermann.steeringAngle",
+            "ackermann.wheelAngles -> steer.positionCommand",
+            "ackermann.wheelRotationVelocity -> roll.velocityCommand",
+            *(f"compute.{port} -> odometry.{port}" for port in POSE),
+        ],
+    )
+    return stage
+
+
+POSE = ("position", "orientation", "linearVelocity", "angularVelocity")
+
+
+def test_a_car_goes_along_the_arc_that_it_is_steered_to(tmp_path: Path) -> None:
+    found = played(car(), tmp_path)
+    assert (found.verdict, bad(found)) == ("ok", set())
+    arc = next(leg for leg in found.legs if leg.name == "arc")
+    # v tan(0.3) / 0.6 m for 4 s at 0.15 m/s
+    assert arc.driven[1] == pytest.approx(math.degrees(0.6 * math.tan(0.3) / 0.6), rel=0.03)
+
+
+def test_a_car_whose_axles_are_further_apart_than_told_turns_less(tmp_path: Path) -> None:
+    stage = car()
+    set_value(stage, "/World/Drive/ackermann.inputs:wheelBase", 0.3)
+    assert by_name(played(stage, tmp_path))["follows"].kind == "wrong-arc"
+
+
+def test_a_car_that_is_steered_the_other_way_is_wrong(tmp_path: Path) -> None:
+    stage = car()
+    stage.GetPrimAtPath("/World/Drive/ackermann").CreateAttribute(
+        "inputs:invertSteering", Sdf.ValueTypeNames.Bool
+    ).Set(True)  # noqa: FBT003
+    assert by_name(played(stage, tmp_path))["follows"].verdict == "bad"
+
+
+def rollers() -> Usd.Stage:
+    """A robot on four wheels with rollers, at the corners of a square of 0.4 m."""
+    stage = empty_stage("Z", 1.0)
+    robot = "/World/Mecanum"
+    add_api(UsdGeom.Xform.Define(stage, robot).GetPrim(), "PhysicsArticulationRootAPI")
+    body(stage, f"{robot}/base", (0, 0, 0.1))
+    for name, x, y, angle in (
+        ("front_left", 0.2, 0.2, -135.0),
+        ("front_right", 0.2, -0.2, -45.0),
+        ("rear_left", -0.2, 0.2, -45.0),
+        ("rear_right", -0.2, -0.2, -135.0),
+    ):
+        link = f"{robot}/{name}"
+        wheel(stage, link, (x, y, 0.1), 0.1)
+        joint = revolute(stage, f"{robot}/{name}_joint", f"{robot}/base", link, (x, y, 0), "Y")
+        for part, value in (("angle", angle), ("radius", 0.1)):
+            joint.CreateAttribute(f"isaacmecanumwheel:{part}", Sdf.ValueTypeNames.Float).Set(value)
+    base = f"{robot}/base"
+    write_graph(
+        stage,
+        "/World/Drive",
+        {
+            "tick": TICK,
+            "context": CONTEXT,
+            "twist": ("ros.ROS2SubscribeTwist", {}),
+            "linear": ("nodes.BreakVector3", {}),
+            "angular": ("nodes.BreakVector3", {}),
+            "told": ("nodes.MakeVector3", {}),
+            "setup": ("wheeled.HolonomicRobotUsdSetup", {"robotPrim": robot, "comPrim": base}),
+            "holonomic": ("wheeled.HolonomicController", {}),
+            "move": ("core.IsaacArticulationController", {"targetPrim": robot}),
+        },
+        [
+            *(f"tick.tick -> {name}.execIn" for name in ("twist", "holonomic", "move")),
+            "context.context -> twist.context",
+            "twist.linearVelocity -> linear.tuple",
+            "twist.angularVelocity -> angular.tuple",
+            "linear.x -> told.x",
+            "linear.y -> told.y",
+            "angular.z -> told.z",
+            "told.tuple -> holonomic.inputVelocity",
+            *(f"setup.{port} -> holonomic.{port}" for port in SETUP),
+            "setup.wheelDofNames -> move.jointNames",
+            "holonomic.jointVelocityCommand -> move.velocityCommand",
+        ],
+    )
+    return stage
+
+
+SETUP = ("wheelRadius", "wheelPositions", "wheelOrientations", "mecanumAngles", "wheelAxis")
+
+
+def test_a_robot_on_rollers_goes_to_any_side(tmp_path: Path) -> None:
+    found = played(rollers(), tmp_path)
+    assert (by_name(found)["follows"].message, found.verdict) == ("", "ok")
+    stage = rollers()
+    names = stage.GetAttributeAtPath("/World/Drive/move.inputs:jointNames")
+    names.ClearConnections()
+    ends = ("front_right", "front_left", "rear_left", "rear_right")  # two are swapped
+    names.Set([f"{end}_joint" for end in ends])
+    assert by_name(played(stage, tmp_path))["follows"].verdict == "bad"

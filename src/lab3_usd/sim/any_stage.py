@@ -23,7 +23,15 @@ from lab3_usd.sim.judge.checks import graphs, verdict
 from lab3_usd.sim.judge.motion import again, follows, odometry, rest
 from lab3_usd.sim.judge.sensors import MISSED, WALL, mounted
 from lab3_usd.sim.judge.topics import clock, tree
-from lab3_usd.sim.judge.trial import Cause, Fault, Interface, Trial, agree, in_root
+from lab3_usd.sim.judge.trial import (
+    Cause,
+    Fault,
+    Interface,
+    Trial,
+    agree,
+    displacement,
+    in_root,
+)
 from lab3_usd.sim.nodes.robot import articulated
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robot.machine import Machine
@@ -31,12 +39,16 @@ from lab3_usd.sim.timeline import Player, in_metres, player_of, record
 from lab3_usd.spec.catalog import Catalog
 
 TWIST = "geometry_msgs/msg/Twist"
+STEERING = "ackermann_msgs/msg/AckermannDriveStamped"
 CLOCK, ODOMETRY = "rosgraph_msgs/msg/Clock", "nav_msgs/msg/Odometry"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 LOOKED_AT = 12  # frames of a first play without commands, which shows who listens to what
 AHEAD, TURN = 0.15, 0.8  # metres and radians a second, unless a controller allows less
 LEG, RAMPS, LONGEST = 2.0, 12.0, 20.0  # seconds; how many times a robot takes to get going
 THROUGH = 0.02  # part of a range by which a ray may be longer
+ROLLERS, WHEEL_BASE = "mecanumAngles", "wheelBase"  # inputs that only some controllers have
+STEERED = 0.3  # radians to which a car is steered
+LEAST = 0.1  # part of a command that a robot on rollers does at least
 PUBLISHING = ("publisher", "helper")
 NO_LIMITS = (math.inf, math.inf)
 
@@ -59,6 +71,8 @@ class Robot(Struct, frozen=True):
     start: Affine = HERE
     speeds: tuple[float, float] = (AHEAD, TURN)  # that its controllers let through
     ramp: float = 0.0  # seconds until it goes as told
+    wheel_base: float = 0.0  # metres, of a car
+    has_rollers: bool = False  # on its wheels, which let it go to any side
     odometry: str = ""
     scan: str = ""
 
@@ -97,7 +111,7 @@ def _listening(player: Player) -> Iterator[Robot]:
     world, nodes = player.world, player.program.nodes
     for node in nodes.values():
         kind = node.type.message.get("", "")
-        if SUBSCRIBER not in node.type.role or kind not in {TWIST, JOINTS}:
+        if SUBSCRIBER not in node.type.role or kind not in {TWIST, STEERING, JOINTS}:
             continue
         endpoint: Endpoint | None = node.memory.get("endpoint") or open_endpoint(node, world)
         if endpoint is None:
@@ -107,7 +121,16 @@ def _listening(player: Player) -> Iterator[Robot]:
             if controller.type.drives is not None:
                 machine = articulated(controller, world)
                 speeds, ramp = _allowed(behind, world)
-                robot = Robot(machine, controller.path, endpoint, kind, speeds=speeds, ramp=ramp)
+                robot = Robot(
+                    machine,
+                    controller.path,
+                    endpoint,
+                    kind,
+                    speeds=speeds,
+                    ramp=ramp,
+                    wheel_base=_wheel_base(behind, world),
+                    has_rollers=any(ROLLERS in node.values for node in behind),
+                )
                 yield robot if machine is None else _watched(robot, machine, player)
 
 
@@ -123,6 +146,12 @@ def _behind(scene: Scene, start: str) -> list[str]:
             if any(wire.rpartition(".")[0] in found for wire in sources):
                 found.setdefault(node.path)
     return [*found][1:]
+
+
+def _wheel_base(nodes: Sequence[Running], world: World) -> float:
+    """Return the distance of the axles that the controller of a car is told, 0 for another."""
+    told = (node.number(WHEEL_BASE, world) for node in nodes if WHEEL_BASE in node.values)
+    return next(told, 0.0) * world.scene.meters_per_unit
 
 
 def _allowed(nodes: Sequence[Running], world: World) -> tuple[tuple[float, float], float]:
@@ -207,7 +236,17 @@ def drive_for(robot: Robot | None, unit: float) -> tuple[Session, ...]:
     pause = Leg("pause" if robot.ramp else "stop", 0.3 + 2 * robot.ramp, (0.0, 0.0, 0.0))
     forward = Leg("ahead", seconds, (ahead, 0.0, 0.0))
     back, left = Leg("back", seconds, (-ahead, 0.0, 0.0)), Leg("left", seconds, (0.0, 0.0, turn))
-    legs = (Leg("idle", 0.5), forward, pause, back, pause, left, pause)
+    turns: tuple[Leg, ...] = (left, pause)
+    if robot.kind == STEERING:
+        forward, back, pause = (replace(leg, steer=0.0) for leg in (forward, back, pause))
+        turning = ahead * math.tan(STEERED) / (robot.wheel_base or math.inf)
+        aim = Leg("aim", LEG, (0.0, 0.0, 0.0), steer=STEERED)
+        turns = (aim, Leg("arc", 2 * seconds, (ahead, 0.0, turning), steer=STEERED), pause)
+    elif robot.wheel_base:
+        turns = ()  # how a car takes the turning speed of a Twist is up to its graph
+    if robot.has_rollers:
+        turns = (*turns, Leg("aside", seconds, (0.0, ahead, 0.0)), pause)
+    legs = (Leg("idle", 0.5), forward, pause, back, pause, *turns)
     return (Session(legs), Session((Leg("idle", 0.3), forward)))
 
 
@@ -249,7 +288,7 @@ def play_any(scene: Scene, catalog: Catalog, drive: str | None, topic: str = "")
         if robot.machine is None:
             looks = iter([_unmoved(robot, own)])
         else:
-            looks = arm_checks(play, scene) if robot.kind == JOINTS else _robot_checks(own)
+            looks = arm_checks(play, scene) if robot.kind == JOINTS else _robot_checks(own, robot)
         checks += [replace(check, of=name) for check in looks]
     return Played(robots, tuple(plays), tuple(checks))
 
@@ -360,7 +399,7 @@ def _top(frame: str, up: dict[str, str]) -> str:
     return frame
 
 
-def _robot_checks(trial: Trial) -> Iterator[Check]:
+def _robot_checks(trial: Trial, robot: Robot) -> Iterator[Check]:
     """Yield what a robot shows: how it moves, and what its odometry, TF and lidar say of that."""
     wanted, legs = trial.wanted, trial.drive[0].legs
     odometry_came = trial.recording.topic(wanted.odometry, 0)
@@ -368,25 +407,61 @@ def _robot_checks(trial: Trial) -> Iterator[Check]:
     has_base = trial.recording.topic(wanted.transforms, 0)
     looks: dict[str, tuple[Look, object]] = {
         "rest": (rest, True),
-        "follows": (as_told, any(leg.command and any(leg.command[::2]) for leg in legs)),
+        "follows": (
+            lambda seen: as_told(seen, robot),
+            any(leg.command and any(leg.command[::2]) for leg in legs),
+        ),
         "odometry": (odometry, odometry_came),
         "moving frames": (moving, has_base),
         "mounted": (mounted, has_base and scan_came),
         "scan": (placed_scan, scan_came),
-        "again": (again, len(trial.drive) > 1),
+        "again": (lambda seen: again_as_told(seen, robot), len(trial.drive) > 1),
     }
     for name, (look, is_asked) in looks.items():
         if is_asked:
             yield verdict(name, list(look(trial)), trial)
 
 
-def as_told(trial: Trial) -> Iterator[Fault]:
+def as_told(trial: Trial, robot: Robot) -> Iterator[Fault]:
     """It goes as told; where wheels slide in a turn, it is known only to which side it turns."""
+    if robot.has_rollers:
+        yield from _that_way(trial)
+        return
     turns = [stretch for stretch in trial.stretches("left", "right", "arc") if stretch.leg.turn]
     is_right = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
     for fault in follows(trial):
         if not (trial.scrubs and is_right and fault.kind in {"wrong-turn", "wrong-arc"}):
             yield fault
+
+
+def _that_way(trial: Trial) -> Iterator[Fault]:
+    """It goes the way that it is told; how fast, is up to the gains of such a controller."""
+    if trial.stands():
+        yield trial.motion_fault("does not move", "does-not-move")
+        return
+    for stretch in trial.stretches("ahead", "back", "aside", "left"):
+        leg, before, poses = stretch
+        ahead, left, _ = displacement(before, poses[-1])
+        x, y, _ = leg.command or (0.0, 0.0, 0.0)
+        size = math.hypot(x, y) * leg.seconds
+        along = (ahead * x + left * y) / math.hypot(x, y) if size else 0.0
+        off = math.hypot(ahead, left) - abs(along)
+        # To which side it turns, is up to the angles that its wheels are given.
+        is_right = along > LEAST * size and off < 0.1 * along if size else bool(stretch.turned)
+        if not is_right:
+            text = f"told to go {leg.name}, went {ahead:.2f} m ahead, {left:.2f} m to the left"
+            text += f" and turned {math.degrees(stretch.turned):.0f} degrees"
+            yield trial.motion_fault(text, "wrong-distance" if size else "wrong-turn")
+            return
+
+
+def again_as_told(trial: Trial, robot: Robot) -> Iterator[Fault]:
+    """It drives again after Stop and Play; on rollers as fast as it may."""
+    leg = trial.drive[1].legs[-1]
+    poses = [pose for pose in trial.recording.path if pose.session == 1 and pose.leg == leg.name]
+    ahead = displacement(poses[0], poses[-1])[0] if poses else 0.0
+    if not (robot.has_rollers and ahead > LEAST * leg.forward * leg.seconds):
+        yield from again(trial)
 
 
 def _unmoved(robot: Robot, trial: Trial) -> Check:
@@ -470,7 +545,12 @@ def _own(robot: Robot, played: Trial, scene: Scene) -> Trial:
     ]
     recording = replace(played.recording, messages=below, static=_static(below), _sorted={})
     trial = replace(
-        played, recording=recording, wanted=replace(wanted, root=root), start=robot.start
+        played,
+        recording=recording,
+        wanted=replace(wanted, root=root),
+        start=robot.start,
+        # Each wheel of a car by itself would slide; all of them turn about one point.
+        scrubs=played.scrubs and not (robot.wheel_base or robot.has_rollers),
     )
     sent = recording.topic(wanted.transforms, 0)
     place = in_root(trial, replace(sent[0], frame=base)) if sent else None

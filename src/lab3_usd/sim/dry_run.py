@@ -87,7 +87,7 @@ def outcome_of_any(stage: str, played: Played) -> Behaviour:
     remarks += [
         f"the wheels of {robot.name} slide in a turn: how far it turns is not known"
         for robot, play in zip(played.robots, played.plays, strict=False)
-        if play.scrubs
+        if play.scrubs and not (robot.wheel_base or robot.has_rollers)
     ]
     return Behaviour(
         stage,
@@ -183,8 +183,10 @@ def driven_legs(trial: Trial) -> Iterator[Leg]:
         leg, before, poses = stretch
         if leg.command is None or not any(leg.command):
             continue
-        ahead, _, _ = displacement(before, poses[-1])
+        ahead, aside, _ = displacement(before, poses[-1])
         commanded = (leg.forward * leg.seconds, math.degrees(leg.turn * leg.seconds))
+        if leg.name == "aside":
+            commanded, ahead = (leg.command[1] * leg.seconds, 0.0), aside
         driven = (round(ahead, 3) + 0.0, round(math.degrees(stretch.turned), 1) + 0.0)
         yield Leg(leg.name, leg.seconds, commanded, driven)
 

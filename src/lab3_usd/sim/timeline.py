@@ -14,6 +14,7 @@ from lab3_usd.sim.execution.recording import (
     Pose,
     Recording,
     Scan,
+    Steering,
     View,
 )
 from lab3_usd.sim.execution.running import FRAME, STEP
@@ -120,7 +121,9 @@ class Player:
         for leg in session.legs:
             for _ in range(round(leg.seconds * RATE)):
                 sent = commands.get(frame)
-                if sent is not None and sent.command is not None:
+                if sent is not None and sent.steer is not None:
+                    self.hear(Steering(sent.forward, sent.steer))
+                elif sent is not None and sent.command is not None:
                     ahead, left, turn = sent.command
                     self.hear(((ahead, left, 0.0), (0.0, 0.0, turn)))
                 elif sent is not None:
@@ -135,7 +138,7 @@ class Player:
         self.program.reset()
         world.stop()
 
-    def hear(self, command: Twist | JointStates) -> None:
+    def hear(self, command: Twist | JointStates | Steering) -> None:
         """Let a command come, in metres and radians a second, or where joints are to go."""
         self.commands += 1
         self.world.network.command = (self.commands, command)

@@ -247,6 +247,8 @@ def _records(trial: Trial) -> Iterator[Record]:
         starts.append(starts[-1] + frames / RATE)
     for start, session in zip(starts, trial.drive, strict=False):
         for frame, leg in command_frames(session):
+            if leg.steer is not None:
+                continue  # messages that steer a car are not among those of ROS 2 itself
             time = nanoseconds(start + (frame + 1) / RATE)
             yield Record(time, trial.wanted.commands, *command(leg))
     for message in trial.recording.messages:

@@ -20,13 +20,15 @@ _NUMBERS = 3
 class Leg(Struct, frozen=True):
     """A time with one command on the topic of commands; None sends nothing.
 
-    A leg of `joints` sends where they are to go, radians and units of the stage.
+    A leg of `joints` sends where they are to go, radians and units of the stage, one with a `steer`
+    the speed ahead and the angle to which a car is steered.
     """
 
     name: str
     seconds: float
     command: tuple[float, float, float] | None = None  # forward, to the left, turning
     joints: tuple[tuple[str, float], ...] = ()
+    steer: float | None = None
 
     @property
     def forward(self) -> float:

@@ -52,6 +52,13 @@ class Fields(Struct, frozen=True):
     values: dict[str, Any]
 
 
+class Steering(Struct, frozen=True):
+    """What a command to a car says: metres a second, and radians to which its front is steered."""
+
+    speed: float
+    angle: float
+
+
 class Scan(Struct, frozen=True):
     """What a scan says beside its header; a ray without return is -1.
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 Function = Callable[["Running", "World"], bool]
-MODULES = ("robot", "joints", "sensors", "core", "transforms", "messages", "arithmetic")
+MODULES = ("robot", "wheels", "joints", "sensors", "core", "transforms", "messages", "arithmetic")
 _FUNCTIONS: dict[str, Function] = {}
 _EVENTS: dict[str, str] = {}  # of the types that start an execution: what they wait for
 FRAME, STEP = "frame", "physics step"

@@ -191,13 +191,19 @@ def _of_robot(robot: Machine) -> Iterator[Cause]:
         yield Cause(robot.smooth, "it has no friction on the ground", "no-grip")
     if not robot.wheels:
         yield Cause(base, "no wheel of the robot touches the ground", "no-wheel-contact")
-    yield from filter(None, (_of_joint(joint, base) for joint in robot.joints.values()))
+    yield from filter(None, (_of_joint(joint, base) for joint in _rolling(robot)))
     for wheel in robot.wheels:
         if wheel.pull != Pull():
             what = f"the drive of {wheel.joint.name} is too weak for the weight of the robot"
             if wheel.joint.is_acceleration:
                 what = f"the drive of {wheel.joint.name} is for a unit of inertia, not of force"
             yield Cause(base, what, "weak-drive")
+
+
+def _rolling(robot: Machine) -> Iterator[Joint]:
+    """Yield the joints of a robot but those that steer its wheels."""
+    steering = [joint for wheel in robot.wheels for joint in robot.above(wheel.carrier)]
+    return (joint for joint in robot.joints.values() if joint not in steering)
 
 
 def _of_joint(joint: Joint, site: str) -> Cause | None:

@@ -7,8 +7,10 @@ free hinge that touches the ground; it rolls without slipping in its plane.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import AXES, Affine, Segment, about
 from lab3_usd.model.traction import Pull
@@ -43,6 +45,7 @@ class Joint(Struct, eq=False):
     kinematic: str = ""  # the body at its end that nothing moves, which counts as the world
     force: float = math.inf  # the drive's largest
     is_acceleration: bool = False  # whether the drive's damping is for a unit of inertia
+    rollers: tuple[float, float] | None = None  # of its wheel: their angle to the axle, the radius
 
     @property
     def holds(self) -> bool:
@@ -84,7 +87,16 @@ class Wheel(Struct, frozen=True):
     radius: float
     along: tuple[float, float]  # where its contact goes when the joint turns forward
     contact: tuple[float, float]
+    carrier: str = ""  # the body that its joint hangs on
+    grip: tuple[float, float] | None = None  # of a wheel of rollers: the one way it does not slip
     pull: Pull = Pull()  # of its drive; as a rule it is at its speed at once
+
+    @property
+    def share(self) -> float:
+        """How much of its rolling a wheel of rollers passes on the way that it grips."""
+        if self.grip is None:
+            return 1.0
+        return self.along[0] * self.grip[0] + self.along[1] * self.grip[1]
 
     def reached(self, wanted: float, dt: float) -> float:
         """Return the speed of its joint after a step."""
@@ -95,8 +107,42 @@ class Wheel(Struct, frozen=True):
 
     def sideways(self, motion: Vector) -> float:
         """Return how much a motion of the base (x, y, turn) moves its contact along its axle."""
+        if self.grip is not None:
+            return 0.0
         (x, y), (u, v), (ahead, left, turn) = self.contact, self.along, motion
         return u * (left + turn * x) - v * (ahead - turn * y)
+
+
+def solution(wheels: Sequence[Wheel]) -> list[tuple[float, float, float]]:
+    """Return for each wheel what a unit of rolling adds to the base's motion (x, y, turn).
+
+    Each wheel rolls as its drive says, if it has one, and none slides along its axle; what is
+    left open stays as small as it can be, what contradicts is evened out.
+    """
+    lines = []
+    for index, wheel in enumerate(wheels):
+        (x, y), (u, v) = wheel.contact, wheel.along
+        if wheel.grip is not None:
+            g, h = wheel.grip
+            if wheel.joint.holds:
+                lines.append(((g, h, x * h - y * g), index))
+            continue
+        if wheel.joint.holds:
+            lines.append(((u, v, x * v - y * u), index))
+        lines.append(((-v, u, x * u + y * v), -1))
+    matrix = [[1e-9 * (i == j) for j in range(3)] for i in range(3)]
+    for row, _ in lines:
+        for i in range(3):
+            for j in range(3):
+                matrix[i][j] += row[i] * row[j]
+    back = Affine(tuple(map(tuple, matrix))).inverse()  # type: ignore[arg-type]
+    motions = [(0.0, 0.0, 0.0)] * len(wheels)
+    for row, index in lines:
+        if index >= 0:
+            x, y, turn = back.turn(row)
+            k = wheels[index].share
+            motions[index] = (k * x, k * y, k * turn)
+    return motions
 
 
 GRAVITY = 9.81
@@ -129,6 +175,7 @@ class Machine(Struct):
     fall: float = 0.0
     blocked: bool = False
     clearance: float = 0.0
+    is_steered: bool = False  # whether joints turn what a wheel hangs on
     scrubs: bool = False  # whether wheels slide in a turn, as four that do not steer
     walls: list[Segment] = field(default_factory=list)
 
@@ -185,13 +232,37 @@ class Machine(Struct):
             if wheel.pull != Pull():
                 speeds[wheel.joint.name] = wheel.reached(speeds[wheel.joint.name], dt)
         vx = vy = w = 0.0
-        for wheel, (a, b, c) in zip(self.wheels, self.solve, strict=True):
+        wheels, solve = self.wheels, self.solve
+        if self.is_steered:
+            wheels = [self._steered(wheel) for wheel in wheels]
+            solve = solution(wheels)
+        for wheel, (a, b, c) in zip(wheels, solve, strict=True):
             rolled = wheel.sign * speeds[wheel.joint.name] * wheel.radius
             vx, vy, w = vx + a * rolled, vy + b * rolled, w + c * rolled
         if self.held:
             vx = vy = w = 0.0
         self.velocity = self._move(vx, vy, w, dt)
-        self._turn_joints(speeds, dt)
+        self._turn_joints(wheels, speeds, dt)
+
+    def above(self, body: str) -> Iterator[Joint]:
+        """Yield the joints from a body up to the base."""
+        while body in self.parents:
+            joint = self.parents[body]
+            yield joint
+            body = joint.bodies[0] if joint.bodies[1] == body else joint.bodies[1]
+
+    def _steered(self, wheel: Wheel) -> Wheel:
+        """Return a wheel as it stands with what it hangs on turned as it is."""
+        start = Affine(self.start.rows)
+        moved = self.offset(wheel.carrier).then(self.rest[wheel.carrier].inverse())
+        moved = start.then(moved).then(start.inverse())
+        x, y, _ = moved.point((*wheel.contact, 0.0))
+        u, v, _ = moved.turn((*wheel.along, 0.0))
+        grip = wheel.grip
+        if grip is not None:
+            g, h, _ = moved.turn((*grip, 0.0))
+            grip = (g, h)
+        return replace(wheel, along=(u, v), contact=(x, y), grip=grip)
 
     def _move(self, vx: float, vy: float, w: float, dt: float) -> tuple[float, float, float]:
         """Go along the exact arc, unless a wall is in the way."""
@@ -218,10 +289,10 @@ class Machine(Struct):
         self.clearance = gap
         return gap < 0 and gap + self.radius < distance(self.walls, x, y)
 
-    def _turn_joints(self, speeds: dict[str, float], dt: float) -> None:
+    def _turn_joints(self, wheels: Sequence[Wheel], speeds: dict[str, float], dt: float) -> None:
         vx, vy, w = self.velocity
         free = {}
-        for wheel in self.wheels:
+        for wheel in wheels:
             if not wheel.joint.holds and wheel.radius:
                 (x, y), (u, v) = wheel.contact, wheel.along
                 free[wheel.joint.name] = wheel.sign * ((vx - w * y) * u + (vy + w * x) * v)

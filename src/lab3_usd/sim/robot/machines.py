@@ -20,7 +20,16 @@ from lab3_usd.model.traction import (
 )
 from lab3_usd.model.transforms import Vector, cross, minus
 from lab3_usd.sim.geometry import cut, height_at, placed
-from lab3_usd.sim.robot.machine import DRIVE, FIXED, HINGE, JOINTS, Joint, Machine, Wheel
+from lab3_usd.sim.robot.machine import (
+    DRIVE,
+    FIXED,
+    HINGE,
+    JOINTS,
+    Joint,
+    Machine,
+    Wheel,
+    solution,
+)
 
 BODY, ROOT, COLLIDER = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI", "PhysicsCollisionAPI"
 
@@ -97,6 +106,7 @@ class Bodies:
             force=math.inf if force is None else force,
             is_acceleration=prim.values.get(f"{drive}type") == "acceleration",
             limits=(low * unit, high * unit),
+            rollers=_rollers(prim),
         )
 
     def _kinematic(self, path: str) -> str:
@@ -114,6 +124,15 @@ class Bodies:
         inside = target.then(Affine(turn, at))
         owner = self.prims[body].world.rigid() if body else HERE
         return owner.inverse().then(inside).rigid()
+
+
+def _rollers(prim: Prim) -> tuple[float, float] | None:
+    """Return how the rollers of a wheel stand to its axle, and its radius; None without any.
+
+    So says IsaacMecanumWheelAPI (holonomic_robot_usd_setup.py:58-60).
+    """
+    angle, radius = (number(prim.values.get(f"isaacmecanumwheel:{n}")) for n in ("angle", "radius"))
+    return None if angle is None or radius is None else (math.radians(angle), radius)
 
 
 def assembled(bodies: dict[str, Prim], joints: list[Joint]) -> list[Machine]:
@@ -309,7 +328,12 @@ class Machines:
                 elif wheel is not None:
                     machine.wheels.append(wheel)
             machine.wheels = list(self._pulling(machine))
-            machine.solve = _solution(machine.wheels)
+            machine.solve = solution(machine.wheels)
+            machine.is_steered = any(
+                above in machine.joints.values()
+                for wheel in machine.wheels
+                for above in machine.above(wheel.carrier)
+            )
             machine.scrubs = any(
                 abs(wheel.sideways(motion)) > _SLIDES
                 for motion in machine.solve
@@ -384,9 +408,13 @@ def _wheel_at(
     """Return the wheel at a joint, or None where it does not touch or cannot roll."""
     body = machine.link_of(joint)
     low = min((point[2] for point in points[body]), default=math.inf)
-    if joint.kind != HINGE or low > touch:
+    rollers = joint.rollers
+    if joint.kind != HINGE or (rollers is None and low > touch):
         return None
     inner = joint.bodies.index(body)
+    carrier = joint.bodies[1 - inner]
+    if any(above.rollers is not None for above in machine.above(carrier)):
+        return None  # a roller of a wheel, which turns it out of the way
     frame = Affine(machine.start.rows).then(machine.rest[body]).then(joint.frames[inner])
     x, y, z = frame.origin
     axle = frame.turn(joint.axis)
@@ -394,29 +422,9 @@ def _wheel_at(
     if flat < _UPRIGHT:
         return None
     sign = 1.0 if inner else -1.0
-    return Wheel(joint, sign, (z - low) * flat, (axle[1] / flat, -axle[0] / flat), (x, y))
-
-
-def _solution(wheels: list[Wheel]) -> list[tuple[float, float, float]]:
-    """Return for each wheel what a unit of rolling adds to the base's motion (x, y, turn).
-
-    Each wheel rolls as its drive says, if it has one, and none slides along its axle; what is
-    left open stays as small as it can be, what contradicts is evened out.
-    """
-    lines = []
-    for index, wheel in enumerate(wheels):
-        (x, y), (u, v) = wheel.contact, wheel.along
-        if wheel.joint.holds:
-            lines.append(((u, v, x * v - y * u), index))
-        lines.append(((-v, u, x * u + y * v), -1))
-    matrix = [[1e-9 * (i == j) for j in range(3)] for i in range(3)]
-    for row, _ in lines:
-        for i in range(3):
-            for j in range(3):
-                matrix[i][j] += row[i] * row[j]
-    back = Affine(tuple(map(tuple, matrix))).inverse()  # type: ignore[arg-type]
-    motions = [(0.0, 0.0, 0.0)] * len(wheels)
-    for row, index in lines:
-        if index >= 0:
-            motions[index] = back.turn(row)
-    return motions
+    along, radius = (axle[1] / flat, -axle[0] / flat), (z - low) * flat
+    if rollers is None:
+        return Wheel(joint, sign, radius, along, (x, y), carrier)
+    c, s = math.cos(rollers[0]), math.sin(rollers[0])
+    grip = ((c * axle[0] - s * axle[1]) / flat, (s * axle[0] + c * axle[1]) / flat)
+    return Wheel(joint, sign, rollers[1], along, (x, y), carrier, grip)

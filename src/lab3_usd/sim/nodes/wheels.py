@@ -1,0 +1,217 @@
+"""Controllers of cars and of robots on wheels with rollers, and commands to steer.
+
+WC is isaacsim/robot/experimental/wheeled_robots of isaacsim.robot.experimental.wheeled_robots, RN
+ROS 2 nodes.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lab3_usd.model.dry_run import AXES, Affine, about, rotation, turned
+from lab3_usd.model.transforms import Vector, length, minus
+from lab3_usd.sim.execution.recording import Message, Steering
+from lab3_usd.sim.execution.running import Running, computes
+from lab3_usd.sim.execution.world import World, opened_endpoint, send
+from lab3_usd.sim.nodes.robot import received
+
+_STRAIGHT = 0.0157  # radians of steering that count as none
+_REACHED = (1e-4, 0.00174533)  # m/s and radians from which on nothing changes
+_NO_LIMIT = math.inf
+
+
+@computes("ROS2SubscribeAckermannDrive")
+def subscribe_ackermann(node: Running, world: World) -> bool:
+    """RN/nodes/OgnROS2SubscribeAckermann.cpp:30-175: outputs hold the last message."""
+    is_open = node.memory.get("endpoint") is not None
+    steering = received(node, world, Steering)
+    if not isinstance(steering, Steering):
+        return not is_open and node.memory["endpoint"] is not None
+    node.outputs.update(speed=steering.speed, steeringAngle=steering.angle)
+    node.outputs.update(acceleration=0.0, steeringAngleVelocity=0.0, jerk=0.0)
+    node.enabled.append("execOut")
+    return True
+
+
+@computes("ROS2PublishAckermannDrive")
+def publish_ackermann(node: Running, world: World) -> bool:
+    """RN/nodes/OgnROS2PublishAckermann.cpp:30-130."""
+    endpoint, ready = opened_endpoint(node, world)
+    if endpoint is None or not ready:
+        return endpoint is not None
+    data = Steering(node.number("speed", world), node.number("steeringAngle", world))
+    frame, stamp = node.text("frameId", world), node.number("timeStamp", world)
+    kind = node.type.message[""]
+    send(node, world, endpoint, Message(kind, stamp, frame, data))
+    return True
+
+
+@computes("AckermannController")
+def ackermann_controller(node: Running, world: World) -> bool:
+    """WC/controllers/ackermann_controller.py:67-180: sizes are read once."""
+    memory = node.memory
+    if not memory:
+        for name in ("wheelBase", "trackWidth", "frontWheelRadius", "backWheelRadius"):
+            memory[name] = node.number(name, world)
+        for name in ("maxWheelVelocity", "maxWheelRotation", "maxAcceleration"):
+            memory[name] = abs(node.number(name, world)) or _NO_LIMIT
+        memory["maxTurn"] = abs(node.number("maxSteeringAngleVelocity", world)) or _NO_LIMIT
+        memory.update(inverts=node.flag("invertSteering", world), v=0.0, angle=0.0)
+    front = memory["frontWheelRadius"] or memory["backWheelRadius"]
+    back = memory["backWheelRadius"] or front
+    if not front:
+        memory.clear()
+        return node.fails("its wheels have no radius", "invalid-wheel-size")
+    fastest = memory["maxWheelVelocity"] * max(front, back)
+    v = _within(fastest, node.number("speed", world))
+    angle = _within(memory["maxWheelRotation"], node.number("steeringAngle", world))
+    gain, turn = node.number("acceleration", world), node.number("steeringAngleVelocity", world)
+    gain = (
+        min(abs(gain), memory["maxAcceleration"]) if memory["maxAcceleration"] < _NO_LIMIT else gain
+    )
+    turn = min(abs(turn), memory["maxTurn"]) if memory["maxTurn"] < _NO_LIMIT else turn
+    dt = abs(node.number("dt", world))
+    if not dt and (gain or turn):
+        return node.fails("no time step reaches it, and it has a ramp", "ramp-without-time-step")
+    v = _ramped(memory["v"], v, gain * dt, _REACHED[0]) if gain else v
+    angle = _ramped(memory["angle"], angle, turn * dt, _REACHED[1]) if turn else angle
+    memory["v"], memory["angle"] = v, angle
+    angles, speeds = _wheels(node, v, angle, (front, back))
+    most, widest = memory["maxWheelVelocity"], memory["maxWheelRotation"]
+    node.outputs["wheelAngles"] = tuple(_within(widest, a) for a in angles)
+    node.outputs["wheelRotationVelocity"] = tuple(_within(most, w) for w in speeds)
+    node.enabled.append("execOut")
+    return True
+
+
+def _within(limit: float, value: float) -> float:
+    return max(-limit, min(limit, value))
+
+
+def _ramped(before: float, wanted: float, step: float, reached: float) -> float:
+    """Return the value after a step towards another one."""
+    if abs(wanted - before) <= reached:
+        return before
+    return min(before + step, wanted) if wanted > before else max(before - step, wanted)
+
+
+def _wheels(
+    node: Running, v: float, angle: float, radii: tuple[float, float]
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the angles of the front wheels, and how fast all four turn: front, then back."""
+    base, half = node.memory["wheelBase"], node.memory["trackWidth"] / 2
+    front, back = radii
+    if abs(angle) < _STRAIGHT:
+        return (0.0, 0.0), (v / front, v / front, v / back, v / back)
+    is_inverted = node.memory["inverts"]
+    r = (-base if is_inverted else base) / math.tan(angle)
+    angles = tuple(math.copysign(math.atan2(base, abs(r + k)), r + k) for k in (-half, half))
+    side = half if angle > 0 else -half
+    inner, outer = abs(r) - side, abs(r) + side
+    near = (inner, outer)
+    far = (math.hypot(inner, base), math.hypot(outer, base))
+    turn = v / abs(r)
+    ahead, behind = (near, far) if is_inverted else (far, near)
+    return angles, (
+        *(turn * way / front for way in ahead),
+        *(turn * way / back for way in behind),
+    )
+
+
+@computes("HolonomicController")
+def holonomic_controller(node: Running, world: World) -> bool:
+    """WC/controllers/holonomic_controller.py:58-190: the least speeds that add up to a command.
+
+    Its program is solved in closed form, as it has equations alone.
+    """
+    columns: list[tuple[Vector, float]] | None = node.memory.get("columns")
+    if columns is None:
+        columns = _columns(node, world)
+        if columns is None:
+            return False
+        node.memory["columns"] = columns
+    limits = [
+        node.number(f"max{n}Speed", world) or _NO_LIMIT for n in ("Linear", "Angular", "Wheel")
+    ]
+    x, y, turn = node.vector("inputVelocity", world)
+    x, y = (k * node.number("linearGain", world) for k in (x, y))
+    turn *= node.number("angularGain", world)
+    size = math.hypot(x, y)
+    if size > limits[0]:
+        x, y = x / size * limits[0], y / size * limits[0]
+    told = (x, y, _within(limits[1], turn))
+    weights = [weight for _, weight in columns]
+    matrix = [
+        [sum(c[i] * c[j] / k for (c, _), k in zip(columns, weights, strict=True)) for j in range(3)]
+        for i in range(3)
+    ]
+    part = Affine(tuple(map(tuple, matrix))).inverse().turn(told)  # type: ignore[arg-type]
+    speeds = [sum(a * b for a, b in zip(c, part, strict=True)) / k for c, k in columns]
+    most = max(map(abs, speeds))
+    scale = limits[2] / most if most > limits[2] else 1.0
+    node.outputs["jointVelocityCommand"] = tuple(speed * scale for speed in speeds)
+    return True
+
+
+def _columns(node: Running, world: World) -> list[tuple[Vector, float]] | None:
+    """Return what each wheel adds to the motion (x, y, turn), and its weight."""
+    radii, places, turns, angles = (
+        node.items(name, world)
+        for name in ("wheelRadius", "wheelPositions", "wheelOrientations", "mecanumAngles")
+    )
+    if not (radii and places and turns and angles):
+        node.fails("it is not told of its wheels", "invalid-wheel-size")
+        return None
+    count = len(places)
+    radii, angles = (a * count if len(a) == 1 else a for a in (radii, angles))
+    if not len(radii) == len(turns) == len(angles) == count:
+        node.fails("it is told of more wheels in one way than in another", "invalid-wheel-size")
+        return None
+    up = node.vector("upAxis", world)
+    norm = math.hypot(*radii) or 1.0
+    made: list[tuple[Vector, float]] = []
+    for radius, place, turn, angle in zip(radii, places, turns, angles, strict=True):
+        axle = turned(rotation(turn), node.vector("wheelAxis", world))
+        way = turned(about(up, math.radians(angle)), axle)
+        k = radius / (length(way) or 1.0)
+        x, y = way[0] * k, way[1] * k
+        made.append(((x, y, x * place[1] - y * place[0]), radius / norm))
+    return made
+
+
+@computes("HolonomicRobotUsdSetup")
+def holonomic_setup(node: Running, world: World) -> bool:
+    """WC/robots/holonomic_robot_usd_setup.py:40-90: the joints that IsaacMecanumWheelAPI marks."""
+    paths = [node.text(f"{name}PrimPath", world) for name in ("robot", "com")]
+    if not node.flag("usePath", world):
+        targets = [node.targets(f"{name}Prim") for name in ("robot", "com")]
+        paths = [path[0] if path else "" for path in targets]
+        if not all(paths):
+            return node.fails("it has no robot, or no centre of mass", "invalid-wheel-size")
+    prims = world.scene.prims
+    joints = [
+        prim
+        for prim in world.scene.below(paths[0])
+        if prim.values.get("isaacmecanumwheel:angle") is not None
+    ]
+    if not joints:
+        return node.fails(f"no joint below {paths[0]} has rollers", "invalid-wheel-size")
+    centre = world.machines.place(paths[1] if paths[1] in prims else paths[0])
+    frames = []
+    for joint in joints:
+        chassis = world.machines.place(joint.targets["physics:body0"][0])
+        turn = rotation(joint.values.get("physics:localRot0") or (1.0, 0.0, 0.0, 0.0))
+        at = joint.values.get("physics:localPos0") or (0.0, 0.0, 0.0)
+        frames.append(chassis.then(Affine(turn, at)))
+    back = Affine(centre.inverse().rows)
+    axes = {"X": AXES[0], "Y": AXES[1], "Z": AXES[2]}
+    node.outputs.update(
+        wheelRadius=tuple(joint.values.get("isaacmecanumwheel:radius") for joint in joints),
+        wheelPositions=tuple(minus(frame.origin, centre.origin) for frame in frames),
+        wheelOrientations=tuple(back.then(frame).quaternion() for frame in frames),
+        mecanumAngles=tuple(joint.values["isaacmecanumwheel:angle"] for joint in joints),
+        wheelAxis=axes[str(joints[-1].values.get("physics:axis") or "X")],
+        upAxis=axes[world.scene.up],
+        wheelDofNames=tuple(joint.path.rpartition("/")[2] for joint in joints),
+    )
+    return True
