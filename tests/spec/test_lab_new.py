@@ -75,6 +75,13 @@ def robot(tmp_path: Path) -> tuple[Path, Path]:
     return stage, folder
 
 
+def test_the_shapes_of_the_model_at_a_sensor_are_how_it_looks(
+    pair: tuple[Lab, Lab], jetbot: Lab
+) -> None:
+    assert pair[0].scene.robot.looks_below == ("visuals",)
+    assert jetbot.scene.robot.looks_below == ()
+
+
 def test_the_stage_passes_by_the_lab_described_after_it(built: Path, described: Path) -> None:
     status, shown = ran("--lab", described, "check", "--quiet", built)
     assert status == 0

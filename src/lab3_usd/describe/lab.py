@@ -27,6 +27,7 @@ from lab3_usd.describe.scene import (
     Source,
     describe_scene,
     describe_sensors,
+    looks_below,
     read_source,
     targets_of,
 )
@@ -110,6 +111,10 @@ def _parts(source: Source) -> _Parts:
     sensors = describe_sensors(source, sections, scene["robot"]["path"])
     scene |= {"sensors": sensors} if sensors else {}
     lab = replace(source.lab, graphs=graphs, scene=parse_scene(scene))
+    looks = looks_below(source, lab)
+    if looks:
+        scene["robot"]["looks_below"] = looks
+        lab = replace(lab, scene=parse_scene(scene))
     edges, base = _edges(stage, lab), lab.scene.robot.base_frame
     frames: dict[str, Any] = {
         "handout": f"{texts[-1].spec.handout[0]}6",

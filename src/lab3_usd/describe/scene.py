@@ -12,6 +12,8 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.robot.ground import boxes, has_ground, lights, planes
+from lab3_usd.check.robot.sensors import CAMERA, LIDAR
+from lab3_usd.check.robot.surroundings import enclosing
 from lab3_usd.describe.graphs import unknown_types, with_types
 from lab3_usd.describe.robot import PART, describe_robot, describe_wheels, moved_joints, plain, pose
 from lab3_usd.model.physics import BODY_API, SCENE, collides, is_joint
@@ -178,6 +180,29 @@ def _single(value: Value) -> Value:
     if isinstance(value, tuple):
         return tuple(_single(number) for number in value)
     return float(f"{value:.7g}") if isinstance(value, float) else value
+
+
+def looks_below(source: Source, lab: Lab) -> list[str]:
+    """Return what right below links holds the model's own shapes at cameras and lidars, by name.
+
+    `lab` is the described one, which does not name them yet.
+    """
+    subject = StageSubject(
+        lab=lab,
+        checkpoint=source.lab.checkpoints[source.lab.last],
+        stage=source.stage,
+        roles={},
+        faulty_prims=frozenset(),
+    )
+    names = []
+    for sensor in lab.sensors.values():
+        prim = source.stage.prim(sensor.path)
+        if prim is None or sensor.kind not in (CAMERA, LIDAR):
+            continue
+        for shape in enclosing(prim, subject):
+            _, *below = shape.path.removeprefix(f"{lab.scene.robot.path}/").split("/")
+            names += below[:1]
+    return list(dict.fromkeys(names))
 
 
 def describe_scene(
