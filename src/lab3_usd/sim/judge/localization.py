@@ -98,9 +98,9 @@ def _fit(
         x, y, _ = place.point(ray.end)
         u, v, _ = place.point(ray.middle)
         is_behind = ray.length > _SHORT * grid.resolution and grid.cell(u, v) in grid.walls
-        is_near = grid.cell(x, y) in near
-        met, through = met + is_near, through + is_behind
-        ends.append((x, y, is_near and not is_behind))
+        is_met = grid.cell(x, y) in near
+        met, through = met + is_met, through + is_behind
+        ends.append((x, y, is_met))
     count = len(ends)
     drawn = tuple(ends[:: max(1, count // _DRAWN)])
     return MapFit(grid, count, met / max(1, count), through / max(1, count), drawn)
