@@ -124,7 +124,7 @@ def write_for_platform(
                 notify(f"{roster}: no submission of {called or ' '.join(keys)}")
             else:
                 found.add(row["student"])
-                values[points] = f"{row['earned']:.2f}"
+                values[points] = _points(row, notify)
                 if platform.comment in heads:
                     values[platform.comment] = "; ".join(row["because"])
         written.append([_cell(values.get(name, "")) for name in head])
@@ -184,6 +184,14 @@ def _points_column(
     if len(fitting) == 1 and not platform.kept:
         return fitting[0]
     return platform.new.format(title=book["title"], points=book["points"])
+
+
+def _points(row: Row, notify: Notify) -> str:
+    """Return the points of a student; none where this program failed, which is no grade."""
+    if row["status"] == "tool failed":
+        notify(f"{row['student']}: {row['status']}, and so has no points in the file")
+        return ""
+    return f"{row['earned']:.2f}"
 
 
 def _number(platform: Platform, cell: str) -> str:
