@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from any_stages import bad, by_name, played
+from breaking import correct_stage
 from foreign_robots import (
     CONTEXT,
     TICK,
@@ -86,6 +87,23 @@ def test_swapped_wheels_turn_the_wrong_way(tmp_path: Path) -> None:
     swap_wheels(stage)
     found = played(stage, tmp_path)
     assert (bad(found), by_name(found)["follows"].kind) == ({"follows"}, "wrong-turn")
+
+
+def test_a_radius_that_is_not_that_of_the_wheels_is_said(tmp_path: Path) -> None:
+    stage = rover()
+    set_value(stage, f"{DRIVE}/drive.inputs:wheelRadius", 8.0)
+    found = played(stage, tmp_path)
+    assert found.verdict == "ok"
+    assert any(
+        "wheels measure 0.1 m" in remark and "1.25 times" in remark for remark in found.remarks
+    )
+    set_value(stage, f"{DRIVE}/drive.inputs:wheelRadius", 5.0)
+    assert bad(played(stage, tmp_path)) == {"follows", "again"}
+
+
+def test_a_stage_of_the_lab_under_another_name_is_all_right(tmp_path: Path) -> None:
+    found = played(correct_stage("05"), tmp_path)
+    assert (found.verdict, bad(found)) == ("ok", set())
 
 
 def test_transforms_that_stand_still_do_not_go_with_the_robot(tmp_path: Path) -> None:

@@ -58,11 +58,11 @@ def live(stage: Path, lab: Lab, checkpoint: str, topic: str, seconds: float | No
     """
     from lab3_usd.report.behaviour.text import WHAT_IT_IS
     from lab3_usd.report.safe_text import printable
-    from lab3_usd.sim.any_stage import interface_of, robots_of
     from lab3_usd.sim.dry_run import scene_of
     from lab3_usd.sim.execution.drive import RATE
     from lab3_usd.sim.judge.topics import interface
     from lab3_usd.sim.live import Link, play_live
+    from lab3_usd.sim.robots import TWIST, interface_of, robots_of
     from lab3_usd.sim.timeline import player_of
     from lab3_usd.spec.load.compiled import load_isaac_types
 
@@ -70,8 +70,8 @@ def live(stage: Path, lab: Lab, checkpoint: str, topic: str, seconds: float | No
     if checkpoint:
         wanted = interface(lab, lab.checkpoints[checkpoint])
     else:
-        robots = robots_of(scene, catalog, topic)
-        wanted = interface_of(robots[0] if robots else None)
+        robots = (robot for robot in robots_of(scene, catalog, topic) if robot.kind == TWIST)
+        wanted = interface_of(next(robots, None))
     player = player_of(scene, catalog, wanted)
     player.world.network.environment = os.environ.get("ROS_DOMAIN_ID", "")
     with closing(Link(wanted.domain, wanted.commands)) as link:

@@ -11,14 +11,11 @@ from collections.abc import Callable, Iterator, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.errors import UsageError
-from lab3_usd.model.dry_run import AXES, HERE, Affine, Check, Scene, about, heading
-from lab3_usd.sim.arms import JOINTS, arm_checks, joint_drive
-from lab3_usd.sim.execution.drive import Leg, Session, drive_of
+from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
+from lab3_usd.sim.arms import JOINTS, arm_checks
+from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.execution.recording import Message, Recording, Transform
-from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.execution.world import Endpoint, World, open_endpoint
-from lab3_usd.sim.judge.causes import SUBSCRIBER, RunCauses
+from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import graphs, verdict
 from lab3_usd.sim.judge.motion import again, follows, odometry, rest
 from lab3_usd.sim.judge.sensors import MISSED, WALL, mounted
@@ -26,228 +23,22 @@ from lab3_usd.sim.judge.topics import clock, tree
 from lab3_usd.sim.judge.trial import (
     Cause,
     Fault,
-    Interface,
     Trial,
     agree,
     displacement,
     in_root,
 )
-from lab3_usd.sim.nodes.robot import articulated
 from lab3_usd.sim.nodes.transforms import frame_name
-from lab3_usd.sim.robot.machine import Machine
-from lab3_usd.sim.timeline import Player, in_metres, player_of, record
+from lab3_usd.sim.robots import NO_LIMITS, TWIST, Robot, drive_for, interface_of, robots_of
+from lab3_usd.sim.timeline import record
 from lab3_usd.spec.catalog import Catalog
 
-TWIST = "geometry_msgs/msg/Twist"
-STEERING = "ackermann_msgs/msg/AckermannDriveStamped"
-CLOCK, ODOMETRY = "rosgraph_msgs/msg/Clock", "nav_msgs/msg/Odometry"
-TRANSFORMS = "tf2_msgs/msg/TFMessage"
-LOOKED_AT = 12  # frames of a first play without commands, which shows who listens to what
-AHEAD, TURN = 0.15, 0.8  # metres and radians a second, unless a controller allows less
-LEG, RAMPS, LONGEST = 2.0, 12.0, 20.0  # seconds; how many times a robot takes to get going
+CLOCK, TRANSFORMS = "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage"
 THROUGH = 0.02  # part of a range by which a ray may be longer
-ROLLERS, WHEEL_BASE = "mecanumAngles", "wheelBase"  # inputs that only some controllers have
-STEERED = 0.3  # radians to which a car is steered
 LEAST = 0.1  # part of a command that a robot on rollers does at least
 PUBLISHING = ("publisher", "helper")
-NO_LIMITS = (math.inf, math.inf)
-
 
 Look = Callable[[Trial], Iterator[Fault]]
-
-
-class Robot(Struct, frozen=True):
-    """A robot that commands over ROS are to move.
-
-    `body` is the link by which it is watched, and `start` where that is when playing starts.
-    `odometry` and `scan` are the nodes that publish them, '' where none does.
-    """
-
-    machine: Machine | None  # None where its controller finds no articulation
-    controller: str
-    commands: Endpoint
-    kind: str = TWIST  # of the commands
-    body: str = ""
-    start: Affine = HERE
-    speeds: tuple[float, float] = (AHEAD, TURN)  # that its controllers let through
-    ramp: float = 0.0  # seconds until it goes as told
-    wheel_base: float = 0.0  # metres, of a car
-    has_rollers: bool = False  # on its wheels, which let it go to any side
-    odometry: str = ""
-    scan: str = ""
-
-    @property
-    def name(self) -> str:
-        """The prim that stands for it."""
-        return self.body or self.controller
-
-
-def robots_of(scene: Scene, catalog: Catalog, topic: str = "") -> tuple[Robot, ...]:
-    """Return the robots that listen to commands, or to those of one topic.
-
-    Raises:
-        UsageError: nothing listens to the topic, or one robot listens to several.
-    """
-    player = player_of(scene, catalog, interface_of(None))
-    for _ in range(LOOKED_AT):
-        player.step()
-    found = list(_listening(player))
-    known = sorted({robot.commands.topic for robot in found})
-    if topic and topic not in known:
-        raise UsageError(f"--topic {topic}: moves no robot; robots listen to {known or 'nothing'}")
-    robots: dict[str, Robot] = {}
-    for robot in sorted(found, key=lambda robot: robot.kind != TWIST):
-        if topic not in ("", robot.commands.topic):
-            continue
-        other = robots.setdefault(robot.name, robot).commands
-        if other != robot.commands and robots[robot.name].kind == robot.kind:
-            topics = f"{other.topic} and {robot.commands.topic}"
-            raise UsageError(f"{robot.name} listens to {topics}: name one with --topic")
-    return tuple(robots.values())
-
-
-def _listening(player: Player) -> Iterator[Robot]:
-    """Yield a robot for each subscriber from which wires lead to a controller of joints."""
-    world, nodes = player.world, player.program.nodes
-    for node in nodes.values():
-        kind = node.type.message.get("", "")
-        if SUBSCRIBER not in node.type.role or kind not in {TWIST, STEERING, JOINTS}:
-            continue
-        endpoint: Endpoint | None = node.memory.get("endpoint") or open_endpoint(node, world)
-        if endpoint is None:
-            continue
-        behind = [nodes[path] for path in _behind(world.scene, node.path) if path in nodes]
-        for controller in behind:
-            if controller.type.drives is not None:
-                machine = articulated(controller, world)
-                speeds, ramp = _allowed(behind, world)
-                robot = Robot(
-                    machine,
-                    controller.path,
-                    endpoint,
-                    kind,
-                    speeds=speeds,
-                    ramp=ramp,
-                    wheel_base=_wheel_base(behind, world),
-                    has_rollers=any(ROLLERS in node.values for node in behind),
-                )
-                yield robot if machine is None else _watched(robot, machine, player)
-
-
-def _behind(scene: Scene, start: str) -> list[str]:
-    """Return the nodes into which wires lead from a node, over others as well."""
-    found = {start: None}
-    nodes = [node for graph in scene.graphs for node in graph.nodes]
-    before = 0
-    while len(found) > before:
-        before = len(found)
-        for node in nodes:
-            sources = (wire for state in node.inputs.values() for wire in state.sources)
-            if any(wire.rpartition(".")[0] in found for wire in sources):
-                found.setdefault(node.path)
-    return [*found][1:]
-
-
-def _wheel_base(nodes: Sequence[Running], world: World) -> float:
-    """Return the distance of the axles that the controller of a car is told, 0 for another."""
-    told = (node.number(WHEEL_BASE, world) for node in nodes if WHEEL_BASE in node.values)
-    return next(told, 0.0) * world.scene.meters_per_unit
-
-
-def _allowed(nodes: Sequence[Running], world: World) -> tuple[tuple[float, float], float]:
-    """Return the speeds that controllers let through, and how long it takes to get there."""
-    ahead, turn, ramp = AHEAD, TURN, 0.0
-    for node in nodes:
-        if not node.type.step_limits:
-            continue
-        value = {name: abs(node.number(name, world)) for name in node.values}
-        ahead = min(ahead, 0.9 * (value.get("maxLinearSpeed") or math.inf))
-        turn = min(turn, 0.9 * (value.get("maxAngularSpeed") or math.inf))
-        rim = value.get("maxWheelSpeed", 0.0) * value.get("wheelRadius", 0.0)
-        if rim:
-            ahead = min(ahead, 0.9 * rim)
-            turn = min(turn, 1.8 * rim / (value.get("wheelDistance") or math.inf))
-        if value.get("maxAcceleration") and value.get("maxDeceleration"):
-            ramp = max(ramp, ahead / min(value["maxAcceleration"], value["maxDeceleration"]))
-        if value.get("maxAngularAcceleration"):
-            ramp = max(ramp, turn / value["maxAngularAcceleration"])
-    return (ahead, turn), ramp
-
-
-def _watched(robot: Robot, machine: Machine, player: Player) -> Robot:
-    """Return a robot with the body by which it is watched: that of odometry, of TF, or its base."""
-    world, nodes = player.world, player.program.nodes
-    prims, sent = world.scene.prims, world.network.sent
-    frames = {transform.child for message in sent for transform in message.transforms}
-    body = next((body for body in machine.rest if frame_name(prims[body]) in frames), machine.base)
-    body = machine.base if robot.kind == JOINTS else body
-    publisher = ""
-    for node in nodes.values():
-        if node.memory.get("path") in machine.rest:
-            body = str(node.memory["path"])
-            behind = {message.node for message in sent if message.type == ODOMETRY}
-            publisher = next(
-                (path for path in _behind(world.scene, node.path) if path in behind), ""
-            )
-            break
-    carried = (
-        writer.node.path
-        for writer in world.writers
-        if writer.beam is not None and world.machines.body_of(writer.product.sensor) in machine.rest
-    )
-    world.machines.reset()
-    start = in_metres(world.machines.place(body), world.scene.meters_per_unit)
-    return replace(robot, body=body, start=start, odometry=publisher, scan=next(carried, ""))
-
-
-def interface_of(robot: Robot | None) -> Interface:
-    """Return what is known before a play: which robot is watched, and where its commands come."""
-    return Interface(
-        types={},
-        domain=robot.commands.domain if robot is not None else 0,
-        commands=robot.commands.topic if robot is not None else "",
-        clock="",
-        odometry="",
-        transforms="",
-        scan="",
-        image="",
-        info="",
-        root="",
-        base="",
-        scan_rate=0.0,
-        image_rate=0.0,
-        limits=NO_LIMITS,
-        looks=(0.0, 0.0, 0.0),
-        upward=(0.0, 0.0, 0.0),
-        robot=robot.body if robot is not None else "",
-        has_ground=True,
-    )
-
-
-def drive_for(robot: Robot | None, unit: float) -> tuple[Session, ...]:
-    """Return the drive of a robot, as slow as its controllers let it go."""
-    if robot is None:
-        return (Session((Leg("idle", LEG),)),)
-    if robot.kind == JOINTS and robot.machine is not None:
-        return joint_drive(robot.machine, unit)
-    ahead, turn = robot.speeds
-    seconds = min(LONGEST, max(LEG, RAMPS * robot.ramp))
-    # A robot that slows down in its own time is not asked to stop at once.
-    pause = Leg("pause" if robot.ramp else "stop", 0.3 + 2 * robot.ramp, (0.0, 0.0, 0.0))
-    forward = Leg("ahead", seconds, (ahead, 0.0, 0.0))
-    back, left = Leg("back", seconds, (-ahead, 0.0, 0.0)), Leg("left", seconds, (0.0, 0.0, turn))
-    turns: tuple[Leg, ...] = (left, pause)
-    if robot.kind == STEERING:
-        forward, back, pause = (replace(leg, steer=0.0) for leg in (forward, back, pause))
-        turning = ahead * math.tan(STEERED) / (robot.wheel_base or math.inf)
-        aim = Leg("aim", LEG, (0.0, 0.0, 0.0), steer=STEERED)
-        turns = (aim, Leg("arc", 2 * seconds, (ahead, 0.0, turning), steer=STEERED), pause)
-    elif robot.wheel_base:
-        turns = ()  # how a car takes the turning speed of a Twist is up to its graph
-    if robot.has_rollers:
-        turns = (*turns, Leg("aside", seconds, (0.0, ahead, 0.0)), pause)
-    legs = (Leg("idle", 0.5), forward, pause, back, pause, *turns)
-    return (Session(legs), Session((Leg("idle", 0.3), forward)))
 
 
 class Played(Struct, frozen=True):

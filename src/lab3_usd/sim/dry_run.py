@@ -28,7 +28,7 @@ from lab3_usd.model.dry_run import (
     heading,
     rotation,
 )
-from lab3_usd.sim.any_stage import Played, domain_of, interface_of, play_any
+from lab3_usd.sim.any_stage import Played, domain_of, play_any
 from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Scan
 from lab3_usd.sim.judge.checks import judge, whole_verdict
@@ -36,6 +36,7 @@ from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.judge.topics import interface
 from lab3_usd.sim.judge.trial import Trial, displacement, in_root
+from lab3_usd.sim.robots import interface_of
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.compiled import load_isaac_types

@@ -241,6 +241,7 @@ def record(
         wanted.commands,
         missing,
         depending(player.program, missing),
+        unit,
     )
     recording.remarks = list(causes.remarks())
     if robot is not None and robot.is_given_ground:

@@ -57,6 +57,7 @@ class RunCauses(Struct, frozen=True):
     commands: str
     missing: Collection[str] = ()
     unsure: frozenset[str] = frozenset()  # nodes that depend on what is not known
+    unit: float = 1.0  # metres of the stage
 
     def of_silence(self, topic: str, message: str) -> Cause | None:
         """Return why no message of this type comes on a topic."""
@@ -114,7 +115,7 @@ class RunCauses(Struct, frozen=True):
             running.values.get(_RADIUS) or 0.0 for running in nodes if _RADIUS not in running.wires
         }
         if len(radii) == len(sizes) == 1 and radii != sizes and all(sizes):
-            wheel, size = radii.pop(), sizes.pop()
+            wheel, size = radii.pop() * self.unit, sizes.pop() * self.unit
             text = f"the wheels measure {wheel:g} m and the controller is told {size:g} m"
             yield f"{text}: the robot goes {wheel / size:.2f} times as far as it is told"
 

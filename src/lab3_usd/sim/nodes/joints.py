@@ -1,6 +1,6 @@
 """Joint states: read, published and heard.
 
-RN is ROS 2 nodes, SN the nodes of physics sensors, RM Ros2Message.cpp of isaacsim.ros2.core.
+RN is ROS 2 nodes, SN the nodes of physics sensors, RM Ros2Message.cpp of ROS 2 core.
 """
 
 from __future__ import annotations

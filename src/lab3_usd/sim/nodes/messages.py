@@ -19,7 +19,7 @@ _EARTH = 9.80665  # m/s2, where the scene names no gravity
 
 @computes("IsaacReadIMU")
 def read_imu(node: Running, world: World) -> bool:
-    """OgnIsaacReadIMU.cpp:40-130, ImuSensorImpl.cpp:106-160, 745-850 of isaacsim.sensors.
+    """OgnIsaacReadIMU.cpp:40-130, ImuSensorImpl.cpp:106-160, 745-850 of the physics sensors.
 
     The acceleration is that of the velocity of the sensor's body, seen from the sensor, without
     the smoothing that a sensor may ask for.

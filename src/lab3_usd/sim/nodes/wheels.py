@@ -1,7 +1,6 @@
 """Controllers of cars and of robots on wheels with rollers, and commands to steer.
 
-WC is isaacsim/robot/experimental/wheeled_robots of isaacsim.robot.experimental.wheeled_robots, RN
-ROS 2 nodes.
+WC is the extension of experimental wheeled robots, RN ROS 2 nodes.
 """
 
 from __future__ import annotations
