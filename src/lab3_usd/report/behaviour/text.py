@@ -25,7 +25,7 @@ LOOKS = {
     "follows": "follows commands in sense and size",
     "limits": "commands beyond the limits are cut down to them",
     "odometry": "odometry starts at 0 and agrees with the motion",
-    "clock": "the clock runs, and never back",
+    "clock": "the clock runs at the speed of the simulation",
     "stamps": "all stamps are of the clock",
     "tree": "TF is one tree, with one parent and one publisher for each frame",
     "moving frames": "TF moves the base as odometry does",

@@ -10,6 +10,9 @@ from typing import Any
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.judge.trial import Fault, Interface, Trial
+from lab3_usd.spec.catalog import INPUT
+from lab3_usd.spec.contradictions.names import value_of
+from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.ros import FROM_THE_FIRST, TopicSpec
 from lab3_usd.spec.scene import SensorSpec
@@ -43,8 +46,7 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         and not topic.optional
     ]
     names: dict[str, Any] = {part: _named(required, kind) for part, kind in _PARTS.items()}
-    odometry = [topic for topic in lab.topics.values() if topic.type == _PARTS["odometry"]]
-    frames = odometry[0].fields or {} if odometry else {}
+    root, base = _frames_of_odometry(lab)
     lidar, camera = map(lab.first_sensor, ("lidar", "camera"))
     view = camera.looks if camera else None
     ahead, turning, radius = _drive_settings(lab, *_LIMITS, _RADIUS)
@@ -53,8 +55,8 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         domain=lab.ros.system.domain,
         commands=_named(required, _COMMANDS),
         **names,
-        root=frames.get(_PARENT, ""),
-        base=frames.get(_CHILD, ""),
+        root=root or lab.frames.root,
+        base=base or lab.scene.robot.base_frame,
         scan_rate=_rate(lidar, _RATE),
         image_rate=_rate(camera, _RATE),
         limits=(ahead, turning),
@@ -67,7 +69,35 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         if lidar
         else {},
         static=static_topics(lab),
+        restarts=_restarts(lab),
     )
+
+
+def _frames_of_odometry(lab: Lab) -> tuple[str, str]:
+    """Return the frames that odometry is to name, by its graph, else by `ros.yaml`; '' for none."""
+    for _, node in _publishers(lab, _PARTS["odometry"]):
+        root, base = (str(value_of(node, port) or "") for port in node.type.frames)
+        return root, base
+    topics = (topic for topic in lab.topics.values() if topic.type == _PARTS["odometry"])
+    fields = next((topic.fields for topic in topics if topic.fields), {})
+    return fields.get(_PARENT, ""), fields.get(_CHILD, "")
+
+
+def _restarts(lab: Lab) -> bool:
+    """Whether the lab's clock begins anew after Stop, by what it asks of the node that reads it."""
+    port = f"{INPUT}{lab.policy.stamp_reset.agree}"
+    for graph, node in _publishers(lab, _PARTS["clock"]):
+        sources = (graph.nodes[wire.source.role] for wire in graph.wires_into(node.role))
+        return any(value_of(source, port) is True for source in sources)
+    return False
+
+
+def _publishers(lab: Lab, message: str) -> Iterator[tuple[GraphSpec, NodeSpec]]:
+    """Yield the nodes of the lab's graphs that publish messages of one type."""
+    for graph in lab.graphs.values():
+        for node in graph.nodes.values():
+            if node.type.role == "publisher" and node.type.message.get("") == message:
+                yield graph, node
 
 
 def reached_topics(lab: Lab, checkpoint: str) -> tuple[TopicSpec, ...]:
@@ -134,10 +164,11 @@ def topics(trial: Trial) -> Iterator[Fault]:
 
 
 def clock(trial: Trial) -> Iterator[Fault]:
-    """The clock runs at the speed of the simulation, and never back."""
+    """The clock runs at the speed of the simulation, and back only after Stop, if at all."""
     messages = trial.recording.topic(trial.wanted.clock)
     for earlier, later in pairwise(messages):
-        if later.stamp < earlier.stamp:
+        starts_anew = trial.wanted.restarts and later.session != earlier.session
+        if later.stamp < earlier.stamp and not starts_anew:
             back = earlier.stamp - later.stamp
             text = f"{trial.wanted.clock} jumps back by {back:.2f} s"
             yield Fault(text, "clock-jumps-back", later.node)
@@ -219,6 +250,7 @@ def _tree_faults(trial: Trial, session: int) -> Iterator[Fault]:
 
 
 def _loose_frames(trial: Trial, up: dict[str, str], session: int) -> Iterator[Fault]:
+    root = trial.wanted.root
     named = {trial.wanted.base: ""}  # the frames that are spoken of, with a node that does so
     for topic in trial.wanted.types:
         for message in trial.recording.topic(topic, session):
@@ -228,8 +260,9 @@ def _loose_frames(trial: Trial, up: dict[str, str], session: int) -> Iterator[Fa
         top, steps = frame, 0
         while top in up and steps <= len(up):
             top, steps = up[top], steps + 1
-        if top != trial.wanted.root:
+        root = root or top
+        if top != root:
             kind: FaultKind = "disconnected-frame" if frame in up else "unknown-frame"
-            text = f"{frame} does not hang below {trial.wanted.root}"
+            text = f"{frame} does not hang below {root}"
             yield Fault(text, kind, named.get(frame, ""))
             return

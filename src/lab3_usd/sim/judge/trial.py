@@ -68,6 +68,7 @@ class Interface(Struct, frozen=True):
     wheel_radius: float = 0.0  # that controllers are to be told, metres
     profile: dict[str, Any] = {}  # of a lidar whose own cannot be read
     static: frozenset[str] = frozenset()  # topics of transforms that are kept
+    restarts: bool = False  # whether the clock begins anew after Stop
     robot: str = ""  # the body that is watched; that of the robot with the most joints where empty
     has_ground: bool = False  # whether a stage without ground below its robots is given some
 

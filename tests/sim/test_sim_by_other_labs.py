@@ -1,0 +1,65 @@
+"""`lab3 sim` at the checkpoints of labs that say less, or something else, than the bundled one."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+import quick_yaml
+from breaking import the_lab
+from invoking import invoke
+from msgspec.structs import replace
+
+from lab3_usd.sim.judge.topics import interface
+from lab3_usd.spec.load.loader import load_lab
+
+
+@pytest.fixture
+def lab(repository: Path, tmp_path: Path) -> Path:
+    """A copy of the second lab."""
+    folder = tmp_path / "lab"
+    shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
+    return folder
+
+
+def verdicts(lab: Path) -> dict[str, str]:
+    """Build the last stage of a lab and play it."""
+    (stage,) = invoke("--lab", lab, "build", "--only", "7", "--out", lab / "out").stdout.split()
+    played = json.loads(invoke("--lab", lab, "sim", stage, "--format", "json").stdout)
+    return {check["name"]: check["verdict"] for check in played["checks"]}
+
+
+def test_frames_of_odometry_come_from_its_graph(lab: Path) -> None:
+    ros = quick_yaml.load((lab / "ros.yaml").read_text())
+    for topic in ros["topics"].values():
+        topic.pop("fields", None)
+    (lab / "ros.yaml").write_text(quick_yaml.dump(ros))
+    loaded = load_lab(lab)
+    wanted = interface(loaded, loaded.checkpoints["7"])
+    assert (wanted.root, wanted.base) == ("odom", "chassis")
+    assert set(verdicts(lab).values()) == {"ok"}
+
+
+def test_without_odometry_the_tree_and_the_robot_name_the_frames() -> None:
+    lab = the_lab()
+    graphs = {name: graph for name, graph in lab.graphs.items() if name != "ROS_OdomTF"}
+    topics = {name: topic for name, topic in lab.topics.items() if name != "/odom"}
+    changed = replace(lab, graphs=graphs, ros=replace(lab.ros, topics=topics))
+    wanted = interface(changed, lab.checkpoints["05"])
+    assert (wanted.root, wanted.base) == ("odom", "base_footprint")
+
+
+def test_a_clock_that_is_to_begin_anew_may_do_so(lab: Path) -> None:
+    for path in lab.glob("*.yaml"):
+        path.write_text(path.read_text().replace("resetOnStop: false", "resetOnStop: true"))
+    assert verdicts(lab)["clock"] == "ok"
+
+
+def test_a_clock_that_is_to_go_on_may_not_begin_anew(lab: Path) -> None:
+    (stage,) = invoke("--lab", lab, "build", "--only", "7", "--out", lab / "out").stdout.split()
+    text = Path(stage).read_text()
+    Path(stage).write_text(text.replace("inputs:resetOnStop = 0", "inputs:resetOnStop = 1"))
+    played = json.loads(invoke("--lab", lab, "sim", stage, "--format", "json").stdout)
+    assert {check["name"]: check["verdict"] for check in played["checks"]}["clock"] == "bad"
