@@ -7,6 +7,7 @@ from typing import Any
 
 from pxr import Sdf
 
+from lab3_usd.errors import StageError
 from lab3_usd.model import changes
 from lab3_usd.model.changes import Activate, ClearValue, Edit, Restore, Retarget
 from lab3_usd.stage.edit.prims import (
@@ -28,6 +29,7 @@ from lab3_usd.stage.edit.prims import (
 )
 from lab3_usd.stage.edit.session import EditSession
 
+NEEDS_STARTER = "needs the starter: name it with --starter"
 _POSE = "xformOp"
 _ORDER = "xformOpOrder"
 _WHOLE = ("active", "apiSchemas")
@@ -35,7 +37,13 @@ _RESET = "!resetXformStack!"
 
 
 def restore(session: EditSession, edit: Restore) -> None:
-    """Make a prim or a property what it is in the reference."""
+    """Make a prim or a property what it is in the reference.
+
+    Raises:
+        StageError: only a starter says that, and there is none.
+    """
+    if not (session.has_starter or _is_described(session, edit)):
+        raise StageError(NEEDS_STARTER)
     if edit.prim == "/" and edit.property:
         root = session.stage.GetRootLayer()
         session.touch(root, "/")
@@ -47,6 +55,18 @@ def restore(session: EditSession, edit: Restore) -> None:
         _restore_pose(session, edit.prim, edit.property)
     else:
         _restore_property(session, edit.prim, edit.property)
+
+
+def _is_described(session: EditSession, edit: Restore) -> bool:
+    """Whether the lab itself says what a prim or a property is to be."""
+    reference = session.reference()
+    prim = reference.GetPrimAtPath(edit.prim)
+    is_whole = prim is not None and prim.specifier == Sdf.SpecifierDef
+    if edit.property is None or is_whole:
+        return is_whole
+    if edit.property.startswith(_POSE):
+        return prim is not None and _ORDER in prim.properties
+    return edit.prim == "/" or edit.property in (() if prim is None else prim.properties)
 
 
 def _restore_property(session: EditSession, path: str, name: str) -> None:

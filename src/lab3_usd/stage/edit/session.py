@@ -13,8 +13,9 @@ from typing import Any
 from msgspec import Struct, field
 from pxr import Sdf, Usd
 
-from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.stage.write.builder import checkpoint_layer
+from lab3_usd.spec.lab import STARTER, Checkpoint, Lab, articulated_at_root
+from lab3_usd.stage.write.builder import checkpoint_layer, described_layer
+from lab3_usd.stage.write.starter import is_root_articulated
 
 # The fields of a prim that edits change, beside its specifier and type.
 _FIELDS = ("active", "apiSchemas")
@@ -132,14 +133,27 @@ class EditSession(Struct, eq=False):
     edited: dict[str, EditedLayer] = field(default_factory=dict)
     _reference: list[Usd.Stage] = field(default_factory=list)
 
+    @property
+    def has_starter(self) -> bool:
+        """Whether there is a starter, given or described by the lab."""
+        return self.starter is not None or (self.lab.folder / STARTER).is_file()
+
     def reference(self) -> Sdf.Layer:
-        """Return the checkpoint as the lab builds it from the starter, made when first asked."""
+        """Return the checkpoint as the lab builds it from the starter, made when first asked.
+
+        Without a starter it is what the lab says by itself.
+        """
         return self.reference_stage().GetRootLayer()
 
     def reference_stage(self) -> Usd.Stage:
         """Return that checkpoint composed."""
         if not self._reference:
-            layer = checkpoint_layer(self.lab, self.starter, self.checkpoint)
+            if self.has_starter:
+                layer = checkpoint_layer(self.lab, self.starter, self.checkpoint)
+            else:
+                is_at_root = is_root_articulated(self.lab, self.stage)
+                lab = articulated_at_root(self.lab) if is_at_root else self.lab
+                layer = described_layer(lab, self.checkpoint)
             self._reference.append(Usd.Stage.Open(layer))
         return self._reference[0]
 

@@ -8,15 +8,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from msgspec import Struct
-from pxr import Sdf, Tf, Usd, UsdUtils
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.files import temporary_beside
+from lab3_usd.model.physics import MASS
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_root
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import open_stage, quiet
-from lab3_usd.stage.write.graphs import author_graph, author_sensor
+from lab3_usd.stage.write.graphs import author_graph, author_pose, author_sensor
 from lab3_usd.stage.write.starter import is_root_articulated, starter_layer, starter_problems
 
 _URI = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")
@@ -76,6 +77,28 @@ def checkpoint_layer(lab: Lab, starter: str | None, checkpoint: Checkpoint) -> S
     if is_root_articulated(lab, stage):
         lab = articulated_at_root(lab)
     # The layer would grow on to later checkpoints.
+    _, layer = next(_checkpoint_layers(lab, stage, {target: checkpoint}, BuildOptions()))
+    return layer
+
+
+@quiet()
+def described_layer(lab: Lab, checkpoint: Checkpoint) -> Sdf.Layer:
+    """Return in memory what a lab says of a checkpoint by itself: all but its scene.
+
+    It has the sensors and graphs, and overs with the robot's pose and the masses of its links.
+    """
+    stage = Usd.Stage.CreateInMemory()
+    units, robot = lab.scene.stage, lab.scene.robot
+    UsdGeom.SetStageUpAxis(stage, units.up_axis)
+    UsdGeom.SetStageMetersPerUnit(stage, units.meters_per_unit)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, units.kilograms_per_unit)
+    root = Sdf.CreatePrimInLayer(stage.GetRootLayer(), robot.path)
+    author_pose(root, robot.pose, units.meters_per_unit)
+    for name, link in robot.links.items():
+        if link.mass is not None:
+            over = Sdf.CreatePrimInLayer(stage.GetRootLayer(), f"{robot.path}/{name}")
+            Sdf.AttributeSpec(over, MASS, Sdf.ValueTypeNames.Float).default = link.mass
+    target = Path(f"{checkpoint.file}.usda")
     _, layer = next(_checkpoint_layers(lab, stage, {target: checkpoint}, BuildOptions()))
     return layer
 

@@ -55,7 +55,7 @@ def author_sensor(
     for name, entry in (spec.attributes if asset is None else spec.required).items():
         attribute = Sdf.AttributeSpec(prim, name, Sdf.ValueTypeNames.Find(entry.type))
         attribute.default = catalog_value(entry.value, entry.type)
-    _author_pose(prim, spec.pose, metres)
+    author_pose(prim, spec.pose, metres)
 
 
 def _define_prim(layer: Sdf.Layer, path: str, type_name: str) -> Sdf.PrimSpec:
@@ -126,7 +126,7 @@ def _declare_uniform(prim: Sdf.PrimSpec, name: str, usd_type: str, value: Value)
     attribute.default = catalog_value(value, usd_type)
 
 
-def _author_pose(prim: Sdf.PrimSpec, pose: PoseSpec, metres: float) -> None:
+def author_pose(prim: Sdf.PrimSpec, pose: PoseSpec, metres: float) -> None:
     """Write translate, orient and scale in double precision, as the Property panel does.
 
     `pose` holds metres, degrees about X, then Y, then Z, and factors.
