@@ -7,6 +7,7 @@ import gc
 import importlib
 import os
 import sys
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NoReturn
 
@@ -152,6 +153,7 @@ def main() -> None:
     With --format json, JSON is printed with every exit code.
     """
     gc.freeze()  # what is imported so far is no garbage
+    _write_utf8()
     try:
         lab3.main(prog_name="lab3", standalone_mode=False)
     except click.exceptions.Abort:
@@ -172,6 +174,16 @@ def main() -> None:
             _close_output()
             _fail(f"the output cannot be written: {error.strerror}", EXIT_CRASH, "crash")
         _fail(f"internal error, please report it: {_described(error)}", EXIT_CRASH, "crash")
+
+
+def _write_utf8() -> None:
+    """Let both streams take any text, as the same bytes on every system.
+
+    A pipe or file on Windows takes the code page of the country, which lacks most letters.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(encoding="utf-8", errors="backslashreplace", newline="\n")
 
 
 def _close_output() -> None:

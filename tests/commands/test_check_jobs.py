@@ -197,6 +197,7 @@ def test_progress_is_shown_on_a_terminal(
             return True
 
     terminal = Terminal()
+    monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys, "stderr", terminal)
     asked = ["check", "--jobs", "2", "--output", str(tmp_path / "report"), *map(str, stages)]
     with pytest.raises(SystemExit, match="1"):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import sys
+from io import StringIO
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from invoking import invoke
 
 from lab3_usd import build_checkpoint, cli
-from lab3_usd.commands.steps.options import split_rules
+from lab3_usd.commands.steps.options import split_rules, wants_color
 from lab3_usd.errors import UsageError
 
 
@@ -51,3 +53,54 @@ def test_no_command_at_all_shows_the_help(
         cli.main()
     assert stopped.value.code == cli.EXIT_USAGE
     assert capsys.readouterr().err.startswith("Usage: lab3 ")
+
+
+class Terminal:
+    """A standard output that is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("environment", "is_terminal", "colored"),
+    [
+        ({"TERM": "xterm"}, True, True),
+        ({"TERM": "xterm"}, False, False),
+        ({}, True, True),  # as on Windows
+        ({"TERM": "dumb"}, True, False),
+        ({"NO_COLOR": "1"}, True, False),
+        ({"FORCE_COLOR": "1"}, False, True),
+        ({"FORCE_COLOR": "1", "TERM": "dumb"}, False, True),
+        ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, True, False),
+    ],
+)
+def test_the_environment_and_the_terminal_decide_about_colour(
+    monkeypatch: pytest.MonkeyPatch,
+    environment: dict[str, str],
+    *,
+    is_terminal: bool,
+    colored: bool,
+) -> None:
+    for name in ("TERM", "NO_COLOR", "FORCE_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr(sys, "stdout", Terminal() if is_terminal else StringIO())
+    assert wants_color() == colored
+
+
+@pytest.mark.parametrize("command", ["check", "lint", "sim"])
+@pytest.mark.parametrize(("when", "colored"), [("always", True), ("never", False)])
+def test_an_option_decides_about_colour_before_the_environment(
+    clock: str, monkeypatch: pytest.MonkeyPatch, command: str, when: str, *, colored: bool
+) -> None:
+    monkeypatch.setenv("NO_COLOR" if colored else "FORCE_COLOR", "1")
+    result = CliRunner().invoke(cli.lab3, [command, clock, "--color", when])
+    assert ("\x1b[" in result.stdout) == colored
+
+
+def test_forced_colour_goes_through_a_pipe(clock: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert "\x1b[" in invoke("check", clock).stdout

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from importlib.metadata import PackageNotFoundError, files
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import pytest
@@ -23,6 +23,7 @@ from report_examples import (
 )
 
 from lab3_usd.model.finding import Report
+from lab3_usd.report.formats import sarif
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.formats.sarif import FINGERPRINT, file_uri, message
 from lab3_usd.report.options import Options
@@ -143,6 +144,21 @@ def test_braces_and_links_stay_text() -> None:
 )
 def test_a_path_becomes_a_relative_uri(path: str, uri: str) -> None:
     assert file_uri(path, None) == {"uri": uri, "uriBaseId": "%SRCROOT%"}
+
+
+@pytest.mark.parametrize(
+    ("path", "uri"),
+    [
+        ("C:/lab 3/Łódź.usda", "file:///C:/lab%203/%C5%81%C3%B3d%C5%BA.usda"),
+        ("//server/share/x.usda", "file://server/share/x.usda"),
+    ],
+)
+def test_a_path_of_windows_has_a_uri_of_windows(
+    monkeypatch: pytest.MonkeyPatch, path: str, uri: str
+) -> None:
+    monkeypatch.setattr(sarif, "Path", PureWindowsPath)
+    monkeypatch.setattr(sarif, "relative_path", lambda path, _: path)
+    assert file_uri(path, None) == {"uri": uri}
 
 
 def test_a_path_below_the_root_is_relative_to_it(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import text_or_json
+from lab3_usd.commands.steps.options import color_option, text_or_json
 from lab3_usd.errors import UsageError
 
 EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
@@ -28,6 +28,7 @@ EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
     help="The map, or its folder, that the scan is laid on instead of the recorded one.",
 )
 @text_or_json
+@color_option
 def command(
     recording: Path, checkpoint: str | None, stage: Path | None, maps: Path | None, form: str
 ) -> None:
@@ -71,5 +72,5 @@ def command(
     if form == "json":
         click.echo(text.render_json(behaviour), nl=False)
     else:
-        click.echo(text.render(behaviour, width(), color=wants_color()), nl=False)
+        click.echo(text.render(behaviour, width(), color=wants_color()), nl=False, color=True)
     sys.exit(EXITS[behaviour.verdict])

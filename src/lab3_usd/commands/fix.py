@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import os
 import re
-import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ import click
 from lab3_usd.commands.steps.options import (
     assets_option,
     checkpoint_number,
+    command_line,
     config_options,
     with_config,
 )
@@ -177,7 +177,7 @@ def _print_findings(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> No
     click.echo(f"{_shown(stage)}: {len(fixed.repaired)} {done}, {len(fixed.left)} left")
     if fixed.files and not written:
         switches = "".join(f" --{name}" for name in ("lint", "unsafe") if options[name])
-        click.echo(f"to repair: lab3 fix {shlex.quote(_shown(stage))}{switches} --in-place")
+        click.echo(f"to repair: lab3 fix {command_line(_shown(stage))}{switches} --in-place")
 
 
 def _why_left(finding: Finding, fixed: Fixed, *, unsafe: bool) -> str:

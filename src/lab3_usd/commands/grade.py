@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from lab3_usd.commands.steps.options import asset_places, assets_option
+from lab3_usd.commands.steps.options import asset_places, assets_option, understands_ansi
 from lab3_usd.errors import EXIT_CRASH, UsageError
 
 if TYPE_CHECKING:
@@ -336,7 +336,7 @@ def _processors() -> int:
 
 def _progress() -> Callable[[int, int], None]:
     """Show how many are done, how fast, and how long it takes, on a terminal only."""
-    if not sys.stderr.isatty():
+    if not understands_ansi(sys.stderr):
         return lambda _done, _total: None
 
     return Rate(sys.stderr).show

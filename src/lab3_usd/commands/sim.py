@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.steps.options import assets_option, text_or_json, use_config
+from lab3_usd.commands.steps.options import assets_option, color_option, text_or_json, use_config
 from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
 
 if TYPE_CHECKING:
@@ -139,6 +139,7 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
     help="The map, or its folder, that the scan is laid on (localization).",
 )
 @text_or_json
+@color_option
 @assets_option
 @click.option("--page", type=click.Path(path_type=Path), help="Write an HTML page to this file.")
 @click.option(
@@ -203,6 +204,6 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
     if options["form"] == "json":
         click.echo(text.render_json(behaviour), nl=False)
     else:
-        click.echo(text.render(behaviour, width(), color=wants_color()), nl=False)
+        click.echo(text.render(behaviour, width(), color=wants_color()), nl=False, color=True)
     exits = {"bad": EXIT_FOUND, "not judged": EXIT_FOUND, "unreadable": EXIT_USAGE}
     return exits.get(behaviour.verdict, 0)

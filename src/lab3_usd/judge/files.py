@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
@@ -103,7 +104,7 @@ def _recording(root: Path, files: Sequence[Entry], until: tuple[Lab, str]) -> Re
         layout = layout_of([root / file.path for file in files])
         judged = judge_what_came(layout, bounds, lab, next(filter(None, known), last))
     except (RecordingError, OSError) as error:
-        return RecordingShown(name, unread=str(error).replace(f"{root}/", ""))
+        return RecordingShown(name, unread=str(error).replace(f"{root}{os.sep}", ""))
     frames = {name for frame in judged.frames for name in (frame.parent, frame.child)}
     topics = frozenset(topic.name for topic in judged.topics)
     return RecordingShown(name, topics, frozenset(frames), judged.checks)

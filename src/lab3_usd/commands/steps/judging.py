@@ -18,6 +18,7 @@ import click
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.commands.steps.options import understands_ansi
 from lab3_usd.commands.steps.reporting import (
     exit_code,
     rendered,
@@ -143,6 +144,6 @@ def _played(stages: Iterable[StageResult], options: Mapping[str, Any]) -> Iterab
 
 def _progress(judged: Iterable[Any], count: int, options: Mapping[str, Any]) -> Any:
     """Show a bar on standard error while many files are judged, on a terminal only."""
-    if options["quiet"] or count < 3 or not sys.stderr.isatty():  # noqa: PLR2004
+    if options["quiet"] or count < 3 or not understands_ansi(sys.stderr):  # noqa: PLR2004
         return nullcontext(judged)
     return click.progressbar(judged, count, label="checking", file=sys.stderr)

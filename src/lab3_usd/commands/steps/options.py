@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import click
 
@@ -80,6 +80,21 @@ assets_option = click.option(
 )
 
 
+def _set_color(context: click.Context, _option: click.Parameter, when: str) -> None:
+    context.color = {"auto": None, "always": True, "never": False}[when]
+
+
+color_option: Option = click.option(
+    "--color",
+    type=click.Choice(["auto", "always", "never"]),
+    default="auto",
+    show_default=True,
+    expose_value=False,
+    callback=_set_color,
+    help="Colour the text; auto: on a terminal, as NO_COLOR and FORCE_COLOR say.",
+)
+
+
 # How many judge at once, and how much is shown.
 view_options = all_of(
     click.option(
@@ -105,6 +120,7 @@ view_options = all_of(
         help="Show the lines of the file at fault; auto: for a single stage.",
     ),
     click.option("--statistics", is_flag=True, help="Count the faults by rule."),
+    color_option,
 )
 
 text_or_json: Option = click.option(
@@ -168,8 +184,35 @@ def chosen(rule: str, select: tuple[str, ...], ignore: tuple[str, ...]) -> bool:
 
 
 def wants_color() -> bool:
-    """Whether standard output is a terminal that shows colour (see no-color.org)."""
-    return sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+    """Whether text is coloured: as --color says, else the environment, else the terminal.
+
+    NO_COLOR counts before FORCE_COLOR, as in Python itself (no-color.org, force-color.org).
+    """
+    context = click.get_current_context(silent=True)
+    if context is not None and context.color is not None:
+        return context.color
+    if os.environ.get("NO_COLOR"):
+        return False
+    return bool(os.environ.get("FORCE_COLOR")) or understands_ansi(sys.stdout)
+
+
+def understands_ansi(stream: TextIO) -> bool:
+    """Whether a stream is a terminal that obeys escape sequences.
+
+    The classic console of Windows does where click writes to it, which has colorama for that.
+    """
+    return stream.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def command_line(*words: str) -> str:
+    """Return words as a shell of this system takes them; PowerShell and cmd share double quotes."""
+    if sys.platform == "win32":
+        import subprocess
+
+        return subprocess.list2cmdline(words)
+    import shlex
+
+    return shlex.join(words)
 
 
 def width() -> int:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import click
 from msgspec import Struct
 
+from lab3_usd.commands.steps.options import understands_ansi
 from lab3_usd.commands.steps.reporting import write_report
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.model.finding import Finding, Report
@@ -364,7 +365,7 @@ class _Session:
         """Show what is new first, then the report."""
         self._version += 1
         output, form = self._options["output"], self._options["form"]
-        if output is None and form == "text" and sys.stdout.isatty():
+        if output is None and form == "text" and understands_ansi(sys.stdout):
             click.clear()
         text = self._watched.render(self._whole())
         if self._is_page:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from pathlib import PurePosixPath
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
@@ -90,10 +90,9 @@ def message(text: str) -> Json:
 def file_uri(path: str, root: str | None) -> Json:
     """Return the place of a file: relative to the root where below it, else absolute."""
     relative = relative_path(path, root)
-    encoded = quote(relative.encode("utf-8", "surrogateescape"))
-    if PurePosixPath(relative).is_absolute():
-        return {"uri": f"file://{encoded}"}
-    return {"uri": encoded, "uriBaseId": ROOT}
+    if Path(relative).is_absolute():
+        return {"uri": Path(relative).as_uri()}
+    return {"uri": quote(relative.encode("utf-8", "surrogateescape")), "uriBaseId": ROOT}
 
 
 def _descriptor(rule_id: str, name: str, rule: Rule | None) -> Json:
