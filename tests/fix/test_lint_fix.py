@@ -129,6 +129,14 @@ def test_the_linter_lists_its_repairs_and_writes_them_when_asked_for(tmp_path: P
     assert lab3("lint", path).exit_code == 0
 
 
+def test_a_node_is_triggered_by_the_one_that_computes_what_it_takes(tmp_path: Path) -> None:
+    behind = "K01 behind the node that computes"
+    path = saved(tmp_path, [dict(slip) for slip in SLIPS[behind]])
+    assert "+            prepend uint inputs:execIn.connect = </World/Odometry/compute.out" in (
+        lab3("lint", "--fix", "--diff", path).stdout
+    )
+
+
 def test_what_goes_with_repairs_needs_them(tmp_path: Path) -> None:
     with pytest.raises(UsageError):
         lab3("lint", "--in-place", saved(tmp_path, []))
