@@ -12,6 +12,7 @@ from fault_chains import drops, rubric
 from grade_files import LAB, built, stage, starter
 from msgspec.structs import replace
 
+from lab3_usd.grade import dry_runs
 from lab3_usd.grade.dry_runs import with_dry_runs
 from lab3_usd.grade.scoring import Grade, SubmissionFacts, facts_of, grade_facts
 from lab3_usd.judge.folder import FolderSettings, check_folder
@@ -132,3 +133,19 @@ def test_stages_without_errors_are_not_played() -> None:
         tuple(replace(each, path="nowhere.usda", readable=False) for each in facts.stages)
     )
     assert with_dry_runs(faulty, LAB, {}) == faulty
+
+
+def test_a_dry_run_that_fails_itself_is_told_and_costs_nothing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    hand_in(MADE["scene focal length"], built(), tmp_path / "student")
+    results = check_folder(tmp_path / "student", FolderSettings()).results
+    facts = facts_of(results, rubric().required)
+
+    def fail(*_arguments: object) -> None:
+        raise ZeroDivisionError("of its own")
+
+    monkeypatch.setattr(dry_runs, "record", fail)
+    played = with_dry_runs(facts, LAB, {})
+    assert played.stages == facts.stages
+    assert set(played.crashes.values()) == {"ZeroDivisionError: of its own"}

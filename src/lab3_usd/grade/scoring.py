@@ -50,11 +50,15 @@ class StageFacts(Struct, frozen=True):
 
 
 class SubmissionFacts(Struct, frozen=True):
-    """What a grade needs to know of a submission: its stages, its files, its checklists."""
+    """What a grade needs to know of a submission: its stages, its files, its checklists.
+
+    `crashes` are dry runs that failed themselves, by the path of the stage.
+    """
 
     stages: tuple[StageFacts, ...] = ()
     faults: tuple[Fault, ...] = ()
     checklist: Mapping[str, str] = {}
+    crashes: Mapping[str, str] = {}
 
 
 class ItemGrade(Struct, frozen=True):

@@ -111,7 +111,7 @@ def grade_submission(
         told = {"report": to_builtins(report), "place": place}
     return {
         **told,
-        **_record(points, facts, _status(judged, task.broken, staged)),
+        **_record(points, facts, _status(judged, facts, task.broken, staged)),
         "remarks": list(remarks),
         "work": work,
         "digest": staged.digest,
@@ -189,7 +189,10 @@ def _record(points: Grade, facts: SubmissionFacts, status: tuple[str, str]) -> J
 
 
 def _status(
-    judged: FolderResult, broken: Mapping[str, str], staged: StagedSubmission
+    judged: FolderResult,
+    facts: SubmissionFacts,
+    broken: Mapping[str, str],
+    staged: StagedSubmission,
 ) -> tuple[str, str]:
     for path, how in broken.items():
         return status_of(how), f"{path}: {how}"
@@ -204,6 +207,8 @@ def _status(
         raise MemoryError  # in a rule, which is not at fault
     if crashes:
         return "tool failed", "a rule of the checker failed; please report it"
+    for path, error in facts.crashes.items():
+        return "tool failed", f"{path}: the dry run failed ({error}); please report it"
     return "graded", ""
 
 
