@@ -1,11 +1,19 @@
 """Where the data files live: beside the package in a wheel, at the top level of a checkout."""
 
 import os
+import sys
 from functools import cache
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent
 LAB_VARIABLE = "LAB3_LAB"
+COMMANDS = ("lab3", "usdlab")  # the same program; the second says nothing of one lab
+
+
+def program() -> str:
+    """Return the name by which the program was started, for what it says to type."""
+    typed = Path(sys.argv[0]).stem if sys.argv else ""
+    return typed if typed in COMMANDS else COMMANDS[0]
 
 
 def own_lab() -> Path | None:

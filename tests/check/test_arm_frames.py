@@ -43,8 +43,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     stage = arm_of_its_root()
     stage.GetRootLayer().Export(str(place / "arm.usda"))
     catalog = load_isaac_types().catalog
-    files = describe_lab(place / "arm.usda", load_lab(), catalog).files
-    write_folder(place / "lab", files, lambda _written: None)
+    files = describe_lab([place / "arm.usda"], load_lab(), catalog).files
+    write_folder(place / "lab", files)
     return place / "lab"
 
 

@@ -14,12 +14,13 @@ from msgspec.structs import replace
 from places import REPOSITORY, SHARED, TESTS
 from pxr import Usd
 
-from lab3_usd.describe.checkpoints import file_names
-from lab3_usd.describe.yaml_text import document
+from lab3_usd.describe.checkpoints import file_names, names_of_stages
+from lab3_usd.describe.yaml_text import as_typed, document
 from lab3_usd.errors import Lab3Error
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.spec.lab import GraphSpec, Lab
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.submission import named_checkpoint
 
 CORPUS = SHARED / "corpus" / "stages"
 JETBOT = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
@@ -71,7 +72,7 @@ def jetbot(tmp_path_factory: pytest.TempPathFactory) -> Lab:
 def robot(tmp_path: Path) -> tuple[Path, Path]:
     """A stage of another robot, and the lab that is described after it."""
     stage, folder = write_stage(tmp_path), tmp_path / "lab"
-    assert ran("lab", "new", folder, "--from", stage)[0] == 0
+    assert "checkpoint yard, pass, " in ran("lab", "new", folder, "--from", stage)[1]
     return stage, folder
 
 
@@ -108,17 +109,14 @@ def test_the_graphs_are_those_of_the_lab_that_built_the_stage(pair: tuple[Lab, L
         }
 
 
-def test_values_are_described_where_they_are_no_defaults(pair: tuple[Lab, Lab]) -> None:
+def test_what_the_stage_sets_is_demanded_also_where_it_is_a_default(pair: tuple[Lab, Lab]) -> None:
     new, old = pair
     for name, graph in built_graphs(old):
         for role, node in graph.nodes.items():
-            away = {
-                setting.port: setting.value
-                for setting in node.settings
-                if setting.value != node.type.ports[setting.port].default
-            }
             found = new.graphs[name].nodes[role].settings
-            assert {each.port: each.value for each in found} == away
+            assert {each.port: each.value for each in found} == {
+                setting.port: setting.value for setting in node.settings
+            }
 
 
 def test_targets_are_described_with_those_that_give_frames(pair: tuple[Lab, Lab]) -> None:
@@ -244,7 +242,7 @@ def test_a_lab_described_after_a_stage_of_the_second_lab_is_like_it(jetbot: Lab)
 
 def test_a_node_of_an_unknown_type_is_described_by_its_ports(tmp_path: Path) -> None:
     stage, folder = write_stage(tmp_path, own_node()), tmp_path / "lab"
-    assert ran("lab", "new", folder, "--from", stage)[0] == 0
+    assert "checkpoint yard, pass, " in ran("lab", "new", folder, "--from", stage)[1]
     lab = load_lab(folder)
     kind = lab.catalog.types["acme.filters.LowPass"]
     assert {name: port.ogn_type for name, port in kind.ports.items()} == {
@@ -283,7 +281,7 @@ def test_a_base_above_its_root_is_where_the_described_lab_has_it(
     carter = tmp_path / "carter.usda"
     shutil.copyfile(repository / "docs" / "examples" / "carter.usda", carter)
     lab = tmp_path / "lab"
-    assert ran("lab", "new", lab, "--from", carter)[0] == 0
+    assert "checkpoint carter, pass, " in ran("lab", "new", lab, "--from", carter)[1]
     assert ran("--lab", lab, "check", carter)[1].endswith(" 0 errors, 0 warnings, 0 notes\n")
     stage = Usd.Stage.Open(str(carter))
     base = stage.GetPrimAtPath("/World/Carter/chassis_link")
@@ -296,7 +294,7 @@ def test_a_base_above_its_root_is_where_the_described_lab_has_it(
 def test_a_rig_that_nothing_moves_is_described_by_its_body(tmp_path: Path) -> None:
     rig = TESTS / "labs" / "rig"
     stage = ran("--lab", rig, "build", "--only", "rear", "-o", tmp_path)[1].strip()
-    assert ran("lab", "new", tmp_path / "lab", "--from", stage)[0] == 0
+    assert "checkpoint rear, pass, " in ran("lab", "new", tmp_path / "lab", "--from", stage)[1]
     robot = load_lab(tmp_path / "lab").scene.robot
     assert (robot.path, robot.base_frame) == ("/Yard/Rig", "post")
     assert robot.articulation.target == ""
@@ -402,3 +400,124 @@ def test_the_last_checkpoint_has_the_name_of_the_stage(
 def test_what_is_written_is_read_again(value: object) -> None:
     text = document("A head.", {"key": value, "n": {"inner": value}}, {"n.inner": "A note."})
     assert yaml.safe_load(text) == {"key": value, "n": {"inner": value}}
+
+
+@pytest.mark.parametrize(
+    ("stems", "pattern", "ids"),
+    [
+        (("Week5_1_start", "Week5_2_clock"), "Week5_{id}_{name}", ("1", "2")),
+        (("lab08", "lab09", "lab10"), "lab{id}", ("08", "09", "10")),
+        (("start", "jet_a", "jet_b"), "{id}", ("start", "jet_a", "jet_b")),
+        (("jet", "jet_a", "jet-b2"), "{id}", ("jet", "jet_a", "jet-b2")),
+        (("arm_clock_v2", "arm_joints_v2"), "arm_{id}_v2", ("clock", "joints")),
+        (("clear", "clock"), "{id}", ("clear", "clock")),
+    ],
+)
+def test_checkpoints_are_called_as_their_stages(
+    stems: tuple[str, ...], pattern: str, ids: tuple[str, ...]
+) -> None:
+    names = names_of_stages(stems)
+    assert (names.pattern, names.ids) == (pattern, ids)
+    files = {
+        id_: pattern.replace("{id}", id_).replace("{name}", name)
+        for id_, name in zip(names.ids, names.names, strict=True)
+    }
+    assert tuple(files.values()) == stems
+    assert [named_checkpoint(stem, files) for stem in stems] == list(ids)
+
+
+@pytest.mark.parametrize("stems", [("a/b", "c"), ("clock", "clock"), ("the arm", "the clock, too")])
+def test_names_that_tell_no_checkpoints_apart_are_refused(stems: tuple[str, ...]) -> None:
+    with pytest.raises(Lab3Error):
+        names_of_stages(stems)
+
+
+@pytest.mark.parametrize(
+    ("saved", "typed"),
+    [
+        (1.2999999523162842, 1.3),
+        (1.29999995, 1.3),
+        (0.10000000149011612, 0.1),
+        (0.1 + 0.2, 0.3),
+        (0.1125, 0.1125),
+        (1234.5678, 1234.5678),
+        (0.0, 0.0),
+        (7, 7),
+        (True, True),
+        ((0.699999988079071, 2.0), (0.7, 2.0)),
+    ],
+)
+def test_numbers_are_written_as_people_type_them(saved: object, typed: object) -> None:
+    assert as_typed(saved) == typed
+
+
+@pytest.fixture(scope="module")
+def week(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Path], Path, str]:
+    """The stages of the second lab, the lab described after all of them, and what was said."""
+    folder = tmp_path_factory.mktemp("week")
+    stages = [Path(line) for line in ran("--lab", JETBOT, "build", "--out", folder)[1].split()]
+    status, shown = ran("lab", "new", folder / "lab", *from_all(stages))
+    assert status == 0, shown
+    return stages, folder / "lab", shown
+
+
+def from_all(stages: list[Path]) -> list[object]:
+    return [word for stage in stages for word in ("--from", stage)]
+
+
+def test_each_stage_is_a_checkpoint_with_what_it_adds(week: tuple[list[Path], Path, str]) -> None:
+    lab, second = load_lab(week[1]), load_lab(JETBOT)
+    assert lab.files == second.files
+    for id_, checkpoint in second.checkpoints.items():
+        found = lab.checkpoints[id_]
+        paths = [lab.sensors[name].path for name in found.new_sensors]
+        assert found.new == checkpoint.new
+        assert paths == [second.sensors[name].path for name in checkpoint.new_sensors]
+        assert (found.frames, found.topics) == (checkpoint.frames, checkpoint.topics)
+
+
+def test_every_stage_is_shown_as_checked_and_played(week: tuple[list[Path], Path, str]) -> None:
+    stages, _, shown = week
+    results = [line for line in shown.splitlines() if ": checkpoint " in line]
+    assert len(results) == len(stages)
+    assert all(", pass, " in line for line in results)
+    assert [line.endswith("; sim ok") for line in results] == [False, *[True] * 6]
+    assert "Week5: 0 errors, 0 warnings" in shown
+
+
+def test_messages_are_asked_for_their_frames(week: tuple[list[Path], Path, str]) -> None:
+    topics = load_lab(week[1]).ros.topics
+    assert topics["/jetbot/odom"].fields == {"header.frame_id": "odom", "child_frame_id": "chassis"}
+    assert topics["/jetbot/imu"].fields == {"header.frame_id": "Imu"}
+    assert topics["/clock"].fields is None
+
+
+def test_only_what_the_stages_have_is_written(week: tuple[list[Path], Path, str]) -> None:
+    lab = load_lab(week[1])
+    assert (lab.ros.navigation, lab.ros.system.packages, lab.scene.map) == (None, {}, None)
+
+
+def test_stages_that_are_no_checkpoints_in_this_order_are_refused(
+    week: tuple[list[Path], Path, str], tmp_path: Path
+) -> None:
+    stages = week[0]
+    with pytest.raises(Lab3Error, match="Week5_2_clock has no graph /World/Jetbot/Drive"):
+        invoke("lab", "new", tmp_path / "lab", *from_all([stages[2], stages[1]]))
+
+
+def test_a_lab_that_nothing_loads_passes_no_stage_and_says_what_to_decide(
+    week: tuple[list[Path], Path, str], tmp_path: Path
+) -> None:
+    stage = Usd.Stage.Open(str(week[0][-1]))
+    graph = stage.GetPrimAtPath("/World/Jetbot/Odometry")
+    graph.GetChild("publish_base").GetAttribute("inputs:childFrameId").Set("robot")
+    graph.GetChild("publish_odometry").GetAttribute("inputs:chassisFrameId").Set("robot")
+    graph.GetChild("links").GetRelationship("inputs:parentPrim").SetTargets([])
+    other, lab = tmp_path / "week.usda", tmp_path / "lab"
+    stage.Export(str(other))
+    status, shown = ran("lab", "new", lab, "--from", other)
+    assert status == 1
+    lines = (lab / "scene.yaml").read_text().splitlines()
+    number = lines.index("  base_frame: chassis") + 1
+    assert f"to be decided by you: {lab}/scene.yaml:{number}: robot: base_frame" in shown
+    assert ", pass, " not in shown

@@ -4,52 +4,108 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
-from lab3_usd.data import data_folder
+from lab3_usd.data import data_folder, lab_folder, program
+from lab3_usd.describe.checkpoints import Step
 from lab3_usd.describe.lab import describe_lab, refuse_existing_folder, write_folder
-from lab3_usd.errors import EXIT_FOUND, UsageError
+from lab3_usd.errors import EXIT_FOUND, SpecError, UsageError
 from lab3_usd.judge.stage import check_stage
-from lab3_usd.model.finding import StageResult
+from lab3_usd.report.safe_text import printable
+from lab3_usd.sim.dry_run import dry_run
+from lab3_usd.spec.contradictions.names import LabFault
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.spec.load.lab import assemble
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.yaml_file import line_of
 
 
-def make_lab(folder: Path, stage: Path) -> int:
-    """Write a lab after a stage, say what it holds, and return the exit code.
+def make_lab(folder: Path, stages: Sequence[Path]) -> int:
+    """Write a lab after its stages, hold them against it, say what came of it: the exit code.
 
     Raises:
-        StageError: the stage cannot be read.
-        UsageError: it has no robot or graph, or the folder exists.
+        StageError: a stage cannot be read.
+        UsageError: the last one has no robot or graph, the stages are no checkpoints of one lab, or
+            the folder exists.
     """
     refuse_existing_folder(folder)
-    if not stage.is_file():
-        raise UsageError(f"{stage}: there is no such file")
+    for stage in stages:
+        if not stage.is_file():
+            raise UsageError(f"{stage}: there is no such file")
     lab = load_lab(data_folder("graphs"))
-    description = describe_lab(stage, lab, load_isaac_types().catalog)
-    results: list[StageResult] = []
-    last = description.steps[-1].id
-    write_folder(
-        folder,
-        description.files,
-        lambda written: results.append(check_stage(stage, last, assemble(written))),
-    )
+    description = describe_lab(stages, lab, load_isaac_types().catalog)
+    write_folder(folder, description.files)
     for name in description.files:
         click.echo(folder / name)
-    for line in description.left_out:
-        click.echo(f"left out: {line}")
-    errors = [finding for finding in results[0].findings if finding.severity == "error"]
-    for error in errors:
-        click.echo(f"error {error.rule} {error.prim}: {error.message}")
-    for gap in results[0].gaps:
-        click.echo(f"not judged: {gap}")
-    score = results[0].score
-    counts = f"{score.earned:g} of {score.possible:g} met"
-    click.echo(f"{stage}: checkpoint {last}, {results[0].verdict}, {counts}")
-    return 0 if results[0].verdict == "pass" else EXIT_FOUND
+    for reason in description.left_out:
+        click.echo(f"left out: {reason}")
+    try:
+        described = assemble(folder)
+    except SpecError as error:
+        click.echo(f"error {error}")
+        click.echo(f"{folder}: cannot be loaded, no stage was judged by it")
+        return EXIT_FOUND
+    faults = _say_faults(described)
+    passes = not faults
+    undecided = [fault for fault in faults if fault.severity == "error"]
+    for fault in undecided:
+        line = line_of(folder / fault.file, fault.key.split(": "))
+        click.echo(f"to be decided by you: {folder / fault.file}:{line}: {fault.key}")
+    if undecided:
+        then = f"then run {program()} lab check {folder}"
+        click.echo(f"{folder}: no stage was judged, as no command loads this lab yet; {then}")
+        return EXIT_FOUND
+    steps = description.steps[-len(stages) :]
+    for stage, step in zip(stages, steps, strict=True):
+        passes = _judge(stage, step, described) and passes
+    return 0 if passes else EXIT_FOUND
+
+
+def _say_faults(lab: Lab) -> list[LabFault]:
+    """Print and return what contradicts itself in a lab.
+
+    Points and checklists are held against a lab that agrees with itself.
+    """
+    from lab3_usd.grade.rubric import scoring_faults
+    from lab3_usd.spec.contradictions.references import lab_faults
+
+    faults = list(lab_faults(lab))
+    if all(fault.severity != "error" for fault in faults):
+        faults += scoring_faults(lab)
+    for fault in faults:
+        click.echo(f"{fault.severity} {fault}")
+    numbers = Counter(fault.severity for fault in faults)
+    counts = (
+        f"{numbers[word]} {word}{'s' * (numbers[word] != 1)}" for word in ("error", "warning")
+    )
+    click.echo(f"{lab.title}: {', '.join(counts)}")
+    return faults
+
+
+def _judge(stage: Path, step: Step, lab: Lab) -> bool:
+    """Check and play a stage, print what is wrong and what it comes to; whether it passes both."""
+    result = check_stage(stage, step.id, lab)
+    for finding in result.findings:
+        if finding.severity == "error":
+            click.echo(f"error {finding.rule} {finding.prim}: {printable(finding.message)}")
+    for gap in result.gaps:
+        click.echo(f"not judged: {printable(str(gap))}")
+    counts = f"{result.score.earned:g} of {result.score.possible:g} met"
+    shown = f"{stage}: checkpoint {step.id}, {result.verdict}, {counts}"
+    is_played = bool(lab.checkpoints[step.id].graphs)
+    if not is_played:
+        click.echo(shown)
+        return result.verdict == "pass"
+    behaviour = dry_run(stage, lab, step.id).behaviour
+    for check in behaviour.checks:
+        if check.verdict == "bad":
+            click.echo(f"sim: {check.name}: {printable(check.text)}")
+    click.echo(f"{shown}; sim {behaviour.verdict}")
+    return result.verdict == "pass" and behaviour.verdict == "ok"
 
 
 @click.group("lab")
@@ -66,25 +122,9 @@ def check(folder: Path | None) -> None:
     finding names file, key, and the place that it contradicts. Exit status: 0 nothing found, 1
     findings, 2 a file that cannot be read.
     """
-    from lab3_usd.data import lab_folder
-    from lab3_usd.grade.rubric import scoring_faults
-    from lab3_usd.spec.contradictions.references import lab_faults
-
     if folder is not None and not folder.is_dir():
         raise UsageError(f"{folder}: there is no such folder")
-    lab = assemble(folder or lab_folder())
-    faults = list(lab_faults(lab))
-    # Points and checklists are held against a lab that agrees with itself.
-    if all(fault.severity != "error" for fault in faults):
-        faults += scoring_faults(lab)
-    for fault in faults:
-        click.echo(f"{fault.severity} {fault}")
-    numbers = Counter(fault.severity for fault in faults)
-    counts = (
-        f"{numbers[word]} {word}{'s' * (numbers[word] != 1)}" for word in ("error", "warning")
-    )
-    click.echo(f"{lab.title}: {', '.join(counts)}")
-    if faults:
+    if _say_faults(assemble(folder or lab_folder())):
         sys.exit(EXIT_FOUND)
 
 
@@ -92,18 +132,21 @@ def check(folder: Path | None) -> None:
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 @click.option(
     "--from",
-    "stage",
+    "stages",
     required=True,
+    multiple=True,
     type=click.Path(path_type=Path),
     metavar="STAGE",
-    help="A stage that works: what it holds is what the lab asks for.",
+    help="A stage that works: what it holds is what the lab asks for. One for each checkpoint, in "
+    "their order, or one with everything.",
 )
-def new(folder: Path, stage: Path) -> None:
-    """Read a first description of a lab off a stage.
+def new(folder: Path, stages: tuple[Path, ...]) -> None:
+    """Read a first description of a lab off its solution stages.
 
-    DIR is a new folder in the form of graphs/: graphs with their values away from the defaults,
-    robot, sensors, the TF tree, topics, and a checkpoint for each graph. The last one has the name
-    of STAGE, which is then checked. Exit status: 0 it passes, 1 it does not, 2 the stage or the
-    folder cannot be used.
+    DIR is a new folder in the form of graphs/: graphs with the values that the stages set, robot,
+    sensors, the TF tree, topics, points, and a checkpoint for each STAGE, with what it adds to the
+    one before. Of a single STAGE, which has the name of the last checkpoint, each graph is one. The
+    lab is then checked, and each STAGE checked and played by it. Exit status: 0 all of it passes, 1
+    something does not, 2 a stage or the folder cannot be used.
     """
-    sys.exit(make_lab(folder, stage))
+    sys.exit(make_lab(folder, stages))

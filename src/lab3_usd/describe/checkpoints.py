@@ -5,26 +5,31 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import takewhile
 from typing import Any
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.data import data_folder
 from lab3_usd.describe.yaml_text import document
 from lab3_usd.errors import UsageError
-from lab3_usd.spec.contradictions.names import GraphTopic, graph_topics
+from lab3_usd.spec.contradictions.names import FRAME_FIELDS, GraphTopic, graph_topics
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, Lab
+from lab3_usd.spec.load.checkpoints import is_checkpoint_id
 from lab3_usd.spec.scene import SensorSpec
 from lab3_usd.spec.submission import FolderNames
 
 FIRST = "start"
+SCENE_GROUP, TREE_GROUP = "Scene", "TF"
 _NUMBER = re.compile(r"(?<![A-Za-z0-9])\d+(?![A-Za-z0-9])")
+_NUMBERED = re.compile(r"(\d+)(?:([_ -]+)(.+))?")
 _WORD = re.compile(r"[A-Za-z0-9]+")
 
 
 class FileNames(Struct, frozen=True):
-    """The pattern of the stages' names, and id and name of each checkpoint.
+    """The pattern of the stages' names, id and name of each checkpoint, and what all names share.
 
     The file of the last one has the name of the stage.
     """
@@ -32,6 +37,7 @@ class FileNames(Struct, frozen=True):
     pattern: str
     ids: tuple[str, ...]
     names: tuple[str, ...]
+    shared: str = ""
 
     @property
     def first_file(self) -> str:
@@ -76,6 +82,50 @@ def _ids_before(last: str, words: Sequence[str]) -> Iterator[str]:
         yield id_
 
 
+def names_of_stages(stems: Sequence[str]) -> FileNames:
+    """Return names by which each checkpoint has one of these stages.
+
+    The id is the number that tells the names apart, else all that differs in them.
+
+    Raises:
+        UsageError: two stages have one name, or a name differs in what can be no id.
+    """
+    twice = next((stem for stem, count in Counter(stems).items() if count > 1), None)
+    if twice is not None:
+        raise UsageError(f"two stages are called '{twice}'; each checkpoint has a name of its own")
+    lead = _shared_start(stems)
+    tail = _shared_start([stem[len(lead) :][::-1] for stem in stems])[::-1]
+    parts = [stem[len(lead) : len(stem) - len(tail)] for stem in stems]
+    if not all(parts):
+        lead, tail, parts = "", "", list(stems)
+    shared = " ".join(re.split(r"[\W_]+", lead)).strip()
+    numbered = [match for part in parts if (match := _NUMBERED.fullmatch(part))]
+    gaps = {match[2] for match in numbered}
+    if len({match[1] for match in numbered}) == len(stems) and len(gaps) == 1:
+        gap = next(iter(gaps))
+        pattern = f"{lead}{{id}}{tail}" if gap is None else f"{lead}{{id}}{gap}{{name}}{tail}"
+        ids = tuple(match[1] for match in numbered)
+        return FileNames(pattern, ids, tuple(match[3] or match[1] for match in numbered), shared)
+    for stem, part in zip(stems, parts, strict=True):
+        if not is_checkpoint_id(part):
+            raise UsageError(
+                f"'{stem}': '{part}' cannot be the id of a checkpoint: letters, digits, _ and -; "
+                "rename the stages"
+            )
+    return FileNames(f"{lead}{{id}}{tail}", tuple(parts), tuple(parts), shared)
+
+
+def _shared_start(names: Sequence[str]) -> str:
+    """Return what all names begin with, up to where a word or number ends."""
+    same = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    start = "".join(letters[0] for letters in same)
+    for kind in (str.isdigit, str.isalpha):
+        if start and kind(start[-1]) and any(kind(name[len(start) :][:1]) for name in names):
+            while start and kind(start[-1]):
+                start = start[:-1]
+    return start
+
+
 class Step(Struct, frozen=True):
     """One checkpoint: its name, its title, its part of the handout, and what it adds."""
 
@@ -86,6 +136,12 @@ class Step(Struct, frozen=True):
     graphs: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
     frames: bool = False
+    topics: bool = False
+
+    @property
+    def is_new(self) -> bool:
+        """Whether the stage holds more than the one before."""
+        return bool(self.graphs or self.sensors or self.frames)
 
     @property
     def data(self) -> dict[str, Any]:
@@ -97,6 +153,8 @@ class Step(Struct, frozen=True):
             adds["graphs"] = list(self.graphs)
         if self.frames:
             adds["frames"] = True
+        if self.topics:
+            adds["topics"] = True
         return {"name": self.name, "title": self.title, "part": self.part, "adds": adds}
 
 
@@ -108,7 +166,7 @@ def describe_steps(
     frames: bool,
 ) -> tuple[Step, ...]:
     """Return the checkpoints: `sensors` are the names of the sensors by graph."""
-    steps = [Step(names.ids[0], names.names[0], "Starter scene", "A")]
+    steps = [Step(names.ids[0], names.names[0], _STARTER, part_letter(0))]
     for number, (name, graph) in enumerate(graphs.items(), start=1):
         steps.append(
             Step(
@@ -122,6 +180,44 @@ def describe_steps(
             )
         )
     return tuple(steps)
+
+
+def steps_of_stages(
+    names: FileNames,
+    graphs: Sequence[Sequence[str]],
+    sensors: Sequence[Sequence[str]],
+    tree: Sequence[str],
+) -> tuple[Step, ...]:
+    """Return a checkpoint for each stage: `graphs` and `sensors` are those that it holds by name.
+
+    The TF tree is asked for from where the graphs of `tree` are there. A stage that is like the one
+    before is handed in to show the topics of the running system.
+    """
+    steps: list[Step] = []
+    for number, (id_, name) in enumerate(zip(names.ids, names.names, strict=True)):
+        before = number - 1
+        new = tuple(g for g in graphs[number] if not number or g not in graphs[before])
+        added = tuple(s for s in sensors[number] if not number or s not in sensors[before])
+        has_tree = bool(tree) and set(tree) <= set(graphs[number])
+        has_frames = has_tree and not any(step.frames for step in steps)
+        title = _title(name) if not name.isdigit() else ", ".join(map(_title, new)) or _STARTER
+        step = Step(id_, name, title, part_letter(number), new, added, has_frames)
+        has_topics = bool(number) and not step.is_new and not any(s.topics for s in steps)
+        steps.append(replace(step, topics=has_topics))
+    return tuple(steps)
+
+
+_STARTER = "Starter scene"
+
+
+def part_letter(number: int) -> str:
+    """Return the letter of a part of the handout; those beyond Z share it."""
+    return chr(ord("A") + min(number, 25))
+
+
+def _title(name: str) -> str:
+    words = " ".join(re.split(r"[\W_]+", name))
+    return words[:1].upper() + words[1:]
 
 
 def checkpoints_text(
@@ -146,7 +242,7 @@ def checkpoints_text(
     data = {"frames": frames, "checkpoints": {step.id: step.data for step in steps}}
     notes = {
         "frames": "The TF tree of the stage; a checkpoint asks for it with `frames: true`.",
-        "checkpoints": "One for each graph: put together what your course builds in one part.",
+        "checkpoints": "What each adds to the one before; move graphs and sensors between them.",
     }
     return f"{head}\n{policy}\n{document('', data, notes)}"
 
@@ -182,39 +278,51 @@ def submission_text(names: FileNames, steps: Sequence[Step], folders: FolderName
             "endings": [".usda", ".usd"],
             "openable": [".usdc", ".usdz"],
             "slips": [".uda"],
-            "differ": [step.id for step in steps],
+            "differ": [step.id for step in steps if step is steps[0] or step.is_new],
             "starter": names.first_file,
         },
     }
     return document(_HEAD, data, {"stages": _DIFFER})
 
 
-def rubric_text(
-    title: str, steps: Sequence[Step], sensors: Mapping[str, SensorSpec], *, frames: bool
-) -> str:
-    """Return `rubric.yaml`: the same points for each checkpoint."""
+def rubric_text(title: str, steps: Sequence[Step], sensors: Mapping[str, SensorSpec]) -> str:
+    """Return `rubric.yaml`: the same points for each checkpoint, and what a changed robot costs."""
     items: dict[str, Any] = {}
     for step in steps:
         groups = [*step.graphs, *(sensors[name].name for name in step.sensors)]
-        items[f"part {step.part}" if f"part {step.part}" not in items else step.name] = {
+        groups += [TREE_GROUP] if step.frames else []
+        if step is steps[0]:
+            items[_SUPPLIED] = {
+                "title": "The supplied robot and scene",
+                "checkpoint": step.id,
+                "groups": [SCENE_GROUP],
+                "points": _POINTS,
+            }
+            if not groups:
+                continue
+        items[f"part {step.part}" if f"part {step.part}" not in items else step.id] = {
             "title": step.title,
             "checkpoint": step.id,
-            "groups": groups or ["Scene"],
+            "groups": groups or ["*"],
             "points": _POINTS,
         }
-    if frames:
-        tree = {"title": "The TF tree", "checkpoint": steps[-1].id, "groups": ["TF"]}
-        items["tree"] = {**tree, "points": _POINTS}
+    cap = {
+        "rules": ["S", "U"],
+        "items": [_SUPPLIED],
+        "checkpoints": ["*"],
+        "at_most": 0,
+        "because": "the supplied robot or scene was changed",
+    }
     head = "Points: what each part of the lab is worth. `groups` are graphs, sensors, Scene and TF."
-    return document(head, {"title": title, "items": items})
+    notes = {"caps": "What else limits an item: errors of the rules, in the stages of checkpoints."}
+    return document(head, {"title": title, "items": items, "caps": [cap]}, notes)
 
 
+_SUPPLIED = "scene"
 _RUNNING_HEAD = """\
 What the running system shows once the stage plays: its topics, and the commands that show them.
 `handout` names the section each fact comes from; `from` the checkpoint from which it holds."""
-_TOPICS = (
-    "Say also which section asks for a rate (`rate`), `durability`, and `fields` of a message."
-)
+_TOPICS = "Say also which section asks for a rate (`rate`), and `durability`."
 _DOMAIN = "inputs:domain_id"
 _SOURCE = "press Play; the topic exists while the node that subscribes to it runs"
 
@@ -238,29 +346,36 @@ def ros_text(lab: Lab, steps: Sequence[Step]) -> str:
             "domain": next(domains, system.domain),
             "folder": "~/lab",
             "topics": list(system.topics),
-            "packages": dict(system.packages),
+            "packages": {},
         },
         "topics": topics,
         "commands": list(_commands(topics)),
     }
-    return document(_RUNNING_HEAD, data, {"topics": _TOPICS, "commands": ""})
+    packages = "The ROS packages that your course needs, with their usual names: {rviz2: RViz2}."
+    notes = {"system.packages": packages, "topics": _TOPICS, "commands": ""}
+    return document(_RUNNING_HEAD, data, notes)
 
 
 def _topics(lab: Lab, steps: Sequence[Step]) -> Iterator[tuple[str, dict[str, Any]]]:
     ids = {graph: step.id for step in steps for graph in step.graphs}
+    order = [step.id for step in steps]
     by_name: dict[str, list[GraphTopic]] = {}
     for graph_topic in graph_topics(lab):
         if graph_topic.type is not None:
             by_name.setdefault(graph_topic.name, []).append(graph_topic)
     for name, same in by_name.items():
         publishers = sum(not topic.is_subscribed for topic in same)
-        first = same[0]
+        first = min(same, key=lambda topic: order.index(ids[topic.graph]))
         entry: dict[str, Any] = {"type": first.type, "from": ids[first.graph]}
         entry["handout"] = f"{lab.graphs[first.graph].handout[0]}3"
         if not publishers:
             entry |= {"subscribed": True, "source": _SOURCE}
         elif name not in lab.policy.tree_topics:
             entry["publishers"] = publishers
+            frames = {topic.frames for topic in same if not topic.is_subscribed}
+            fields = dict(zip(FRAME_FIELDS, frames.pop() if len(frames) == 1 else (), strict=False))
+            if any(fields.values()):
+                entry["fields"] = {field: frame for field, frame in fields.items() if frame}
         yield name, entry
 
 

@@ -10,12 +10,13 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.data import data_folder
-from lab3_usd.describe.yaml_text import document
+from lab3_usd.describe.checkpoints import part_letter
+from lab3_usd.describe.yaml_text import as_typed, document
 from lab3_usd.errors import SpecError
-from lab3_usd.model.stage import GraphModel, Node
+from lab3_usd.model.stage import GraphModel, Node, StageModel
 from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, can_connect
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import CATALOG
+from lab3_usd.spec.lab import CATALOG, Lab, Policy
 from lab3_usd.spec.load.catalog import parse_types
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.values import Value, is_known_type, typed_value
@@ -90,18 +91,28 @@ class GraphText(Struct, frozen=True):
     left_out: tuple[str, ...]
 
 
-def describe_graphs(graphs: tuple[GraphModel, ...], catalog: Catalog) -> tuple[GraphText, ...]:
+def running_graphs(stage: StageModel) -> dict[str, GraphModel]:
+    """Return the graphs that a lab can ask for, by path."""
+    return {
+        graph.path: graph
+        for graph in stage.graphs
+        if graph.active and not graph.instanced and graph.nodes
+    }
+
+
+def describe_graphs(stage: StageModel, lab: Lab, since: Mapping[str, int]) -> tuple[GraphText, ...]:
     """Describe the graphs that run, in the order of a course: clock, drive, sensors, odometry.
+
+    `since` is the number of the first stage that holds a graph, by path; empty where there is one
+    stage for all. `lab` has every node type of the stage.
 
     Raises:
         SpecError: a graph has a name or path that no file of a lab can have.
     """
-    live = [
-        graph_model
-        for graph_model in graphs
-        if graph_model.active and not graph_model.instanced and graph_model.nodes
-    ]
-    ordered = sorted(live, key=_course_order)
+    ordered = sorted(
+        running_graphs(stage).values(),
+        key=lambda graph: (since.get(graph.path, 0), _course_order(graph)),
+    )
     names: dict[str, GraphModel] = {}
     for graph in ordered:
         name = graph.name
@@ -110,8 +121,8 @@ def describe_graphs(graphs: tuple[GraphModel, ...], catalog: Catalog) -> tuple[G
             name = f"{above.pop(0) or 'other'}_{name}"
         names[name] = graph
     return tuple(
-        _describe_graph(name, graph, chr(ord("B") + min(number, 24)), catalog)
-        for number, (name, graph) in enumerate(names.items())
+        _describe_graph(name, graph, part_letter(since.get(graph.path, number)), lab)
+        for number, (name, graph) in enumerate(names.items(), start=1)
     )
 
 
@@ -126,12 +137,12 @@ def _course_order(graph: GraphModel) -> int:
     return 2 if has_targets else 0
 
 
-def _describe_graph(name: str, graph: GraphModel, part: str, catalog: Catalog) -> GraphText:
+def _describe_graph(name: str, graph: GraphModel, part: str, lab: Lab) -> GraphText:
     below = len(graph.path) + 1
     roles = {node.path: node.path[below:].replace("/", "_") for node in graph.nodes}
     left_out: list[str] = []
     nodes = {
-        roles[node.path]: _node(node, number, part, left_out)
+        roles[node.path]: _node(node, number, part, lab.policy, left_out)
         for number, node in enumerate(graph.nodes)
         if node.type is not None
     }
@@ -144,15 +155,17 @@ def _describe_graph(name: str, graph: GraphModel, part: str, catalog: Catalog) -
         "wires": {f"{part}4": wires} if wires else {},
     }
     left_out += (f"{n.path}: has no type" for n in graph.nodes if n.type is None)
-    return GraphText(data, parse_graph(data, catalog, f"{name}.yaml"), tuple(left_out))
+    return GraphText(data, parse_graph(data, lab.catalog, f"{name}.yaml"), tuple(left_out))
 
 
-def _node(node: Node, number: int, part: str, left_out: list[str]) -> dict[str, Any]:
+def _node(
+    node: Node, number: int, part: str, policy: Policy, left_out: list[str]
+) -> dict[str, Any]:
     kind = node.type
     assert kind is not None  # noqa: S101 - only nodes of a known type are described
     x, y = node.position or (float(_COLUMN * (number % 4)), float(_ROW * (number // 4)))
     data: dict[str, Any] = {"type": kind.type, "at": [_plain(x), _plain(y)], "handout": f"{part}2"}
-    values = dict(_values(node, kind, left_out))
+    values = dict(_values(node, kind, policy, left_out))
     ports = {name: port for name in node.ports if (port := kind.port(name)) is not None}
     targets = {
         name[len(INPUT) :]: list(node.ports[name].targets)
@@ -172,8 +185,14 @@ def _plain(number: float) -> float:
     return int(number) if number.is_integer() else round(number, 3)
 
 
-def _values(node: Node, kind: NodeType, left_out: list[str]) -> Iterator[tuple[str, Value]]:
-    """Yield the inputs whose values are not the defaults."""
+def _values(
+    node: Node, kind: NodeType, policy: Policy, left_out: list[str]
+) -> Iterator[tuple[str, Value]]:
+    """Yield the inputs that the stage sets, also to their defaults, as people write their values.
+
+    What stays at its default in every graph is demanded for all of them.
+    """
+    kept = (*policy.keep_default, policy.namespace)
     for name, state in node.ports.items():
         port = kind.port(name)
         if not name.startswith(INPUT) or state.sources or state.usd_type == "rel":
@@ -183,10 +202,12 @@ def _values(node: Node, kind: NodeType, left_out: list[str]) -> Iterator[tuple[s
                 left_out.append(f"{node.path}.{name}: {kind.type} has no such input")
             continue
         value = node.value(name)
-        if port.is_execution or port.is_target or value is None or value == port.default:
+        if port.is_execution or port.is_target or value is None:
+            continue
+        if value == port.default and (state.value is None or port.short in kept):
             continue
         if _is_settable(port, value):
-            yield port.short, value
+            yield port.short, as_typed(value)
         else:
             left_out.append(f"{node.path}.{name}: {value!r} is no value of {port.ogn_type}")
 

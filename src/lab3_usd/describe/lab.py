@@ -1,10 +1,10 @@
-"""Describes a whole lab after a stage: the text of every file, and its folder."""
+"""Describes a whole lab after its stages: the text of every file, and its folder."""
 
 from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +18,13 @@ from lab3_usd.describe.checkpoints import (
     checkpoints_text,
     describe_steps,
     file_names,
+    names_of_stages,
     ros_text,
     rubric_text,
+    steps_of_stages,
     submission_text,
 )
-from lab3_usd.describe.graphs import GraphText, catalog_text, describe_graphs
+from lab3_usd.describe.graphs import GraphText, catalog_text, describe_graphs, running_graphs
 from lab3_usd.describe.scene import (
     Source,
     describe_scene,
@@ -74,36 +76,41 @@ class _Parts(Struct, frozen=True):
         return bool(self.frames["edges"]) and not self.outside
 
 
-def describe_lab(path: Path, lab: Lab, types: Catalog) -> Description:
-    """Describe a lab after a stage.
+def describe_lab(paths: Sequence[Path], lab: Lab, types: Catalog) -> Description:
+    """Describe a lab after stages: one for each checkpoint, or a single one with all graphs.
 
     `lab` is the bundled one, `types` the catalog of all public node types.
 
     Raises:
-        StageError: the stage cannot be read.
-        UsageError: it has no robot, or no graph.
+        StageError: a stage cannot be read.
+        UsageError: the last one has no robot, or no graph, or lacks what an earlier one has.
     """
-    source = read_source(path, lab, types)
-    parts = _parts(source)
-    by_graph: dict[str, list[str]] = {}
-    for name, sensor in parts.lab.sensors.items():
-        by_graph.setdefault(_home(sensor.path, parts.texts), []).append(name)
-    graphs = parts.lab.graphs
-    steps = describe_steps(parts.names, graphs, by_graph, frames=parts.has_frames)
+    sources = [read_source(path, lab, types) for path in paths]
+    parts = _parts(sources)
+    if len(sources) > 1:
+        steps = _steps(sources, parts)
+    else:
+        by_graph: dict[str, list[str]] = {}
+        for name, sensor in parts.lab.sensors.items():
+            by_graph.setdefault(_home(sensor.path, parts.texts), []).append(name)
+        has_frames = parts.has_frames
+        steps = describe_steps(parts.names, parts.lab.graphs, by_graph, frames=has_frames)
     return Description(
-        files=_files(source, parts, steps, lab.catalog),
+        files=_files(sources[-1], parts, steps, lab.catalog),
         steps=steps,
         left_out=(*(line for text in parts.texts for line in text.left_out), *parts.outside),
     )
 
 
-def _parts(source: Source) -> _Parts:
-    stage = source.stage
-    texts = describe_graphs(stage.graphs, source.lab.catalog)
+def _parts(sources: Sequence[Source]) -> _Parts:
+    """Return what the last stage describes, by which the others are told apart."""
+    source, stage = sources[-1], sources[-1].stage
+    texts = describe_graphs(stage, source.lab, _first_stages(sources))
     if not texts:
         raise UsageError("the stage has no Action Graph")
     graphs = {text.spec.name: text.spec for text in texts}
-    names = file_names(source.stem, graphs)
+    stems = [source.stem for source in sources]
+    names = names_of_stages(stems) if len(stems) > 1 else file_names(source.stem, graphs)
     scene = describe_scene(stage, graphs, source.lab, names.ids[-1])
     sections = {
         prim.path: f"{graphs[_home(prim.path, texts)].handout[0]}5" for prim in source.sensors
@@ -125,6 +132,49 @@ def _parts(source: Source) -> _Parts:
     return _Parts(texts, names, scene, frames, lab, tuple(_frames_outside(frames, lab)))
 
 
+def _first_stages(sources: Sequence[Source]) -> dict[str, int]:
+    """Return the number of the first stage that holds each graph, by path; {} for one stage alone.
+
+    Raises:
+        UsageError: a stage lacks a graph that an earlier one has.
+    """
+    if len(sources) == 1:
+        return {}
+    since: dict[str, int] = {}
+    for number, source in enumerate(sources):
+        graphs = running_graphs(source.stage)
+        for path, first in since.items():
+            if path not in graphs:
+                raise UsageError(
+                    f"{source.stem} has no graph {path}, which {sources[first].stem} has; a "
+                    "checkpoint holds what those before it hold, name the stages in their order"
+                )
+        for path in graphs:
+            since.setdefault(path, number)
+    return since
+
+
+def _steps(sources: Sequence[Source], parts: _Parts) -> tuple[Step, ...]:
+    """Return the checkpoints: what each stage holds of the last one."""
+    held = [running_graphs(source.stage) for source in sources]
+    specs = [text.spec for text in parts.texts]
+    tree = [g.name for g in specs if any(node.type.tf is not None for node in g.nodes.values())]
+    sensors = parts.lab.sensors.items()
+    return steps_of_stages(
+        parts.names,
+        [[spec.name for spec in specs if spec.path in graphs] for graphs in held],
+        [
+            [
+                name
+                for name, sensor in sensors
+                if (prim := source.stage.prim(sensor.path)) is not None and prim.present
+            ]
+            for source in sources
+        ],
+        tree if parts.has_frames else (),
+    )
+
+
 def _home(sensor: str, texts: Sequence[GraphText]) -> str:
     """Return the graph with which a sensor comes: the first that names it, else the last."""
     named = (text.spec.name for text in texts if sensor in targets_of(text.spec))
@@ -135,7 +185,7 @@ def _files(
     source: Source, parts: _Parts, steps: tuple[Step, ...], known: Catalog
 ) -> dict[str, str]:
     """Return the text of every file by name; `known` are the bundled lab's node types."""
-    title = " ".join(source.stem.replace("_", " ").split())
+    title = parts.names.shared or " ".join(source.stem.replace("_", " ").split())
     nodes = source.stage.nodes()
     used = {node.type_name: node.type.type for node in nodes if node.type is not None}
     types = catalog_text(used, known, source.unknown)
@@ -145,13 +195,13 @@ def _files(
         SCENE: document(_SCENE_HEAD, parts.scene, _SCENE_NOTES),
         ROS: ros_text(parts.lab, steps),
         SUBMISSION: submission_text(parts.names, steps, parts.lab.submission.folders),
-        RUBRIC: rubric_text(title, steps, parts.lab.sensors, frames=parts.has_frames),
+        RUBRIC: rubric_text(title, steps, parts.lab.sensors),
         **({CATALOG: types} if types else {}),
     }
 
 
 def _graph_text(text: GraphText) -> str:
-    head = f"The graph {text.spec.path}. A node's key is its role; `set` has what is no default."
+    head = f"The graph {text.spec.path}. A node's key is its role; `set` has what the stage sets."
     if text.left_out:
         lines = "\n".join(f"  {line}" for line in text.left_out)
         head += f"\nNot described, because no file of a lab can hold it:\n{lines}"
@@ -191,8 +241,8 @@ def refuse_existing_folder(folder: Path) -> None:
         raise UsageError(f"{folder} exists; name a folder that does not")
 
 
-def write_folder(folder: Path, files: Mapping[str, str], check: Callable[[Path], None]) -> None:
-    """Write the files to a new folder beside `folder`, check it, then rename it to `folder`.
+def write_folder(folder: Path, files: Mapping[str, str]) -> None:
+    """Write the files to a new folder beside `folder`, then rename it to `folder`.
 
     Raises:
         UsageError: `folder` exists, or cannot be written.
@@ -204,7 +254,6 @@ def write_folder(folder: Path, files: Mapping[str, str], check: Callable[[Path],
         try:
             for name, text in files.items():
                 (temporary / name).write_text(text, encoding="utf-8")
-            check(temporary)
             temporary.chmod(0o755)
             temporary.rename(folder)
         finally:

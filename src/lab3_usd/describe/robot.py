@@ -9,6 +9,7 @@ from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.robot.axles import anchor, axle
 from lab3_usd.check.robot.wheels import WheelJoint, tied_joints
 from lab3_usd.check.tf.targets import articulation_links
+from lab3_usd.describe.yaml_text import as_typed
 from lab3_usd.errors import UsageError
 from lab3_usd.model.physics import (
     ARTICULATION_API,
@@ -139,7 +140,7 @@ def _link(prim: Prim, stage: StageModel, base: str) -> dict[str, Any]:
     """Describe a link: its mass, and of the base its place on the root where it is another."""
     mass = number(prim.attributes.get(MASS)) if MASS_API in prim.apis else None
     place = pose(prim.local, stage.meters_per_unit)["translate"] if prim.name == base else ()
-    weight = {"mass": round(mass, 8)} if mass else {}
+    weight = {"mass": as_typed(mass)} if mass else {}
     return {**weight, **({"offset": place} if any(place) else {}), "handout": PART}
 
 

@@ -16,6 +16,7 @@ from lab3_usd.check.robot.sensors import CAMERA, LIDAR
 from lab3_usd.check.robot.surroundings import enclosing
 from lab3_usd.describe.graphs import unknown_types, with_types
 from lab3_usd.describe.robot import PART, describe_robot, describe_wheels, moved_joints, plain, pose
+from lab3_usd.describe.yaml_text import as_typed
 from lab3_usd.model.physics import BODY_API, SCENE, collides, is_joint
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
@@ -165,7 +166,7 @@ def _attribute(
 ) -> dict[str, Any]:
     """Describe an attribute: of a known kind those are required that the bundled lab requires."""
     kind, value = authored
-    data = {"type": kind, "value": _single(value) if kind.startswith("float") else value}
+    data = {"type": kind, "value": as_typed(value)}
     if known is None:
         return {**data, "required": True, "handout": section}
     known_entry = known.get(name, {})
@@ -173,13 +174,6 @@ def _attribute(
         key: known_entry[key] for key in ("required", "unset", "schema") if known_entry.get(key)
     }
     return {**data, **kept, "handout": section} if kept else data
-
-
-def _single(value: Value) -> Value:
-    """Return numbers of single precision as they were typed: 0.1 for 0.10000000149."""
-    if isinstance(value, tuple):
-        return tuple(_single(number) for number in value)
-    return float(f"{value:.7g}") if isinstance(value, float) else value
 
 
 def looks_below(source: Source, lab: Lab) -> list[str]:

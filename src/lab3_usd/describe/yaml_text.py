@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 _WIDTH = 110
 _FLAT = 2  # levels of nesting in one line
+_SINGLE = 1.2e-7  # how far single precision is from a number, as a share of it
 _PLAIN = re.compile(r"[A-Za-z_/][\w/.-]*(?: (?:-> )?[\w/.-]+)*")
 _WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}  # what YAML takes otherwise
 
@@ -61,6 +63,18 @@ def flow(value: Any) -> str:
     if isinstance(value, Sequence) and not isinstance(value, str):
         return f"[{', '.join(map(flow, value))}]"
     return scalar(value)
+
+
+def as_typed(value: Any) -> Any:
+    """Return numbers as a person types them: 1.3 for 1.29999995 of single precision."""
+    if isinstance(value, (list, tuple)):
+        return tuple(as_typed(number) for number in value)
+    if not isinstance(value, float) or not math.isfinite(value):
+        return value
+    short = float(f"{value:.6g}")
+    is_near = abs(short - value) <= _SINGLE * abs(value)
+    noise = float(f"{value:.12g}")  # of arithmetic in double precision
+    return (short if is_near else noise) + 0.0
 
 
 def scalar(value: object) -> str:

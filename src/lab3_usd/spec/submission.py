@@ -143,22 +143,23 @@ def _prefixes(files: Mapping[str, str]) -> Iterator[tuple[str, str]]:
 def named_checkpoint(name: str, files: Mapping[str, str]) -> str | None:
     """Return the checkpoint that a file name begins with, None for none.
 
-    `files` holds the names of the lab, without ending, by checkpoint. `Lab3_031` is not of 03.
+    `files` holds the names of the lab, without ending, by checkpoint. `Lab3_031` is not of 03, and
+    `jet_a` of a checkpoint `jet_a` rather than of `jet`.
     """
+    longest, found = "", None
     for checkpoint, prefix in _prefixes(files):
         rest = name[len(prefix) :]
         goes_on = rest[:1].isdigit() if prefix[-1:].isdigit() else rest[:1].isalnum()
-        if name.startswith(prefix) and not goes_on:
-            return checkpoint
-    return None
+        if name.startswith(prefix) and not goes_on and len(prefix) > len(longest):
+            longest, found = prefix, checkpoint
+    return found
 
 
 def nearly_named(stem: str, files: Mapping[str, str]) -> str | None:
     """Return the checkpoint whose prefix a name has but for case, gaps and leading zeros."""
-    for checkpoint, prefix in _prefixes(files):
-        if _loose(prefix).match(stem):
-            return checkpoint
-    return None
+    matches = ((_loose(prefix).match(stem), checkpoint) for checkpoint, prefix in _prefixes(files))
+    ends = [(match.end(), checkpoint) for match, checkpoint in matches if match is not None]
+    return max(ends, key=lambda end: end[0])[1] if ends else None
 
 
 @lru_cache(maxsize=64)

@@ -51,13 +51,17 @@ _KIND = f"{INPUT}type"
 
 
 class GraphTopic(Struct, frozen=True):
-    """A topic of one node; `type` is its message type, None where the spec does not say."""
+    """A topic of one node; `type` is its message type, None where the spec does not say.
+
+    `frames` are those that a message names: of its header, then its child's; '' where a wire says.
+    """
 
     name: str
     type: str | None
     is_subscribed: bool
     graph: str
     place: str
+    frames: tuple[str, ...] = ()
 
 
 class GraphFrame(Struct, frozen=True):
@@ -100,7 +104,14 @@ def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
                 is_subscribed=node.type.role == "subscriber",
                 graph=graph.name,
                 place=f"{file_of(graph)}: {node.role}: {_short(port)}",
+                frames=tuple(_frames_of_topic(graph, node, port)),
             )
+
+
+def _frames_of_topic(graph: GraphSpec, node: NodeSpec, topic: str) -> Iterator[str]:
+    wired = {wire.target.port for wire in graph.wires_into(node.role)}
+    for port in frame_ports(node.type, topic):
+        yield "" if port in wired else str(value_of(node, port) or "")
 
 
 def _topic_ports(lab: Lab) -> Iterator[tuple[GraphSpec, NodeSpec, str]]:
@@ -172,7 +183,7 @@ def named_frames(lab: Lab) -> Iterator[GraphFrame]:
 
 
 TREE = "frames: edges"
-_FRAME_FIELDS = ("header.frame_id", "child_frame_id")
+FRAME_FIELDS = ("header.frame_id", "child_frame_id")
 _FRAME_COMMAND = "tf2_echo"
 
 
@@ -252,7 +263,7 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
 def _ros_references(lab: Lab) -> Iterator[tuple[str, str, str]]:
     for topic in lab.ros.topics.values():
         for field, value in (topic.fields or {}).items():
-            if field in _FRAME_FIELDS:
+            if field in FRAME_FIELDS:
                 yield ROS, f"topics: {topic.name}: fields: {field}", value
     navigation = lab.ros.navigation if lab.checkpoints[lab.last].localization else None
     for parameter in () if navigation is None else navigation.frames:

@@ -13,7 +13,12 @@ from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, Checkpoint, FrameSpec, Handout, Policy
 from lab3_usd.spec.yaml_file import record
 
-_ID = re.compile(r"[A-Za-z0-9]+")
+_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+
+
+def is_checkpoint_id(text: str) -> bool:
+    """Whether a checkpoint may be called so."""
+    return _ID.fullmatch(text) is not None
 
 
 class _Additions(Struct, forbid_unknown_fields=True):
@@ -88,8 +93,8 @@ def _entries(specs: Mapping[str, Any]) -> dict[str, CheckpointEntry]:
     found = {}
     for checkpoint_id, spec in specs.items():
         where = f"{CHECKPOINTS}: checkpoint '{checkpoint_id}'"
-        if not _ID.fullmatch(str(checkpoint_id)):
-            raise SpecError(f"{where}: an id is letters and digits, in quotation marks")
+        if not is_checkpoint_id(str(checkpoint_id)):
+            raise SpecError(f"{where}: an id is letters, digits, _ and -, in quotation marks")
         found[checkpoint_id] = record(spec, CheckpointEntry, where)
     return found
 
