@@ -33,7 +33,14 @@ from lab3_usd.spec.load import loader
 
 ROOT = REPOSITORY
 DOCS = ROOT / "docs"
-PAGES = sorted([*ROOT.glob("*.md"), *DOCS.glob("*.md"), ROOT / "schema" / "README.md"])
+FOLDERS = ("schema", "benchmarks")
+PAGES = sorted(
+    [
+        *ROOT.glob("*.md"),
+        *DOCS.glob("*.md"),
+        *(ROOT / name / "README.md" for name in FOLDERS),
+    ]
+)
 BEFORE = re.compile(r"<!-- before:\s+(.+?)\s*-->", re.DOTALL)
 # A command that needs no shell, and what a page may ask of it afterwards.
 ALONE = re.compile(r"""lab3 ([^$&*;<>?`|~\\\n]+)(; echo "exit code \$\?")?""")
