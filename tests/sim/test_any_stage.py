@@ -18,6 +18,7 @@ from foreign_robots import (
     empty_stage,
     revolute,
     rover,
+    truck,
     wheel,
     write_graph,
     write_node,
@@ -350,6 +351,12 @@ def test_a_car_goes_along_the_arc_that_it_is_steered_to(tmp_path: Path) -> None:
     arc = next(leg for leg in found.legs if leg.name == "arc")
     # v tan(0.3) / 0.6 m for 4 s at 0.15 m/s
     assert arc.driven[1] == pytest.approx(math.degrees(0.6 * math.tan(0.3) / 0.6), rel=0.03)
+
+
+def test_with_y_up_no_drive_is_judged(tmp_path: Path) -> None:
+    found = played(truck(), tmp_path)
+    assert (found.verdict, bad(found)) == ("not judged", set())
+    assert ("/drive", 7) in {(robot.topic, robot.domain) for robot in found.robots}
 
 
 def test_a_car_whose_axles_are_further_apart_than_told_turns_less(tmp_path: Path) -> None:

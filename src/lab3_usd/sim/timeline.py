@@ -218,6 +218,8 @@ def record(
     )
     recording.assumed = world.assumed
     recording.not_simulated = unknown_in(world)
+    if wanted.has_ground and scene.up != "Z":
+        recording.not_simulated["/"] = f"robots drive with Z up only, not with {scene.up}"
     recording.fired = {path: node.count for path, node in player.program.nodes.items()}
     level = Affine(about(AXES[2], heading(start)), start.origin)
 
@@ -242,6 +244,7 @@ def record(
         missing,
         depending(player.program, missing),
         unit,
+        scene.up == "Z" or not wanted.has_ground,
     )
     recording.remarks = list(causes.remarks())
     if robot is not None and robot.is_given_ground:

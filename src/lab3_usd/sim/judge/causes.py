@@ -58,6 +58,7 @@ class RunCauses(Struct, frozen=True):
     missing: Collection[str] = ()
     unsure: frozenset[str] = frozenset()  # nodes that depend on what is not known
     unit: float = 1.0  # metres of the stage
+    is_level: bool = True  # whether robots move as they are played: over ground with Z up
 
     def of_silence(self, topic: str, message: str) -> Cause | None:
         """Return why no message of this type comes on a topic."""
@@ -76,6 +77,8 @@ class RunCauses(Struct, frozen=True):
     def doubt(self, check: str, fault: Fault) -> bool:
         """Whether a fault may come from what is not known: nodes, or assets."""
         if fault.prim in self.unsure or (fault.kind in _AROUND and self.missing):
+            return True
+        if check in _DRIVEN and not self.is_level:
             return True
         if check in _DRIVEN:
             bodies = self.robot.rest if self.robot is not None else ()
