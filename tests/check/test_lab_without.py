@@ -216,3 +216,19 @@ def test_a_stage_in_centimetres_shows_what_its_panel_should_show(
         if load["severity"] == "error"
     ]
     assert errors == [("D04", "(0, 0, 0.05)", "(0, 0, 5)")]
+
+
+def test_a_starter_is_not_told_of_what_the_first_checkpoint_adds(
+    repository: Path, tmp_path: Path
+) -> None:
+    folder, starter = tmp_path / "lab", tmp_path / "starter.usda"
+    shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
+    run(folder, "starter", "--out", starter)
+    files = {name: quick_yaml.load((folder / f"{name}.yaml").read_text()) for name in FILES}
+    del files["checkpoints"]["checkpoints"]["1"]
+    files["submission"]["stages"]["differ"].remove("1")
+    (folder / "rubric.yaml").unlink()
+    for name, data in files.items():
+        (folder / f"{name}.yaml").write_text(quick_yaml.dump(data))
+    result = invoke("--lab", folder, "build", starter, "--out", tmp_path / "out", "--only", "2")
+    assert (result.exit_code, result.stderr) == (0, "")
