@@ -56,6 +56,35 @@ def line(text: str) -> Callable[[Any], Any]:
 
 
 ERRORS: dict[str, Case] = {
+    "mass below nothing": (
+        "scene.yaml",
+        lambda said: said["robot"]["links"]["base_link"].update(mass=-0.8),
+        "scene.yaml: robot: links: base_link: mass: -0.8 kg is less than nothing",
+    ),
+    "wheel that is no link": (
+        "scene.yaml",
+        lambda said: said["robot"]["wheels"]["joints"].update(wheel_left_joint="wheel_left"),
+        (
+            "scene.yaml: robot: wheels: joints: wheel_left_joint: 'wheel_left' is no link, "
+            "'wheel_left_link' is (scene.yaml: robot: links)"
+        ),
+    ),
+    "kind of a sensor": (
+        "scene.yaml",
+        lambda said: said["sensors"]["lidar"].update(type="IsaacImuSensor"),
+        "scene.yaml: sensors: lidar: kind: a lidar is a prim of type OmniLidar, not IsaacImuSensor",
+    ),
+    "target of a node": (
+        "ROS_Drive.yaml",
+        lambda said: said["nodes"]["articulation_controller"]["targets"]["C10"].update(
+            targetPrim=["/turtlebot3_burger/base_footprnt"]
+        ),
+        (
+            "ROS_Drive.yaml: articulation_controller: targetPrim: "
+            "'/turtlebot3_burger/base_footprnt' is no prim of the starter, and no sensor, "
+            "'/turtlebot3_burger/base_footprint' is (starter.yaml)"
+        ),
+    ),
     "files that must differ": (
         "submission.yaml",
         lambda said: said["stages"]["differ"].append("09"),
@@ -319,6 +348,14 @@ ERRORS: dict[str, Case] = {
 }
 ONLY_BY_COMMAND = ("requirement of a checklist", "rule of a checklist", "group of an item")
 WARNINGS: dict[str, Case] = {
+    "a kind without the rules of its type": (
+        "scene.yaml",
+        lambda said: said["sensors"]["lidar"].update(kind="imu"),
+        (
+            "warning scene.yaml: sensors: lidar: kind: 'imu' leaves out the rules about prims of "
+            "type OmniLidar, 'lidar' has them (scene.yaml: sensors: lidar: type)"
+        ),
+    ),
     "no points for a checkpoint": (
         "rubric.yaml",
         lambda said: said["items"].pop("nav2"),

@@ -16,6 +16,7 @@ from lab3_usd.spec.contradictions.names import (
     misspelled,
     topic_faults,
 )
+from lab3_usd.spec.contradictions.scene import scene_faults
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
 from lab3_usd.spec.ros import FROM_THE_FIRST
@@ -230,7 +231,7 @@ def lab_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield what contradicts itself in the description of a lab, and what is left out.
 
     Raises:
-        SpecError: the rubric is no YAML.
+        SpecError: the rubric or the description of the starter is no YAML.
     """
     yield from checkpoint_faults(lab)
     yield from checklist_faults(lab)
@@ -238,6 +239,7 @@ def lab_faults(lab: Lab) -> Iterator[LabFault]:
     yield from topic_faults(lab)
     yield from rubric_faults(lab)
     yield from section_faults(lab)
+    yield from scene_faults(lab)
     yield from _unused_files(lab)
 
 

@@ -1,0 +1,102 @@
+"""What of a lab's scene cannot be: masses, wheels, kinds of sensors, targets of its graphs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from lab3_usd.data import data_folder
+from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest
+from lab3_usd.spec.lab import SCENE, STARTER, Lab
+from lab3_usd.spec.yaml_file import read_yaml
+
+
+def scene_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield what no scene can have.
+
+    Raises:
+        SpecError: the description of the starter is no YAML.
+    """
+    robot = lab.scene.robot
+    for name, link in robot.links.items():
+        if link.mass is not None and link.mass < 0:
+            message = f"{link.mass:g} kg is less than nothing"
+            yield LabFault(SCENE, f"robot: links: {name}: mass", message)
+    for joint, name in robot.wheels.joints.items():
+        if name not in robot.links:
+            meant = nearest(name, robot.links)
+            hint = f", '{meant}' is" if meant else ""
+            message = f"'{name}' is no link{hint}"
+            key = f"robot: wheels: joints: {joint}"
+            yield LabFault(SCENE, key, message, f"{SCENE}: robot: links")
+    yield from _sensor_faults(lab)
+    yield from _target_faults(lab)
+
+
+def _sensor_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield the sensors whose kind has rules of its own, about prims of another type."""
+    bundled = data_folder("graphs")
+    if lab.folder == bundled:
+        return
+    types = {
+        sensor["kind"]: sensor["type"] for sensor in read_yaml(bundled / SCENE)["sensors"].values()
+    }
+    for name, sensor in lab.sensors.items():
+        key, other = f"sensors: {name}: kind", f"{SCENE}: sensors: {name}: type"
+        expected = types.get(sensor.kind, sensor.type)
+        if sensor.type != expected:
+            message = f"a {sensor.kind} is a prim of type {expected}, not {sensor.type}"
+            yield LabFault(SCENE, key, message, other)
+            continue
+        kind = next((kind for kind, type_name in types.items() if type_name == sensor.type), "")
+        if kind and sensor.kind != kind:
+            message = f"'{sensor.kind}' leaves out the rules about prims of type {sensor.type},"
+            yield LabFault(SCENE, key, f"{message} '{kind}' has them", other, "warning")
+
+
+def _target_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield the targets that are neither in the lab's own starter nor added to it.
+
+    Of a starter that the lab does not describe nothing is known, nor of what a prim refers to.
+    """
+    if not (lab.folder / STARTER).is_file():
+        return
+    starter = read_yaml(lab.folder / STARTER)
+    kinds = _entries(starter, "kinds")
+    prims = dict(_prims_below("", _entries(starter, "prims"), kinds))
+    referring = tuple(f"{path}/" for path, refers in prims.items() if refers)
+    sensors = {sensor.path for sensor in lab.sensors.values()}
+    for graph in lab.graphs.values():
+        inside = {graph.path, *(f"{graph.path}/{role}" for role in graph.nodes)}
+        known = {*prims, *sensors, *inside}
+        for node in graph.nodes.values():
+            for target in node.targets:
+                for path in target.prims:
+                    if path in known or path.startswith(referring):
+                        continue
+                    meant = nearest(path, known)
+                    hint = f", '{meant}' is" if meant else ""
+                    key = f"{node.role}: {target.port.partition(':')[2]}"
+                    message = f"'{path}' is no prim of the starter, and no sensor{hint}"
+                    yield LabFault(file_of(graph), key, message, STARTER)
+
+
+def _prims_below(
+    path: str, prims: Mapping[str, Any], kinds: Mapping[str, Any]
+) -> Iterator[tuple[str, bool]]:
+    """Yield the paths of the starter's prims, and whether each refers to another prim."""
+    for name, prim in prims.items():
+        place = f"{path}/{name}"
+        like: Mapping[str, Any] = prim if isinstance(prim, dict) else {}
+        refers = False
+        for _ in range(len(kinds) + 1):  # a kind may be like another one
+            refers = refers or bool(like.get("reference"))
+            yield from _prims_below(place, _entries(like, "children"), kinds)
+            like = _entries(kinds, str(like.get("like", "")))
+        yield place, refers
+
+
+def _entries(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """Return a mapping of a file; what is wrong in it is told when it is loaded."""
+    entries = data.get(key)
+    return entries if isinstance(entries, dict) else {}
