@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import errno
 import gc
 import importlib
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Literal, NoReturn
 import click
 
 from lab3_usd.commands.table import COMMANDS, EXAMPLES, GROUPS
-from lab3_usd.data import LAB_VARIABLE
+from lab3_usd.data import LAB_VARIABLE, as_called, program
 from lab3_usd.errors import EXIT_CRASH, EXIT_INTERRUPTED, EXIT_USAGE, Lab3Error, UsageError
 
 if TYPE_CHECKING:
@@ -37,8 +38,7 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         module = importlib.import_module(f"lab3_usd.commands.{cmd_name}")
-        command: click.Command = module.command
-        return command
+        return _as_called(module.command)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands from the table, so that help imports none of them."""
@@ -51,7 +51,8 @@ class LazyGroup(click.Group):
         """Show examples."""
         del ctx
         with formatter.section("Examples"):
-            formatter.write_dl(list(EXAMPLES.items()), col_max=50)
+            examples = [(as_called(line), text) for line, text in EXAMPLES.items()]
+            formatter.write_dl(examples, col_max=50)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -62,7 +63,7 @@ class LazyGroup(click.Group):
             from difflib import get_close_matches
 
             close = " or ".join(f"'{match}'" for match in get_close_matches(name, COMMANDS))
-            hint = f"did you mean {close}?" if close else "lab3 --help lists all"
+            hint = f"did you mean {close}?" if close else f"{program()} --help lists all"
             raise click.UsageError(f"there is no command '{name}'; {hint}")
         return super().resolve_command(ctx, args)
 
@@ -78,29 +79,55 @@ class LazyGroup(click.Group):
         return named + click.Command.shell_complete(self, ctx, incomplete)
 
 
+def _as_called(command: click.Command) -> click.Command:
+    """Return a command whose help has the name by which the program was started."""
+    named = copy.copy(command)
+    named.help = None if command.help is None else as_called(command.help)
+    named.params = [copy.copy(param) for param in command.params]
+    for param in named.params:
+        if isinstance(param, click.Option) and param.help is not None:
+            param.help = as_called(param.help)
+    if isinstance(named, click.Group):
+        named.commands = {name: _as_called(inner) for name, inner in named.commands.items()}
+    return named
+
+
 def _print_version(context: click.Context, _option: click.Parameter, asked: bool) -> None:  # noqa: FBT001
     if asked:
         from lab3_usd.report.options import tool_version
 
-        click.echo(f"lab3, version {tool_version()}")
+        click.echo(f"{program()}, version {tool_version()}")
         context.exit()
 
 
-def _use_lab(context: click.Context, _option: click.Parameter, folder: str | None) -> None:
-    """Name the lab's folder in the environment, which every process of this command reads."""
-    if folder is None:
-        return
-    if not Path(folder).is_dir():
-        raise UsageError(f"{folder}: there is no such folder; --lab names one that describes a lab")
+def _use_lab(context: click.Context, _option: click.Parameter, given: str | None) -> None:
+    """Name the lab's folder in the environment, which every process of this command reads.
+
+    A zip is unpacked to a folder that is there until the command ends.
+    """
     before = os.environ.get(LAB_VARIABLE)
-    os.environ[LAB_VARIABLE] = str(Path(folder).resolve())
+    named = before if given is None else given
+    is_zip = named is not None and named.lower().endswith(".zip") and Path(named).is_file()
+    if named is None or (given is None and not is_zip):
+        return
+    if not is_zip and not Path(named).is_dir():
+        raise UsageError(
+            f"{named}: there is no such folder or zip; --lab names one that describes a lab"
+        )
+    folder = Path(named).resolve()
+    os.environ.pop(LAB_VARIABLE, None)
 
     def put_back() -> None:
-        os.environ.pop(LAB_VARIABLE)
+        os.environ.pop(LAB_VARIABLE, None)
         if before is not None:
             os.environ[LAB_VARIABLE] = before
 
     context.call_on_close(put_back)
+    if is_zip:
+        from lab3_usd.grade.intake.lab_archive import unpacked_lab
+
+        folder = context.with_resource(unpacked_lab(folder))
+    os.environ[LAB_VARIABLE] = str(folder)
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
@@ -115,11 +142,12 @@ def _use_lab(context: click.Context, _option: click.Parameter, folder: str | Non
 @click.option(
     "--lab",
     type=click.Path(),
-    metavar="DIR",
+    metavar="DIR|ZIP",
     is_eager=True,
     expose_value=False,
     callback=_use_lab,
-    help="The folder that describes the lab, in place of the bundled one (or set LAB3_LAB).",
+    help="The folder that describes the lab, or a zip of it, in place of the bundled one (or set "
+    "LAB3_LAB).",
 )
 def lab3() -> None:
     """Author and check the USD stages of a robot lab, without Isaac Sim."""
@@ -155,7 +183,7 @@ def main() -> None:
     gc.freeze()  # what is imported so far is no garbage
     _write_utf8()
     try:
-        lab3.main(prog_name="lab3", standalone_mode=False)
+        lab3.main(prog_name=program(), standalone_mode=False)
     except click.exceptions.Abort:
         _fail("interrupted", EXIT_INTERRUPTED, "crash")
     except click.exceptions.NoArgsIsHelpError as error:
@@ -210,7 +238,7 @@ def _described(error: Exception) -> str:
 
 
 def _fail(message: str, status: int, kind: Literal["usage", "crash"]) -> NoReturn:
-    click.echo(f"lab3: {message}", err=True)
+    click.echo(f"{program()}: {message}", err=True)
     if _json_asked_for(sys.argv[1:]):
         from lab3_usd.report.formats.json_report import (
             dump,

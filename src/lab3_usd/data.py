@@ -1,19 +1,26 @@
 """Where the data files live: beside the package in a wheel, at the top level of a checkout."""
 
 import os
+import re
 import sys
 from functools import cache
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent
 LAB_VARIABLE = "LAB3_LAB"
-COMMANDS = ("lab3", "usdlab")  # the same program; the second says nothing of one lab
+PROGRAMS = ("lab3", "usdlab")  # the same program; the second names no lab
+_PROGRAM = re.compile(rf"(?<![.\w])(_?){PROGRAMS[0]}(?!-usd|\.toml|\w)")
 
 
 def program() -> str:
     """Return the name by which the program was started, for what it says to type."""
     typed = Path(sys.argv[0]).stem if sys.argv else ""
-    return typed if typed in COMMANDS else COMMANDS[0]
+    return typed if typed in PROGRAMS else PROGRAMS[0]
+
+
+def as_called(text: str) -> str:
+    """Return a text about the program with the name by which it was started."""
+    return _PROGRAM.sub(rf"\1{program()}", text)
 
 
 def own_lab() -> Path | None:

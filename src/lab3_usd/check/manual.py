@@ -9,6 +9,7 @@ from functools import lru_cache
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import Rule, all_rules
+from lab3_usd.data import as_called
 from lab3_usd.spec.lab import Lab
 
 _NAME = r"\{(\w+)\}"
@@ -73,6 +74,7 @@ def rules_in(lab: Lab) -> dict[str, Rule]:
 
 def in_words_of(lab: Lab | None, manual: str) -> str:
     """Return a text of a manual with the names of a lab, or with plain ones."""
+    manual = as_called(manual)
     if "{" not in manual:
         return manual
     words = PLAIN if lab is None else _words(lab)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 from msgspec import Struct
 
+from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Problem, Severity, family_of
 
@@ -217,7 +218,8 @@ def check_rule_names(names: Iterable[str], where: str = "") -> tuple[str, ...]:
         rule_id = rule_id or (upper if upper in all_rules() else rule_names().get(name.lower()))
         if rule_id is None:
             place = f"{where}: " if where else ""
-            raise UsageError(f"{place}there is no rule or family '{upper}'; lab3 rules lists them")
+            hint = f"{program()} rules lists them"
+            raise UsageError(f"{place}there is no rule or family '{upper}'; {hint}")
         ids.append(rule_id)
     return tuple(ids)
 

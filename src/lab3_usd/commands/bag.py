@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from lab3_usd.commands.steps.options import color_option, text_or_json
+from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 
 EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
@@ -51,7 +52,8 @@ def command(
     from lab3_usd.spec.load.loader import load_lab
 
     if find_spec("rosbags") is None:
-        raise UsageError("lab3 bag needs the extra lab3-usd[sim]: pip install 'lab3-usd[sim]'")
+        needs = "bag needs the extra lab3-usd[sim]: pip install 'lab3-usd[sim]'"
+        raise UsageError(f"{program()} {needs}")
     from lab3_usd.sim.bag.judge import differences, judge_recording
 
     lab = load_lab()

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from lab3_usd.commands.steps.options import checkpoint_number
+from lab3_usd.data import program
 from lab3_usd.errors import EXIT_FOUND
 
 
@@ -61,7 +62,7 @@ def command(
     try:
         files = build_files(lab, starter, plan_files(lab, folder, numbers, form), options)
     except StarterError as error:
-        click.echo(f"lab3: {error}:", err=True)
+        click.echo(f"{program()}: {error}:", err=True)
         for reason in error.reasons:
             click.echo(f"  {reason}", err=True)
         sys.exit(EXIT_FOUND)

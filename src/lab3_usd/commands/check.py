@@ -18,6 +18,7 @@ from lab3_usd.commands.steps.options import (
     view_options,
     with_config,
 )
+from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def _refuse_trust(options: Mapping[str, Any]) -> None:
             raise UsageError(f"{option} is for files that are trusted, and not for --untrusted")
     if options["form"] == "html":
         raise UsageError(
-            "--format html opens the stages again: use the page that lab3 grade writes"
+            f"--format html opens the stages again: use the page that {program()} grade writes"
         )
     if options["starter"] is None:
         raise UsageError("--untrusted needs the instructor's starter: give --starter")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import click
 from click.shell_completion import get_completion_class
 
+from lab3_usd.data import program
+
 SHELLS = ("bash", "zsh", "fish")
 
 
@@ -23,5 +25,5 @@ def command(ctx: click.Context, shell: str) -> None:
     if completion is None:
         raise click.UsageError(f"click knows no completion for {shell}")
     root = ctx.find_root()
-    program = root.info_name or "lab3"
-    click.echo(completion(root.command, {}, program, "_LAB3_COMPLETE").source())
+    name = root.info_name or program()
+    click.echo(completion(root.command, {}, name, f"_{name.upper()}_COMPLETE").source())

@@ -16,6 +16,7 @@ from typing import Literal
 import click
 from msgspec import Struct
 
+from lab3_usd.data import program
 from lab3_usd.errors import EXIT_FOUND
 from lab3_usd.report.options import NAME, tool_version
 
@@ -45,7 +46,8 @@ def command() -> None:
 
     Exit status: 0 all that is needed works (extras may be missing), 1 something does not.
     """
-    click.echo(f"lab3 {tool_version()}, Python {platform.python_version()}, {platform.platform()}")
+    system = f"Python {platform.python_version()}, {platform.platform()}"
+    click.echo(f"{program()} {tool_version()}, {system}")
     states = []
     for check in _checks():
         states.append(check.state)
@@ -141,5 +143,5 @@ def sandbox() -> Check:
     held = sorted(name for name, is_held in worker.confined.items() if is_held)
     absent = [f"{name} ({WALLS[name]})" for name in sorted({*worker.confined} - {*held})]
     if absent:
-        return Check("sandbox", "missing", f"lab3 grade does without: {', '.join(absent)}")
-    return Check("sandbox", "ok", f"lab3 grade confines {', '.join(held)}")
+        return Check("sandbox", "missing", f"{program()} grade does without: {', '.join(absent)}")
+    return Check("sandbox", "ok", f"{program()} grade confines {', '.join(held)}")

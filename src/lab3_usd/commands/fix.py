@@ -20,6 +20,7 @@ from lab3_usd.commands.steps.options import (
     with_config,
 )
 from lab3_usd.commands.steps.reporting import selected_findings
+from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import (
     original_of,
@@ -177,7 +178,7 @@ def _print_findings(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> No
     click.echo(f"{_shown(stage)}: {len(fixed.repaired)} {done}, {len(fixed.left)} left")
     if fixed.files and not written:
         switches = "".join(f" --{name}" for name in ("lint", "unsafe") if options[name])
-        click.echo(f"to repair: lab3 fix {command_line(_shown(stage))}{switches} --in-place")
+        click.echo(f"to repair: {program()} fix {command_line(_shown(stage))}{switches} --in-place")
 
 
 def _why_left(finding: Finding, fixed: Fixed, *, unsafe: bool) -> str:

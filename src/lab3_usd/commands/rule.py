@@ -10,6 +10,7 @@ import click
 
 from lab3_usd.check.manual import rules_in
 from lab3_usd.check.registry import FAMILIES, Rule
+from lab3_usd.data import program
 from lab3_usd.spec.load.loader import load_lab
 
 WIDTH = 100
@@ -44,7 +45,9 @@ def find_rule(wanted: str, rules: Mapping[str, Rule]) -> Rule:
     close = [rule_id for rule_id in rules if rule_id.startswith(wanted.upper())][:SUGGESTED]
     close = close or difflib.get_close_matches(wanted.upper(), rules, SUGGESTED, cutoff=0.5)
     close += [by_name[name].id for name in difflib.get_close_matches(name, by_name)]
-    hint = f"did you mean {', '.join(dict.fromkeys(close))}" if close else "lab3 rules lists all"
+    hint = f"{program()} rules lists all"
+    if close:
+        hint = f"did you mean {', '.join(dict.fromkeys(close))}"
     raise click.UsageError(f"no rule {wanted!r}; {hint}")
 
 

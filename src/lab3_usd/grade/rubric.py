@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
 from lab3_usd.check.registry import FAMILIES, all_rules
+from lab3_usd.data import program
 from lab3_usd.errors import SpecError
 from lab3_usd.model.fault import FAULT_KINDS
 from lab3_usd.model.finding import REQUIREMENT_KINDS, Requirement, is_among
@@ -379,12 +380,12 @@ def scoring_faults(lab: Lab) -> Iterator[LabFault]:
     for rule in lab.handout.rules:
         if rule not in all_rules():
             yield LabFault(
-                CHECKPOINTS, f"{RULES}: {rule}", "there is no such rule", "see lab3 rules"
+                CHECKPOINTS, f"{RULES}: {rule}", "there is no such rule", f"see {program()} rules"
             )
     required = everything_asked(lab)
     yield from _checklist_faults(lab, required[lab.last])
     if not (lab.folder / RUBRIC).is_file():
-        message = "is missing, so that lab3 grade needs --rubric"
+        message = f"is missing, so that {program()} grade needs --rubric"
         yield LabFault(RUBRIC, "items", message, severity="warning")
         return
     try:
@@ -407,7 +408,7 @@ def _checklist_faults(lab: Lab, required: tuple[Requirement, ...]) -> Iterator[L
         for rule in line.rules:
             if rule not in all_rules():
                 message = f"there is no rule {rule}"
-                yield LabFault(SUBMISSION, f"{key}: rules", message, "see lab3 rules")
+                yield LabFault(SUBMISSION, f"{key}: rules", message, f"see {program()} rules")
 
 
 def _sections_without_points(

@@ -11,6 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.config.settings import Config, matching
+from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.judge.results import Entry, Results, crashed, is_stage_file, with_findings
 from lab3_usd.judge.stage import check_stage, checkpoint_of
@@ -80,7 +81,7 @@ def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:
     if checkpoint is None:
         raise UsageError(
             f"{path}: the name gives no checkpoint (as {lab.checkpoints[lab.first].file} does); "
-            "give one with --checkpoint, or use lab3 lint, which needs none"
+            f"give one with --checkpoint, or use {program()} lint, which needs none"
         )
     return checkpoint
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from lab3_usd.check.rule_runs import RuleResults
+from lab3_usd.data import program
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.judge.results import located, score_of, unreadable, verdict_of
 from lab3_usd.model.finding import StageResult, ordered
@@ -35,7 +36,7 @@ def check_stage(
     if number is None:
         raise UsageError(
             f"{path}: names no checkpoint (as {lab.checkpoints[lab.first].file} does); "
-            "give one with --checkpoint, or use lab3 lint, which needs none"
+            f"give one with --checkpoint, or use {program()} lint, which needs none"
         )
     if number not in lab.checkpoints:
         raise UsageError(

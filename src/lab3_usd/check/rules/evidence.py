@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import shortened
+from lab3_usd.data import program
 from lab3_usd.model.dry_run import Check
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.folder import (
@@ -350,7 +351,8 @@ def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
             name,
             handout="J1",
             severity="error" if explained_by.startswith(_OF_EVIDENCE) else "warning",
-            hint=f"`lab3 rule {explained_by}` explains such faults; `lab3 bag` shows all of it",
+            hint=f"`{program()} rule {explained_by}` explains such faults; "
+            f"`{program()} bag` shows all of it",
         )
 
 

@@ -13,6 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.commands.steps.options import chosen
+from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.judge.results import with_findings
@@ -74,7 +75,7 @@ def read_baseline(path: Path) -> Baseline:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
     except (msgspec.MsgspecError, UnicodeError) as error:
         raise UsageError(
-            f"{path}: is no baseline; lab3 check --write-baseline writes one"
+            f"{path}: is no baseline; {program()} check --write-baseline writes one"
         ) from error
     if baseline.version != VERSION:
         raise UsageError(f"{path}: is a baseline of version {baseline.version}, expected {VERSION}")

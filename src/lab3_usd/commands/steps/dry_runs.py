@@ -6,6 +6,7 @@ from pathlib import Path
 
 from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.check.registry import all_rules
+from lab3_usd.data import program
 from lab3_usd.judge.results import unreadable, with_findings
 from lab3_usd.model.finding import Finding, StageResult
 from lab3_usd.report.behaviour.page import DryRunSummary, dry_run_summary
@@ -35,7 +36,7 @@ def with_dry_run(result: StageResult, shown: dict[str, DryRunSummary]) -> StageR
             "note",
             check.prim or "/",
             f"in a dry run ({check.name}): {check.text}",
-            hint="lab3 sim plays the stage and shows what it does",
+            hint=f"{program()} sim plays the stage and shows what it does",
         )
         for check, rule in ((check, explaining_rule(check)) for check in wrong)
     )

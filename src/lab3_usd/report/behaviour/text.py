@@ -11,6 +11,7 @@ from typing import Any
 from msgspec.structs import asdict
 
 from lab3_usd.check.explanations import explaining_rule
+from lab3_usd.data import program
 from lab3_usd.model.dry_run import Behaviour, Check, Leg, Topic
 from lab3_usd.model.occupancy import MapFit
 from lab3_usd.report.options import NAME, tool_version
@@ -167,7 +168,7 @@ def _check(check: Check, looks: Mapping[str, str], width: int, *, color: bool) -
     yield from (lead + line for line in more)
     rule = explaining_rule(check)
     if check.verdict != "ok" and (check.prim or rule):
-        see = f" (lab3 rule {rule})" if rule else ""
+        see = f" ({program()} rule {rule})" if rule else ""
         named = ": ".join(printable(part) for part in (check.prim, check.cause) if part)
         yield f"{lead}{named}{see}".rstrip()
 

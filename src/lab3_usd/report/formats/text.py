@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec.structs import replace
 
+from lab3_usd.data import program
 from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, StageResult, Submission
 from lab3_usd.report.blocks import Block, blocks
 from lab3_usd.report.entries import (
@@ -62,7 +63,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     count = sum(map(is_repairable, findings))
     if count and not quiet:
         lints = all(result.checkpoint is None for result in report.results)
-        command = "lab3 fix --lint" if lints else "lab3 fix"
+        command = f"{program()} fix --lint" if lints else f"{program()} fix"
         lines.append(f"{REPAIRABLE} {plural(count, 'finding')} can be repaired with {command}")
     return "\n".join(lines) + "\n"
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from msgspec import to_builtins
 
+from lab3_usd.data import program
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.contradictions.names import (
     LabFault,
@@ -251,7 +252,7 @@ def refuse_faulty(lab: Lab) -> None:
     """
     errors = [fault for fault in lab_faults(lab) if fault.severity == "error"]
     if errors:
-        more = f"; and {len(errors) - 1} more, see lab3 lab check" if len(errors) > 1 else ""
+        more = f"; and {len(errors) - 1} more, see {program()} lab check" if len(errors) > 1 else ""
         raise SpecError(f"{errors[0]}{more}")
 
 

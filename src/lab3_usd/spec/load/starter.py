@@ -9,6 +9,7 @@ from typing import Any
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from lab3_usd.data import program
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.lab import SCENE, STARTER
 from lab3_usd.spec.load.lab import parse_scene
@@ -94,7 +95,8 @@ def load_starter_spec(folder: Path) -> StarterSpec:
         SpecError: a file cannot be read, or says something that no prim can be made of.
     """
     if not (folder / STARTER).is_file():
-        raise SpecError(f"{folder} has no {STARTER}: give lab3 build a starter scene of yours")
+        hint = f"give {program()} build a starter scene of yours"
+        raise SpecError(f"{folder} has no {STARTER}: {hint}")
     starter = record(read_yaml(folder / STARTER), _StarterFile, STARTER)
     scene = parse_scene(read_yaml(folder / SCENE))
     kinds: dict[str, _Data] = {}
