@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from breaking import Step, broken, correct_stage, judged
+from foreign_robots import TICK, write_graph
 from invoking import invoke
 from msgspec.structs import replace
 from pxr import Usd, UsdGeom
@@ -133,6 +134,64 @@ def test_a_finding_has_the_edits_that_settle_it(case: str) -> None:
     assert [(finding.fix.edits, finding.fix.safe) for finding in findings if finding.fix] == [
         (edits, is_safe)
     ]
+
+
+ANOTHER = "/Graph/ROS_Odometry"
+
+
+def second_odom(stage: Usd.Stage) -> str:
+    """A publisher of `world -> odom` as Isaac Sim's menu makes it."""
+    values = {"parentFrameId": "world", "childFrameId": "odom"}
+    kind = "ros.ROS2PublishRawTransformTree"
+    nodes = {"Tick": TICK, "TFWorld2Odom": (kind, {**values, "topicName": "/tf"})}
+    write_graph(stage, ANOTHER, nodes, ["Tick.tick -> TFWorld2Odom.execIn"])
+    return f"{ANOTHER}/TFWorld2Odom"
+
+
+def second_clock(stage: Usd.Stage, *more: str) -> str:
+    """A second publisher of the clock, in a graph with publishers of these topics."""
+    nodes = {"Tick": TICK, "Clock": ("ros.ROS2PublishClock", {"topicName": "/clock"})}
+    nodes |= {name: ("ros.ROS2PublishClock", {"topicName": name}) for name in more}
+    wires = [f"Tick.tick -> {name}.execIn" for name in ("Clock", *more)]
+    write_graph(stage, "/Graph/ROS_Clock", nodes, wires)
+    return "/Graph/ROS_Clock"
+
+
+def removed(stage: Usd.Stage, checkpoint: str) -> dict[str, list[str]]:
+    """Which prims the findings would remove, by their rules."""
+    findings = judged(stage, checkpoint).findings
+    return {
+        found.rule: [edit.prim for edit in found.fix.edits if isinstance(edit, RemovePrim)]
+        for found in findings
+        if found.fix
+    }
+
+
+def test_a_publisher_of_a_forbidden_frame_in_a_graph_of_its_own_is_removed() -> None:
+    stage = correct_stage("05")
+    node = second_odom(stage)
+    assert removed(stage, "05") == {"T07": [node]}
+
+
+def test_a_graph_that_only_repeats_is_removed_as_a_whole() -> None:
+    stage = correct_stage("02")
+    graph = second_clock(stage)
+    assert removed(stage, "02") == {"Q01": [graph]}
+
+
+def test_of_a_graph_that_publishes_more_only_the_publisher_is_removed() -> None:
+    stage = correct_stage("02")
+    graph = second_clock(stage, "chatter")
+    assert removed(stage, "02") == {"Q01": [f"{graph}/Clock"]}
+
+
+def test_which_of_two_publishers_is_too_many_on_a_topic_of_ones_own_is_left_open() -> None:
+    stage = correct_stage("02")
+    nodes = {"Tick": TICK}
+    nodes |= {name: ("ros.ROS2PublishClock", {"topicName": "chatter"}) for name in ("One", "Other")}
+    wires = [f"Tick.tick -> {name}.execIn" for name in ("One", "Other")]
+    write_graph(stage, "/Graph/Own", nodes, wires)
+    assert offers(stage, "02") == [("Q01", False)]
 
 
 def offers(stage: Usd.Stage, checkpoint: str) -> list[tuple[str, bool]]:

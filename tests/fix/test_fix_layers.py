@@ -6,7 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from fixing import STRUCTURES, repaired_in
 from layerings import LAYERINGS
+from pxr import Sdf, Usd
+from sabotage import Fault
+from scene_changes import Change, move_prim, several
 from second_author import Style
 
 from lab3_usd.fix.repairing import FixOptions, fix_stage
@@ -41,3 +45,50 @@ def test_a_value_in_any_layer_is_repaired(
         file.write_bytes(data)
     assert len(fixed.files) == 1
     assert check_stage(path, "05").verdict == "pass"
+
+
+ROBOT = "/turtlebot3_burger"
+LIDAR, CAMERA = f"{ROBOT}/base_scan/Lidar2D", f"{ROBOT}/base_footprint/Camera_1"
+DRIVE = f"{ROBOT}/ROS_Drive"
+
+
+def again(path: str, to: str) -> Change:
+    """Put a copy of a graph somewhere else."""
+
+    def change(stage: Usd.Stage) -> None:
+        layer = stage.GetRootLayer()
+        Sdf.CopySpec(layer, path, layer, to)
+
+    return change
+
+
+def strayed_wire(stage: Usd.Stage) -> None:
+    """Connect an input that the lab leaves alone."""
+    controller = stage.GetPrimAtPath(f"{DRIVE}/differential_controller")
+    source = next(iter(controller.GetAttribute("inputs:execIn").GetConnections()))
+    controller.GetAttribute("inputs:wheelRadius").SetConnections([source])
+
+
+MISTAKES = {
+    "graph moved": move_prim(DRIVE, f"{ROBOT}/ActionGraph"),
+    "graph at another parent": move_prim(f"{CAMERA}/ROS_Camera", f"{ROBOT}/base_footprint/Graph"),
+    "lidar renamed": move_prim(LIDAR, f"{ROBOT}/base_scan/Example_Rotary_2D"),
+    "lidar at the root": move_prim(LIDAR, "/Lidar2D"),
+    "camera elsewhere": move_prim(CAMERA, "/World/Camera_1"),
+    "both sensors": several(
+        move_prim(LIDAR, "/World/Lidar2D"), move_prim(CAMERA, f"{ROBOT}/Camera_1")
+    ),
+    "clock twice": again("/World/ROS_Clock", "/World/Clock"),
+    "wire that is not asked for": strayed_wire,
+}
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_what_stands_in_any_file_is_moved_and_removed(
+    mistake: str, structure: str, tmp_path: Path
+) -> None:
+    fault = Fault(mistake, "scene", MISTAKES[mistake], ())
+    repaired = repaired_in(structure, "05", [fault], tmp_path, load_lab())
+    assert repaired is not None
+    assert [finding.rule for finding in repaired[1] if finding.severity == "error"] == []

@@ -5,8 +5,9 @@ from __future__ import annotations
 import difflib
 import random
 import re
+import tempfile
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -201,6 +202,136 @@ def repaired(checkpoint: str, fault: Fault, folder: Path, lab: Lab) -> Outcome |
         return None
     data = next(iter(fixed.files.values()), text.encode())
     return Outcome(fault, fixed, text, data.decode())
+
+
+def _written(layer: Sdf.Layer, path: Path) -> Path:
+    path.write_text(commented(layer.ExportToString()))
+    return path
+
+
+def _one_text(layer: Sdf.Layer, path: Path) -> Path:
+    return _written(layer, path.with_suffix(".usda"))
+
+
+def _one_binary(layer: Sdf.Layer, path: Path) -> Path:
+    layer.Export(str(path), args={"format": "usdc"})
+    return path
+
+
+def _over(layer: Sdf.Layer) -> Sdf.Layer:
+    """Return an empty layer with the units and axes of another."""
+    root = Sdf.Layer.CreateAnonymous(".usda")
+    for name in layer.pseudoRoot.ListInfoKeys():
+        if name != "subLayers":
+            root.pseudoRoot.SetInfo(name, layer.pseudoRoot.GetInfo(name))
+    return root
+
+
+def _graphs_in_sublayers(layer: Sdf.Layer, path: Path) -> Path:
+    """Each graph in a sublayer of its own, all else in the weakest; the root says nothing."""
+    root, scene, graphs = _over(layer), Sdf.Layer.CreateAnonymous(".usda"), list[Sdf.Path]()
+    scene.TransferContent(layer)
+
+    def collect(found: Sdf.Path) -> None:
+        if found.IsPrimPath() and layer.GetPrimAtPath(found).typeName == "OmniGraph":
+            graphs.append(found)
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, collect)
+    for number, graph in enumerate(graphs):
+        part = Sdf.Layer.CreateAnonymous(".usda")
+        Sdf.CreatePrimInLayer(part, graph.GetParentPath() if graph.IsRootPrimPath() else graph)
+        Sdf.CopySpec(layer, graph, part, graph)
+        parent = scene.GetPrimAtPath(graph).nameParent or scene.pseudoRoot
+        del parent.nameChildren[graph.name]
+        name = f"graph{number}.usda"
+        _written(part, path.with_name(name))
+        root.subLayerPaths.append(name)
+    _written(scene, path.with_name("scene.usda"))
+    root.subLayerPaths.append("scene.usda")
+    return _written(root, path.with_suffix(".usda"))
+
+
+def _in_a_layer_elsewhere(layer: Sdf.Layer, path: Path) -> Path:
+    """All in a sublayer of another folder, which no repair may edit."""
+    root = _over(layer)
+    aside = path.parent.parent / f"{path.parent.name}_shared"
+    aside.mkdir(exist_ok=True)
+    _written(layer, aside / "whole.usda")
+    root.subLayerPaths.append(f"../{aside.name}/whole.usda")
+    return _written(root, path.with_suffix(".usda"))
+
+
+def _by_arcs(layer: Sdf.Layer, path: Path, kind: str) -> Path:
+    root = _over(layer)
+    _written(layer, path.with_name("whole.usda"))
+    for prim in layer.rootPrims:
+        over = Sdf.CreatePrimInLayer(root, prim.path)
+        arcs = over.referenceList if kind == "reference" else over.payloadList
+        arc = Sdf.Reference if kind == "reference" else Sdf.Payload
+        arcs.prependedItems.append(arc("whole.usda", prim.path))
+    return _written(root, path.with_suffix(".usda"))
+
+
+def _by_references(layer: Sdf.Layer, path: Path) -> Path:
+    return _by_arcs(layer, path, "reference")
+
+
+def _by_payloads(layer: Sdf.Layer, path: Path) -> Path:
+    return _by_arcs(layer, path, "payload")
+
+
+def _in_variants(layer: Sdf.Layer, path: Path) -> Path:
+    """What is below each prim at the root stands in a variant of it."""
+    root = _over(layer)
+    for prim in layer.rootPrims:
+        Sdf.CopySpec(layer, prim.path, root, prim.path)
+        above = root.GetPrimAtPath(prim.path)
+        choice = Sdf.VariantSpec(Sdf.VariantSetSpec(above, "version"), "first")
+        above.variantSelections["version"] = "first"
+        above.variantSetNameList.prependedItems.append("version")
+        for child in prim.nameChildren:
+            Sdf.CopySpec(layer, child.path, root, choice.primSpec.path.AppendChild(child.name))
+            del above.nameChildren[child.name]
+    return _written(root, path.with_suffix(".usda"))
+
+
+STRUCTURES: dict[str, Callable[[Sdf.Layer, Path], Path]] = {
+    "text": _one_text,
+    "binary": _one_binary,
+    "sublayers": _graphs_in_sublayers,
+    "elsewhere": _in_a_layer_elsewhere,
+    "references": _by_references,
+    "payloads": _by_payloads,
+    "variants": _in_variants,
+}
+
+
+def repaired_in(
+    structure: str, checkpoint: str, faults: Iterable[Fault], folder: Path, lab: Lab
+) -> tuple[Fixed, tuple[Finding, ...]] | None:
+    """Repair a stage that has these faults and is spread over files in this way.
+
+    The findings are those of the files as they are written. None where the faults cannot be made,
+    or are none.
+    """
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.TransferContent(second_stage(checkpoint))
+    try:
+        for fault in faults:
+            fault.break_it(Usd.Stage.Open(layer))
+    except (AttributeError, RuntimeError):  # the second author wrote something else there
+        return None
+    with tempfile.TemporaryDirectory(dir=folder) as own:
+        inner = Path(own, "stage")
+        inner.mkdir()
+        file = f"{lab.checkpoints[checkpoint].file}.usd"
+        path = STRUCTURES[structure](layer, inner / file)
+        fixed = fix_stage(path, checkpoint, lab, FixOptions(unsafe=True))
+        if not has_errors(fixed.before):
+            return None
+        for written, data in fixed.files.items():
+            written.write_bytes(data)
+        return fixed, fixed.judge_again(path)
 
 
 def repaired_edit(number: int, folder: Path, lab: Lab) -> tuple[str, Fixed | None]:

@@ -48,8 +48,12 @@ def edits_of_harm(
     whole: StageSubject, prim: str, name: str | None = None, severity: Severity | None = None
 ) -> tuple[Edit, ...]:
     """Return what ends the harm that a node does: one without a role is removed if it is sure."""
-    extra = (node.path for roles in whole.roles.values() for node in roles.extra)
-    is_removed = severity in {None, "error"} and prim in extra
+    played = (
+        path
+        for roles in whole.roles.values()
+        for path in (*roles.role_of, *(node.path for node in roles.retyped.values()))
+    )
+    is_removed = severity in {None, "error"} and prim not in played
     return (RemovePrim(prim),) if is_removed else edits_in_stage(whole, prim, name)
 
 

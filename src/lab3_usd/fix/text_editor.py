@@ -139,8 +139,10 @@ def _moved_text(text: str, path: str, to: str) -> str:
     """Return the text of a layer with one prim moved or renamed, and every path that names it."""
     if path in read_blocks(text):
         text = _moved_block(text, path, to)
-    # Strings and comments stay.
-    paths = re.compile(rf"{_OPAQUE.pattern}|<{re.escape(path)}(?=[>/.])", re.DOTALL)
+    # Strings and comments stay, and paths in other files.
+    paths = re.compile(
+        rf"(?:{ASSET})<[^>]*>|{_OPAQUE.pattern}|<{re.escape(path)}(?=[>/.])", re.DOTALL
+    )
     return paths.sub(lambda match: f"<{to}" if match[0].startswith("<") else match[0], text)
 
 

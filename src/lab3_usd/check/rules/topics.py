@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import rule
@@ -12,6 +12,7 @@ from lab3_usd.check.robot.wheels import second_commanders
 from lab3_usd.check.ros.running import live_nodes, live_sources
 from lab3_usd.check.ros.topics import PROFILE, Endpoint, endpoints
 from lab3_usd.check.tf.lab_frames import repeated_publishers, repeating_graphs, role_specs
+from lab3_usd.model.changes import Edit, RemovePrim
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.prims import is_at_or_below
 
@@ -58,8 +59,29 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
             handout=None if wanted is None else wanted.handout,
             related=tuple(dict.fromkeys([*(e.node.path for e, _ in repeats[1:]), *paths])),
             severity=severity,
-            fix=edits_of_harm(subject, first.node.path, first.port, severity),
+            fix=tuple(_without(repeats, subject)) if severity is None else (),
         )
+
+
+def _without(
+    repeats: Sequence[tuple[Endpoint, tuple[Endpoint, ...]]], subject: StageSubject
+) -> Iterator[Edit]:
+    """Yield what removes the publishers of one graph that repeat those of the lab.
+
+    A graph that sends and receives nothing else is a copy, and removed as a whole. Which of two
+    publishers is too many where the lab has none, nobody can tell.
+    """
+    played, tree = role_specs(subject), subject.lab.policy.tree_topics
+    if not all(any(other.node.path in played for other in others) for _, others in repeats):
+        return
+    again = {endpoint.node.path for endpoint, _ in repeats}
+    graph = repeats[0][0].node.path.rpartition("/")[0]
+    is_copy = not any(is_at_or_below(path, graph) for path in played) and all(
+        endpoint.node.path in again or endpoint.topic in tree
+        for endpoint in endpoints(subject.stage, subject.lab)
+        if is_at_or_below(endpoint.node.path, graph)
+    )
+    yield from map(RemovePrim, [graph] if is_copy else sorted(again.difference(played)))
 
 
 @rule("Q02", "wrong-topic-type", scope="stage", formerly="topic-of-another-type")

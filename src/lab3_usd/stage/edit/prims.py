@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from msgspec.structs import replace
-from pxr import Sdf
+from pxr import Pcp, Sdf, Usd
 
 from lab3_usd.model.changes import (
     Activate,
@@ -118,7 +118,8 @@ def connect(session: EditSession, edit: Connect) -> None:
     """Let an input be connected to what is named, and to nothing else."""
     layer = session.property_layer(edit.prim, edit.property)
     held = layer.GetAttributeAtPath(f"{edit.prim}.{edit.property}")
-    if held is None and not edit.sources:
+    attribute = session.stage.GetPrimAtPath(edit.prim).GetAttribute(edit.property)
+    if held is None and not (edit.sources or (attribute and attribute.GetConnections())):
         return
     spec = held or _attribute(session, edit.prim, edit.property, edit.type)
     session.touch(spec.layer, edit.prim)
@@ -266,16 +267,17 @@ def remove_prim(session: EditSession, edit: RemovePrim) -> None:
 def move_prim(session: EditSession, edit: MovePrim) -> None:
     """Move a prim to where none stands, in every layer that may be edited.
 
-    Nothing is moved where another layer says something of the prim, or where the new parent is
-    missing or below the prim itself.
+    Nothing is moved where something stood there before, or where the new parent is missing or below
+    the prim itself.
     """
     parent = edit.to.rpartition("/")[0] or "/"
     is_free = not session.stands(edit.to) and (parent == "/" or session.stands(parent))
     if not session.stands(edit.prim) or not is_free or Sdf.Path(edit.to).HasPrefix(edit.prim):
         return
-    layers = session.layers()
-    if any(opinion.layer not in layers for opinion in session.opinions(edit.prim)):
+    if not _is_within_reach(session, edit.prim):
+        _move_copy(session, edit)
         return
+    layers = session.layers()
     for edited in map(session.begin, layers):  # has something stood there before this repair?
         if edited.before.GetPrimAtPath(edit.to) or any(edit.to in move for move in edited.moves):
             return
@@ -283,6 +285,54 @@ def move_prim(session: EditSession, edit: MovePrim) -> None:
         if layer.GetPrimAtPath(edit.prim) is not None or f"<{edit.prim}" in layer.ExportToString():
             session.begin(layer).moves.append((edit.prim, edit.to))
             _move(layer, Sdf.Path(edit.prim), Sdf.Path(edit.to))
+
+
+def _is_within_reach(session: EditSession, path: str) -> bool:
+    """Whether a prim comes from layers that may be edited, and not by an arc of a prim above it.
+
+    A reference of its own moves with it.
+    """
+    layers, root = session.layers(), Pcp.ArcTypeRoot
+    arcs = Usd.PrimCompositionQuery(session.stage.GetPrimAtPath(path)).GetCompositionArcs()
+    own = {spec.layer for spec in session.opinions(path) if str(spec.path) == path}
+    stack = set(session.stage.GetLayerStack(includeSessionLayers=False))
+    return own & stack <= set(layers) and not any(
+        arc.IsAncestral() for arc in arcs if arc.GetArcType() != root and arc.HasSpecs()
+    )
+
+
+def _move_copy(session: EditSession, edit: MovePrim) -> None:
+    """Copy a prim as it is composed, deactivate it where it was, and let what names it follow.
+
+    Nothing is done where it holds instances, or names of files, which are relative to its layer.
+    """
+    old, new = Sdf.Path(edit.prim), Sdf.Path(edit.to)
+    prims = Usd.PrimRange(session.stage.GetPrimAtPath(old), Usd.PrimAllPrimsPredicate)
+    if any(prim.IsInstance() or _names_files(prim) for prim in prims):
+        return
+    mask = Usd.StagePopulationMask([old])
+    source = Usd.Stage.OpenMasked(session.stage.GetRootLayer(), mask).Flatten()
+    _move(source, old, new)
+    copy_prim(session, source, edit.to, edit.to)
+    remove_prim(session, RemovePrim(edit.prim))
+    for prim in session.stage.TraverseAll():
+        path = str(prim.GetPath())
+        for relationship in prim.GetAuthoredRelationships():
+            targets = relationship.GetTargets()
+            if any(target.HasPrefix(old) for target in targets):
+                moved = tuple(str(target.ReplacePrefix(old, new)) for target in targets)
+                set_targets(session, Retarget(path, relationship.GetName(), moved))
+        for attribute in prim.GetAuthoredAttributes():
+            sources = attribute.GetConnections()
+            if any(source.HasPrefix(old) for source in sources):
+                name, kind = attribute.GetName(), str(attribute.GetTypeName())
+                moved = tuple(str(source.ReplacePrefix(old, new)) for source in sources)
+                connect(session, Connect(path, name, kind, moved))
+
+
+def _names_files(prim: Usd.Prim) -> bool:
+    kinds = (attribute.GetTypeName().scalarType for attribute in prim.GetAuthoredAttributes())
+    return any(kind == Sdf.ValueTypeNames.Asset for kind in kinds)
 
 
 def _move(layer: Sdf.Layer, path: Sdf.Path, to: Sdf.Path) -> None:
