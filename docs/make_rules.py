@@ -50,7 +50,7 @@ INTRODUCTION = """\
 
 <!-- Written by docs/make_rules.py from the docstrings of the rules: change those, not this. -->
 
-Every finding names its rule. `lab3 rules` lists them, `lab3 rule W01` prints what stands here.
+Every finding names its rule. `lab3 rules --all` lists them; `lab3 rule W01` prints what is here.
 `lab3 check --select W,P01` reports some of them only, `--ignore P09` leaves some out.
 
 - An **error** is something the handout asks for and the stage does not have.

@@ -12,8 +12,10 @@ from pathlib import Path
 
 import pytest
 from invoking import invoke as lab3
+from places import REPOSITORY
 
 from lab3_usd import cli
+from lab3_usd.check.manual import PARTS
 from lab3_usd.check.registry import FAMILIES, all_rules
 from lab3_usd.report.options import UNKNOWN, tool_version
 
@@ -165,11 +167,28 @@ def test_a_full_disk_is_no_failure_of_the_program() -> None:
 
 
 def test_rules_lists_every_rule_once_and_families_in_order() -> None:
-    lines = lab3("rules").stdout.splitlines()
+    lines = lab3("rules", "--all").stdout.splitlines()
     families = [line.split() for line in lines if not line.startswith(" ")]
     listed = [line.split()[:3] for line in lines if line.startswith(" ")]
     assert families == [[letter, name] for letter, name in FAMILIES.items()]
     assert sorted(listed) == [[r.id, r.severity, r.name] for r in all_rules().values()]
+
+
+def listed_families(*options: object) -> set[str]:
+    lines = lab3(*options, "rules").stdout.splitlines()
+    return {line.split()[0] for line in lines if not line.startswith(" ")}
+
+
+def test_rules_lists_what_the_lab_can_need() -> None:
+    jetbot = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
+    assert {*FAMILIES} - listed_families() == {"D", "K", "UV"}
+    assert {*FAMILIES} - listed_families("--lab", jetbot) == {"C", "M", "V", "K", "UV"}
+    shown = lab3("--lab", jetbot, "rules").stdout
+    assert re.findall(r"(?i)camera|amcl|nav2|\bmap\b|localization", shown) == []
+
+
+def test_each_rule_needs_a_part_that_is_known() -> None:
+    assert {rule.needs for rule in all_rules().values()} - {""} <= {*PARTS}
 
 
 def test_rule_prints_the_whole_manual() -> None:

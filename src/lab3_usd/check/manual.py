@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
 
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import Rule, all_rules
+from lab3_usd.check.robot.sensors import CAMERA, LIDAR, OTHER, kind_of
 from lab3_usd.data import as_called
 from lab3_usd.spec.lab import Lab
 
@@ -72,6 +73,44 @@ def rules_in(lab: Lab) -> dict[str, Rule]:
     }
 
 
+def rules_of_lab(lab: Lab) -> dict[str, Rule]:
+    """Return the rules that can find something in a submission of this lab, in its words."""
+    parts = {part for part, has_part in PARTS.items() if has_part(lab)}
+    return {
+        name: rule
+        for name, rule in rules_in(lab).items()
+        if rule.scope not in _WITHOUT_A_LAB
+        and {rule.needs, _OF_FAMILY.get(rule.family, "")} - {""} <= parts
+    }
+
+
+_WITHOUT_A_LAB = ("lint", "native")
+_OF_FAMILY = {
+    "L": "lidar",
+    "C": "camera",
+    "D": "other sensor",
+    "M": "map",
+    "V": "navigation",
+    "E": "running system",
+}
+# What a lab may leave out, with whether it has it.
+PARTS: Mapping[str, Callable[[Lab], bool]] = {
+    "wheels": lambda lab: bool(lab.scene.robot.wheels.joints),
+    "lidar": lambda lab: lab.first_sensor(LIDAR) is not None,
+    "camera": lambda lab: lab.first_sensor(CAMERA) is not None,
+    "render product": lambda lab: any(map(lab.first_sensor, (LIDAR, CAMERA))),
+    "other sensor": lambda lab: OTHER in map(kind_of, lab.sensors.values()),
+    "observation camera": lambda lab: lab.scene.world.observation_camera is not None,
+    "map": lambda lab: lab.scene.map is not None,
+    "localization": lambda lab: lab.frames.localization is not None,
+    "guarded root": lambda lab: bool(lab.frames.unplaced),
+    "forbidden transform": lambda lab: lab.frames.forbidden is not None,
+    "navigation": lambda lab: lab.ros.navigation is not None,
+    "goal": lambda lab: lab.ros.goal is not None,
+    "running system": lambda lab: bool(lab.topics),
+}
+
+
 def in_words_of(lab: Lab | None, manual: str) -> str:
     """Return a text of a manual with the names of a lab, or with plain ones."""
     manual = as_called(manual)
@@ -120,8 +159,6 @@ def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
 
 def _of_sensors(lab: Lab) -> Iterator[tuple[str, str]]:
     kinds = {sensor.kind: "sensor" for sensor in lab.sensors.values()}
-    from lab3_usd.check.robot.sensors import CAMERA, LIDAR
-
     kinds |= {LIDAR: "lidar", CAMERA: "camera"}
     for kind, word in kinds.items():
         first = lab.first_sensor(kind)

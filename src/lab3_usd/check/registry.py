@@ -126,7 +126,8 @@ class Rule(Struct, frozen=True):
     in by `check.manual`. `formerly` is the name of an earlier release, which is still understood.
     `demands` yields what a checkpoint requires of the scene and the rule judges; several rules may
     judge the same demands. `counted` is what a report calls one of its notes and several, where it
-    only counts them.
+    only counts them. `needs` is the part of a lab (`check.manual.PARTS`) without which there is
+    nothing to judge.
     """
 
     id: str
@@ -138,6 +139,7 @@ class Rule(Struct, frozen=True):
     formerly: str = ""
     demands: Demands | None = None
     counted: tuple[str, str] = ("", "")
+    needs: str = ""
 
     @property
     def family(self) -> str:
@@ -165,7 +167,7 @@ def _origin(check: Callable[..., Iterator[Problem]]) -> tuple[str, str]:
     return check.__module__, check.__qualname__
 
 
-def rule(
+def rule(  # noqa: PLR0913 - decorators name them
     rule_id: str,
     name: str,
     scope: Scope,
@@ -173,6 +175,7 @@ def rule(
     formerly: str = "",
     demands: Demands | None = None,
     counted: tuple[str, str] = ("", ""),
+    needs: str = "",
 ) -> Callable[[Check], Check]:
     """Register a generator of `Problem`s as the rule `rule_id`, which is never used again."""
 
@@ -182,7 +185,7 @@ def rule(
             raise ValueError(f"rule {rule_id} is registered twice")
         manual = inspect.getdoc(check) or ""
         _RULES[rule_id] = Rule(
-            rule_id, name, severity, scope, check, manual, formerly, demands, counted
+            rule_id, name, severity, scope, check, manual, formerly, demands, counted, needs
         )
         _in_order.cache_clear()
         return check

@@ -1,4 +1,4 @@
-"""`lab3 rules`: every rule with its severity and what it is about, by family."""
+"""`lab3 rules`: the rules of a lab with severity and what each is about, by family."""
 
 from __future__ import annotations
 
@@ -7,18 +7,21 @@ from itertools import groupby
 
 import click
 
-from lab3_usd.check.manual import rules_in
+from lab3_usd.check.manual import rules_in, rules_of_lab
 from lab3_usd.check.registry import FAMILIES, Rule
 from lab3_usd.spec.load.loader import load_lab
 
 
 @click.command("rules")
-def command() -> None:
-    """List all rules: id, severity, name and what each is about.
+@click.option("--all", "whole", is_flag=True, help="Also those of lab3 lint and of other labs.")
+def command(*, whole: bool) -> None:
+    """List the rules that the lab can need: id, severity, name and what each is about.
 
     `lab3 rule ID` explains one.
     """
-    click.echo("\n".join(rule_lines(list(rules_in(load_lab()).values()))))
+    lab = load_lab()
+    rules = rules_in(lab) if whole else rules_of_lab(lab)
+    click.echo("\n".join(rule_lines(list(rules.values()))))
 
 
 def rule_lines(rules: list[Rule]) -> Iterator[str]:

@@ -68,7 +68,7 @@ def _is_shown(subject: EvidenceSubject, command: Command) -> bool:
     )
 
 
-@rule("E08", "lifecycle-not-active", scope="evidence")
+@rule("E08", "lifecycle-not-active", scope="evidence", needs="localization")
 def lifecycle_not_active(subject: EvidenceSubject) -> Iterator[Problem]:
     """A node of localization or navigation was not active.
 
@@ -97,7 +97,7 @@ def lifecycle_not_active(subject: EvidenceSubject) -> Iterator[Problem]:
             yield from judge_best(subject.evidence.lifecycle.get(node, ()), judge)
 
 
-@rule("E09", "node-not-running", scope="evidence", severity="warning")
+@rule("E09", "node-not-running", scope="evidence", severity="warning", needs="localization")
 def node_not_running(subject: EvidenceSubject) -> Iterator[Problem]:
     """Nodes of localization or navigation are missing from all saved node lists.
 
@@ -125,7 +125,7 @@ def node_not_running(subject: EvidenceSubject) -> Iterator[Problem]:
         yield Problem(file, message, expected=", ".join(missing))
 
 
-@rule("E15", "forbidden-publisher", scope="evidence")
+@rule("E15", "forbidden-publisher", scope="evidence", needs="forbidden transform")
 def forbidden_publisher(subject: EvidenceSubject) -> Iterator[Problem]:
     """The publisher of `world -> odom` runs: `_Graph_ROS_Odometry_TFWorld2Odom`.
 
@@ -150,7 +150,7 @@ def forbidden_publisher(subject: EvidenceSubject) -> Iterator[Problem]:
             yield Problem(file, message, name, handout=subject.ros.forbidden_nodes.handout)
 
 
-@rule("E16", "goal-not-reached", scope="evidence")
+@rule("E16", "goal-not-reached", scope="evidence", needs="goal")
 def goal_not_reached(subject: EvidenceSubject) -> Iterator[Problem]:
     """No navigation goal succeeded.
 
@@ -191,7 +191,7 @@ def software_missing(subject: EvidenceSubject) -> Iterator[Problem]:
                 yield Problem(shown.file, message, package, handout=subject.ros.system.handout)
 
 
-@rule("E10", "forbidden-transform-shown", scope="evidence")
+@rule("E10", "forbidden-transform-shown", scope="evidence", needs="forbidden transform")
 def forbidden_transform_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     """A saved TF tree contains `world -> odom`.
 

@@ -139,7 +139,7 @@ def _wrong_message(shown: Observation[Message], topic: TopicSpec) -> Iterator[Pr
     yield Problem(shown.file, message, topic.name, handout=topic.handout, hint=_source(topic))
 
 
-@rule("E06", "map-message", scope="evidence")
+@rule("E06", "map-message", scope="evidence", needs="map")
 def map_message(subject: EvidenceSubject) -> Iterator[Problem]:
     """The published map has another resolution, size or origin than the handout's.
 

@@ -247,7 +247,7 @@ class _Placement(Struct, frozen=True):
     unheard: str = ""
 
 
-@rule("T07", "odom-below-another-frame", scope="frames")
+@rule("T07", "odom-below-another-frame", scope="frames", needs="guarded root")
 def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
     """A publisher places `odom` below another frame, as `world -> odom` does.
 
@@ -378,7 +378,7 @@ def _note(path: str, subject: StageSubject) -> Problem:
     )
 
 
-@rule("T08", "competes-with-localization", scope="frames")
+@rule("T08", "competes-with-localization", scope="frames", needs="localization")
 def competes_with_localization(view: TfView) -> Iterator[Problem]:
     """The stage publishes `map -> odom`, which localization publishes.
 

@@ -378,7 +378,7 @@ def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
             yield Problem(node.path, message, actual=node.type_name, fix=(RemovePrim(node.path),))
 
 
-@rule("N12", "wheels-commanded-twice", scope="stage")
+@rule("N12", "wheels-commanded-twice", scope="stage", needs="wheels")
 def wheels_commanded_twice(subject: StageSubject) -> Iterator[Problem]:
     """A second node commands the wheels of the robot.
 

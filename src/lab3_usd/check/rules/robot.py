@@ -181,7 +181,7 @@ def _falls_alone(root: Prim, subject: StageSubject) -> bool:
 _GROUPS = ("Xform", "Scope")
 
 
-@rule("S06", "wheel-collision", scope="stage", demands=link_bodies)
+@rule("S06", "wheel-collision", scope="stage", demands=link_bodies, needs="wheels")
 def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
     """A wheel has no collision geometry, or its collision is disabled.
 

@@ -219,7 +219,7 @@ def _link_offsets(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("S17", "scan-offset", scope="stage", demands=_link_offsets)
 def scan_offset(subject: StageSubject) -> Iterator[Problem]:
-    """A link, as the one that carries the lidar, is not at its place on the robot.
+    """A link that a sensor needs is not at its place on the robot.
 
     Why: a scan is taken at the height of its link and published in that frame. At another place the
     lidar sees parts of the robot, or the walls do not match the map. The link's own transform is

@@ -111,7 +111,7 @@ def starter_prim_moved(subject: StarterSubject) -> Iterator[Problem]:
 
 @rule("U06", "starter-look-changed", scope="starter", severity="warning")
 def starter_look_changed(subject: StarterSubject) -> Iterator[Problem]:
-    """A light, a camera or the visibility of the supplied scene was changed.
+    """What the supplied scene looks like was changed.
 
     Why: the robot's camera sees it, and an RTX lidar sees visible prims. The screenshots differ
     from the expected ones.

@@ -149,9 +149,9 @@ def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
                     )
 
 
-@rule("R04", "named-render-product", scope="graph")
+@rule("R04", "named-render-product", scope="graph", needs="render product")
 def named_render_product(subject: GraphSubject) -> Iterator[Problem]:
-    """A node names a render product that shows another camera, or has another size.
+    """A node names a render product of another sensor, or of another size.
 
     Why: Isaac Create Render Product uses the product that it names as it is. Its own camera prim
     and size count for nothing then: the topic shows what another sensor sees.
@@ -304,7 +304,7 @@ def _named_alike(node: Node, pair: Pair, view: TfView) -> Problem:
     )
 
 
-@rule("T10", "robot-root-alone", scope="frames", severity="warning")
+@rule("T10", "robot-root-alone", scope="frames", severity="warning", needs="camera")
 def robot_root_alone(view: TfView) -> Iterator[Problem]:
     """The robot root is the only target prim, and the camera is not a link of the robot.
 

@@ -38,7 +38,7 @@ _WORDS = {DAMPING: "damping", MAX_FORCE: "the drive's largest force"}
 _DRIVEN = of_each_joint(stiffness="has stiffness 0", damping="has damping and force")
 
 
-@rule("S10", "joint-drive", scope="stage", demands=_DRIVEN)
+@rule("S10", "joint-drive", scope="stage", demands=_DRIVEN, needs="wheels")
 def joint_drive(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint has no velocity drive (stiffness 0, damping and force above 0), or a weak one.
 
@@ -151,7 +151,7 @@ def _weak_drive(joint: WheelJoint, subject: StageSubject, handout: str) -> Itera
     )
 
 
-@rule("S25", "wheel-grip", scope="stage", demands=link_bodies)
+@rule("S25", "wheel-grip", scope="stage", demands=link_bodies, needs="wheels")
 def wheel_grip(subject: StageSubject) -> Iterator[Problem]:
     """A wheel has no friction on the ground.
 

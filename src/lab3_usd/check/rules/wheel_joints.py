@@ -67,7 +67,7 @@ def _wheel_fix(joint: WheelJoint, name: str) -> tuple[Edit, ...]:
 _TURNS_A_WHEEL = of_each_joint(joint="turns a wheel")
 
 
-@rule("S07", "wheel-joint", scope="stage", demands=_TURNS_A_WHEEL)
+@rule("S07", "wheel-joint", scope="stage", demands=_TURNS_A_WHEEL, needs="wheels")
 def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint is missing, disabled, has another name, cannot turn, or is no robot's joint.
 
@@ -173,7 +173,13 @@ def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
     return None
 
 
-@rule("S08", "joint-bodies", scope="stage", demands=of_each_joint(bodies="connects its wheel"))
+@rule(
+    "S08",
+    "joint-bodies",
+    scope="stage",
+    demands=of_each_joint(bodies="connects its wheel"),
+    needs="wheels",
+)
 def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint does not connect its own wheel to a body of the robot.
 
@@ -205,7 +211,7 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
             )
 
 
-@rule("S23", "second-wheel-joint", scope="stage", demands=_TURNS_A_WHEEL)
+@rule("S23", "second-wheel-joint", scope="stage", demands=_TURNS_A_WHEEL, needs="wheels")
 def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     """A second joint ties a wheel, beside its own joint.
 
@@ -250,7 +256,13 @@ def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
     return wheel.live is not None and not is_switched_off(wheel.live, JOINT_ENABLED)
 
 
-@rule("S20", "wheel-distance", scope="stage", demands=of_each_joint(place="sits at its place"))
+@rule(
+    "S20",
+    "wheel-distance",
+    scope="stage",
+    demands=of_each_joint(place="sits at its place"),
+    needs="wheels",
+)
 def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     """The distance between the wheel joints is not the handout's, or the wheels are exchanged.
 
@@ -322,7 +334,9 @@ def _exchanged(places: Mapping[WheelJoint, Vector], wheels: WheelSpec) -> Iterat
     )
 
 
-@rule("S09", "joint-axis", scope="stage", demands=of_each_joint(axis="turns forward"))
+@rule(
+    "S09", "joint-axis", scope="stage", demands=of_each_joint(axis="turns forward"), needs="wheels"
+)
 def joint_axis(subject: StageSubject) -> Iterator[Problem]:
     """A wheel joint has a wrong axis: not the lateral axis of the robot, or inverted.
 

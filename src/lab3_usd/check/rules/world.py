@@ -238,7 +238,7 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
         yield _missing(subject, part, "a physics scene", scenes, _SCENE)
 
 
-@rule("S16", "observation-camera", scope="stage", severity="warning")
+@rule("S16", "observation-camera", scope="stage", severity="warning", needs="observation camera")
 def observation_camera(subject: StageSubject) -> Iterator[Problem]:
     """The observation camera beside the robot is missing.
 
