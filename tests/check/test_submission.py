@@ -43,6 +43,9 @@ LAST = list(LAB.checkpoints)[-1]
 SOME_GRAPH_FAULTS = list(graph_faults(LAB, LAB.checkpoints[LAST]))[7::40]
 
 
+CONCLUDING = ("report.pdf", "video.txt")
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A complete, correct submission."""
@@ -141,8 +144,40 @@ def test_a_folder_that_does_not_exist_is_none(tmp_path: Path) -> None:
 
 def test_a_bare_folder_of_stages_has_no_fault(folder: Path) -> None:
     result = checked(folder / "work")
+    assert (faults(result), notes(result)) == ([], [])
+
+
+def test_a_bare_folder_of_stages_that_is_handed_in_lacks_the_rest(folder: Path) -> None:
+    result = checked(folder / "work", handed_in=True)
     assert faults(result) == []
     assert [note.split()[0] for note in notes(result)] == ["E01", "M10", *["X10"] * 5]
+
+
+def test_in_the_middle_of_the_lab_nothing_is_missing(folder: Path) -> None:
+    for name in ("01", "03", "04", "05", "06", "07", "08"):
+        (folder / stage_name(name)).unlink()
+    for name in ("maps", "results", "assets"):
+        shutil.rmtree(folder / name)
+    finished = checked(folder)
+    for name in CONCLUDING:
+        (folder / name).unlink()
+    result = checked(folder)
+    assert {finding.rule for finding in finished.submission.findings} >= {
+        "X01",
+        "X06",
+        "X10",
+        "E01",
+    }
+    assert (faults(result), notes(result)) == ([], [])
+    assert result.submission.to_come == ("01", "03", "04", "05", "06", "07", "08")
+    assert result.submission.checklist == checked(folder, handed_in=True).submission.checklist
+
+
+@pytest.mark.parametrize("other", CONCLUDING)
+def test_a_report_or_a_video_says_that_a_folder_is_handed_in(folder: Path, other: str) -> None:
+    (folder / stage_name("08")).unlink()
+    (folder / other).unlink()
+    assert f"X01 {stage_name('08')}" in faults(checked(folder))
 
 
 # -- stages
@@ -433,7 +468,7 @@ def test_of_too_many_files_the_first_are_looked_at(
 
 def test_an_empty_folder_of_work_lacks_every_stage(tmp_path: Path) -> None:
     (tmp_path / "work").mkdir()
-    result = checked(tmp_path)
+    result = checked(tmp_path, handed_in=True)
     assert result.results == ()
     missing = [f"X01 {stage_name(number)}" for number in LAB.checkpoints]
     assert faults(result) == ["M01 maps/turtlebot3_map.yaml", *missing]

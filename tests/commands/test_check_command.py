@@ -214,3 +214,22 @@ def test_two_runs_give_the_same_bytes(wrong: Path) -> None:
     alone, here = check_alone(*asked), check(*asked)
     assert (alone.returncode, alone.stdout) == (here.returncode, here.stdout)
     assert here.returncode == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "missing"),
+    [
+        ((), 0),
+        (("--submission",), 7),
+        (("--require-evidence",), 7),
+        (("--format", "gradescope"), 7),
+    ],
+)
+def test_what_is_missing_counts_in_a_folder_that_is_handed_in(
+    tmp_path: Path, options: tuple[str, ...], missing: int
+) -> None:
+    for number, name in (("00", "Lab3_00_student_start"), ("01", "Lab3_01_ros_clock")):
+        build_checkpoint(None, number, tmp_path / f"{name}.usda")
+    result = lab3("check", tmp_path, *options)
+    assert result.stdout.count("the stage of checkpoint") == missing
+    assert result.returncode == (1 if missing else 0)

@@ -19,7 +19,7 @@ BEFORE = "work/Lab3_01_ros_clock.usda"
 CALLS = {
     "starter": ["starter", "-o", "Łódź starter.usda"],
     "build": ["build", "--out", "built", "--only", "00"],
-    "check": ["check", STAGE],
+    "check": ["check", "work"],
     "fix": ["fix", STAGE],
     "sim": ["sim", STAGE, "--bag", "bag", "--drive", "0.15,0,2 0,0,1 0,0.8,1.5 0,0,1"],
     "bag": ["bag", "bag", "--checkpoint", "05"],
@@ -50,7 +50,10 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[int, st
     for name in (BEFORE, STAGE):
         build_checkpoint(None, Path(name).name[5:7], folder / name)
     calls = {
-        name: [str(folder / word) if "/" in word and name in NAMED else word for word in words]
+        name: [
+            str(folder / word) if word.startswith("work") and name in NAMED else word
+            for word in words
+        ]
         for name, words in CALLS.items()
     }
     environment = windows_like.site_folder(tmp_path_factory.mktemp("site"))

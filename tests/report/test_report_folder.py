@@ -7,7 +7,15 @@ import json
 import pytest
 from msgspec.structs import replace
 
-from lab3_usd.model.finding import Finding, Report, Score, StageResult, Verdict
+from lab3_usd.model.finding import (
+    ChecklistItem,
+    Finding,
+    Report,
+    Score,
+    StageResult,
+    Submission,
+    Verdict,
+)
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.options import Options
 
@@ -51,7 +59,7 @@ def test_a_fault_that_is_carried_along_is_told_once() -> None:
 def test_a_fault_says_which_stages_have_it(having: tuple[str, ...], where: str) -> None:
     stages = [stage(each, *((RADIUS,) if each in having else ())) for each in ("02", "03", "04")]
     shown = told(*stages, stage("05", *((RADIUS,) if "05" in having else ())))
-    assert f"differential_controller.inputs:wheelRadius {where} inputs:wheelRadius is" in shown
+    assert f"inputs:wheelRadius is 0.033, expected 0.025 ({where}; handout C8)" in shown
 
 
 def test_the_order_of_the_command_line_does_not_decide_what_came_first() -> None:
@@ -101,6 +109,56 @@ def test_points_decide_between_faults_of_as_many_checkpoints() -> None:
 def test_few_errors_need_no_list_of_what_comes_first() -> None:
     faults = [fault(number, "B4") for number in range(3)]
     assert "Repair these first" not in told(stage("01", *faults), stage("02"))
+
+
+def test_errors_of_the_same_stages_need_no_list_of_what_comes_first() -> None:
+    faults = [fault(number, "B4") for number in range(5)]
+    assert "Repair these first" not in told(stage("01"), stage("02", *faults))
+
+
+def told_of_a_folder(*to_come: str, results: tuple[StageResult, ...], **options: object) -> str:
+    item = ChecklistItem("Isaac Sim", "Drive graph exists", "not met")
+    folder = Submission("work", checklist=(item,), handed_in=False, to_come=to_come)
+    inside = tuple(replace(result, path=f"work/{result.path}") for result in results)
+    report = Report(inside, (folder,))
+    shown = render("text", report, None, Options(**options))  # type: ignore[arg-type]
+    return " ".join(shown.split())
+
+
+BEGUN = (stage("00", verdict="pass"), stage("01", verdict="pass"), stage("02", verdict="pass"))
+
+
+def test_what_is_not_begun_is_one_line_and_the_next_part_another() -> None:
+    shown = told_of_a_folder("03", "04", "05", "06", "07", "08", results=BEGUN)
+    assert "03 to 08: not begun" in shown
+    assert "next Part D of the handout" in shown
+    assert "ROS_Lidar2D" in shown
+    assert "save the stage as Lab3_03_lidar.usda" in shown
+
+
+def test_errors_are_to_be_repaired_before_the_next_part() -> None:
+    results = (*BEGUN[:2], stage("02", RADIUS))
+    shown = told_of_a_folder("03", "04", "05", "06", "07", "08", results=results)
+    assert "next repair the errors; then Part D" in shown
+
+
+def test_a_stage_that_was_skipped_is_named() -> None:
+    to_come = ("01", "03", "04", "05", "06", "07", "08")
+    shown = told_of_a_folder(*to_come, results=(BEGUN[0], BEGUN[2]))
+    assert "01: no stage; 03 to 08: not begun" in shown
+
+
+def test_after_the_last_checkpoint_handing_in_comes_next() -> None:
+    results = tuple(stage(f"0{number}", verdict="pass") for number in range(9))
+    assert "next lab3 check work --submission" in told_of_a_folder(results=results)
+
+
+@pytest.mark.parametrize(("verbosity", "listed"), [("normal", False), ("verbose", True)])
+def test_the_checklist_of_a_folder_that_is_worked_on_is_for_the_verbose(
+    verbosity: str, *, listed: bool
+) -> None:
+    shown = told_of_a_folder("03", results=BEGUN, verbosity=verbosity)
+    assert ("Drive graph exists" in shown) == listed
 
 
 def test_equal_faults_share_an_id_in_json_wherever_they_stand() -> None:

@@ -35,6 +35,11 @@ if TYPE_CHECKING:
 @assets_option
 @native_option
 @report_options
+@click.option(
+    "--submission",
+    is_flag=True,
+    help="Judge folders as handed in: missing stages and deliverables count, and the checklist.",
+)
 @click.option("--require-evidence", is_flag=True, help="Missing evidence is an error.")
 @click.option(
     "--untrusted",
@@ -47,7 +52,9 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     """Check stages and submissions against the lab.
 
     PATHS are stage files, folders of stages, or submission folders. The checkpoint is read from
-    each file's name. With --untrusted, they are submissions of strangers: folders or archives.
+    each file's name. Of a folder without a report or a video, what is missing is still to come,
+    unless --submission is given. With --untrusted, they are submissions of strangers: folders or
+    archives.
     Exit status: 0 nothing found, 1 findings or not judged, 2 wrong usage or no such path, 3 the
     tool itself failed.
     """
@@ -140,6 +147,7 @@ def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
         config=options["config"],
         heeds_ignores=True,
         native=wants_native(options),
+        handed_in=options["submission"] or options["form"] == "gradescope",
     )
 
     def judge(work: list[Entry], jobs: int) -> Generator[Results]:

@@ -29,6 +29,7 @@ class JudgeSettings(Struct, frozen=True):
     Without a checkpoint `config` or the name of each file gives one. With `require_evidence`,
     saved output that is missing is an error instead of a note. With `heeds_ignores`, what notes in
     a stage ignore on purpose is left out. With `native`, OpenUSD's own validators judge as well.
+    With `handed_in`, folders are submissions, and what they lack is missing.
     """
 
     checkpoint: str | None = None
@@ -38,6 +39,7 @@ class JudgeSettings(Struct, frozen=True):
     config: Config = Config()
     heeds_ignores: bool = False
     native: bool = False
+    handed_in: bool = False
 
 
 def find_entries(path: str, settings: JudgeSettings) -> Iterator[Entry]:
@@ -53,7 +55,7 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Entry]:
         return
     from lab3_usd.judge.folder import is_submission
 
-    if is_submission(Path(path)):
+    if settings.handed_in or is_submission(Path(path)):
         yield Entry(path, is_submission=True)
         return
     files = sorted(
@@ -131,6 +133,7 @@ def judge_entry(settings: JudgeSettings, entry: Entry) -> Results:
             settings.require_evidence,
             settings.heeds_ignores,
             settings.native,
+            handed_in=settings.handed_in,
         )
         judged = check_folder(Path(entry.path), folder)
         return judged.results, (judged.submission,)

@@ -130,8 +130,13 @@ class FolderContents(Struct, frozen=True):
         return frozenset(entry.path for entry in self.listing.entries if entry.why_not)
 
 
-def judge_maps(contents: FolderContents, maps: Path | None, stage: Path | None) -> RuleResults:
-    """Judge the map of the submission, or of the folder `maps`; with a stage, also its walls."""
+def judge_maps(
+    contents: FolderContents, maps: Path | None, stage: Path | None, *, handed_in: bool
+) -> RuleResults:
+    """Judge the map of the submission, or of the folder `maps`; with a stage, also its walls.
+
+    Nothing is said of a map that is still to come.
+    """
     lab = contents.lab
     facts = lab.scene.map
     if facts is None:
@@ -141,6 +146,8 @@ def judge_maps(contents: FolderContents, maps: Path | None, stage: Path | None) 
         subject = map_subject(find_map(maps, facts), facts)
     else:
         path = _map_path(contents, facts)
+        if not handed_in and (path is None or not path.exists()):
+            return RuleResults()
         if path is not None and path.relative_to(root).as_posix() in contents.refused:
             return RuleResults()
         subject = map_subject(path, facts, root=root)
@@ -220,7 +227,7 @@ def read_saved_outputs(contents: FolderContents) -> Evidence:
 
 
 def judge_saved_outputs(
-    contents: FolderContents, evidence: Evidence, until: str, *, required: bool
+    contents: FolderContents, evidence: Evidence, until: str, *, required: bool, handed_in: bool
 ) -> RuleResults:
     """Judge the saved output, up to what the checkpoint `until` asks for."""
     subject = EvidenceSubject(
@@ -230,6 +237,7 @@ def judge_saved_outputs(
         evidence=evidence,
         reached=contents.lab.until(until),
         required=required,
+        handed_in=handed_in,
     )
     return run_family("evidence", "E", subject, contents.lab)
 

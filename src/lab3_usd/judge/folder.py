@@ -46,7 +46,8 @@ class FolderSettings(Struct, frozen=True):
     `heeds_ignores`, what notes in a stage ignore on purpose is left out. With `native`, OpenUSD's
     own validators judge the stages as well. `may_open` is told of each recording before it is
     opened, and says why it is not to be. `digests` are those of files by path, as far as they are
-    known.
+    known. With `handed_in`, what is missing is missed; without, a folder is taken for one that is
+    worked on until it holds what concludes the lab.
     """
 
     starter: Path | Starter | None = None
@@ -56,6 +57,7 @@ class FolderSettings(Struct, frozen=True):
     native: bool = False
     may_open: Callable[[str], str] = opens_all
     digests: Mapping[str, str] = field(default_factory=dict)
+    handed_in: bool = False
 
 
 class FolderResult(Struct, frozen=True):
@@ -96,6 +98,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     recordings = read_recordings(folder, entries, (lab, until), may_open)
     evidence = replace(read_saved_outputs(contents), recordings=recordings)
     required = settings.require_evidence
+    handed_in = settings.handed_in or required or _is_concluded(contents)
     readable = [result.path for result in results.values() if result.verdict != "unreadable"]
     subject = SubmissionSubject(
         lab=lab,
@@ -107,19 +110,35 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
             for number, result in results.items()
         },
         starter=starters.submitted,
+        handed_in=handed_in,
     )
     judged = merge_results((
         run_family("submission", "X", subject, lab),
-        judge_maps(contents, settings.maps, Path(readable[-1]) if readable else None),
+        judge_maps(
+            contents, settings.maps, Path(readable[-1]) if readable else None, handed_in=handed_in
+        ),
         judge_parameters(contents),
         judge_saved_outputs(
-            contents, evidence, lab.last if required else until, required=required
+            contents, evidence, lab.last if required else until,
+            required=required, handed_in=handed_in,
         ),
     ))  # fmt: skip
     findings = ordered(_with_files(judged.findings, folder))
     known = ChecklistInput(lab, spec, contents.ros, contents.listing, results, findings, evidence)
-    submission = Submission(str(folder), findings, decide_checklist(known), judged.crashes)
+    to_come = () if handed_in else tuple(n for n in lab.checkpoints if n not in results)
+    submission = Submission(
+        str(folder), findings, decide_checklist(known), judged.crashes, handed_in, to_come
+    )
     return FolderResult(tuple(results.values()), submission)
+
+
+def _is_concluded(contents: FolderContents) -> bool:
+    """Whether a folder holds what is made when all else is done: the report, say."""
+    held = contents.listing.deliverables
+    return any(
+        deliverable.concludes and len(held.get(name, ())) >= deliverable.at_least
+        for name, deliverable in contents.spec.deliverables.items()
+    )
 
 
 def _results(

@@ -246,12 +246,18 @@ class ChecklistItem(Struct, frozen=True):
 
 
 class Submission(Struct, frozen=True):
-    """What is said of a student's folder as a whole, beside its stages."""
+    """What is said of a student's folder as a whole, beside its stages.
+
+    `to_come` are the checkpoints without a stage, in a folder that is worked on (`handed_in` is
+    False) and not handed in.
+    """
 
     path: str
     findings: tuple[Finding, ...] = ()
     checklist: tuple[ChecklistItem, ...] = ()
     crashes: tuple[Crash, ...] = field(default=())
+    handed_in: bool = True
+    to_come: tuple[str, ...] = ()
 
 
 def section_key(name: str | None) -> SectionKey:

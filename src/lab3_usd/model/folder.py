@@ -205,7 +205,8 @@ class Evidence(Struct, frozen=True):
 class EvidenceSubject(Struct, frozen=True):
     """Saved diagnostics beside what they must show by the checkpoints that were reached.
 
-    With `required`, evidence that is missing is an error instead of a note.
+    With `required`, evidence that is missing is an error instead of a note. Of a folder that is
+    not `handed_in` it is not asked.
     """
 
     ros: RosSpec
@@ -214,6 +215,7 @@ class EvidenceSubject(Struct, frozen=True):
     evidence: Evidence
     reached: tuple[str, ...]
     required: bool = False
+    handed_in: bool = True
 
     def asks_from(self, since: str) -> bool:
         """Whether what holds from a checkpoint on must be shown."""
@@ -289,7 +291,8 @@ class Listing(Struct, frozen=True):
 class SubmissionSubject(Struct, frozen=True):
     """A submission: its files, and the results of its stages by checkpoint.
 
-    `digests` tell files apart, by checkpoint; `starter` is None where there is none.
+    `digests` tell files apart, by checkpoint; `starter` is None where there is none. What is
+    missing in a folder that is not `handed_in` is still to come.
     """
 
     lab: Lab
@@ -298,3 +301,4 @@ class SubmissionSubject(Struct, frozen=True):
     results: Mapping[str, StageResult]
     digests: Mapping[str, str]
     starter: StarterFile | None = None
+    handed_in: bool = True

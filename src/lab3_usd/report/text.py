@@ -9,11 +9,12 @@ from itertools import groupby
 
 from msgspec import Struct
 
-from lab3_usd.model.finding import ChecklistItem, Finding
+from lab3_usd.model.finding import ChecklistItem, Finding, Submission, Verdict
 from lab3_usd.report.blocks import Block, Fault, Stage, Stages, faults
 from lab3_usd.report.entries import site
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import Excerpt, excerpt_lines, paint, visible
+from lab3_usd.spec.lab import Lab
 
 NARROWEST = 40
 LABEL = 10
@@ -76,11 +77,13 @@ def finding_blocks(findings: Iterable[tuple[Finding, str]], page: Page) -> Itera
             yield from _heading(finding, page, f"{site(finding)}: {finding.message}{place}")
             continue
         yield from _heading(finding, page, site(finding))
-        if stages:
-            yield INDENT + paint(visible(stages), "dim", color=page.color)
-        yield from wrapped(finding.message, INDENT, page.width)
+        handout = f"; handout {finding.handout}" if finding.handout else ""
+        place = f" ({stages}{handout})" if stages else ""
+        yield from wrapped(f"{finding.message}{place}", INDENT, page.width)
         yield from _frame(finding, page)
         yield from _details(finding, page)
+        if finding.handout and not stages:
+            yield from _labelled("handout", finding.handout, page)
         rule = page.rules.get(finding.rule)
         if page.verbose and rule is not None and finding.rule not in explained:
             explained.add(finding.rule)
@@ -129,7 +132,7 @@ def _frame(finding: Finding, page: Page) -> Iterator[str]:
 
 def _details(finding: Finding, page: Page) -> Iterator[str]:
     for label, value in (("expected", finding.expected), ("actual", finding.actual)):
-        if value is not None and value not in finding.message:
+        if value is not None and _last_name(value) not in finding.message:
             yield from _labelled(label, value, page)
     text = f"{finding.message} {finding.expected}"
     related = [prim for prim in finding.related if prim not in text]
@@ -137,8 +140,11 @@ def _details(finding: Finding, page: Page) -> Iterator[str]:
         yield from _labelled("see also", " ".join(related), page)
     if finding.hint:
         yield from _labelled("hint", " ".join(finding.hint.split()), page)
-    if finding.handout:
-        yield from _labelled("handout", finding.handout, page)
+
+
+def _last_name(value: str) -> str:
+    """Return the last name of the path of a prim or property, which tells it from its siblings."""
+    return value.rpartition("/")[2] if value.startswith("/") else value
 
 
 def _labelled(label: str, value: str, page: Page) -> Iterator[str]:
@@ -211,10 +217,10 @@ def fault_lines(block: Block, page: Page) -> Iterator[str]:
 def _repair_order(block_faults: Sequence[Fault], block: Block, page: Page) -> Iterator[str]:
     """Yield the few errors whose repair wins most checkpoints, and then most points.
 
-    Where there are hardly more errors than that, nothing is said.
+    Where there are hardly more errors than that, or all are in the same stages, nothing is said.
     """
     errors = [fault for fault in block_faults if fault.finding.severity == "error" and fault.stages]
-    if len(errors) <= MOST:
+    if len(errors) <= MOST or len({fault.stages for fault in errors}) == 1:
         return
 
     def gain(fault: Fault) -> tuple[int, float]:
@@ -250,11 +256,46 @@ def _stages_text(stages: Stages, block: Block) -> str:
 
 
 def _spans(stages: Sequence[Stage], block: Block) -> str:
-    """Name stages in short: `03`, `03, 04`, `02 to 05, 08`."""
-    order = {stage.index: place for place, stage in enumerate(block.stages)}
+    """Name stages in short, by their labels."""
+    places = {stage.index: place for place, stage in enumerate(block.stages)}
+    return _short(
+        [places[stage.index] for stage in stages], [stage.label for stage in block.stages]
+    )
+
+
+def _short(places: Iterable[int], labels: Sequence[str]) -> str:
+    """Name some of the labels: `03`, `03, 04`, `02 to 05, 08`."""
     spans: list[str] = []
     few = 2
-    for _, run in groupby(enumerate(stages), key=lambda pair: order[pair[1].index] - pair[0]):
-        labels = [stage.label for _, stage in run]
-        spans += labels if len(labels) <= few else [f"{labels[0]} to {labels[-1]}"]
+    for _, run in groupby(enumerate(places), key=lambda pair: pair[1] - pair[0]):
+        names = [labels[place] for _, place in run]
+        spans += names if len(names) <= few else [f"{names[0]} to {names[-1]}"]
     return ", ".join(spans)
+
+
+def to_come_text(to_come: Collection[str], checkpoints: Sequence[str]) -> str:
+    """Say which checkpoints have no stage: `01: no stage; 03 to 08: not begun`."""
+    places = [place for place, number in enumerate(checkpoints) if number in to_come]
+    begun = max((p for p in range(len(checkpoints)) if p not in places), default=-1)
+    skipped = _short([place for place in places if place < begun], checkpoints)
+    ahead = _short([place for place in places if place > begun], checkpoints)
+    texts = (skipped and f"{skipped}: no stage", ahead and f"{ahead}: not begun")
+    return "; ".join(filter(None, texts))
+
+
+def next_step(submission: Submission, verdict: Verdict, lab: Lab, page: Page) -> Iterator[str]:
+    """Yield what comes next in a folder that is worked on: a part of the handout, or handing in."""
+    numbers = list(lab.checkpoints)
+    begun = [number for number in numbers if number not in submission.to_come]
+    following = numbers[numbers.index(begun[-1]) + 1 :] if begun else numbers
+    first = "repair the errors; then " if verdict in {"fail", "unreadable"} else ""
+    if not following:
+        text = f"{first}lab3 check {submission.path} --submission says what else is handed in"
+        yield from _labelled("next", text, page)
+        return
+    checkpoint = lab.checkpoints[following[0]]
+    added = ", ".join((*checkpoint.new_sensors, *checkpoint.new))
+    adds = f" adds {added}" if added else " changes no graph"
+    text = f"{first}Part {checkpoint.part} of the handout ({checkpoint.title}){adds}"
+    ending = lab.submission.stages.endings[0]
+    yield from _labelled("next", f"{text}; save the stage as {checkpoint.file}{ending}", page)

@@ -39,7 +39,7 @@ class Deliverable(Struct, frozen=True, forbid_unknown_fields=True):
 
     A file counts by its ending; where `names` and `links` are given, also by its name when it
     holds one of the links, and never by the names `never`. `folder` limits the search to the
-    folders of saved output.
+    folders of saved output. With `concludes`, it is made when all else is done.
     """
 
     name: str
@@ -52,6 +52,7 @@ class Deliverable(Struct, frozen=True, forbid_unknown_fields=True):
     links: tuple[str, ...] = ()
     at_least: int = 1
     folder: str = ""
+    concludes: bool = False
 
 
 class StarterRules(Struct, frozen=True, forbid_unknown_fields=True):

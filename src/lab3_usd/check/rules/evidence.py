@@ -39,6 +39,8 @@ def evidence_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Example: a folder `{shown}` without the output of `ros2 topic hz {scan}`.
     """
+    if not subject.handed_in:
+        return
     missing: dict[str, list[Command]] = {}
     asked = [c for c in subject.ros.commands if not c.extra and subject.asks_from(c.since)]
     for command in asked:

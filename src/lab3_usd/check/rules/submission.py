@@ -25,6 +25,8 @@ def missing_stage(subject: SubmissionSubject) -> Iterator[Problem]:
 
     Example: `{stages}` holds `{stage2}` and `{stage4}`, but no `{stage3}`.
     """
+    if not subject.handed_in:
+        return
     handout, ending = subject.spec.stages.handout, subject.spec.stages.endings[0]
     unusable = {entry.name.partition(".")[0] for entry in subject.listing.entries if entry.why_not}
     for number, checkpoint in subject.lab.checkpoints.items():
@@ -172,7 +174,7 @@ def starter_not_there(subject: SubmissionSubject) -> Iterator[Problem]:
 
     Example: a submission without the folder `{assets}`.
     """
-    if subject.starter is None and subject.listing.stage_folder:
+    if subject.handed_in and subject.starter is None and subject.listing.stage_folder:
         name = f"{subject.spec.stages.starter}{subject.spec.stages.endings[0]}"
         path = f"{subject.spec.folders.starter}/{name}"
         yield Problem(path, "the starter is not here", handout=subject.spec.folders.handout)
@@ -205,7 +207,8 @@ def lost_work(subject: SubmissionSubject) -> Iterator[Problem]:
     """A checkpoint lacks something that the previous checkpoint had.
 
     Why: each part builds on the previous one. If a stage was saved from an older file, or something
-    was deleted by accident, all later stages lack it too.
+    was deleted by accident, all later stages lack it too. Before the folder is handed in, this is
+    said of many things at once only: each is a finding of its own.
 
     Fix: open the previous checkpoint, repeat the last part there, and save it under this name.
 
@@ -216,7 +219,7 @@ def lost_work(subject: SubmissionSubject) -> Iterator[Problem]:
         if subject.digests.get(before) == subject.digests.get(number):
             continue
         lost = _lost(earlier, later)
-        if lost:
+        if len(lost) > (0 if subject.handed_in else _SHOWN):
             path = subject.listing.stages[number].path
             message = f"checkpoint {before} had what is gone here: {_few(tuple(lost))}"
             earlier_path = subject.listing.stages[before].path
@@ -279,6 +282,8 @@ def deliverable_not_found(subject: SubmissionSubject) -> Iterator[Problem]:
 
     Example: no link to a video in any text file.
     """
+    if not subject.handed_in:
+        return
     for name, wanted in subject.spec.deliverables.items():
         found = subject.listing.deliverables.get(name, ())
         if len(found) >= wanted.at_least:

@@ -83,7 +83,10 @@ def grade_submission(
     )
     with _inside(staged.folder), fenced(fence):
         settings = FolderSettings(
-            starter=setup.starter, may_open=partial(_may_open, fence), digests=staged.digests
+            starter=setup.starter,
+            may_open=partial(_may_open, fence),
+            digests=staged.digests,
+            handed_in=True,
         )
         judged = _without_repairs(check_folder(Path(), settings))
         judged = _with_fence(judged, task.student, staged, fence.found.values())

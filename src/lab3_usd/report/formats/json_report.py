@@ -65,6 +65,8 @@ def report_json(report: Report, *, requirements: bool = False) -> Json:
             "findings": [finding_json(finding) for finding in submission.findings],
             "checklist": [asdict(item) for item in submission.checklist],
         }
+        if not submission.handed_in:
+            entry["to_come"] = list(submission.to_come)
         _add_crashes(entry, submission.crashes)
         document["submissions"].append(entry)
     document["summary"] = asdict(summarize(report))

@@ -28,6 +28,8 @@ from lab3_usd.report.text import (
     fault_lines,
     finding_blocks,
     is_repairable,
+    next_step,
+    to_come_text,
     wrapped,
 )
 from lab3_usd.spec.load.loader import load_lab
@@ -98,7 +100,7 @@ def _sections(block: Block, page: Page) -> Iterator[list[str]]:
         if not quiet:
             findings = ((finding, "") for finding in block.submission.findings)
             lines += finding_blocks(findings, page)
-            lines += checklist_lines(block.submission.checklist, page.options, page.width)
+            lines += _outlook(block, page)
         yield lines
 
 
@@ -127,14 +129,30 @@ def _student_lines(block: Block, page: Page) -> list[str]:
     lines += fault_lines(block, page)
     lines += _not_judged_line([stage.result for stage in block.stages], page)
     if block.submission is not None:
-        lines += checklist_lines(block.submission.checklist, page.options, page.width)
+        lines += _outlook(block, page)
     return lines
 
 
 def _submission_heading(submission: Submission, page: Page) -> Iterator[str]:
     heading = paint(visible(submission.path), "heading", color=page.color)
-    yield f"{heading}: submission{_counts(submission.findings)}"
+    if submission.to_come:
+        yield to_come_text(submission.to_come, tuple(load_lab().checkpoints))
+    if submission.handed_in or submission.findings:
+        what = "submission" if submission.handed_in else "folder"
+        yield f"{heading}: {what}{_counts(submission.findings)}"
     yield from _crash_lines(submission.crashes, page)
+
+
+def _outlook(block: Block, page: Page) -> Iterator[str]:
+    """Yield the checklist of what was handed in, and else the next step; verbose has both."""
+    submission = block.submission
+    if submission is None:
+        return
+    if submission.handed_in or page.verbose:
+        yield from checklist_lines(submission.checklist, page.options, page.width)
+    if not submission.handed_in:
+        yield ""
+        yield from next_step(submission, block.verdict, load_lab(), page)
 
 
 def _stage_heading(result: StageResult, page: Page) -> str:
