@@ -15,7 +15,13 @@ class SpecError(Lab3Error):
 
 
 class StageError(Lab3Error):
-    """A stage file cannot be opened, read or written."""
+    """A stage file cannot be opened, read or written; damaged text has a line and a column."""
+
+    def __init__(self, text: str, line: int | None = None, column: int | None = None) -> None:
+        """Say what is wrong, and where in the file."""
+        super().__init__(text)
+        self.line = line
+        self.column = column
 
 
 class UsageError(Lab3Error):

@@ -41,6 +41,12 @@ def test_a_layer_that_cannot_be_read_has_no_excerpt(layer: str | None) -> None:
     assert read_excerpts([replace(MISSING_WIRE, layer=layer)]) == {}
 
 
+def test_where_text_was_cut_short_the_line_behind_its_last_is_empty() -> None:
+    end = len(STAGE_TEXT.splitlines()) + 1
+    excerpt = read_excerpts([replace(MISSING_WIRE, line=end)])[LAYER, end]
+    assert excerpt == Excerpt(end - 1, (STAGE_TEXT.splitlines()[-1], ""))
+
+
 def test_a_line_beyond_the_end_has_no_excerpt() -> None:
     assert read_excerpts([replace(MISSING_WIRE, line=1000)]) == {}
 

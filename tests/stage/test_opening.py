@@ -12,6 +12,7 @@ from pxr import Sdf, Tf, Usd
 
 from lab3_usd.errors import StageError
 from lab3_usd.judge.folder import find_starters
+from lab3_usd.judge.results import unreadable
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.folder import Listing
 from lab3_usd.spec.load.loader import load_lab
@@ -92,3 +93,32 @@ def test_a_starter_in_which_damage_shows_late_is_a_fault_of_the_submission(
     assert found.compared is None
     assert found.submitted is not None
     assert "damaged" in found.submitted.fault
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "said"),
+    [
+        ('def Xform "A"\n{\n    double x = 3\n', (5, 1), "5:1: Expected }"),
+        ('def Xform "A"\n{\n    double x = \n}\n', (4, 5), "4:5: Expected }"),
+        ('def Xform "A"\n{\n    token x = "abc\n}\n', (4, 19), "4:19: parse error"),
+        ('(\n    subLayers = [ @./a.usd@\ndef "b" {}\n', (4, 1), "4:1: Expected ]"),
+        ('def "A"\n{\n    token x = "\0"\n}\n', (4, None), "line 4"),
+    ],
+)
+def test_damaged_text_has_the_place_and_the_reason_that_usd_core_names(
+    tmp_path: Path, text: str, place: tuple[int, int | None], said: str
+) -> None:
+    path = tmp_path / "Lab3_01_ros_clock.usda"
+    path.write_text(f"#usda 1.0\n{text}")
+    (finding,) = check_stage(path).findings
+    assert (finding.line, finding.column) == place
+    assert said in finding.message
+    assert f"line {place[0]}" in (finding.hint or "")
+
+
+@pytest.mark.parametrize(("checkpoint", "repeats"), [("01", True), (None, False)])
+def test_the_stage_before_is_named_where_a_checkpoint_has_one(
+    checkpoint: str | None, *, repeats: bool
+) -> None:
+    (finding,) = unreadable("x.usda", checkpoint, "is damaged").findings
+    assert ("checkpoint before" in (finding.hint or "")) == repeats

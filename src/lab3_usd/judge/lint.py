@@ -95,7 +95,7 @@ def _linted(path: str | Path, release: str) -> StageResult:
             model = read_model(stage, lab, str(path))
             judged = lint(LintSubject(lab, load_isaac_types(), model, release))
     except StageError as error:
-        return unreadable(str(path), None, str(error))
+        return unreadable(str(path), None, error)
     results = judged.results
     findings = ordered(located(results.findings, path, stage))
     return StageResult(

@@ -44,7 +44,7 @@ def with_native(result: StageResult) -> StageResult:
         with stage_errors(path):
             errors = native_errors(stage, result.path)
     except StageError as error:  # of a prim that no other rule asks for
-        return unreadable(result.path, result.checkpoint, str(error))
+        return unreadable(result.path, result.checkpoint, error)
     judged = run_family("native", FAMILY, NativeErrors(errors), None)
     native_findings = located(judged.findings, path, stage)
     return with_findings(

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.registry import FAMILIES, Scope, all_rules, rule_names
 from lab3_usd.check.rule_runs import run_rule
+from lab3_usd.errors import StageError
 from lab3_usd.model.finding import (
     Crash,
     Finding,
@@ -118,10 +119,16 @@ def _unused(note: IgnoreNote) -> Iterator[Finding]:
         yield replace(finding, layer=note.layer or None, line=note.written)
 
 
-def unreadable(path: str, checkpoint: str | None, reason: str) -> StageResult:
+_OLDER = "go back to an older copy of the file"
+_REPEAT = "open the stage of the checkpoint before, repeat this part, and save it under this name"
+
+
+def unreadable(path: str, checkpoint: str | None, reason: StageError | str) -> StageResult:
     """Return the result for a file that no stage can be read from."""
-    text = reason.removeprefix(f"{path}: ")
-    hint = "open the stage in Isaac Sim, save it again as .usda, and hand in that file"
+    line, column = (reason.line, reason.column) if isinstance(reason, StageError) else (None, None)
+    text = str(reason).removeprefix(f"{path}: ")
+    ways = [f"correct line {line} in a text editor"] if line else []
+    hint = "; or ".join([*ways, _OLDER, *([_REPEAT] if checkpoint else [])])
     finding = Finding(
         UNREADABLE,
         "unreadable-file",
@@ -129,6 +136,8 @@ def unreadable(path: str, checkpoint: str | None, reason: str) -> StageResult:
         "/",
         text,
         layer=path,
+        line=line,
+        column=column,
         hint=hint,
         unopened="stage",
     )

@@ -58,7 +58,7 @@ def check_stage(
                 ("judgement", id(stage), demands.id), lambda: judge(lab, demands, model)
             )
     except StageError as error:
-        return unreadable(str(path), number, str(error))
+        return unreadable(str(path), number, error)
     findings = judged.findings
     # Notes ask for no repair: a stage that passes is not read a second time for them.
     if any(finding.severity != "note" for finding in findings):

@@ -93,7 +93,7 @@ def open_against_starter(
         judged = _compared(beside, reported)
         kept = tuple(_with_undoing(kept, beside, frozenset(blamed)))
     except StageError as error:  # of a prim that nothing else asks for
-        return unreadable(result.path, result.checkpoint, str(error))
+        return unreadable(result.path, result.checkpoint, error)
     kept = tuple(finding for finding in kept if not _follows(finding, judged.findings))
     excused_ids = unmet_by(result.findings) - unmet_by(kept)
     requirements = tuple(

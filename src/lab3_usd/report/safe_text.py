@@ -174,6 +174,9 @@ def read_excerpts(findings: Iterable[Finding]) -> dict[tuple[str, int], Excerpt]
     excerpts: dict[tuple[str, int], Excerpt] = {}
     for layer, numbers in wanted.items():
         lines = _read_lines(layer, {near for number in numbers for near in _around(number)})
+        ends = max(lines, default=0) + 1
+        if ends in numbers and lines:  # where text was cut short: behind its last line
+            lines[ends] = ""
         for number in sorted(numbers & lines.keys()):
             shown = [near for near in _around(number) if near in lines]
             excerpts[layer, number] = Excerpt(shown[0], tuple(lines[near] for near in shown))

@@ -19,7 +19,8 @@ def unreadable_file(reason: str) -> Iterator[Problem]:
 
     Why: Isaac Sim cannot open it either, and nothing in it can be judged.
 
-    Fix: open the stage in Isaac Sim, save it again as .usda, and hand in that file.
+    Fix: correct the line that is named in a text editor. Else go back to an older copy of the file,
+    or open the stage of the checkpoint before, repeat this part, and save it under this name.
 
     Example: a file that ends in `.uda`, or an upload that was cut short.
     """

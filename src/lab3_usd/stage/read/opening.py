@@ -16,7 +16,9 @@ from lab3_usd.errors import StageError
 from lab3_usd.stage.read.properties import hold_start_values
 
 _T = TypeVar("_T")
-_PARSE_ERROR = r":(\d+):\d+: parse error"
+# What usd-core says of text: `/work/x.usda:201:4: Expected } at 'x' in </A>`; of some faults it
+# names the rule of its grammar instead, in C++.
+_PARSE_ERROR = re.compile(r":(\d+):(\d+): (parse error|[^'\n]+?)(?: matching| at '|\n|'|$)")
 _ARGUMENTS = ":SDF_FORMAT_ARGS:"
 _DAMAGE = (Tf.ErrorException, UnicodeDecodeError)
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
@@ -108,21 +110,25 @@ class stage_errors:  # noqa: N801 - used as a function is; made of one it takes 
     def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         """Raise what is wrong with the file."""
         if isinstance(error, self._kinds):
-            raise StageError(f"{self._path}: {_reason(error)}") from error
+            raise _stage_error(self._path, error) from error
 
 
-def _reason(error: Exception) -> str:
-    """Return in plain words what usd-core says in an exception, whose text may fail to decode."""
+def _stage_error(path: Path | str, error: Exception) -> StageError:
+    """Say in plain words what usd-core says in an exception, whose text may fail to decode."""
     try:
         text = str(error)
     except UnicodeError:
         text = ""
-    place = re.search(_PARSE_ERROR, text)
+    place = _PARSE_ERROR.search(text)
     if place is not None:
-        return f"line {place[1]} is not USD text; the file is damaged or cut short, save it again"
+        line, column, what = int(place[1]), int(place[2]), place[3]
+        reason = f"is damaged or cut short, at {line}:{column}: {what}"
+        return StageError(f"{path}: {reason}", line, column)
     if "UTF-8 BOM" in text:
-        return "cannot be read: it starts with a byte order mark; save it as UTF-8 without one"
-    return "cannot be read: it is damaged or not USD; save the stage again from Isaac Sim"
+        reason = "cannot be read: it starts with a byte order mark; save it as UTF-8 without one"
+    else:
+        reason = "cannot be read: it is damaged or not USD"
+    return StageError(f"{path}: {reason}")
 
 
 @quiet()
@@ -195,13 +201,11 @@ def _check_text(path: Path, data: bytes) -> None:
     """Refuse text that the parser would cut short or choke on."""
     if b"\0" in data:
         line = data.count(b"\n", 0, data.index(b"\0")) + 1
-        raise StageError(
-            f"{path}: line {line} holds a NUL byte; the file is damaged, save it again"
-        )
+        raise StageError(f"{path}: line {line} holds a NUL byte; the file is damaged", line)
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise StageError(
-            f"{path}: line {line} is not UTF-8 text; the file is damaged, save it again"
+            f"{path}: line {line} is not UTF-8 text; the file is damaged", line
         ) from error
