@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections import Counter
 from collections.abc import Sequence
@@ -13,6 +14,8 @@ from lab3_usd.data import data_folder, lab_folder, program
 from lab3_usd.describe.checkpoints import Step
 from lab3_usd.describe.lab import describe_lab, refuse_existing_folder, write_folder
 from lab3_usd.errors import EXIT_FOUND, SpecError, UsageError
+from lab3_usd.files import write_whole
+from lab3_usd.grade.lab_schemas import FOLDER, schema_of, schema_texts, with_schema
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.report.safe_text import printable
 from lab3_usd.sim.dry_run import dry_run
@@ -38,9 +41,11 @@ def make_lab(folder: Path, stages: Sequence[Path]) -> int:
             raise UsageError(f"{stage}: there is no such file")
     lab = load_lab(data_folder("graphs"))
     description = describe_lab(stages, lab, load_isaac_types().catalog)
-    write_folder(folder, description.files)
+    named = {name: with_schema(name, text) for name, text in description.files.items()}
+    write_folder(folder, {**named, **schema_texts()})
     for name in description.files:
         click.echo(folder / name)
+    click.echo(folder / FOLDER)
     for reason in description.left_out:
         click.echo(f"left out: {reason}")
     try:
@@ -150,3 +155,27 @@ def new(folder: Path, stages: tuple[Path, ...]) -> None:
     something does not, 2 a stage or the folder cannot be used.
     """
     sys.exit(make_lab(folder, stages))
+
+
+@command.command("schema")
+@click.argument("file", required=False)
+@click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False), help="Write all schemas here."
+)
+def schema(file: str | None, out: Path | None) -> None:
+    """Print the JSON schema of a file of a lab, or write all schemas.
+
+    FILE is its name, such as scene.yaml; a name of none of the fixed files is that of a graph.
+    Editors that read YAML complete and check a file whose first line names its schema, as `lab new`
+    writes it.
+    """
+    if (file is None) == (out is None):
+        raise click.UsageError("name a file, or a folder with --out")
+    if file is not None:
+        click.echo(json.dumps(schema_of(Path(file).name), indent=1, ensure_ascii=False))
+    if out is not None:
+        for name, text in schema_texts().items():
+            path = out / Path(name).name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, text.encode(), force=True)
+            click.echo(path)

@@ -298,7 +298,9 @@ def _check_requirements(
         raise SpecError(f"{place}: its groups and requirements have nothing in common")
 
 
-class _RubricFile(Struct, forbid_unknown_fields=True):
+class RubricFile(Struct, forbid_unknown_fields=True):
+    """What `rubric.yaml` holds: items in their order, and what holds for all of them."""
+
     title: str
     items: dict[str, dict[str, Any]]
     weights: dict[str, Points] = {}
@@ -319,7 +321,7 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
         raise SpecError(f"{lab.title} has no {RUBRIC}; name a rubric with --rubric")
     data = read_yaml(file) if path is None else read_foreign_yaml(file)
     name = file.name
-    content = record(data, _RubricFile, name)
+    content = record(data, RubricFile, name)
     required = everything_asked(lab)
     for kind in content.weights:
         one_of(kind, REQUIREMENT_KINDS, f"{name}: weights")

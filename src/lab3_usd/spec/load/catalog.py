@@ -104,7 +104,9 @@ class _EventEntry(Struct, forbid_unknown_fields=True):
     delta: str = ""
 
 
-class _CatalogFile(Struct, forbid_unknown_fields=True):
+class CatalogFile(Struct, forbid_unknown_fields=True):
+    """What `node_types.yaml` holds: node types, and how Isaac Sim saves and runs graphs."""
+
     usd_types: dict[str, str]
     prefixes: dict[str, str]
     renamed: dict[str, str]
@@ -126,7 +128,7 @@ def parse_catalog(data: Mapping[str, Any]) -> Catalog:
     Raises:
         SpecError: names the file, the type and the port that are wrong.
     """
-    content = record(data, _CatalogFile, CATALOG)
+    content = record(data, CatalogFile, CATALOG)
     return Catalog(
         types={
             name: _node_type(name, type_entry, content.usd_types)

@@ -40,7 +40,9 @@ class CheckpointEntry(Struct, forbid_unknown_fields=True):
     adds: _Additions
 
 
-class _File(Struct, forbid_unknown_fields=True):
+class CheckpointsFile(Struct, forbid_unknown_fields=True):
+    """What `checkpoints.yaml` holds: the checkpoints in order, and what holds for all of them."""
+
     title: str
     files: str
     policy: Policy
@@ -73,7 +75,7 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
     Raises:
         SpecError: something is missing or wrong; the line names the key.
     """
-    content = record(data, _File, CHECKPOINTS)
+    content = record(data, CheckpointsFile, CHECKPOINTS)
     if "{id}" not in content.files:
         wrong = f"'{content.files}' does not hold {{id}}, which tells stages apart"
         raise SpecError(f"{CHECKPOINTS}: files: {wrong}")

@@ -21,7 +21,7 @@ _PATH = re.compile(r"^(/[A-Za-z_]\w*)+$")
 _BySection = dict[str, tuple[str, ...]]
 
 
-class _NodeEntry(Struct, forbid_unknown_fields=True):
+class NodeEntry(Struct, forbid_unknown_fields=True):
     """A node as the file describes it; inputs by the section of the handout that names them."""
 
     type: str
@@ -42,13 +42,13 @@ class _NodeEntry(Struct, forbid_unknown_fields=True):
         yield from self.frames_from
 
 
-class _GraphFile(Struct, forbid_unknown_fields=True):
+class GraphFile(Struct, forbid_unknown_fields=True):
     """What the file of a graph holds; wires by the section of the handout that asks for them."""
 
     graph: str
     path: str
     handout: str
-    nodes: dict[str, _NodeEntry]
+    nodes: dict[str, NodeEntry]
     wires: _BySection
     optional_wires: _BySection = {}
     forbidden_wires: _BySection = {}
@@ -60,7 +60,7 @@ def parse_graph(data: Mapping[str, Any], catalog: Catalog, file: str) -> GraphSp
     Raises:
         SpecError: names the file, the graph, the role and the port that are wrong.
     """
-    content = record(data, _GraphFile, file)
+    content = record(data, GraphFile, file)
     where = f"{file}: {content.graph}"
     nodes = {
         _role(role, where): _node(role, entry, catalog, where)
@@ -102,7 +102,7 @@ def _path(path: str, where: str) -> str:
     return path
 
 
-def _node(role: str, entry: _NodeEntry, catalog: Catalog, graph: str) -> NodeSpec:
+def _node(role: str, entry: NodeEntry, catalog: Catalog, graph: str) -> NodeSpec:
     where = f"{graph}: {role}"
     node_type = catalog.types.get(entry.type)
     if node_type is None:
@@ -138,7 +138,7 @@ def _input(node_type: NodeType, short: str, where: str) -> Port:
 
 
 def _check_uses(
-    entry: _NodeEntry, ports: Mapping[str, Port], node_type: NodeType, where: str
+    entry: NodeEntry, ports: Mapping[str, Port], node_type: NodeType, where: str
 ) -> None:
     """Refuse an added port that every node has, and frames from anything but prims."""
     for short in entry.ports:
@@ -149,7 +149,7 @@ def _check_uses(
             raise SpecError(f"{where}: {ports[short].name}: is no relationship, it gives no frames")
 
 
-def _settings(entry: _NodeEntry, ports: Mapping[str, Port], where: str) -> Iterator[Setting]:
+def _settings(entry: NodeEntry, ports: Mapping[str, Port], where: str) -> Iterator[Setting]:
     for section, values in entry.set.items():
         for short, value in values.items():
             port = ports[short]
@@ -162,7 +162,7 @@ def _settings(entry: _NodeEntry, ports: Mapping[str, Port], where: str) -> Itera
             yield Setting(port.name, checked, section)
 
 
-def _targets(entry: _NodeEntry, ports: Mapping[str, Port], where: str) -> Iterator[Target]:
+def _targets(entry: NodeEntry, ports: Mapping[str, Port], where: str) -> Iterator[Target]:
     for section, values in entry.targets.items():
         for short, prims in values.items():
             port = ports[short]

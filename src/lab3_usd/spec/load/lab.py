@@ -34,7 +34,9 @@ from lab3_usd.spec.yaml_file import read_yaml, record, records
 _ByName = dict[str, dict[str, Any]]
 
 
-class _RosFile(Struct, forbid_unknown_fields=True):
+class RosFile(Struct, forbid_unknown_fields=True):
+    """What `ros.yaml` holds: what the running system shows, and the commands that show it."""
+
     system: ros.SystemSpec
     topics: _ByName = {}
     lifecycle: ros.LifecycleSpec = ros.LifecycleSpec("", {})
@@ -53,7 +55,7 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
         SpecError: the file is missing or wrong; the line names the part and the key.
     """
     folder = folder if folder is not None else lab_folder()
-    content = record(read_yaml(folder / ROS), _RosFile, ROS)
+    content = record(read_yaml(folder / ROS), RosFile, ROS)
     kinds = records(_evidence(content), ros.EvidenceKind, f"{ROS}: evidence")
     return ros.RosSpec(
         system=content.system,
@@ -71,7 +73,7 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
     )
 
 
-def _evidence(content: _RosFile) -> _ByName:
+def _evidence(content: RosFile) -> _ByName:
     """Return how diagnostic commands are written: as in the bundled lab where nothing is said."""
     if content.evidence is not None:
         return content.evidence
@@ -115,7 +117,9 @@ def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
     return replace(scene, sensors=sensors)
 
 
-class _SubmissionFile(Struct, forbid_unknown_fields=True):
+class SubmissionFile(Struct, forbid_unknown_fields=True):
+    """What `submission.yaml` holds: the files of a submission, and the checklists."""
+
     folders: FolderNames
     stages: StageFiles
     deliverables: dict[str, dict[str, Any]] = {}
@@ -130,7 +134,7 @@ def load_submission(folder: Path | None = None) -> SubmissionSpec:
         SpecError: the file is missing or wrong; the line names the part and the key.
     """
     folder = folder if folder is not None else lab_folder()
-    content = record(read_yaml(folder / SUBMISSION), _SubmissionFile, SUBMISSION)
+    content = record(read_yaml(folder / SUBMISSION), SubmissionFile, SUBMISSION)
     checklist = f"{SUBMISSION}: checklist"
     return SubmissionSpec(
         folders=content.folders,

@@ -49,7 +49,7 @@ class PrimSpec(Struct, frozen=True):
     targets: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
 
-class _Prim(Struct, forbid_unknown_fields=True):
+class PrimEntry(Struct, forbid_unknown_fields=True):
     """A prim as `starter.yaml` writes it."""
 
     like: str = ""
@@ -69,7 +69,9 @@ class _Attribute(Struct, forbid_unknown_fields=True):
     value: Any = None
 
 
-class _StarterFile(Struct, forbid_unknown_fields=True):
+class StarterFile(Struct, forbid_unknown_fields=True):
+    """What `starter.yaml` holds: the prims of the starter scene, which may be like a kind."""
+
     default_prim: str
     prims: dict[str, _Data]
     doc: str = ""
@@ -97,7 +99,7 @@ def load_starter_spec(folder: Path) -> StarterSpec:
     if not (folder / STARTER).is_file():
         hint = f"give {program()} build a starter scene of yours"
         raise SpecError(f"{folder} has no {STARTER}: {hint}")
-    starter = record(read_yaml(folder / STARTER), _StarterFile, STARTER)
+    starter = record(read_yaml(folder / STARTER), StarterFile, STARTER)
     scene = parse_scene(read_yaml(folder / SCENE))
     kinds: dict[str, _Data] = {}
     for name, kind in starter.kinds.items():
@@ -117,7 +119,7 @@ def load_starter_spec(folder: Path) -> StarterSpec:
 
 def _like(item: _Data, kinds: Mapping[str, _Data], where: str) -> _Data:
     """Complete a prim with the kind it is like; kinds can only be like kinds above them."""
-    content = record(item, _Prim, where)
+    content = record(item, PrimEntry, where)
     if not content.like:
         return item
     if content.like not in kinds:
@@ -134,7 +136,7 @@ def _prims(
     for name, item in children.items():
         path = f"{parent}/{name}"
         where = f"{STARTER}: {path}"
-        prim = record(_like(item, kinds, where), _Prim, where)
+        prim = record(_like(item, kinds, where), PrimEntry, where)
         if not prim.type and not prim.over:
             raise SpecError(f"{where}: 'type' is missing")
         yield PrimSpec(

@@ -1,0 +1,148 @@
+"""JSON schemas of the files of a lab, made from the records that the files are read into."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from lab3_usd.grade.rubric import Item, RubricFile
+from lab3_usd.spec.lab import (
+    CATALOG,
+    CHECKPOINTS,
+    ROS,
+    RUBRIC,
+    SCENE,
+    STARTER,
+    SUBMISSION,
+    FrameEdge,
+)
+from lab3_usd.spec.load.catalog import CatalogFile
+from lab3_usd.spec.load.checkpoints import CheckpointEntry, CheckpointsFile
+from lab3_usd.spec.load.graph import GraphFile
+from lab3_usd.spec.load.lab import RosFile, SubmissionFile
+from lab3_usd.spec.load.starter import PrimEntry, StarterFile
+from lab3_usd.spec.ros import Command, EvidenceKind, TopicSpec
+from lab3_usd.spec.scene import SceneSpec
+from lab3_usd.spec.submission import ChecklistSpec, Deliverable
+
+FOLDER = "schemas"  # in a lab, beside its files
+GRAPH = "graph.yaml"  # stands for the file of every graph
+FILES: Mapping[str, type] = {
+    GRAPH: GraphFile,
+    CHECKPOINTS: CheckpointsFile,
+    SCENE: SceneSpec,
+    ROS: RosFile,
+    SUBMISSION: SubmissionFile,
+    RUBRIC: RubricFile,
+    STARTER: StarterFile,
+    CATALOG: CatalogFile,
+}
+_DEFS = "#/$defs/{name}"
+# What is read entry by entry: the record of an entry, and its field that the key above it fills.
+_ENTRIES: Mapping[tuple[type, str], tuple[type, str]] = {
+    (CheckpointsFile, "checkpoints"): (CheckpointEntry, ""),
+    (RosFile, "topics"): (TopicSpec, "name"),
+    (RosFile, "evidence"): (EvidenceKind, "name"),
+    (RosFile, "commands"): (Command, ""),
+    (SubmissionFile, "deliverables"): (Deliverable, "name"),
+    (SubmissionFile, "checklist"): (ChecklistSpec, "section"),
+    (RubricFile, "items"): (Item, "id"),
+    (StarterFile, "prims"): (PrimEntry, ""),
+    (StarterFile, "kinds"): (PrimEntry, ""),
+    (PrimEntry, "children"): (PrimEntry, ""),
+}
+# What is written otherwise than it is kept.
+_AS_WRITTEN = {(Command, "kind"): {"type": "string"}}
+# What a lab's own file may leave out, as it is laid over that of the bundled lab.
+_LAID_OVER = (CATALOG,)
+
+
+def schema_of(file: str) -> dict[str, Any]:
+    """Return the JSON schema of a file of a lab, by its name; any other name is a graph's."""
+    definitions = _definitions()
+    name = file if file in FILES else GRAPH
+    root = dict(definitions[FILES[name].__name__])
+    if name in _LAID_OVER:
+        root.pop("required", None)
+    used: dict[str, Any] = {}
+    waiting = [*_references(root)]
+    while waiting:
+        reference = waiting.pop()
+        if reference not in used:
+            used[reference] = definitions[reference]
+            waiting += _references(used[reference])
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **root,
+        "title": name,
+        "$defs": dict(sorted(used.items())),
+    }
+
+
+def schema_file(file: str) -> str:
+    """Return the path of the schema of a file, from the folder of its lab."""
+    name = file if file in FILES else GRAPH
+    return f"{FOLDER}/{Path(name).stem}.json"
+
+
+def schema_texts() -> dict[str, str]:
+    """Return the text of every schema by its path in a lab."""
+    return {
+        schema_file(name): json.dumps(schema_of(name), indent=1, ensure_ascii=False) + "\n"
+        for name in FILES
+    }
+
+
+def with_schema(file: str, text: str) -> str:
+    """Return the text of a file of a lab that names its schema, for editors."""
+    return f"# yaml-language-server: $schema={schema_file(file)}\n{text}"
+
+
+def _definitions() -> dict[str, dict[str, Any]]:
+    """Return the schema of every record that a file holds, by its name."""
+    kinds = [*FILES.values(), *(entry for entry, _ in _ENTRIES.values())]
+    _, definitions = msgspec.json.schema_components(
+        dict.fromkeys(kinds), schema_hook=_hook, ref_template=_DEFS
+    )
+    for (kind, field), (entry, key) in _ENTRIES.items():
+        fields = definitions[kind.__name__]["properties"]
+        entries: dict[str, Any] = {"$ref": _DEFS.format(name=entry.__name__)}
+        inner = fields[field]
+        inner = next((option for option in inner.get("anyOf", ()) if len(option) > 1), inner)
+        if inner["type"] == "array":
+            fields[field] = {"type": "array", "items": entries}
+        elif inner.get("additionalProperties", {}).get("type") == "array":
+            entries = {"type": "array", "items": entries}
+            fields[field] = {"type": "object", "additionalProperties": entries}
+        else:
+            fields[field] = {"type": "object", "additionalProperties": entries}
+        if key:
+            described = definitions[entry.__name__]
+            described["properties"].pop(key, None)
+            described["required"] = [name for name in described["required"] if name != key]
+    for (kind, field), written in _AS_WRITTEN.items():
+        definitions[kind.__name__]["properties"][field] = written
+    return definitions
+
+
+def _hook(kind: type) -> dict[str, Any]:
+    """Describe a type that msgspec does not know, by how it is written."""
+    if kind is FrameEdge:
+        return {"type": "string", "pattern": "^\\S+ -> \\S+$"}
+    raise NotImplementedError(kind)
+
+
+def _references(schema: Any) -> Iterator[str]:
+    """Yield the names of the definitions that a schema refers to."""
+    if isinstance(schema, dict):
+        if "$ref" in schema:
+            yield schema["$ref"].rpartition("/")[2]
+        for value in schema.values():
+            yield from _references(value)
+    elif isinstance(schema, list):
+        for value in schema:
+            yield from _references(value)
