@@ -28,8 +28,7 @@ def without_graph(files: dict[str, dict[str, Any]], checkpoint: str, *topics: st
 
 def no_lidar(files: dict[str, dict[str, Any]]) -> None:
     without_graph(files, "4", "/jetbot/scan")
-    del files["scene"]["sensors"]["scanner"]
-    del files["scene"]["forbidden"]["lidar"]
+    del files["scene"]["sensors"]["lidar"]
 
 
 def no_imu(files: dict[str, dict[str, Any]]) -> None:
@@ -94,10 +93,6 @@ def metres(files: dict[str, dict[str, Any]]) -> None:
     joints["mast_joint"]["set"]["physics:localPos0"] = [4.0, 0.0, 12.0]
 
 
-def nothing_forbidden(files: dict[str, dict[str, Any]]) -> None:
-    del files["scene"]["forbidden"]
-
-
 LACKS: dict[str, Edit] = {
     "lidar": no_lidar,
     "IMU": no_imu,
@@ -109,7 +104,6 @@ LACKS: dict[str, Edit] = {
     "frames": no_frames,
     "world": no_world,
     "metres": metres,
-    "forbidden names": nothing_forbidden,
 }
 
 
@@ -140,7 +134,7 @@ def lab(request: pytest.FixtureRequest, repository: Path, tmp_path: Path) -> Pat
 def _drop_target(folder: Path) -> None:
     path = folder / "Odometry.yaml"
     data = quick_yaml.load(path.read_text())
-    data["nodes"]["links"]["targets"]["6.4"]["targetPrims"].remove("/World/Jetbot/chassis/Imu")
+    data["nodes"]["links"]["targets"]["F3"]["targetPrims"].remove("/World/Jetbot/chassis/Imu")
     path.write_text(quick_yaml.dump(data))
 
 

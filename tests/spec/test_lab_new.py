@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,10 +16,12 @@ from places import REPOSITORY, SHARED, TESTS
 from pxr import Usd
 
 from lab3_usd.describe.checkpoints import file_names, names_of_stages
+from lab3_usd.describe.lab import describe_lab
 from lab3_usd.describe.yaml_text import as_typed, document
 from lab3_usd.errors import Lab3Error
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.spec.lab import GraphSpec, Lab
+from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
 
@@ -482,7 +485,7 @@ def test_every_stage_is_shown_as_checked_and_played(week: tuple[list[Path], Path
     assert len(results) == len(stages)
     assert all(", pass, " in line for line in results)
     assert [line.endswith("; sim ok") for line in results] == [False, *[True] * 6]
-    assert "Week5: 0 errors, 0 warnings" in shown
+    assert "Week 5: 0 errors, 0 warnings" in shown
 
 
 def test_messages_are_asked_for_their_frames(week: tuple[list[Path], Path, str]) -> None:
@@ -521,3 +524,41 @@ def test_a_lab_that_nothing_loads_passes_no_stage_and_says_what_to_decide(
     number = lines.index("  base_frame: chassis") + 1
     assert f"to be decided by you: {lab}/scene.yaml:{number}: robot: base_frame" in shown
     assert ", pass, " not in shown
+
+
+def test_the_starter_is_written_without_graphs_and_sensors(
+    week: tuple[list[Path], Path, str], tmp_path: Path
+) -> None:
+    stages, lab, _ = week
+    (made,) = ran("--lab", lab, "build", "--only", "7", "--out", tmp_path)[1].split()
+    assert ran("diff", stages[-1], made)[1].endswith("no differences\n")
+
+
+def brings_an_asset(stage: Usd.Stage) -> str:
+    stage.GetPrimAtPath("/World/Room").GetReferences().AddInternalReference("/World/Jetbot/mast")
+    return "/World/Room brings in an asset"
+
+
+def has_a_mesh(stage: Usd.Stage) -> str:
+    points = stage.DefinePrim("/World/Room/Rock", "Mesh").GetAttribute("points")
+    points.Set([(0.0, 0.0, float(number)) for number in range(100)])
+    return "/World/Room/Rock.points has more than 64 entries"
+
+
+def has_no_robot(stage: Usd.Stage) -> str:
+    stage.RemovePrim("/World/Jetbot")
+    return "/World/Jetbot is not in Week5_1_start"
+
+
+@pytest.mark.parametrize("change", [brings_an_asset, has_a_mesh, has_no_robot])
+def test_a_starter_that_is_no_plain_text_is_left_out_with_its_reason(
+    change: Callable[[Usd.Stage], str], week: tuple[list[Path], Path, str], tmp_path: Path
+) -> None:
+    first, *_, last = week[0]
+    stage = Usd.Stage.Open(str(first))
+    reason = change(stage)
+    other = tmp_path / first.name
+    stage.GetRootLayer().Export(str(other))
+    described = describe_lab([other, last], load_lab(), load_isaac_types().catalog)
+    assert described.left_out == (f"starter.yaml: {reason}; give the starter to every build",)
+    assert "starter.yaml" not in described.files

@@ -19,7 +19,6 @@ from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, Lab
 from lab3_usd.spec.load.checkpoints import is_checkpoint_id
 from lab3_usd.spec.scene import SensorSpec
-from lab3_usd.spec.submission import FolderNames
 
 FIRST = "start"
 SCENE_GROUP, TREE_GROUP = "Scene", "TF"
@@ -98,7 +97,7 @@ def names_of_stages(stems: Sequence[str]) -> FileNames:
     parts = [stem[len(lead) : len(stem) - len(tail)] for stem in stems]
     if not all(parts):
         lead, tail, parts = "", "", list(stems)
-    shared = " ".join(re.split(r"[\W_]+", lead)).strip()
+    shared = " ".join(re.findall(r"[^\W\d_]+|\d+", lead))
     numbered = [match for part in parts if (match := _NUMBERED.fullmatch(part))]
     gaps = {match[2] for match in numbered}
     if len({match[1] for match in numbered}) == len(stems) and len(gaps) == 1:
@@ -264,14 +263,14 @@ _DIFFER = "No two files of the checkpoints in `differ` may be the same."
 _POINTS = 10
 
 
-def submission_text(names: FileNames, steps: Sequence[Step], folders: FolderNames) -> str:
-    """Return `submission.yaml`; `folders` are those of the bundled lab."""
+def submission_text(names: FileNames, steps: Sequence[Step]) -> str:
+    """Return `submission.yaml`."""
     data = {
         "folders": {
             "handout": "A1",
-            "stages": folders.stages,
-            "starter": folders.starter,
-            "shown": list(folders.shown),
+            "stages": "stages",
+            "starter": "supplied",
+            "shown": ["output"],
         },
         "stages": {
             "handout": "A1",

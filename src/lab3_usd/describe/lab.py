@@ -33,12 +33,13 @@ from lab3_usd.describe.scene import (
     read_source,
     targets_of,
 )
+from lab3_usd.describe.starter import describe_starter
 from lab3_usd.describe.yaml_text import document
 from lab3_usd.errors import UsageError
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.contradictions.names import graph_frames, named_frames
-from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab
+from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
 from lab3_usd.spec.load.lab import parse_scene
 
 _SCENE_HEAD = """\
@@ -95,10 +96,16 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Catalog) -> Description
             by_graph.setdefault(_home(sensor.path, parts.texts), []).append(name)
         has_frames = parts.has_frames
         steps = describe_steps(parts.names, parts.lab.graphs, by_graph, frames=has_frames)
+    starter = describe_starter(paths[0], parts.lab)
+    files = _files(sources[-1], parts, steps, lab.catalog)
     return Description(
-        files=_files(sources[-1], parts, steps, lab.catalog),
+        files={**files, **({STARTER: starter.text} if starter.text else {})},
         steps=steps,
-        left_out=(*(line for text in parts.texts for line in text.left_out), *parts.outside),
+        left_out=(
+            *(line for text in parts.texts for line in text.left_out),
+            *parts.outside,
+            *filter(None, (starter.reason,)),
+        ),
     )
 
 
@@ -194,7 +201,7 @@ def _files(
         **{f"{text.spec.name}.yaml": _graph_text(text) for text in parts.texts},
         SCENE: document(_SCENE_HEAD, parts.scene, _SCENE_NOTES),
         ROS: ros_text(parts.lab, steps),
-        SUBMISSION: submission_text(parts.names, steps, parts.lab.submission.folders),
+        SUBMISSION: submission_text(parts.names, steps),
         RUBRIC: rubric_text(title, steps, parts.lab.sensors),
         **({CATALOG: types} if types else {}),
     }

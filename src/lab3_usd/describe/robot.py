@@ -15,6 +15,7 @@ from lab3_usd.model.physics import (
     ARTICULATION_API,
     BODY_API,
     BODY_ENABLED,
+    FIXED,
     KINEMATIC,
     MASS,
     MASS_API,
@@ -137,9 +138,16 @@ def _links(stage: StageModel, root: str) -> Iterator[Prim]:
 
 
 def _link(prim: Prim, stage: StageModel, base: str) -> dict[str, Any]:
-    """Describe a link: its mass, and of the base its place on the root where it is another."""
+    """Describe a link: its mass, and its place on the root where it is the base or fixed to it.
+
+    A place is written of a link that is not turned.
+    """
     mass = number(prim.attributes.get(MASS)) if MASS_API in prim.apis else None
-    place = pose(prim.local, stage.meters_per_unit)["translate"] if prim.name == base else ()
+    ends = {prim.path, f"{prim.parent}/{base}"}
+    is_fixed = any(joint.type == FIXED and set(bodies(joint)) == ends for joint in joints(stage))
+    stands = pose(prim.local, stage.meters_per_unit)
+    has_place = (prim.name == base or is_fixed) and not any(stands["rotate"])
+    place = stands["translate"] if has_place else ()
     weight = {"mass": as_typed(mass)} if mass else {}
     return {**weight, **({"offset": place} if any(place) else {}), "handout": PART}
 

@@ -6,11 +6,13 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from struct import pack, unpack
 from typing import Any
 
 _WIDTH = 110
 _FLAT = 2  # levels of nesting in one line
-_SINGLE = 1.2e-7  # how far single precision is from a number, as a share of it
+_SINGLE = 6e-8  # how far single precision is from a number, as a share of it
+_LARGEST = 3e38  # of single precision
 _PLAIN = re.compile(r"[A-Za-z_/][\w/.-]*(?: (?:-> )?[\w/.-]+)*")
 _WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null"}  # what YAML takes otherwise
 
@@ -71,10 +73,12 @@ def as_typed(value: Any) -> Any:
         return tuple(as_typed(number) for number in value)
     if not isinstance(value, float) or not math.isfinite(value):
         return value
-    short = float(f"{value:.6g}")
-    is_near = abs(short - value) <= _SINGLE * abs(value)
-    noise = float(f"{value:.12g}")  # of arithmetic in double precision
-    return (short if is_near else noise) + 0.0
+    is_single = unpack("f", pack("f", value))[0] == value if abs(value) < _LARGEST else False
+    for digits in range(6, 10 if is_single else 7):
+        short = float(f"{value:.{digits}g}")
+        if abs(short - value) <= _SINGLE * abs(value):
+            return short + 0.0
+    return float(f"{value:.12g}") + 0.0  # without the noise of arithmetic in double precision
 
 
 def scalar(value: object) -> str:

@@ -1,0 +1,78 @@
+"""Describes the starter scene of a lab: what its first stage holds without graphs and sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+
+from lab3_usd.describe.robot import pose
+from lab3_usd.describe.yaml_text import as_typed, document
+from lab3_usd.model.physics import MASS
+from lab3_usd.spec.lab import STARTER, Lab
+from lab3_usd.stage.read.plain_scene import PlainPrim, read_plain_scene
+
+_HEAD = """\
+The starter scene, where `build` is given no other. Masses of links and the robot's pose are in
+scene.yaml. Lengths in metres, angles in degrees, quaternions as [w, x, y, z]."""
+_NOWHERE = {"translate": [0.0, 0.0, 0.0], "rotate": [0.0, 0.0, 0.0], "scale": [1.0, 1.0, 1.0]}
+
+
+class StarterText(Struct, frozen=True):
+    """The text of `starter.yaml`, '' with the reason where the scene is no plain one."""
+
+    text: str = ""
+    reason: str = ""
+
+
+def describe_starter(path: Path, lab: Lab) -> StarterText:
+    """Describe the starter after the first stage of a lab that has been described.
+
+    Raises:
+        StageError: the stage cannot be read.
+    """
+    added = {sensor.path for sensor in lab.sensors.values()}
+    scene = read_plain_scene(path, {*added, *(graph.path for graph in lab.graphs.values())})
+    robot = lab.scene.robot
+    paths = {prim.path for prim in scene.prims}
+    missing = next((known for known in (robot.path, *robot.link_paths) if known not in paths), "")
+    reason = scene.reason or (f"{missing} is not in {path.stem}" if missing else "")
+    if reason:
+        return StarterText(reason=f"{STARTER}: {reason}; give the starter to every build")
+    weighed = {f"{robot.path}/{name}" for name, link in robot.links.items() if link.mass}
+    tree: dict[str, Any] = {}
+    for prim in scene.prims:
+        inside = tree
+        *above, name = prim.path.split("/")[1:]
+        for outer in above:
+            inside = inside[outer].setdefault("children", {})
+        inside[name] = dict(_prim(prim, lab, weighed))
+    data = {"default_prim": scene.default_prim, "prims": tree}
+    return StarterText(document(_HEAD, data))
+
+
+def _prim(prim: PlainPrim, lab: Lab, weighed: set[str]) -> Iterator[tuple[str, Any]]:
+    yield "type", prim.type
+    if prim.doc:
+        yield "doc", prim.doc
+    if prim.apis:
+        yield "apis", list(prim.apis)
+    if prim.local is not None:
+        place = pose(prim.local, lab.scene.stage.meters_per_unit)
+        is_robot = prim.path == lab.scene.robot.path
+        yield "pose", {} if is_robot else _away(place)
+    values = {
+        name: as_typed(value) if kind is None else {"type": kind, "value": as_typed(value)}
+        for name, kind, value in prim.values
+        if not (name == MASS and prim.path in weighed)
+    }
+    if values:
+        yield "set", values
+    if prim.targets:
+        yield "targets", {name: list(paths) for name, paths in prim.targets}
+
+
+def _away(place: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in place.items() if value != _NOWHERE[key]}
