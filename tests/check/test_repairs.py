@@ -119,6 +119,11 @@ CASES: dict[str, tuple[Step, tuple[Edit, ...], bool]] = {
         (MovePrim(f"{JOINT}_1", JOINT),),
         False,
     ),
+    "a room that was dragged below the robot is moved back when asked for": (
+        {"move": ["/Environment", "/turtlebot3_burger/Environment"]},
+        (MovePrim("/turtlebot3_burger/Environment", "/Environment"),),
+        False,
+    ),
     "a value of the scene is restored": (
         {"set": [f"{JOINT}.drive:angular:physics:stiffness", 10.0]},
         (Restore(JOINT, "drive:angular:physics:stiffness"),),

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from fixing import STRUCTURES, repaired_in
 from layerings import LAYERINGS
-from pxr import Sdf, Usd
+from pxr import Sdf, Usd, UsdGeom
 from sabotage import Fault
-from scene_changes import Change, move_prim, several
+from scene_changes import Change, collider, move_prim, several, void, without_api
 from second_author import Style
 
 from lab3_usd.fix.repairing import FixOptions, fix_stage
@@ -78,6 +78,9 @@ MISTAKES = {
     "both sensors": several(
         move_prim(LIDAR, "/World/Lidar2D"), move_prim(CAMERA, f"{ROBOT}/Camera_1")
     ),
+    "wheel without a shape": without_api(collider("wheel_left_link"), "PhysicsCollisionAPI"),
+    "room below the robot": move_prim("/Environment", f"{ROBOT}/Environment"),
+    "other units": lambda stage: void(UsdGeom.SetStageMetersPerUnit(stage, 0.01)),
     "clock twice": again("/World/ROS_Clock", "/World/Clock"),
     "wire that is not asked for": strayed_wire,
 }
@@ -91,4 +94,4 @@ def test_what_stands_in_any_file_is_moved_and_removed(
     fault = Fault(mistake, "scene", MISTAKES[mistake], ())
     repaired = repaired_in(structure, "05", [fault], tmp_path, load_lab())
     assert repaired is not None
-    assert [finding.rule for finding in repaired[1] if finding.severity == "error"] == []
+    assert [finding.rule for finding in repaired.after if finding.severity == "error"] == []

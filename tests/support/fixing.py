@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 from pxr import Sdf, Usd
@@ -23,7 +23,8 @@ from second_author import Style, author_lab
 from lab3_usd.check.match.graphs import match_all
 from lab3_usd.fix.repairing import Fixed, FixOptions, fix_stage
 from lab3_usd.fix.source_tree import ROOT, read_blocks
-from lab3_usd.model.finding import Finding
+from lab3_usd.model.finding import Finding, site_of
+from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.graph import GraphSpec, PortRef, Wire
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -306,13 +307,37 @@ STRUCTURES: dict[str, Callable[[Sdf.Layer, Path], Path]] = {
 }
 
 
+class Spread(NamedTuple):
+    """A repaired stage of several files, what the check finds in the files, and its dry run.
+
+    `wrong` is what is wrong in the dry run; empty where none was asked for.
+    """
+
+    fixed: Fixed
+    after: tuple[Finding, ...]
+    wrong: tuple[str, ...] = ()
+
+    @property
+    def is_harmed(self) -> bool:
+        """Whether an error is found that was not found before."""
+        known = {site_of(finding) for finding in self.fixed.before}
+        return any(
+            finding.severity == "error" and site_of(finding) not in known for finding in self.after
+        )
+
+
 def repaired_in(
-    structure: str, checkpoint: str, faults: Iterable[Fault], folder: Path, lab: Lab
-) -> tuple[Fixed, tuple[Finding, ...]] | None:
+    structure: str,
+    checkpoint: str,
+    faults: Iterable[Fault],
+    folder: Path,
+    lab: Lab,
+    *,
+    drive: bool = False,
+) -> Spread | None:
     """Repair a stage that has these faults and is spread over files in this way.
 
-    The findings are those of the files as they are written. None where the faults cannot be made,
-    or are none.
+    None where the faults cannot be made, or are none.
     """
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.TransferContent(second_stage(checkpoint))
@@ -331,7 +356,9 @@ def repaired_in(
             return None
         for written, data in fixed.files.items():
             written.write_bytes(data)
-        return fixed, fixed.judge_again(path)
+        after = fixed.judge_again(path)
+        checks = dry_run(path, lab, checkpoint).behaviour.checks if drive else ()
+        return Spread(fixed, after, tuple(each.text for each in checks if each.verdict == "bad"))
 
 
 def repaired_edit(number: int, folder: Path, lab: Lab) -> tuple[str, Fixed | None]:

@@ -21,6 +21,7 @@ from lab3_usd.check.robot.ground import (
     lights,
     steep_planes,
 )
+from lab3_usd.check.robot.location import same_named_prims
 from lab3_usd.check.robot.poses import (
     OPERATIONS,
     ORDER,
@@ -31,7 +32,7 @@ from lab3_usd.check.robot.poses import (
     vector_text,
 )
 from lab3_usd.check.robot.surroundings import INVISIBLE, hidden_by
-from lab3_usd.model.changes import ApplySchema, RemoveSchema, Restore
+from lab3_usd.model.changes import ApplySchema, Edit, MovePrim, RemoveSchema, Restore
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.physics import (
     BODY_API,
@@ -284,8 +285,11 @@ def _is_lost_with_ground(subject: StageSubject, light: WorldPart) -> bool:
 def _missing(
     subject: StageSubject, part: WorldPart, title: str, parts: Iterable[Prim], *unmet: str
 ) -> Problem:
-    """Say that a part is missing: at the prim that is switched off, else where it usually is."""
-    usual = part.usual
+    """Say that a part is missing: at the prim that is switched off, else where it usually is.
+
+    One that was dragged below the robot moves with it, and is no part of the world.
+    """
+    usual, robot = part.usual, subject.lab.scene.robot.path
     off = [prim.path for prim in parts if not prim.present]
     top = subject.stage.prims.get(usual)
     if top is not None and not top.present:
@@ -293,6 +297,13 @@ def _missing(
     site = min(off, default=usual)
     reason = f": {site} {absence_reason(subject.stage, site)}" if off else ""
     related = (usual,) if site != usual else ()
+    fix: tuple[Edit, ...] = tuple(map(Restore, (site, *related)))
+    hint = None
+    dragged = same_named_prims(subject.stage, robot, usual.rpartition("/")[2]) if not top else ()
+    if len(dragged) == 1:
+        reason += f"; {usual} seems to be the prim at {dragged[0]}"
+        hint = f"drag {dragged[0]} back to {usual} in the Stage panel"
+        related, fix = dragged, (MovePrim(dragged[0], usual),)
     message = f"the scene has no {title.split(' ', 1)[1]}{reason}"
     return Problem(
         site,
@@ -300,7 +311,8 @@ def _missing(
         expected=title,
         handout=part.handout,
         related=related,
-        fix=tuple(map(Restore, (site, *related))),
+        hint=hint,
+        fix=fix,
         unmet=unmet,
         rests_on=_missing_environment(subject),
     )

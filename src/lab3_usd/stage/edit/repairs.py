@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from pxr import Sdf
+from pxr import Sdf, Usd
 
 from lab3_usd.errors import StageError
 from lab3_usd.model import changes
-from lab3_usd.model.changes import Activate, ClearValue, Edit, Restore, Retarget
+from lab3_usd.model.changes import Activate, ApplySchema, ClearValue, Edit, Restore, Retarget
 from lab3_usd.stage.edit.prims import (
     activate,
     add_graph,
@@ -176,7 +176,8 @@ def _restore_presence(session: EditSession, expected: Sdf.PrimSpec) -> None:
 def _clear_overs_below(session: EditSession, path: str) -> None:
     """Take poses and schemas off the overs below a prim of which the reference has no spec.
 
-    They change parts of what is referred to, which is right by itself.
+    They change parts of what is referred to, which is right by itself. Schemas that are still
+    missing there are applied.
     """
     waiting = [*session.specs(path)]
     overs: list[Sdf.PrimSpec] = []
@@ -192,6 +193,12 @@ def _clear_overs_below(session: EditSession, path: str) -> None:
                 spec.ClearInfo(name)
             for pose in [held for held in spec.properties if held.name.startswith(_POSE)]:
                 spec.RemoveProperty(pose)
+    expected = session.reference_stage().GetPrimAtPath(path)
+    for prim in Usd.PrimRange(expected) if expected else ():  # what layers out of reach take off
+        there = session.stage.GetPrimAtPath(prim.GetPath())
+        if there and session.reference().GetPrimAtPath(prim.GetPath()) is None:
+            for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+                apply_schema(session, ApplySchema(str(prim.GetPath()), schema))
 
 
 def _below(prim: Sdf.PrimSpec, graph_type: str) -> Iterator[Sdf.PrimSpec]:

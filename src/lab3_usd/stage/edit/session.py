@@ -19,6 +19,7 @@ from lab3_usd.stage.write.starter import is_root_articulated
 
 # The fields of a prim that edits change, beside its specifier and type.
 _FIELDS = ("active", "apiSchemas")
+_OFFSETS = "subLayerOffsets"  # which usd-core cannot hand to Python
 
 
 def layer_from(text: str) -> Sdf.Layer | None:
@@ -44,7 +45,7 @@ def _fields(layer: Sdf.Layer) -> dict[Sdf.Path, dict[str, str]]:
     def keep(path: Sdf.Path) -> None:
         spec = layer.GetObjectAtPath(path)  # None for a target or a source
         names = spec.ListInfoKeys() if spec else ()
-        fields[path] = {name: str(spec.GetInfo(name)) for name in names}
+        fields[path] = {name: str(spec.GetInfo(name)) for name in names if name != _OFFSETS}
 
     layer.Traverse(Sdf.Path.absoluteRootPath, keep)
     return fields
@@ -67,12 +68,13 @@ def crate_bytes(layer: Sdf.Layer) -> bytes:
 def render_prim(layer: Sdf.Layer, path: str) -> str:
     """Return a layer that holds one prim with its properties and without its children.
 
-    Of the layer itself, `/`, the metadata is rendered.
+    Of the layer itself, `/`, the metadata is rendered, without its sublayers.
     """
     rendered = Sdf.Layer.CreateAnonymous(".usda")
     if path == "/":
         for name in layer.pseudoRoot.ListInfoKeys():
-            rendered.pseudoRoot.SetInfo(name, layer.pseudoRoot.GetInfo(name))
+            if name not in {"subLayers", _OFFSETS}:
+                rendered.pseudoRoot.SetInfo(name, layer.pseudoRoot.GetInfo(name))
         return str(rendered.ExportToString())
     source = layer.GetPrimAtPath(path)
     prim = Sdf.CreatePrimInLayer(rendered, path)
