@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
+from breaking import correct_stage
+from msgspec.structs import replace
 
-from lab3_usd.fix.repairing import USELESS, WORSE, Attempt, most_helpful
-from lab3_usd.model.changes import Repair
+from lab3_usd.fix.repairing import USELESS, WORSE, Attempt, deletes_what_waits, most_helpful
+from lab3_usd.model.changes import Activate, RemovePrim, Repair
 from lab3_usd.model.finding import Finding, Site, site_of
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.edit.session import EditSession
 
 Repaired = Callable[[frozenset[str]], list[str]]
 
@@ -85,6 +89,30 @@ def test_one_that_brings_a_fault_elsewhere_is_left_out(brought: Finding) -> None
 
     found = most_helpful([site("a")], attempt)
     assert (found.attempt.after, found.left_out) == ((fault("a"),), {site("a"): WORSE})
+
+
+GRAPH = "/turtlebot3_burger/ROS_Drive"
+DELETION = Repair("", (RemovePrim(f"{GRAPH}/ros2_context"),))
+OTHER = Repair("", (Activate("/turtlebot3_burger"),))
+
+
+@pytest.mark.parametrize(
+    ("prim", "fix", "waits"),
+    [
+        (GRAPH, None, True),
+        ("/turtlebot3_burger", OTHER, True),
+        ("/turtlebot3_burger", None, False),
+        ("/World", OTHER, False),
+        (GRAPH, DELETION, False),
+    ],
+)
+def test_a_node_is_not_deleted_while_what_it_stands_in_waits_for_a_repair(
+    prim: str, fix: Repair | None, *, waits: bool
+) -> None:
+    lab = load_lab()
+    session = EditSession(correct_stage("02"), lab, lab.checkpoints["02"])
+    found = replace(fault("x", prim), fix=fix)
+    assert deletes_what_waits(DELETION, [found], [DELETION, OTHER], session) == waits
 
 
 def test_without_repairs_nothing_is_tried() -> None:

@@ -223,7 +223,9 @@ def _attempt(
             findings = (finding for finding in after if site_of(finding) not in left_out)
             repairs = [repair for finding in findings if (repair := _repair_of(finding, options))]
             repairs = [
-                repair for repair in repairs if not _deletes_what_waits(repair, after, session)
+                repair
+                for repair in repairs
+                if not deletes_what_waits(repair, after, repairs, session)
             ]
             _make_edits(session, repairs)
             made.update(dict.fromkeys(repairs))
@@ -242,21 +244,24 @@ def _attempt(
         session.close()
 
 
-def _deletes_what_waits(repair: Repair, findings: Iterable[Finding], session: EditSession) -> bool:
-    """Whether a repair deletes a node while an error names a prim above it.
+def deletes_what_waits(
+    repair: Repair, findings: Iterable[Finding], repairs: Sequence[Repair], session: EditSession
+) -> bool:
+    """Whether a repair deletes a node while its parent has an error, or one above is repaired.
 
-    Once that is repaired the node may be right where it is.
+    Once that is repaired the node may be right where it is. An error further above that stays
+    says nothing of the node.
     """
     node_type = session.lab.catalog.graph.node_type
-    nodes = [
-        edit.prim
+    parents = [
+        edit.prim.rpartition("/")[0]
         for edit in repair.edits
         if isinstance(edit, RemovePrim)
         and session.stage.GetPrimAtPath(edit.prim).GetTypeName() == node_type
     ]
     return any(
-        is_at_or_below(node.rpartition("/")[0], finding.prim)
-        for node in nodes
+        is_at_or_below(parent, finding.prim) and (finding.prim == parent or finding.fix in repairs)
+        for parent in parents
         for finding in findings
         if finding.severity == "error" and finding.prim != "/" and finding.fix != repair
     )
