@@ -71,7 +71,7 @@ MODULES = {
     "P": ("settings", "limits"),
     "R": ("targets",),
     "W": ("wires",),
-    "S": ("scene", "robot", "wheel_joints", "wheel_drives", "world"),
+    "S": ("scene", "robot", "link_joints", "wheel_joints", "wheel_drives", "world"),
     "L": ("lidar", "sensors"),
     "C": ("camera", "sensors"),
     "D": ("sensors",),

@@ -1,4 +1,4 @@
-"""Rules about the robot's bodies, and what makes one robot of its links."""
+"""Rules about the bodies of the robot."""
 
 from __future__ import annotations
 
@@ -6,45 +6,32 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Demand, rule
-from lab3_usd.check.robot.axles import rest_frames, welds
-from lab3_usd.check.robot.ground import UP
 from lab3_usd.check.robot.poses import UNSCALED, is_scaled, pose_property, scale_of, vector_text
-from lab3_usd.check.robot.wheels import has_no_joints, unknown_joints, wheel_joints
+from lab3_usd.check.robot.wheels import unknown_joints
 from lab3_usd.check.rules.world import AT_REST
 from lab3_usd.model.changes import (
     Activate,
     ApplySchema,
-    ClearValue,
     Edit,
-    RemovePrim,
     RemoveSchema,
     Restore,
 )
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
-    ARTICULATION_API,
-    ARTICULATION_ENABLED,
-    BODIES,
     BODY_API,
     BODY_ENABLED,
     COLLISION_API,
     COLLISION_ENABLED,
-    FIXED,
-    JOINT_ENABLED,
     KINEMATIC,
     MASS,
     MASS_API,
     bodies,
     collides,
-    is_articulated,
-    is_joint_type,
     is_switched_off,
     joints,
     number,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import UnresolvedAsset
-from lab3_usd.model.transforms import angle_between, decompose
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import LinkSpec
 
@@ -254,288 +241,3 @@ def link_scale(subject: StageSubject) -> Iterator[Problem]:
             yield Problem(
                 prim.path, message, scale, expected, actual, handout, fix=fix, unmet=unmet
             )
-
-
-_ARTICULATED = "Scene/articulation"
-
-
-def _articulation(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
-    del checkpoint
-    spec = lab.scene.robot.articulation
-    if spec.target:
-        title = "one articulation root"
-        yield Demand(_ARTICULATED, title, spec.target, spec.handout, part="assembly")
-
-
-@rule("S11", "articulation", scope="stage", demands=_articulation)
-def articulation(subject: StageSubject) -> Iterator[Problem]:
-    """The robot has no articulation root, two of them, or one on the wrong prim.
-
-    Why: the Articulation Controller looks for the articulation at its target prim and below.
-    Without one it reports an error in the console, and nothing moves. Odometry needs only the rigid
-    body. An articulation root on the robot root works too, with the robot root as the target.
-
-    Fix: select the prim and choose Add > Physics > Articulation Root. Remove another one with the
-    cross beside it in the Property panel.
-
-    Example: `PhysicsArticulationRootAPI` removed from `{robot}/{base}`.
-    """
-    spec = subject.lab.scene.robot.articulation
-    target = spec.target
-    if not target:  # the lab's robot has none
-        return
-    root = subject.stage.prim(subject.lab.scene.robot.path)
-    base = subject.stage.prim(target)
-    if root is None or base is None:
-        return
-    roots = [
-        prim
-        for prim in subject.stage.with_api(ARTICULATION_API)
-        if is_articulated(prim) and is_at_or_below(prim.path, root.path)
-    ]
-    right = [prim for prim in (base, root) if prim in roots]
-    for prim in roots:
-        if prim not in right[:1]:
-            fault = f"a second articulation root, beside {right[0].path}" if right else "misplaced"
-            yield Problem(
-                prim.path,
-                f"the articulation root on {prim.name} is {fault}",
-                expected=target,
-                actual=prim.path,
-                handout=spec.handout,
-                related=(target,) if prim.path != target else (),
-                fix=(RemoveSchema(prim.path, spec.api), ApplySchema(target, spec.api)),
-                unmet=(_ARTICULATED,),
-            )
-            if not right:
-                return
-    if not roots:
-        is_off = is_switched_off(base, ARTICULATION_ENABLED)
-        reason = "is switched off" if is_off and ARTICULATION_API in base.apis else "is missing"
-        yield Problem(
-            target,
-            f"the articulation root {reason}, expected on {target}",
-            expected=ARTICULATION_API,
-            handout=spec.handout,
-            fix=(ApplySchema(target, spec.api), ClearValue(target, spec.switch)),
-            unmet=(_ARTICULATED,),
-            rests_on=subject.stage.unknown(target),
-        )
-
-
-def joined_links(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
-    """Yield that joints tie each link to the robot; those of the wheels are asked for apart."""
-    del checkpoint
-    robot = lab.scene.robot
-    for name, link in robot.links.items():
-        if name not in robot.wheels.joints.values() and name != robot.base_frame:
-            title = f"joints tie {name} to the robot"
-            yield Demand(f"Scene/joined/{name}", title, f"{robot.path}/{name}", link.handout)
-
-
-@rule("S12", "loose-link", scope="stage", demands=joined_links)
-def loose_link(subject: StageSubject) -> Iterator[Problem]:
-    """No joint ties a link of the robot to the other links, or one lets the wrong link move.
-
-    Why: the robot separates at Play: the link stays behind or rolls away. Other rules check the
-    wheels. If several links come off together, the finding names the first. The body of the robot,
-    and a link whose place on it the handout gives, must be held upright by a fixed joint. Where the
-    joint holds it tilted, it turns over at Play.
-
-    Fix: undo the deletion of the joint, or start again from the supplied file. The handout says not
-    to recreate the robot's physics.
-
-    Example: the joint of `{robot}/{link}` deleted: `{link}` falls down.
-    """
-    robot = subject.lab.scene.robot
-    wheels = robot.wheels.joints.values()
-    links = list(robot.link_paths)
-    present = [path for path in links if subject.stage.prim(path) is not None]
-    base = robot.base
-    if has_no_joints(subject) or base not in present:
-        return
-    if unknown_joints(subject):  # then only what a joint let go of is known to be loose
-        present = [base, *(path for path in present if path in _let_go(subject, links))]
-    groups = _groups(subject, links)
-    # A link that is held by the world is S21's.
-    held = [bodies(joint)[side] for joint, side, asset in _holds(subject) if asset is None]
-    judged = [groups[base], *(groups[_link_of(body, links)] for body in held)]
-    for name, link in robot.links.items():
-        path = f"{robot.path}/{name}"
-        if path in present and name not in wheels and groups[path] not in judged:
-            judged.append(groups[path])
-            message, hint = f"no joint ties {name} to {robot.base_frame}", None
-            off = _switched_off(subject, path)
-            if off:
-                message += f": {off[0]} is switched off"
-                hint = f"select {off[0]} and set Joint Enabled in the Property panel"
-            yield Problem(
-                path,
-                message,
-                expected=base,
-                handout=link.handout,
-                related=off,
-                hint=hint,
-                fix=tuple(Restore(joint, JOINT_ENABLED) for joint in off) or (Restore(path),),
-                unmet=(f"Scene/joined/{name}",),
-                causes=tuple((joint, JOINT_ENABLED) for joint in off),
-            )
-        elif path in present and _is_held(link) and groups[path] == groups[base]:
-            yield from _movable(subject, path, link.handout)
-            yield from _tilted(subject, path, link.handout)
-
-
-_SIX_AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
-
-
-def _is_held(link: LinkSpec) -> bool:
-    return link.held or link.offset is not None
-
-
-def _tilted(subject: StageSubject, link: str, handout: str) -> Iterator[Problem]:
-    """Say that a link is held tilted, by the joint that tilts it."""
-    tolerance = subject.lab.scene.tolerance.axle_angle
-    rest = rest_frames(subject)
-    for joint in welds(subject):
-        ends = bodies(joint)
-        other = ends[1 - ends.index(link)] if link in ends else ""
-        if link not in rest or other not in rest:
-            continue
-        tilt, below = (angle_between(decompose(rest[end]).rotation[2], UP) for end in (link, other))
-        if tilt > tolerance >= below:
-            name = f"physics:localRot{ends.index(link)}"
-            yield Problem(
-                joint.path,
-                f"{joint.name} holds {link} tilted by {tilt:.3g} degrees",
-                name,
-                "upright",
-                f"{tilt:.3g} degrees",
-                handout,
-                related=(link,),
-                fix=(Restore(joint.path, name),),
-                unmet=(f"Scene/joined/{link.rpartition('/')[2]}",),
-            )
-            return
-
-
-def _may_hold(joint: Prim) -> bool:
-    """Whether a joint holds its bodies; one with limits on all six axes may."""
-    limited = [api for api in joint.apis if api.startswith("PhysicsLimitAPI:")]
-    return joint.type == FIXED or len(limited) == len(_SIX_AXES)
-
-
-def _movable(subject: StageSubject, link: str, handout: str) -> Iterator[Problem]:
-    """Say that a link that must be held hangs on a joint that moves, on what is held itself."""
-    rest = rest_frames(subject)
-    for joint in joints(subject.stage) if link not in rest else ():
-        is_first = link in bodies(joint) and any(end in rest for end in bodies(joint))
-        if is_first and not _may_hold(joint):
-            yield Problem(
-                joint.path,
-                f"{joint.name} lets {link} move on the robot: it is a {joint.type}",
-                expected=FIXED,
-                actual=joint.type,
-                handout=handout,
-                related=(link,),
-                fix=(Restore(joint.path),),
-                unmet=(f"Scene/joined/{link.rpartition('/')[2]}",),
-                rests_on=subject.stage.unknown(joint.path),
-            )
-
-
-@rule("S21", "held-by-the-world", scope="stage")
-def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
-    """A joint ties the robot to the world, or to a prim that is not part of the robot.
-
-    Why: the joint holds the robot in place: the wheels turn and odometry stays at zero. An empty
-    body of a joint is the world. Other rules check the joints of the wheels.
-
-    Fix: delete the joint, or clear Joint Enabled in the Property panel. The option Static Base of
-    the URDF importer creates such a joint. The supplied robot has none.
-
-    Example: `{robot}/root_joint`, a fixed joint with `physics:body1` `{base}` and no
-    `physics:body0`.
-    """
-    robot = subject.lab.scene.robot.path
-    section = subject.lab.handout.behind("S21", subject.lab.scene.robot.handout)
-    if not subject.lab.scene.robot.wheels.joints:  # an arm may be bolted down
-        return
-    for joint, side, asset in _holds(subject):
-        ends = bodies(joint)
-        holder = ends[1 - side]
-        yield Problem(
-            joint.path,
-            f"{joint.name} ties {ends[side]} to {holder or 'the world'}",
-            BODIES[1 - side],
-            "a link of the robot, or no such joint",
-            holder or "no prim",
-            section,
-            (robot,),
-            fix=(RemovePrim(joint.path),),
-            unmet=(AT_REST,),
-            rests_on=asset,
-        )
-
-
-def _holds(subject: StageSubject) -> Iterator[tuple[Prim, int, UnresolvedAsset | None]]:
-    """Yield each joint with one body on the robot and one off it, and which one is on it.
-
-    The third is the missing asset that could name the other body, where the joint names none.
-    Those of wheels have rules of their own.
-    """
-    stage = subject.stage
-    wheels = wheel_joints(subject)
-    own = [wheel.prim for wheel in wheels]
-    for joint in joints(stage):
-        ends = bodies(joint)
-        on_robot = [_is_on_robot(end, subject) for end in ends]
-        on_wheel = any(is_at_or_below(end, wheel.link) for end in ends for wheel in wheels)
-        is_wheels = joint in own or on_wheel
-        if on_robot.count(True) == 1 and not is_wheels:
-            asset = None if all(ends) else stage.unknown(joint.path)
-            yield joint, on_robot.index(True), asset
-
-
-def _is_on_robot(body: str, subject: StageSubject) -> bool:
-    """Whether a joint's target is below the robot's root, or is the root and moves itself.
-
-    A root that is no body stands for the world, as whatever has no body above it does.
-    """
-    path = subject.lab.scene.robot.path
-    root = subject.stage.prim(path)
-    moves = root is not None and BODY_API in root.apis
-    return is_at_or_below(body, path) and (body != path or moves)
-
-
-def _switched_off(subject: StageSubject, link: str) -> tuple[str, ...]:
-    """Return the joints of the scene that would tie a link and are switched off."""
-    every_joint = subject.stage.of_type(is_joint_type)
-    off = (prim for prim in every_joint if prim.present and is_switched_off(prim, JOINT_ENABLED))
-    return tuple(prim.path for prim in off if any(is_at_or_below(b, link) for b in bodies(prim)))
-
-
-def _let_go(subject: StageSubject, links: list[str]) -> list[str]:
-    """Return the links that joints of the file name which are switched off or deactivated."""
-    return [
-        _link_of(body, links)
-        for prim in subject.stage.of_type(lambda name: not name or is_joint_type(name))
-        if not prim.present or is_switched_off(prim, JOINT_ENABLED)
-        for body in bodies(prim)
-    ]
-
-
-def _groups(subject: StageSubject, links: list[str]) -> dict[str, str]:
-    """Map each link and body to one name for all that joints tie together."""
-    group = {link: link for link in links}
-    for joint in joints(subject.stage):
-        ends = [_link_of(body, links) for body in bodies(joint) if body]
-        names = {group.setdefault(end, end) for end in ends}
-        if len(names) > 1:
-            first = min(names)
-            group = {body: first if name in names else name for body, name in group.items()}
-    return group
-
-
-def _link_of(body: str, links: list[str]) -> str:
-    """Return the link that a joint's target moves with."""
-    return next((link for link in links if is_at_or_below(body, link)), body)

@@ -20,7 +20,7 @@ from lab3_usd.check.robot.wheels import (
     wheel_side,
     wrong_ends,
 )
-from lab3_usd.check.rules.robot import joined_links
+from lab3_usd.check.rules.link_joints import joined_links
 from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Restore
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
