@@ -150,7 +150,7 @@ def test_every_built_stage_passes(lab: Path, built: Path) -> None:
 
 
 def test_it_is_judged_without_what_it_does_not_have(lab: Path, built: Path) -> None:
-    found = json.loads(run(lab, "check", "--format", "json", built).stdout)
+    found = json.loads(run(lab, "check", "--submission", "--format", "json", built).stdout)
     assert {each["rule"] for each in found["submissions"][0]["findings"]} == {"E01"}
     assert found["submissions"][0]["checklist"] == []
 
