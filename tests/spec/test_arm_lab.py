@@ -1,0 +1,173 @@
+"""A third lab, described after its solutions alone: a fixed arm of seven joints.
+
+Each solution passes, and each single mistake is found once, in the words of the course.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from invoking import invoke
+from pxr import Sdf, Usd
+from seven_joints import COMMANDS, FILES, LINKS, ROBOT, STATES, write_stages
+
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.model.finding import Finding
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
+
+Mistake = Callable[[Usd.Stage], object]
+FOREIGN = ("lidar", "camera", "AMCL", "/scan", "wheel", "drives", "turtlebot", "Nav2")
+
+
+@pytest.fixture(scope="module")
+def described(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Path], Path, str]:
+    """The solutions, the lab that is described after them, and what was said."""
+    folder = tmp_path_factory.mktemp("arm")
+    stages = write_stages(folder)
+    named = [word for stage in stages for word in ("--from", stage)]
+    result = invoke("lab", "new", folder / "lab", *named)
+    assert result.exit_code == 0, result.output
+    return stages, folder / "lab", result.output
+
+
+@pytest.fixture(scope="module")
+def lab(described: tuple[list[Path], Path, str]) -> Lab:
+    return load_lab(described[1])
+
+
+def test_every_solution_passes_and_plays(described: tuple[list[Path], Path, str]) -> None:
+    shown = [line for line in described[2].splitlines() if ": checkpoint " in line]
+    assert [line.rpartition("; ")[2] for line in shown[1:]] == ["sim ok"] * 4
+    assert all(", pass, " in line for line in shown)
+
+
+def test_the_checkpoints_are_those_of_the_stages(lab: Lab) -> None:
+    assert tuple(lab.files.values()) == FILES
+    assert [checkpoint.new for checkpoint in lab.checkpoints.values()] == [
+        (),
+        ("Clock",),
+        ("States",),
+        ("Commands",),
+        ("Frames",),
+    ]
+
+
+def test_only_what_an_arm_has_is_written(described: tuple[list[Path], Path, str]) -> None:
+    text = "".join(path.read_text() for path in described[1].glob("*.yaml"))
+    assert [word for word in FOREIGN if word.lower() in text.lower()] == []
+
+
+def test_every_link_below_the_articulation_root_is_a_frame(lab: Lab) -> None:
+    assert [child for _, child in lab.frames.edges] == list(LINKS)
+
+
+def node(stage: Usd.Stage, path: str) -> Usd.Prim:
+    prim: Usd.Prim = stage.GetPrimAtPath(f"/World/{path}")
+    return prim
+
+
+def sets(path: str, port: str, value: object) -> Mistake:
+    return lambda stage: node(stage, path).GetAttribute(f"inputs:{port}").Set(value)
+
+
+def aims(path: str, port: str, *targets: str) -> Mistake:
+    paths = [Sdf.Path(target) for target in targets]
+    return lambda stage: node(stage, path).GetRelationship(f"inputs:{port}").SetTargets(paths)
+
+
+def cuts(path: str, port: str) -> Mistake:
+    return lambda stage: node(stage, path).GetAttribute(f"inputs:{port}").ClearConnections()
+
+
+# The rule that finds a mistake, and the words of the course in what it says.
+MISTAKES: dict[str, tuple[Mistake, str, tuple[str, ...]]] = {
+    "another topic": (
+        sets("States/publish", "topicName", "/panda/joints"),
+        "P01",
+        ("/panda/joints", STATES),
+    ),
+    "another topic than the default that the course sets": (
+        sets("Clock/clock", "topicName", "time"),
+        "P01",
+        ("time", "clock"),
+    ),
+    "another domain": (sets("Commands/context", "domain_id", 3), "P01", ("domain_id", "3", "0")),
+    "stamps that are wired to nothing": (
+        cuts("States/publish", "timeStamp"),
+        "W01",
+        ("timeStamp", "time"),
+    ),
+    "commands that reach no motor": (
+        cuts("Commands/motors", "positionCommand"),
+        "W01",
+        ("positionCommand", "listen"),
+    ),
+    "joints of another prim": (aims("States/read", "prim", f"{ROBOT}/link3"), "R02", (ROBOT,)),
+    "a frame that is left out": (
+        aims("Frames/frames", "targetPrims", *(f"{ROBOT}/{link}" for link in LINKS[:-1])),
+        "T01",
+        (LINKS[-1],),
+    ),
+    "a link of another mass": (
+        lambda stage: node(stage, "Panda/link2").GetAttribute("physics:mass").Set(13.0),
+        "S04",
+        ("link2", "1.3"),
+    ),
+    "a node that is missing": (
+        lambda stage: stage.RemovePrim("/World/Commands/listen"),
+        "N01",
+        ("ROS2 Subscribe Joint State",),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_found_once_in_the_words_of_the_course(
+    name: str, described: tuple[list[Path], Path, str], lab: Lab, tmp_path: Path
+) -> None:
+    mistake, rule, words = MISTAKES[name]
+    solution = described[0][-1]
+    wrong = tmp_path / solution.name
+    shutil.copyfile(solution, wrong)
+    stage = Usd.Stage.Open(str(wrong))
+    mistake(stage)
+    stage.GetRootLayer().Save()
+    result = check_stage(wrong, lab=lab)
+    errors = [finding for finding in result.findings if finding.severity == "error"]
+    assert [finding.rule for finding in errors] == [rule]
+    said = text_of(errors[0])
+    assert [word for word in words if word not in said] == []
+    assert [word for word in FOREIGN if word.lower() in said.lower()] == []
+    assert result.score.earned < result.score.possible
+
+
+def text_of(finding: Finding) -> str:
+    parts = (finding.prim, finding.property, finding.message, finding.expected, finding.hint)
+    return " ".join(str(part) for part in parts if part)
+
+
+def test_a_fallen_arm_loses_the_points_of_the_scene(
+    described: tuple[list[Path], Path, str], tmp_path: Path
+) -> None:
+    stages, folder, _ = described
+    student = tmp_path / "class" / "ann"
+    student.mkdir(parents=True)
+    for path in stages:
+        stage = Usd.Stage.Open(str(path))
+        stage.RemovePrim(f"{ROBOT}/root_joint")
+        stage.GetRootLayer().Export(str(student / path.name))
+    book = tmp_path / "book"
+    graded = ("grade", tmp_path / "class", "--starter", stages[0], "-o", book)
+    assert invoke("--lab", folder, *graded).exit_code == 0
+    heads, row = (line.split(",") for line in (book / "grades.csv").read_text().splitlines()[:2])
+    points = dict(zip(heads, row, strict=True))
+    assert points["scene"] == "0.00"
+
+
+def test_commands_are_heard_on_the_topic_of_the_course(lab: Lab) -> None:
+    assert lab.ros.topics[COMMANDS].subscribed
+    assert lab.ros.topics[STATES].type == "sensor_msgs/msg/JointState"
