@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal, NoReturn
 
 import click
 
-from lab3_usd.commands.table import COMMANDS, EXAMPLES, GROUPS
+from lab3_usd.commands.table import CALLS, COMMANDS, EXAMPLES, GROUPS
 from lab3_usd.data import LAB_VARIABLE, as_called, program
 from lab3_usd.errors import EXIT_CRASH, EXIT_INTERRUPTED, EXIT_USAGE, Lab3Error, UsageError
 
@@ -38,7 +38,10 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         module = importlib.import_module(f"lab3_usd.commands.{cmd_name}")
-        return _as_called(module.command)
+        command = _as_called(module.command)
+        calls = (f"  {call}" for call in CALLS[cmd_name])
+        command.epilog = as_called("\n".join(("\b", "Examples:", *calls)))
+        return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands from the table, so that help imports none of them."""
@@ -182,6 +185,8 @@ def main() -> None:
     """
     gc.freeze()  # what is imported so far is no garbage
     _write_utf8()
+    if os.environ.get(f"_{program().upper()}_COMPLETE", "").startswith("powershell"):
+        importlib.import_module("lab3_usd.commands.completion")  # click itself does not know it
     try:
         lab3.main(prog_name=program(), standalone_mode=False)
     except click.exceptions.Abort:

@@ -171,3 +171,16 @@ def refuse_existing(target: Path, *, force: bool) -> None:
     """Raise UsageError where writing would replace a file that nobody said to replace."""
     if target.exists() and not force:
         raise UsageError(f"{target} exists already; use --force to replace it")
+
+
+def meant_instead(path: Path) -> str:
+    """Return the end of a sentence about a file that is not there: which one may be meant."""
+    from difflib import get_close_matches
+
+    try:
+        names = sorted(beside.name for beside in path.parent.iterdir())
+    except OSError:
+        return ""
+    alike = [name for name in names if Path(name).stem == path.stem]
+    alike = alike or get_close_matches(path.name, names, 1)
+    return f"; did you mean {path.with_name(alike[0])}?" if alike else ""

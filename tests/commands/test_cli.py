@@ -10,6 +10,7 @@ from errno import ENOSPC
 from functools import cache
 from pathlib import Path
 
+import click
 import pytest
 from invoking import invoke as lab3
 from places import REPOSITORY
@@ -17,6 +18,8 @@ from places import REPOSITORY
 from lab3_usd import cli
 from lab3_usd.check.manual import PARTS
 from lab3_usd.check.registry import FAMILIES, all_rules
+from lab3_usd.commands.completion import PowerShellComplete
+from lab3_usd.commands.table import CALLS
 from lab3_usd.report.options import UNKNOWN, tool_version
 
 HEAVY = ("pxr", "networkx", "yaml", "jinja2")
@@ -116,11 +119,48 @@ def test_an_error_of_ours_is_one_line_and_status_2(
     assert capsys.readouterr().err == "lab3: no such stage\n"
 
 
-@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+@pytest.mark.parametrize("name", list(cli.COMMANDS))
+def test_the_help_of_a_command_ends_with_calls_that_it_takes(name: str) -> None:
+    lines = lab3(name, "--help").stdout.splitlines()
+    calls = [line.split() for line in lines[lines.index("  Examples:") + 1 :]]
+    assert calls == [call.split() for call in CALLS[name]]
+    assert max(map(len, lines)) <= 80
+    for _, *words in calls:
+        command = cli.lab3.get_command(click.Context(cli.lab3), words[0])
+        assert command is not None
+        command.make_context(words[0], words[1:])
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
 def test_completion_script_calls_back_into_lab3(shell: str) -> None:
     result = lab3("completion", shell)
     assert result.exit_code == 0
-    assert f"_LAB3_COMPLETE={shell}_complete" in result.stdout
+    assert re.search(f'_LAB3_COMPLETE ?= ?"?{shell}_complete', result.stdout)
+
+
+@pytest.mark.parametrize(
+    ("words", "typed", "offered"),
+    [
+        ("rule", "w0", {"W01", "W07"}),
+        ("check --select", "P01,W0", {"P01,W01"}),
+        ("fix --ignore", "W0", {"W01"}),
+        ("check --checkpoint", "", {"00", "08"}),
+        ("build --only", "0", {"05"}),
+        ("lint --format", "s", {"sarif"}),
+        ("check --color", "", {"auto", "never"}),
+        ("check", "wo", set()),  # files, which PowerShell completes itself
+    ],
+)
+def test_rules_checkpoints_and_formats_are_completed(
+    monkeypatch: pytest.MonkeyPatch, words: str, typed: str, offered: set[str]
+) -> None:
+    monkeypatch.setenv("COMP_WORDS", "\n".join(["lab3", *words.split(), *([typed] * bool(typed))]))
+    monkeypatch.setenv("COMP_WORD", typed)
+    lines = PowerShellComplete(cli.lab3, {}, "lab3", "_LAB3_COMPLETE").complete().splitlines()
+    values = {line.partition("\t")[0] for line in lines}
+    assert values >= offered
+    assert all(line.partition("\t")[2] for line in lines)
+    assert bool(values) == bool(offered)
 
 
 def test_the_tab_key_completes_commands_and_imports_none() -> None:
@@ -212,6 +252,19 @@ def test_an_unknown_rule_is_wrong_use_and_close_ones_are_named() -> None:
     result = lab3("rule", "W0")
     assert result.exit_code == cli.EXIT_USAGE
     assert "W01" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("word", "rules"), [("wire", {"W01", "K20"}), ("WIRE", {"W01"}), ("camera", {"C01", "S16"})]
+)
+def test_a_word_lists_the_rules_whose_name_or_first_sentence_has_it(
+    word: str, rules: set[str]
+) -> None:
+    result = lab3("rule", word)
+    assert result.exit_code == 0
+    listed = set(re.findall(r"^  ([A-Z]+\d\d) ", result.stdout, re.MULTILINE))
+    assert listed >= rules
+    assert "T01" not in listed
 
 
 def test_a_rule_like_no_other_points_to_the_list() -> None:

@@ -12,7 +12,7 @@ from invoking import invoke
 
 from lab3_usd import build_checkpoint, cli
 from lab3_usd.commands.steps.options import split_rules, wants_color
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import Lab3Error, UsageError
 
 
 @pytest.fixture(scope="module")
@@ -104,3 +104,29 @@ def test_forced_colour_goes_through_a_pipe(clock: str, monkeypatch: pytest.Monke
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("FORCE_COLOR", "1")
     assert "\x1b[" in invoke("check", clock).stdout
+
+
+@pytest.mark.parametrize("command", ["check", "lint", "fix", "tf"])
+def test_a_file_with_another_ending_is_offered(clock: str, command: str) -> None:
+    with pytest.raises(Lab3Error, match=f"did you mean {clock}"):
+        invoke(command, clock.removesuffix("a"))
+
+
+def test_a_name_with_a_slip_is_offered_right(clock: str) -> None:
+    with pytest.raises(UsageError, match=f"did you mean {clock}"):
+        invoke("check", clock.replace("clock", "clok"))
+
+
+def test_a_name_like_no_other_is_answered_without_an_offer(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"no such file or folder$"):
+        invoke("check", tmp_path / "x.usd")
+
+
+def test_of_a_folder_without_stages_those_below_are_named(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="lab3 build --out"):
+        invoke("check", tmp_path)
+    work = tmp_path / "ana" / "work"
+    work.mkdir(parents=True)
+    (work / "x.usda").touch()
+    with pytest.raises(UsageError, match=f"stages are in {work} "):
+        invoke("check", tmp_path)

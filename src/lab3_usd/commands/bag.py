@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import color_option, text_or_json
+from lab3_usd.commands.steps.options import color_option, complete_checkpoints, text_or_json
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 
@@ -17,7 +17,12 @@ EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
 
 @click.command("bag")
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--checkpoint", metavar="NN", help="Ask for what this checkpoint has.")
+@click.option(
+    "--checkpoint",
+    metavar="NN",
+    shell_complete=complete_checkpoints,
+    help="Ask for what this checkpoint has.",
+)
 @click.option(
     "--stage",
     type=click.Path(path_type=Path),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import checkpoint_number
+from lab3_usd.commands.steps.options import checkpoint_number, complete_checkpoints
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_FOUND
 
@@ -22,8 +22,15 @@ from lab3_usd.errors import EXIT_FOUND
     type=click.Path(path_type=Path),
     help="Folder for the checkpoint files; made where it does not exist.",
 )
-@click.option("--through", metavar="NN", help="Stop after this checkpoint.")
-@click.option("--only", metavar="NN", help="Build this checkpoint alone.")
+@click.option(
+    "--through",
+    metavar="NN",
+    shell_complete=complete_checkpoints,
+    help="Stop after this checkpoint.",
+)
+@click.option(
+    "--only", metavar="NN", shell_complete=complete_checkpoints, help="Build this checkpoint alone."
+)
 @click.option(
     "--format",
     "form",

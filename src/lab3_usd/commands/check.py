@@ -12,6 +12,7 @@ import click
 from lab3_usd.commands.steps.options import (
     asset_places,
     assets_option,
+    complete_checkpoints,
     config_options,
     native_option,
     report_options,
@@ -27,8 +28,13 @@ if TYPE_CHECKING:
 
 
 @click.command("check")
-@click.argument("paths", nargs=-1, required=True)
-@click.option("--checkpoint", metavar="NN", help="Judge at this checkpoint, whatever the name.")
+@click.argument("paths", nargs=-1, required=True, type=click.Path())
+@click.option(
+    "--checkpoint",
+    metavar="NN",
+    shell_complete=complete_checkpoints,
+    help="Judge at this checkpoint, whatever the name.",
+)
 @click.option("--starter", type=click.Path(), help="The supplied starter, to compare with.")
 @click.option("--maps", type=click.Path(), help="Folder that holds the map files.")
 @click.option("--sim", is_flag=True, help="Also play each stage, and note what goes wrong.")

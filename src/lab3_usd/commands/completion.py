@@ -2,12 +2,59 @@
 
 from __future__ import annotations
 
+import os
+from typing import ClassVar
+
 import click
-from click.shell_completion import get_completion_class
+from click.shell_completion import (
+    CompletionItem,
+    ShellComplete,
+    add_completion_class,
+    get_completion_class,
+)
 
 from lab3_usd.data import program
 
-SHELLS = ("bash", "zsh", "fish")
+SHELLS = ("bash", "zsh", "fish", "powershell")
+
+
+@add_completion_class
+class PowerShellComplete(ShellComplete):
+    """Completion in PowerShell, on every system; files it completes itself, where nothing comes."""
+
+    name: ClassVar[str] = "powershell"
+    source_template: ClassVar[str] = """\
+Register-ArgumentCompleter -Native -CommandName %(prog_name)s -ScriptBlock {
+    param($word, $command, $position)
+    $env:%(complete_var)s = "powershell_complete"
+    $env:COMP_WORDS = ($command.CommandElements | ForEach-Object { $_.Extent.Text }) -join "`n"
+    $env:COMP_WORD = $word
+    try {
+        %(prog_name)s | ForEach-Object {
+            $value, $help = $_ -split "`t", 2
+            [System.Management.Automation.CompletionResult]::new(
+                $value, $value, "ParameterValue", $help)
+        }
+    }
+    finally { Remove-Item Env:%(complete_var)s, Env:COMP_WORDS, Env:COMP_WORD }
+}
+"""
+
+    def get_completion_args(self) -> tuple[list[str], str]:
+        """Return the words before the one that is typed, and this one."""
+        incomplete = os.environ.get("COMP_WORD", "")
+        words = os.environ["COMP_WORDS"].split("\n")[1:]
+        before = words[:-1] if incomplete else words
+        return [word.strip("'\"") for word in before], incomplete
+
+    def format_completion(self, item: CompletionItem) -> str:
+        """Return a value and what is said of it, which PowerShell wants to be something."""
+        return f"{item.value}\t{item.help or item.value}"
+
+    def get_completions(self, args: list[str], incomplete: str) -> list[CompletionItem]:
+        """Leave out what says that files are meant."""
+        items = super().get_completions(args, incomplete)
+        return [item for item in items if item.type == "plain"]
 
 
 @click.command("completion")
@@ -20,6 +67,8 @@ def command(ctx: click.Context, shell: str) -> None:
     bash:  lab3 completion bash > ~/.local/share/bash-completion/completions/lab3
     zsh:   lab3 completion zsh > "${fpath[1]}/_lab3"
     fish:  lab3 completion fish > ~/.config/fish/completions/lab3.fish
+    PowerShell, in $PROFILE:
+           lab3 completion powershell | Out-String | Invoke-Expression
     """  # noqa: D301 - click reads \b as the character, it keeps the lines apart
     completion = get_completion_class(shell)
     if completion is None:

@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING, Any
 import click
 from msgspec import Struct
 
-from lab3_usd.commands.steps.options import assets_option, checkpoint_number, use_config
+from lab3_usd.commands.steps.options import (
+    assets_option,
+    checkpoint_number,
+    complete_checkpoints,
+    use_config,
+)
 from lab3_usd.commands.steps.pictures import ENDINGS, encoder
 from lab3_usd.errors import EXIT_CRASH, UsageError
 from lab3_usd.files import refuse_existing, write_whole
@@ -43,7 +48,12 @@ TREE = "TF"
     show_default=True,
     help="Format of the pictures; png needs the extra lab3-usd[png].",
 )
-@click.option("--checkpoint", metavar="NN", help="Judge the stage at this checkpoint.")
+@click.option(
+    "--checkpoint",
+    metavar="NN",
+    shell_complete=complete_checkpoints,
+    help="Judge the stage at this checkpoint.",
+)
 @click.option("--lint", is_flag=True, help="Mark what lab3 lint finds in any stage.")
 @click.option("--isaac", "release", metavar="RELEASE", help="With --lint: as for lab3 lint.")
 @click.option(

@@ -16,13 +16,16 @@ from lab3_usd.commands.steps.options import (
     assets_option,
     checkpoint_number,
     command_line,
+    complete_checkpoints,
     config_options,
+    rules_options,
     with_config,
 )
 from lab3_usd.commands.steps.reporting import selected_findings
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import (
+    meant_instead,
     original_of,
     refuse_existing,
     refuse_shared,
@@ -73,7 +76,8 @@ def _stages(path: Path, options: Mapping[str, Any]) -> Iterator[Path]:
     if not options["lint"] and options["checkpoint"] is None:
         files = [file for file in files if named_checkpoint(file.name, load_lab().files)]
     if not files:
-        raise UsageError(f"{path}: holds no stage of a checkpoint, nor does a folder in it")
+        others = "" if options["lint"] else "; --lint repairs stages of any name"
+        raise UsageError(f"{path}: holds no stage of a checkpoint, nor does a folder in it{others}")
     yield from files
 
 
@@ -85,7 +89,7 @@ def _check_options(stages: Sequence[Path], options: Mapping[str, Any]) -> None:
         raise UsageError("--isaac goes with --lint")
     for stage in stages:
         if not stage.is_file():
-            raise UsageError(f"{stage}: there is no such file")
+            raise UsageError(f"{stage}: there is no such file{meant_instead(stage)}")
     output = options["output"]
     if output is None:
         return
@@ -196,8 +200,13 @@ def _line(finding: Finding) -> str:
 
 
 @click.command("fix")
-@click.argument("paths", nargs=-1, required=True, metavar="STAGE...")
-@click.option("--checkpoint", metavar="NN", help="Judge at this checkpoint, whatever the name.")
+@click.argument("paths", nargs=-1, required=True, metavar="STAGE...", type=click.Path())
+@click.option(
+    "--checkpoint",
+    metavar="NN",
+    shell_complete=complete_checkpoints,
+    help="Judge at this checkpoint, whatever the name.",
+)
 @click.option("--starter", type=click.Path(), help="Take what is missing from this starter.")
 @click.option("--lint", is_flag=True, help="Repair what lab3 lint finds, without a spec.")
 @click.option("--isaac", "release", metavar="RELEASE", help="With --lint: as for lab3 lint.")
@@ -213,10 +222,7 @@ def _line(finding: Finding) -> str:
     is_flag=True,
     help="Replace an output that exists, or a read-only, linked or foreign file.",
 )
-@click.option(
-    "--select", multiple=True, metavar="RULES", help="Only these rules (W01) or families (W)."
-)
-@click.option("--ignore", multiple=True, metavar="RULES", help="Not these rules or families.")
+@rules_options
 @assets_option
 @config_options
 def command(paths: tuple[str, ...], **options: Any) -> None:

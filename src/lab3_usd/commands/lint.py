@@ -29,7 +29,7 @@ _AS_FIX = {
 
 
 @click.command("lint")
-@click.argument("paths", nargs=-1, required=True)
+@click.argument("paths", nargs=-1, required=True, type=click.Path())
 @click.option(
     "--isaac",
     "release",

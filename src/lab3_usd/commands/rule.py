@@ -10,24 +10,47 @@ import click
 
 from lab3_usd.check.manual import rules_in
 from lab3_usd.check.registry import FAMILIES, Rule
+from lab3_usd.commands.rules import first_sentence, rule_lines
+from lab3_usd.commands.steps.options import complete_rules
 from lab3_usd.data import program
 from lab3_usd.spec.load.loader import load_lab
 
 WIDTH = 100
 SUGGESTED = 3
+SHORTEST = 3  # letters of a word that is searched
 SECTIONS = ("Why", "Fix", "Example", "Basis")
 
 
 @click.command("rule")
-@click.argument("rule_id", metavar="ID")
+@click.argument("rule_id", metavar="ID", shell_complete=complete_rules)
 def command(rule_id: str) -> None:
     """Explain one rule: what is wrong, why it matters, how to repair it, and an example.
 
-    ID is an id such as W01, or a rule's name.
+    ID is an id such as W01, or a rule's name. Of another word the rules are listed whose names or
+    first sentences have it.
     """
     lab = load_lab()
-    rule = find_rule(rule_id, rules_in(lab))
+    rules = rules_in(lab)
+    found = rules_about(rule_id, rules)
+    if found:
+        click.echo("\n".join(rule_lines(found)))
+        return
+    rule = find_rule(rule_id, rules)
     click.echo("\n".join(manual_lines(rule, lab.handout.rules.get(rule.id, ""))))
+
+
+def rules_about(word: str, rules: Mapping[str, Rule]) -> list[Rule]:
+    """Return the rules about a word, none for the id or name of a rule or the start of an id."""
+    sought = word.lower()
+    named = {name for rule in rules.values() for name in (rule.id.lower(), rule.name)}
+    named |= {rule.formerly for rule in rules.values()}
+    if not sought.isalpha() or len(sought) < SHORTEST or sought in named:
+        return []
+    return [
+        rule
+        for rule in rules.values()
+        if sought in rule.name or sought in first_sentence(rule).lower()
+    ]
 
 
 def find_rule(wanted: str, rules: Mapping[str, Rule]) -> Rule:

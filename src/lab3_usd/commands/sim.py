@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.steps.options import assets_option, color_option, text_or_json, use_config
+from lab3_usd.commands.steps.options import (
+    assets_option,
+    color_option,
+    complete_checkpoints,
+    text_or_json,
+    use_config,
+)
 from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
 
 if TYPE_CHECKING:
@@ -126,7 +132,12 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
 
 @click.command("sim")
 @click.argument("stage", type=click.Path(path_type=Path))
-@click.option("--checkpoint", metavar="NN", help="Ask for what this checkpoint has.")
+@click.option(
+    "--checkpoint",
+    metavar="NN",
+    shell_complete=complete_checkpoints,
+    help="Ask for what this checkpoint has.",
+)
 @click.option(
     "--drive",
     metavar="FILE|LEGS",

@@ -40,3 +40,48 @@ EXAMPLES = {
     "lab3 check work --format html -o report.html": "check all, with pictures",
     "lab3 rule W01": "explain one rule",
 }
+# What the help of each command ends with.
+CALLS = {
+    "check": (
+        "lab3 check work/Lab3_02_ros_drive.usda",
+        "lab3 check work --format html -o report.html",
+        "lab3 check . --submission",
+    ),
+    "fix": ("lab3 fix work/Lab3_02_ros_drive.usda --diff", "lab3 fix work --in-place"),
+    "sim": (
+        "lab3 sim work/Lab3_05_odometry_tf.usda",
+        "lab3 sim work/Lab3_05_odometry_tf.usda --page sim.html",
+    ),
+    "bag": ("lab3 bag run", "lab3 bag run --stage work/Lab3_05_odometry_tf.usda"),
+    "draw": (
+        "lab3 draw work/Lab3_02_ros_drive.usda -o pictures",
+        "lab3 draw ROS_Drive -o pictures",
+    ),
+    "tf": (
+        "lab3 tf work/Lab3_05_odometry_tf.usda -v",
+        "lab3 tf work/Lab3_05_odometry_tf.usda --graph tree.svg",
+    ),
+    "topics": ("lab3 topics work/Lab3_05_odometry_tf.usda",),
+    "diff": ("lab3 diff work/Lab3_02_ros_drive.usda work/Lab3_03_lidar.usda",),
+    "map": ("lab3 map work/Lab3_05_odometry_tf.usda -o maps",),
+    "nav2": ("lab3 nav2 -o nav2",),
+    "collect": ("lab3 collect -o collect.sh",),
+    "play": ("lab3 play -o play.py",),
+    "grade": (
+        "lab3 grade class --starter starter.usda -o gradebook",
+        "lab3 grade class.zip --starter starter.usda -o gradebook --jobs 4",
+    ),
+    "lab": ("lab3 lab new mylab --from stage.usda", "lab3 lab check mylab"),
+    "build": ("lab3 build --out stages", "lab3 build starter.usda --out stages --through 02"),
+    "starter": ("lab3 starter -o starter.usda",),
+    "lint": (
+        "lab3 lint robot.usd",
+        "lab3 lint scenes --isaac 5.1 --format sarif -o lint.sarif",
+        "lab3 lint robot.usd --fix --diff",
+    ),
+    "rules": ("lab3 rules", "lab3 rules --all"),
+    "rule": ("lab3 rule W01", "lab3 rule missing-wire", "lab3 rule wire"),
+    "config": ("lab3 config", "lab3 config work/Lab3_02_ros_drive.usda"),
+    "doctor": ("lab3 doctor",),
+    "completion": ("lab3 completion bash", "lab3 completion powershell"),
+}

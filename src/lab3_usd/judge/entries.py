@@ -64,10 +64,24 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Entry]:
         if is_stage_file(file.name) and not settings.config.excludes(file)
     )
     if not files:
-        raise UsageError(f"{path}: holds no stage and is no submission")
+        raise UsageError(f"{path}: holds no stage and is no submission; {_elsewhere(Path(path))}")
     for file in files:
         checkpoint_at(str(file), settings, lab)
         yield Entry(str(file), is_submission=False)
+
+
+def _elsewhere(folder: Path) -> str:
+    """Say where below a folder stages are, or how to get some."""
+    below = (file for depth in ("*/*", "*/*/*") for file in folder.glob(depth))
+    folders = sorted({str(file.parent) for file in below if is_stage_file(file.name)})
+    if not folders:
+        return f"{program()} build --out {folder} writes stages of the lab"
+    more = ", ..." if len(folders) > _NAMED else ""
+    named = ", ".join(folders[:_NAMED])
+    return f"stages are in {named}{more} ({program()} grade judges a class, {program()} lint any)"
+
+
+_NAMED = 3  # folders
 
 
 def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:

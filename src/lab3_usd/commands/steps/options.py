@@ -6,13 +6,16 @@ import os
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import is_among
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
 
 _Command = Callable[..., Any]
 Option = Callable[[_Command], _Command]
@@ -29,6 +32,69 @@ def all_of(*options: Option) -> Option:
     return add
 
 
+def complete_rules(
+    _context: click.Context, _param: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    """Offer the ids of rules, behind the last comma."""
+    from click.shell_completion import CompletionItem
+
+    from lab3_usd.check.registry import all_rules
+
+    before, comma, typed = incomplete.rpartition(",")
+    return [
+        CompletionItem(f"{before}{comma}{rule.id}", help=rule.name)
+        for rule in all_rules().values()
+        if rule.id.startswith(typed.upper())
+    ]
+
+
+def complete_checkpoints(
+    _context: click.Context, _param: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    """Offer the checkpoints of the lab."""
+    from click.shell_completion import CompletionItem
+
+    from lab3_usd.spec.load.loader import load_lab
+
+    return [
+        CompletionItem(number, help=checkpoint.title)
+        for number, checkpoint in load_lab().checkpoints.items()
+        if number.startswith(incomplete)
+    ]
+
+
+def complete_formats(
+    _context: click.Context, _param: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    """Offer the formats of reports."""
+    from click.shell_completion import CompletionItem
+
+    from lab3_usd.report.formats.registry import FORMATS
+
+    return [
+        CompletionItem(name, help=form.purpose)
+        for name, form in FORMATS.items()
+        if name.startswith(incomplete)
+    ]
+
+
+rules_options = all_of(
+    click.option(
+        "--select",
+        multiple=True,
+        metavar="RULES",
+        shell_complete=complete_rules,
+        help="Only these rules (W01) or families (W).",
+    ),
+    click.option(
+        "--ignore",
+        multiple=True,
+        metavar="RULES",
+        shell_complete=complete_rules,
+        help="Not these rules or families.",
+    ),
+)
+
 # What is reported, where and in which form.
 report_options = all_of(
     click.option(
@@ -36,14 +102,12 @@ report_options = all_of(
         "form",
         default="text",
         metavar="NAME",
+        shell_complete=complete_formats,
         show_default=True,
         help="How to report: text, json, sarif, ... (a wrong name lists them all).",
     ),
     click.option("--output", "-o", type=click.Path(), help="Write the report to this file."),
-    click.option(
-        "--select", multiple=True, metavar="RULES", help="Only these rules (W01) or families (W)."
-    ),
-    click.option("--ignore", multiple=True, metavar="RULES", help="Not these rules or families."),
+    rules_options,
     click.option(
         "--fail-on",
         type=click.Choice(["error", "warning"]),
