@@ -24,7 +24,7 @@ from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.spec.load.lab import assemble
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.yaml_file import line_of
+from lab3_usd.spec.positions import place_of
 
 
 def make_lab(folder: Path, stages: Sequence[Path]) -> int:
@@ -58,8 +58,8 @@ def make_lab(folder: Path, stages: Sequence[Path]) -> int:
     passes = not faults
     undecided = [fault for fault in faults if fault.severity == "error"]
     for fault in undecided:
-        line = line_of(folder / fault.file, fault.key.split(": "))
-        click.echo(f"to be decided by you: {folder / fault.file}:{line}: {fault.key}")
+        place = place_of(folder, f"{fault.file}: {fault.key}")
+        click.echo(f"to be decided by you: {place}: {fault.key}")
     if undecided:
         then = f"then run {program()} lab check {folder}"
         click.echo(f"{folder}: no stage was judged, as no command loads this lab yet; {then}")
@@ -82,7 +82,8 @@ def _say_faults(lab: Lab) -> list[LabFault]:
     if all(fault.severity != "error" for fault in faults):
         faults += scoring_faults(lab)
     for fault in faults:
-        click.echo(f"{fault.severity} {fault}")
+        place = place_of(lab.folder, f"{fault.file}: {fault.key}")
+        click.echo(f"{fault.severity} {fault}" + (f", at {place}" if place else ""))
     numbers = Counter(fault.severity for fault in faults)
     counts = (
         f"{numbers[word]} {word}{'s' * (numbers[word] != 1)}" for word in ("error", "warning")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from types import UnionType
@@ -123,19 +123,6 @@ def _read(path: Path, content: Callable[[], bytes]) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise SpecError(f"{path.name}: is not a mapping of names to values")
     return data
-
-
-def line_of(path: Path, keys: Sequence[str]) -> int:
-    """Return the line of the last of these keys that the file has, each inside the one before."""
-    node = yaml.compose(path.read_bytes(), Loader=_Safe) if path.is_file() else None
-    line = 1
-    for wanted in keys:
-        inside = node.value if isinstance(node, yaml.MappingNode) else ()
-        found = next(((key, value) for key, value in inside if key.value == wanted), None)
-        if found is None:
-            break
-        line, node = found[0].start_mark.line + 1, found[1]
-    return line
 
 
 _T = TypeVar("_T")

@@ -20,6 +20,7 @@ from lab3_usd.spec.contradictions.names import (
 from lab3_usd.spec.contradictions.scene import scene_faults
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
+from lab3_usd.spec.positions import place_of
 from lab3_usd.spec.ros import FROM_THE_FIRST
 from lab3_usd.spec.submission import ChecklistSpec
 from lab3_usd.spec.yaml_file import read_yaml
@@ -253,7 +254,8 @@ def refuse_faulty(lab: Lab) -> None:
     errors = [fault for fault in lab_faults(lab) if fault.severity == "error"]
     if errors:
         more = f"; and {len(errors) - 1} more, see {program()} lab check" if len(errors) > 1 else ""
-        raise SpecError(f"{errors[0]}{more}")
+        place = place_of(lab.folder, f"{errors[0].file}: {errors[0].key}")
+        raise SpecError(f"{errors[0]}, at {place}{more}")
 
 
 def _unused_files(lab: Lab) -> Iterator[LabFault]:

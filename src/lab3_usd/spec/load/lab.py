@@ -19,6 +19,7 @@ from lab3_usd.spec.load.catalog import parse_catalog
 from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
 from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.spec.load.graph import parse_graph
+from lab3_usd.spec.positions import located
 from lab3_usd.spec.scene import SceneSpec
 from lab3_usd.spec.submission import (
     ChecklistSpec,
@@ -159,8 +160,15 @@ def assemble(folder: Path) -> Lab:
     """Read every file of the lab.
 
     Raises:
-        SpecError: a file is missing or wrong.
+        SpecError: a file is missing or wrong; the line ends with its place in the file.
     """
+    try:
+        return _assembled(folder)
+    except SpecError as error:
+        raise located(error, folder) from error
+
+
+def _assembled(folder: Path) -> Lab:
     content = read_checkpoint_file(read_yaml(folder / CHECKPOINTS))
     files = _graph_files(folder, content.graph_names())
     catalog = _catalog(folder, files)

@@ -1,0 +1,98 @@
+"""Finds the line and column in a file of a lab that a message about it names by its keys."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lab3_usd.errors import SpecError
+
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_MISSING = " is missing"
+_QUOTED = re.compile(r"'([^']+)'")
+_NUMBERED = re.compile(r"(\w+) (\d+)")
+
+
+def located(error: SpecError, folder: Path) -> SpecError:
+    """Return an error that begins with a file of a folder and its keys, with the place added."""
+    text = str(error)
+    place = place_of(folder, text)
+    return SpecError(f"{text}, at {place}" if place else text)
+
+
+def place_of(folder: Path, message: str) -> str:
+    """Return file, line and column of what a message names: 'scene.yaml: robot: links: ...'.
+
+    It is '' where the message begins with no file of the folder.
+    """
+    file, *keys = message.split(": ")
+    path = folder / file
+    if not file or not path.is_file():
+        return ""
+    line, column = _position(path, keys)
+    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return f"{shown}:{line}:{column}"
+
+
+def _position(path: Path, keys: Sequence[str]) -> tuple[int, int]:
+    """Return the position of the last of the keys that the file has, each inside the one before."""
+    try:
+        node = yaml.compose(path.read_bytes(), Loader=_Loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        return (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
+    except (yaml.YAMLError, OSError, UnicodeDecodeError):
+        return 1, 1
+    mark = None
+    for key in keys:
+        found = _found(node, key)
+        if found is not None:
+            mark, inner = found
+            node = node if isinstance(inner, yaml.ScalarNode) else inner
+    return (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
+
+
+def _found(node: Any, key: str) -> tuple[Any, Any] | None:
+    """Return where a node has a key, and what is there.
+
+    The last key is the message itself: what it quotes is in the node, unless it is missing here.
+    """
+    quoted = _QUOTED.findall(key)
+    for name in [key, key.rpartition(":")[2], *quoted]:
+        for depth, is_key, (mark, text, value) in _texts(node):
+            is_near = depth == 1 or not (is_key and key.endswith(_MISSING))
+            if text == name and is_near:
+                return mark, value
+    match = _NUMBERED.match(key)
+    if match is not None:
+        entries = _value(node, f"{match[1]}s") if isinstance(node, yaml.MappingNode) else node
+        number = int(match[2]) - 1
+        if isinstance(entries, yaml.SequenceNode) and number < len(entries.value):
+            entry = entries.value[number]
+            return entry.start_mark, entry
+    return None
+
+
+def _value(node: Any, name: str) -> Any:
+    return next((value for key, value in node.value if key.value == name), None)
+
+
+def _texts(node: Any) -> Iterator[tuple[int, bool, tuple[Any, Any, Any]]]:
+    """Yield the keys and texts in a node, the outer ones first: mark, text, and what is there."""
+    level, depth = [node], 0
+    while level:
+        depth, below = depth + 1, []
+        for inner in level:
+            if isinstance(inner, yaml.MappingNode):
+                for key, value in inner.value:
+                    yield depth, True, (key.start_mark, key.value, value)
+                    below.append(value)
+            elif isinstance(inner, yaml.SequenceNode):
+                below += inner.value
+            elif isinstance(inner, yaml.ScalarNode):
+                yield depth - 1, False, (inner.start_mark, inner.value, inner)
+        level = below

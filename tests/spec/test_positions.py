@@ -1,0 +1,63 @@
+"""Messages about files of a lab end with file, line and column, for every kind of mistake."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from invoking import invoke
+from mini_lab import copied
+
+from lab3_usd.errors import SpecError
+
+Edit = Callable[[str], str]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A copy of the small lab."""
+    return copied(tmp_path / "lab")
+
+
+MISTAKES: dict[str, tuple[str, str, str, str]] = {
+    "no YAML": ("scene.yaml", "robot:", "robot: [", ": "),
+    "a value of the wrong kind": ("scene.yaml", "up_axis: Z", "up_axis: 3", "up_axis"),
+    "a key that is not known": ("scene.yaml", "up_axis: Z", "axis: Z", "axis: Z"),
+    "a mass": ("scene.yaml", "mass: 0.114", "mass: -0.114", "mass: -0.114"),
+    "a wire": (
+        "ROS_Clock.yaml",
+        "- on_playback_tick.tick ->",
+        "- on_playback_tick.tock ->",
+        "on_playback_tick.tock ->",
+    ),
+    "a node type": (
+        "ROS_Clock.yaml",
+        "isaacsim.ros2.bridge.ROS2PublishClock",
+        "isaacsim.ros2.bridge.ROS2Clock",
+        "isaacsim.ros2.bridge.ROS2Clock",
+    ),
+    "a value of a node": ("ROS_Clock.yaml", "topicName:", "topicNam:", "topicNam: "),
+    "a frame": ("scene.yaml", "base_frame: base_footprint", "base_frame: base", "base_frame"),
+    "a checkpoint": ("checkpoints.yaml", "graphs: [ROS_Drive]", "graphs: [ROS_Driv]", "ROS_Driv]"),
+}
+
+
+def said_of(folder: Path) -> str:
+    """Return what `lab check` says first, of whatever kind the mistake is."""
+    try:
+        return invoke("lab", "check", folder).output.splitlines()[0]
+    except SpecError as error:
+        return str(error)
+
+
+@pytest.mark.parametrize("case", MISTAKES)
+def test_a_mistake_is_said_with_its_place(case: str, folder: Path) -> None:
+    file, old, new, pointed = MISTAKES[case]
+    path = folder / file
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new, 1))
+    said = said_of(folder)
+    number, column = map(int, said.rpartition(f", at {path}:")[2].split(":"))
+    line = path.read_text().splitlines()[number - 1][column - 1 :]
+    assert line.startswith(pointed), (said, line)
