@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import threading
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -11,12 +12,15 @@ from typing import Any
 import pytest
 from browser import CONTRASTS, DESKTOP, PHONE, Browser
 from html_pages import CLOCK, DRIVE, LAB, TF, break_ten_times, judged, page, since, stages
+from linting import broken_robot
 from pxr import Sdf, Usd
 from report_examples import SUBMISSION, hostile
 
 from lab3_usd.grade.gradebook import HTML, write_reports
 from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.scoring import grade
+from lab3_usd.judge.lint import lint_stage
+from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.registry import render
 
 ATTACKS = (
@@ -33,6 +37,10 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     whole = stages(folder / "submission" / "work", break_ten_times)
     about = SUBMISSION
+    foreign = [folder / f"{name}.usda" for name in ("a_warehouse_" * 15, "yard")]
+    rover = broken_robot("rover", [{"deactivate": "/World/Clock"}])
+    for path in foreign:
+        rover.GetRootLayer().Export(str(path))
     reports = {
         "clean": judged(stages(folder / "clean", None, "05")),
         "faulty": judged([whole[5]]),
@@ -40,6 +48,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
             whole, type(about)(str(folder / "submission"), about.findings, about.checklist)
         ),
         "hostile": judged(stages(folder / "hostile", attack, "05")),
+        "linted": Report(tuple(map(lint_stage, foreign))),
     }
     texts = {name: page(report) for name, report in reports.items()}
     rubric = load_rubric(None, LAB)
@@ -254,6 +263,56 @@ def test_the_page_is_used_with_the_keyboard(chromium: Browser, pages: dict[str, 
     assert chromium.driver.switch_to.active_element == link
     link.send_keys(Keys.ENTER)
     wait_for(lambda: chromium.all(".card:target"))
+
+
+def test_the_keyboard_stops_at_nothing_that_cannot_be_seen(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    from selenium.webdriver.common.keys import Keys
+
+    chromium.open(pages["faulty"])
+    chromium.run(
+        "window.seen = []; addEventListener('focusin', ({target: e}) => window.seen.push("
+        "e.localName + (e.checkVisibility() ? '' : ' unseen')))"
+    )
+    chromium.one("body").send_keys(Keys.TAB * 200)
+    seen = chromium.run("return window.seen")
+    assert seen.count("a") > 20
+    assert set(seen) <= {"a", "button", "div", "input", "pre", "select", "summary"}
+
+
+@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded", "linted"])
+def test_no_level_of_headings_is_left_out(
+    chromium: Browser, pages: dict[str, Path], name: str
+) -> None:
+    chromium.open(pages[name])
+    levels = chromium.run(
+        "return [...document.querySelectorAll('h1, h2, h3, h4, h5, h6')]"
+        ".map((heading) => Number(heading.localName[1]))"
+    )
+    assert levels[0] == 1
+    assert all(low - high <= 1 for high, low in itertools.pairwise(levels))
+
+
+@pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded", "linted"])
+def test_every_region_has_a_name_of_its_own(
+    chromium: Browser, pages: dict[str, Path], name: str
+) -> None:
+    chromium.open(pages[name])
+    named = chromium.run(
+        "return [...document.querySelectorAll('[role=region]')]"
+        ".map((region) => region.getAttribute('aria-label'))"
+    )
+    assert len(named) == len(set(named)) >= 1
+
+
+def test_a_long_name_of_a_stage_ends_before_its_verdict(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    chromium.open(pages["linted"])
+    name = chromium.one(".stage .name a").rect
+    verdict = chromium.one(".stage .verdict").rect
+    assert name["x"] + name["width"] <= verdict["x"]
 
 
 @pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded"])

@@ -46,6 +46,7 @@ from report_examples import (
 
 from lab3_usd.judge.lint import lint_stage
 from lab3_usd.model.finding import Report, Score
+from lab3_usd.report.entries import plural, summarize
 from lab3_usd.report.formats import html as html_format
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html import pictures as html_pictures
@@ -455,6 +456,17 @@ def test_the_title_tells_the_verdict() -> None:
     ]
 
 
+def test_the_head_counts_findings_as_the_terminal_does(
+    faulty: Report, faulty_page: Element
+) -> None:
+    totals = summarize(faulty)
+    counted = [each.text for each in faulty_page.one("header", "hero").all("span", "count")]
+    assert counted == [plural(totals.errors, "error"), plural(totals.notes, "note")]
+    different = len(cards(faulty_page))
+    assert different < totals.errors
+    assert f"{different} of them different" in faulty_page.one("header", "hero").text
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_page_of_the_linter_speaks_of_no_lab(count: int, tmp_path: Path) -> None:
     paths = [tmp_path / f"robot_{number}.usda" for number in range(count)]
@@ -462,6 +474,8 @@ def test_a_page_of_the_linter_speaks_of_no_lab(count: int, tmp_path: Path) -> No
     for path in paths:
         broken.GetRootLayer().Export(str(path))
     text = page(Report(tuple(lint_stage(path) for path in paths)))
+    title = ["robot_0.usda", "Lint of 2 stages"][count - 1]
+    assert read(text).one("title").text == f"{title}: pass"
     shown = re.sub(r"<(style|script).*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL).lower()
     assert "k02" in shown
     assert [word for word in ("checkpoint", "handout", "lab 3", "0/0") if word in shown] == []

@@ -98,6 +98,18 @@ class Block(Struct, frozen=True):
         return sum(stage.result.verdict == "pass" for stage in self.stages)
 
     @property
+    def findings(self) -> int:
+        """How many findings there are; one that is carried along counts in every stage."""
+        return sum(map(self.count, SEVERITIES))
+
+    def count(self, severity: Severity) -> int:
+        """Return how many findings of one severity there are, as the terminal counts them."""
+        own = () if self.submission is None else self.submission.findings
+        return sum(finding.severity == severity for finding in own) + sum(
+            stage.count(severity) for stage in self.stages
+        )
+
+    @property
     def verdict(self) -> Verdict:
         """The worst that is said of a stage or of the submission."""
         verdicts = {stage.result.verdict for stage in self.stages}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lab3_usd.model.finding import SEVERITIES, ChecklistItem, Report
 from lab3_usd.report.blocks import Block, blocks, faults
-from lab3_usd.report.entries import plural
+from lab3_usd.report.entries import plural, summarize, summary_line
 from lab3_usd.report.html.model import BlockView, ChecklistSection, cards, ranks, read_content
 from lab3_usd.report.html.pictures import gallery, topics
 from lab3_usd.report.html.templates import fill
@@ -38,6 +38,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         dry_runs=options.dry_runs,
         views=views,
         lab_title=lab.title,
+        totals=summary_line(summarize(report)),
         summary=summary,
         rules={rule.id: (rule.name, tuple(_paragraphs(rule.manual))) for rule in quoted},
         severities=SEVERITIES,
