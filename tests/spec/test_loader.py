@@ -608,3 +608,18 @@ def test_no_slip_in_the_catalog_crashes_the_loader() -> None:
     data["types"] = {name: data["types"][name] for name in (CONTEXT, CLOCK_TYPE, ARRAY, RAW_TF)}
     wrong = list(slips(data))
     assert sum(refused_in_one_line(parse_catalog, each) for each in wrong) > len(wrong) / 2
+
+
+def test_a_node_without_a_place_stands_behind_what_is_wired_into_it(folder: Path) -> None:
+    edited(folder / DRIVE, lambda data: [node.pop("at") for node in data["nodes"].values()])
+    graph = load_lab(folder).graphs["ROS_Drive"]
+    places = [node.at for node in graph.nodes.values()]
+    assert len(set(places)) == len(places)
+    for wire in graph.wires:
+        assert graph.nodes[wire.source.role].at[0] < graph.nodes[wire.target.role].at[0]
+
+
+def test_a_node_without_a_section_is_in_that_of_its_graph(folder: Path) -> None:
+    edited(folder / CLOCK, lambda data: [node.pop("handout") for node in data["nodes"].values()])
+    graph = load_lab(folder).graphs["ROS_Clock"]
+    assert {node.handout for node in graph.nodes.values()} == {graph.handout}

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.catalog import INPUT, Catalog, NodeType, Port, can_connect
@@ -22,11 +23,14 @@ _BySection = dict[str, tuple[str, ...]]
 
 
 class NodeEntry(Struct, forbid_unknown_fields=True):
-    """A node as the file describes it; inputs by the section of the handout that names them."""
+    """A node as the file describes it; inputs by the section of the handout that names them.
+
+    Without `handout` it is in the section of its graph, without `at` it is placed by its wires.
+    """
 
     type: str
-    at: tuple[float, float]
-    handout: str
+    at: tuple[float, float] | None = None
+    handout: str = ""
     set: dict[str, dict[str, Any]] = {}
     targets: dict[str, dict[str, tuple[str, ...]]] = {}
     keep: _BySection = {}
@@ -68,6 +72,15 @@ def parse_graph(data: Mapping[str, Any], catalog: Catalog, file: str) -> GraphSp
     }
     wires = _wires(content.wires, nodes, where)
     _check_sources(wires, where)
+    places = _places(nodes, wires)
+    nodes = {
+        role: replace(
+            node,
+            at=content.nodes[role].at or places[role],
+            handout=node.handout or content.handout,
+        )
+        for role, node in nodes.items()
+    }
     return GraphSpec(
         name=content.graph,
         path=_path(content.path, f"{where}: path"),
@@ -83,6 +96,29 @@ def _role(role: str, where: str) -> str:
     if not _ROLE.match(role):
         raise SpecError(f"{where}: '{role}' cannot be the name of a prim")
     return role
+
+
+_CORNER, _STEP = (50.0, 50.0), (350.0, 150.0)  # of the graph editor's canvas, in its units
+
+
+def _places(
+    nodes: Mapping[str, NodeSpec], wires: tuple[Wire, ...]
+) -> dict[str, tuple[float, float]]:
+    """Return a place for each node: a column for each step from those that nothing is wired into.
+
+    A ring of wires ends where it would begin anew.
+    """
+    columns = dict.fromkeys(nodes, 0)
+    for _ in nodes:
+        for wire in wires:
+            source, target = columns[wire.source.role], wire.target.role
+            columns[target] = min(max(columns[target], source + 1), len(nodes) - 1)
+    rows: Counter[int] = Counter()
+    places = {}
+    for role, column in columns.items():
+        places[role] = (_CORNER[0] + column * _STEP[0], _CORNER[1] + rows[column] * _STEP[1])
+        rows[column] += 1
+    return places
 
 
 def _check_sources(wires: tuple[Wire, ...], where: str) -> None:
@@ -118,7 +154,7 @@ def _node(role: str, entry: NodeEntry, catalog: Catalog, graph: str) -> NodeSpec
     return NodeSpec(
         role=role,
         type=node_type,
-        at=entry.at,
+        at=entry.at or _CORNER,
         handout=entry.handout,
         settings=settings,
         targets=targets,
