@@ -12,6 +12,7 @@ from lab3_usd.commands import doctor
 from lab3_usd.commands.doctor import Check
 from lab3_usd.errors import StageError
 from lab3_usd.grade.workers import worker_process
+from lab3_usd.installation import install_command
 from lab3_usd.stage.write import builder
 
 
@@ -63,7 +64,7 @@ def test_a_missing_extra_is_named_with_what_installs_it(monkeypatch: pytest.Monk
     monkeypatch.setattr(doctor, "EXTRAS", {"png": ("no-such-package", "pictures")})
     result = invoke("doctor")
     assert result.exit_code == 0
-    assert "missing  png        pictures: pip install 'lab3-usd[png]'" in result.stdout
+    assert f"missing  png        pictures: {install_command('png')}" in result.stdout
 
 
 def test_every_extra_of_users_is_looked_for() -> None:

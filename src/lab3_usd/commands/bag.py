@@ -11,6 +11,7 @@ import click
 from lab3_usd.commands.steps.options import color_option, complete_checkpoints, text_or_json
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
+from lab3_usd.installation import install_command
 
 EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
 
@@ -57,7 +58,7 @@ def command(
     from lab3_usd.spec.load.loader import load_lab
 
     if find_spec("rosbags") is None:
-        needs = "bag needs the extra lab3-usd[sim]: pip install 'lab3-usd[sim]'"
+        needs = f"bag needs the extra sim: {install_command('sim')}"
         raise UsageError(f"{program()} {needs}")
     from lab3_usd.sim.bag.judge import differences, judge_recording
 

@@ -18,7 +18,8 @@ from msgspec import Struct
 
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_FOUND
-from lab3_usd.report.options import NAME, tool_version
+from lab3_usd.installation import NAME, install_command
+from lab3_usd.report.options import tool_version
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox", "microsoft-edge")
 EXTRAS = {
@@ -43,6 +44,8 @@ class Check(Struct, frozen=True):
 @click.command("doctor")
 def command() -> None:
     """Say what works on this computer: versions, checking, extras, browser, sandbox.
+
+    Of an extra that is missing, the command is printed that adds it to this installation.
 
     Exit status: 0 all that is needed works (extras may be missing), 1 something does not.
     """
@@ -113,7 +116,7 @@ def extra(name: str, package: str, purpose: str) -> Check:
     try:
         version = metadata.version(package)
     except metadata.PackageNotFoundError:
-        return Check(name, "missing", f"{purpose}: pip install '{NAME}[{name}]'")
+        return Check(name, "missing", f"{purpose}: {install_command(name)}")
     return Check(name, "ok", f"{purpose} ({package} {version})")
 
 

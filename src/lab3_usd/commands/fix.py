@@ -15,7 +15,6 @@ import click
 from lab3_usd.commands.steps.options import (
     assets_option,
     checkpoint_number,
-    command_line,
     complete_checkpoints,
     config_options,
     rules_options,
@@ -33,6 +32,7 @@ from lab3_usd.files import (
     write_whole,
 )
 from lab3_usd.fix.repairing import USELESS, Fixed, FixOptions, check_result, fix_linted, fix_stage
+from lab3_usd.installation import command_line
 from lab3_usd.judge.entries import JudgeSettings, checkpoint_at
 from lab3_usd.judge.lint import find_stages as find_linted
 from lab3_usd.model.finding import Finding, site_of

@@ -21,6 +21,7 @@ from lab3_usd.commands.steps.options import (
     use_config,
 )
 from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
+from lab3_usd.installation import install_command
 
 if TYPE_CHECKING:
     from lab3_usd.sim.live import Lived
@@ -50,7 +51,7 @@ def check_live(options: Mapping[str, Any]) -> None:
     elif seconds is not None and not 0 < seconds <= LONGEST:
         message = f"--seconds {seconds:g}: is not between 0 and {LONGEST:.0f}"
     elif any(find_spec(name) is None for name in _EXTRA):
-        message = "--live needs the extra lab3-usd[live]: pip install 'lab3-usd[live]'"
+        message = f"--live needs the extra live: {install_command('live')}"
     if message:
         raise UsageError(message)
 
@@ -125,7 +126,7 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
     elif bag is not None and bag.exists():
         message = f"--bag {bag}: is there already; name a new folder"
     elif bag is not None and find_spec("rosbags") is None:
-        message = "--bag needs the extra lab3-usd[sim]: pip install 'lab3-usd[sim]'"
+        message = f"--bag needs the extra sim: {install_command('sim')}"
     if message:
         raise UsageError(message)
 

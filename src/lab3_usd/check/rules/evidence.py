@@ -380,7 +380,7 @@ def recording_not_read(subject: EvidenceSubject) -> Iterator[Problem]:
     lacking = [shown for shown in unread if shown.for_lack]
     for recording_shown in lacking[:1]:
         message = f"{len(lacking)} recordings were not read: {recording_shown.unread}"
-        hint = "pip install 'lab3-usd[sim]'"
+        hint = f"`{program()} doctor` prints the command that installs it"
         yield Problem(recording_shown.file, message, handout="J1", severity="note", hint=hint)
     for shown in unread:
         if not shown.for_lack:

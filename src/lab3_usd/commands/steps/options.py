@@ -268,17 +268,6 @@ def understands_ansi(stream: TextIO) -> bool:
     return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 
-def command_line(*words: str) -> str:
-    """Return words as a shell of this system takes them; PowerShell and cmd share double quotes."""
-    if sys.platform == "win32":
-        import subprocess
-
-        return subprocess.list2cmdline(words)
-    import shlex
-
-    return shlex.join(words)
-
-
 def width() -> int:
     """Return the columns of the terminal, 100 when there is none."""
     import shutil

@@ -17,6 +17,7 @@ from msgspec import Struct
 from lab3_usd.commands.steps.options import understands_ansi
 from lab3_usd.commands.steps.reporting import write_report
 from lab3_usd.errors import Lab3Error, UsageError
+from lab3_usd.installation import install_command
 from lab3_usd.model.finding import Finding, Report
 from lab3_usd.report.entries import Entry, entries, site
 from lab3_usd.report.safe_text import printable
@@ -192,7 +193,7 @@ def prepare(options: Mapping[str, Any]) -> None:
     try:
         import watchfiles  # noqa: F401 - an extra
     except ImportError as error:
-        raise UsageError("--watch needs a library: pip install 'lab3-usd[watch]'") from error
+        raise UsageError(f"--watch needs the extra watch: {install_command('watch')}") from error
     for name, value in _ENVIRONMENT.items():
         os.environ.setdefault(name, value)
 

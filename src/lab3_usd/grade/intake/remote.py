@@ -28,6 +28,7 @@ from lab3_usd.grade.intake.submission_copy import (
     name_fault,
     path_parts,
 )
+from lab3_usd.installation import install_command
 
 _CHUNK = 1 << 20
 _LARGER_THAN_PICTURES = 8 << 20
@@ -238,7 +239,9 @@ def _storage(address: str) -> StorageLocation:
     try:
         core = importlib.import_module("fsspec.core")
     except ImportError as error:
-        raise UsageError(f"{address}: addresses need fsspec; install lab3-usd[cluster]") from error
+        raise UsageError(
+            f"{address}: addresses need the extra cluster: {install_command('cluster')}"
+        ) from error
     try:
         storage, root = core.url_to_fs(address)
     except Exception as error:

@@ -22,6 +22,7 @@ from lab3_usd.grade.intake.staging import make_scratch, remove_scratch, scratch_
 from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task, decode, encode
 from lab3_usd.grade.workers.pool import Runner, WorkerSlot, judge_in, run_in
 from lab3_usd.grade.workers.worker_process import WorkerError
+from lab3_usd.installation import install_command
 from lab3_usd.report.options import tool_version
 
 
@@ -198,7 +199,9 @@ def _connect(address: str) -> Any:
     try:
         distributed = importlib.import_module("distributed")
     except ImportError as error:
-        raise UsageError("--cluster needs Dask; install lab3-usd[cluster]") from error
+        raise UsageError(
+            f"--cluster needs the extra cluster: {install_command('cluster')}"
+        ) from error
     try:
         return distributed.Client(address, timeout=_SECONDS_TO_CONNECT)
     except (OSError, ValueError) as error:

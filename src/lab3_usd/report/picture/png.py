@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lab3_usd.errors import UsageError
+from lab3_usd.installation import install_command
 from lab3_usd.report.picture.model import Picture
 from lab3_usd.report.picture.svg import Theme, svg_file
 
@@ -21,7 +22,7 @@ def png(picture: Picture, theme: Theme = "light") -> bytes:
         import resvg_py
     except ImportError as error:
         raise UsageError(
-            "PNG needs a rasteriser: pip install 'lab3-usd[png]', or draw as svg"
+            f"PNG needs the extra png: {install_command('png')}; or draw as svg"
         ) from error
     chosen: Theme = "light" if theme == "auto" else theme
     zoom = min(1.0, LARGEST / max(picture.width, picture.height, 1.0))

@@ -1,0 +1,57 @@
+"""How this program was installed, and with which command an extra is added to just that."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+NAME = "lab3-usd"
+_EXTRA = re.compile(r"extra == ['\"]([\w-]+)['\"]")
+_OWN = re.compile(rf"{NAME}\[([\w,-]+)\]")
+_PLAIN = re.compile(r"[\w@%+=:,./\\-]+")  # what no shell of Windows takes for anything else
+
+
+def install_command(extra: str) -> str:
+    """Return the command that adds the packages of an extra where this program runs.
+
+    pipx leaves `pipx_metadata.json` in the environment that it makes for a program. The
+    environments of uv have no pip.
+    """
+    packages = tuple(dict.fromkeys(_packages(extra)))
+    environment = Path(sys.prefix)
+    if (environment / "pipx_metadata.json").is_file():
+        return command_line("pipx", "inject", environment.name, *packages)
+    if find_spec("pip") is None:
+        return command_line("uv", "pip", "install", "--python", sys.executable, *packages)
+    return command_line(sys.executable, "-m", "pip", "install", *packages)
+
+
+def _packages(extra: str) -> Iterator[str]:
+    """Yield the packages of an extra, and of the extras that it has in turn, with their bounds."""
+    from importlib import metadata
+
+    try:
+        requirements = metadata.requires(NAME) or []
+    except metadata.PackageNotFoundError:  # it runs from its files
+        requirements = []
+    lines = (line.partition(";") for line in requirements)
+    mine = [package.strip() for package, _, marker in lines if extra in _EXTRA.findall(marker)]
+    for package in mine or [f"{NAME}[{extra}]"]:
+        own = _OWN.match(package) if mine else None
+        if own is None:
+            yield package
+        else:
+            for inner in own[1].split(","):
+                yield from _packages(inner)
+
+
+def command_line(*words: str) -> str:
+    """Return words as a shell of this system takes them; PowerShell and cmd share double quotes."""
+    if sys.platform == "win32":
+        return " ".join(word if _PLAIN.fullmatch(word) else f'"{word}"' for word in words)
+    import shlex
+
+    return shlex.join(words)
