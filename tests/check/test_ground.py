@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from scene_changes import FLOOR, Change, define, several, slab, switch, weld, with_api
+from scene_changes import FLOOR, Change, define, several, slab, switch, weld, with_api, without_api
 from scene_stages import built, findings_of, told
 
 from lab3_usd.stage.compare.values import applied_schemas
@@ -46,6 +46,9 @@ def test_a_ground_that_falls_is_no_ground(change: Change, checkpoint: str) -> No
 
 
 STAYS = {
+    "a plane that collides by a prim above it": several(
+        without_api(FLOOR, "PhysicsCollisionAPI"), with_api("/Environment", "PhysicsCollisionAPI")
+    ),
     "a body without a switch on": several(
         with_api(FLOOR, BODY), switch(FLOOR, "physics:rigidBodyEnabled")
     ),
@@ -82,3 +85,15 @@ def test_a_second_ground_that_stays_is_enough() -> None:
         with_api("/World/Plane", "PhysicsCollisionAPI"),
     )(stage)
     assert told(stage, "00") == []
+
+
+PARTS = {"Light": "Scene/light", "PhysicsScene": "Scene/physics_scene"}
+
+
+@pytest.mark.parametrize("kind", PARTS)
+def test_a_part_of_the_world_that_is_gone_fails_its_requirement(kind: str) -> None:
+    stage = built("00")
+    for path in [prim.GetPath() for prim in stage.Traverse() if kind in prim.GetTypeName()]:
+        stage.RemovePrim(path)
+    failed = {requirement for finding in findings_of(stage, "00") for requirement in finding.unmet}
+    assert PARTS[kind] in failed

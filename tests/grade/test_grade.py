@@ -126,6 +126,9 @@ def test_gradescope_gets_the_points_of_the_rubric(book: Path) -> None:
     assert document["score"] == rows(book)["fault"]["earned"]
     assert (clock["score"], clock["max_score"], clock["status"]) == (8.17, 10.0, "failed")
     assert "execIn" in clock["output"]
+    assert {
+        each["status"] for each in tests.values() if each.get("score") == each.get("max_score", 0)
+    } == {"passed"}
     assert "checkpoint 02 is missing" in tests["/cmd_vel controls the robot"]["output"]
 
 
