@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fixing import STRUCTURES, repaired_in
+from fixing import STRUCTURES, repaired_in, second_faults
 from layerings import LAYERINGS
 from pxr import Sdf, Usd, UsdGeom
 from sabotage import Fault
@@ -95,3 +95,14 @@ def test_what_stands_in_any_file_is_moved_and_removed(
     repaired = repaired_in(structure, "05", [fault], tmp_path, load_lab())
     assert repaired is not None
     assert [finding.rule for finding in repaired.after if finding.severity == "error"] == []
+
+
+def test_a_missing_node_whose_name_is_taken_is_added_under_another(tmp_path: Path) -> None:
+    faults = {fault.name: fault for fault in second_faults("02")}
+    pair = [
+        faults["ROS_Drive/constant_token deactivated"],
+        faults["ROS_Drive/ros2_subscribe_twist retyped"],  # which plays the role of the token now
+    ]
+    repaired = repaired_in("text", "02", pair, tmp_path, load_lab())
+    assert repaired is not None
+    assert repaired.after == ()

@@ -6,6 +6,7 @@ Every one the handout names, once, active, of the right type; and those that it 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain, count
 
 from lab3_usd.check.hints import note_if_harmless, shown_graph
 from lab3_usd.check.match.diagnosis import absent_nodes, in_another_graph, missing_roles
@@ -54,6 +55,8 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
         yield _missing_with_asset(subject, graph.path, asset.asset, overs)
         missing = [node for node in missing if node.role in absent]
         missing = [node for node in missing if absent[node.role] not in overs]
+    taken = {*subject.stage.prims, *(node.path for node in graph.nodes)}
+    taken |= {prim.path for prim in graph.absent}
     for spec in missing:
         present = absent.get(spec.role) or in_another_graph(spec, subject)
         reason = ""
@@ -62,7 +65,10 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
         harmless_note = note_if_harmless(subject, spec.role)
         fix: tuple[Edit, ...] = ()
         if present is None:
-            fix = (AddNode(f"{graph.path}/{spec.role}", subject.spec.name, spec.role),)
+            names = chain([spec.role], (f"{spec.role}_{number}" for number in count(2)))
+            paths = (f"{graph.path}/{name}" for name in names)
+            free = next(path for path in paths if path not in taken)
+            fix = (AddNode(free, subject.spec.name, spec.role),)
         elif present.reason in {DEACTIVATED, OVER}:
             fix = (Activate(present.path),)
         yield Problem(
