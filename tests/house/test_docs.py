@@ -443,6 +443,12 @@ def test_the_reference_of_rules_is_up_to_date() -> None:
     assert lint == (DOCS / "lint.md").read_text(encoding="utf-8"), "python docs/make_rules.py"
 
 
+def test_the_reference_of_lab_files_is_up_to_date() -> None:
+    made = runpy.run_path(str(DOCS / "make_lab_files.py"))["page"]()
+    page = (DOCS / "lab-files.md").read_text(encoding="utf-8")
+    assert made == page, "python docs/make_lab_files.py"
+
+
 def test_every_family_of_rules_is_introduced() -> None:
     script = runpy.run_path(str(DOCS / "make_rules.py"))
     assert set(script["FAMILY_TITLES"]) == set(script["FAMILIES"].values())

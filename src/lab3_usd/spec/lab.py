@@ -83,7 +83,11 @@ class StampReset(Struct, frozen=True, forbid_unknown_fields=True, rename={"agree
 
 
 class Policy(Struct, frozen=True, forbid_unknown_fields=True):
-    """What holds for every graph: inputs that stay at their defaults, topics that may be shared."""
+    """What holds for every graph: inputs that stay at their defaults, topics that may be shared.
+
+    `namespace` and `namespace_attribute` are the input and the attribute that change topics,
+    `tree_topics` those with several publishers, `tick` is the event that graphs begin with.
+    """
 
     handout: str
     keep_default: tuple[str, ...]
@@ -136,7 +140,10 @@ class LocalizationSpec(Struct, frozen=True, forbid_unknown_fields=True, rename={
 
 
 class FrameSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The TF tree: its edges, what is forbidden, and what localization adds."""
+    """The TF tree: its edges, what is forbidden, and what localization adds.
+
+    Frames may hang deeper below `deeper_under` than the edges say, as a joint tree has them.
+    """
 
     handout: str
     edges: tuple[FrameEdge, ...] = ()

@@ -71,7 +71,10 @@ class LinkSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The wheels by joint, where their joints are shown, the axle that drives forward, the left."""
+    """The wheels by joint, where their joints are shown, the axle that drives forward, the left.
+
+    The joints stand at `joints_below`, a path below the robot's; `distance` is between the wheels.
+    """
 
     handout: str
     joints: Mapping[str, str]
@@ -84,7 +87,9 @@ class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
 class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """The robot; from the checkpoint after `pose_is_error_until` on it may have driven.
 
-    What lies below prims of the names in `looks_below` is how it looks, or collides.
+    `base_frame` is the link that stands for the robot: its name is the frame that odometry moves.
+    `links` are the bodies right below `path`, by their names. What lies below prims of the names in
+    `looks_below` is how it looks, or collides.
     """
 
     path: str

@@ -25,7 +25,10 @@ _BySection = dict[str, tuple[str, ...]]
 class NodeEntry(Struct, forbid_unknown_fields=True):
     """A node as the file describes it; inputs by the section of the handout that names them.
 
-    Without `handout` it is in the section of its graph, without `at` it is placed by its wires.
+    `set` are values, `targets` prims, `keep` inputs that stay at their defaults, `ports` inputs
+    that are there once they were added, `frames_from` targets that are judged by the TF frames that
+    they give. Without `handout` it is in the section of its graph, without `at` it is placed by its
+    wires.
     """
 
     type: str
