@@ -5,6 +5,7 @@ Each solution passes, and each single mistake is found once, in the words of the
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -63,6 +64,34 @@ def test_only_what_an_arm_has_is_written(described: tuple[list[Path], Path, str]
 
 def test_every_link_below_the_articulation_root_is_a_frame(lab: Lab) -> None:
     assert [child for _, child in lab.frames.edges] == list(LINKS)
+
+
+def relies_on_defaults(stage: Usd.Stage) -> None:
+    for prim in stage.Traverse():
+        for name in ("useDomainIDEnvVar", "domain_id", "resetOnStop"):
+            prim.GetAttribute(f"inputs:{name}").Clear()
+
+
+def is_held_by_its_root_joint(stage: Usd.Stage) -> None:
+    held = f"{ROBOT}/root_joint"
+    stage.GetPrimAtPath(ROBOT).RemoveAppliedSchema("PhysicsArticulationRootAPI")
+    stage.GetPrimAtPath(held).AddAppliedSchema("PhysicsArticulationRootAPI")
+    aims("States/read", "prim", held)(stage)
+    aims("Commands/motors", "targetPrim", held)(stage)
+    aims("Frames/frames", "targetPrims", *(f"{ROBOT}/{link}" for link in LINKS))(stage)
+
+
+@pytest.mark.parametrize("change", [relies_on_defaults, is_held_by_its_root_joint])
+def test_an_arm_made_otherwise_passes_and_plays_as_well(
+    change: Mistake, described: tuple[list[Path], Path, str], tmp_path: Path
+) -> None:
+    stage = Usd.Stage.Open(str(described[0][-1]))
+    change(stage)
+    path = tmp_path / FILES[-1]
+    stage.Export(f"{path}.usda")
+    result = invoke("lab", "new", tmp_path / "lab", "--from", f"{path}.usda")
+    assert re.search(r"checkpoint 5, pass, (\d+) of \1 met; sim ok", result.output), result.output
+    assert load_lab(tmp_path / "lab").scene.robot.base_frame == LINKS[0]
 
 
 def node(stage: Usd.Stage, path: str) -> Usd.Prim:

@@ -23,6 +23,7 @@ from lab3_usd.model.physics import (
     bodies,
     bodies_below,
     is_articulated,
+    is_joint,
     is_switched_off,
     joints,
     number,
@@ -121,6 +122,10 @@ def _base(stage: StageModel, target: str, root: str, graphs: Iterable[GraphSpec]
             for prim_target in node.targets:
                 if ports and prim_target.port == ports[0] and prim_target.prims[0] != root:
                     return prim_target.prims[0].rpartition("/")[2]
+    carrier = stage.prims.get(target)
+    if carrier is not None and is_joint(carrier):  # of an arm that is fixed to the world
+        held = next(filter(None, reversed(bodies(carrier))), target)
+        return held.rpartition("/")[2]
     prim = stage.prims.get(root)
     links = None if prim is None or target != root else articulation_links(prim, stage)
     first = next((path for path, parent in (links or {}).items() if not parent), target)

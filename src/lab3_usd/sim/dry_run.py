@@ -252,6 +252,8 @@ def dry_run(
     """
     wanted = interface(lab, lab.checkpoints[checkpoint]) if checkpoint else interface_of(None)
     sessions = fixed_drive() if drive is None else drive_of(drive, wanted.limits)
+    if wanted.goes_with_environment:
+        sessions = tuple(session for session in sessions if not session.environment)
     try:
         scene = scene_of(path)
     except StageError as error:

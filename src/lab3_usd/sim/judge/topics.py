@@ -32,6 +32,7 @@ _KEPT = "transient_local"
 _RATE, _TURNS = "omni:sensor:tickRate", "omni:sensor:Core:scanRateBaseHz"
 _LIMITS = ("maxLinearSpeed", "maxAngularSpeed")
 _RADIUS = "wheelRadius"
+_BY_ENVIRONMENT = f"{INPUT}useDomainIDEnvVar"
 _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 
 
@@ -70,6 +71,7 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         else {},
         static=static_topics(lab),
         restarts=_restarts(lab),
+        goes_with_environment=_goes_with_environment(lab),
     )
 
 
@@ -90,6 +92,15 @@ def _restarts(lab: Lab) -> bool:
         sources = (graph.nodes[wire.source.role] for wire in graph.wires_into(node.role))
         return any(value_of(source, port) is True for source in sources)
     return False
+
+
+def _goes_with_environment(lab: Lab) -> bool:
+    """Whether no context of the lab names a domain of its own: ROS_DOMAIN_ID then moves them all.
+
+    So do nodes without a context (RN/nodes/OgnROS2Context.cpp:41-120, the default of the port).
+    """
+    nodes = (node for graph in lab.graphs.values() for node in graph.nodes.values())
+    return all(value_of(node, _BY_ENVIRONMENT) is not False for node in nodes)
 
 
 def _publishers(lab: Lab, message: str) -> Iterator[tuple[GraphSpec, NodeSpec]]:

@@ -69,6 +69,7 @@ class Interface(Struct, frozen=True):
     profile: dict[str, Any] = {}  # of a lidar whose own cannot be read
     static: frozenset[str] = frozenset()  # topics of transforms that are kept
     restarts: bool = False  # whether the clock begins anew after Stop
+    goes_with_environment: bool = False  # whether another ROS_DOMAIN_ID may move all topics
     robot: str = ""  # the body that is watched; that of the robot with the most joints where empty
     has_ground: bool = False  # whether a stage without ground below its robots is given some
 

@@ -231,11 +231,16 @@ class Machines:
         return self._bodies.of(path)
 
     def articulation(self, path: str) -> Machine | None:
-        """Return the articulation at or below a prim."""
+        """Return the articulation at or below a prim.
+
+        Its root may be the joint that fixes it to the world (UsdPhysics, ArticulationRootAPI).
+        """
         for prim in self.scene.below(path) if path else ():
             enabled = prim.values.get("physxArticulation:articulationEnabled") is not False
             if ROOT in prim.apis and enabled:
-                bodies = [prim.path for prim in self.scene.below(prim.path)]
+                ends = (prim.targets.get(f"physics:body{number}", ()) for number in (1, 0))
+                tied = [body for end in ends for body in end]
+                bodies = [*tied, *(below.path for below in self.scene.below(prim.path))]
                 bodies = [body for body in bodies if body in self.member]
                 machines = [self.member[body] for body in bodies if self.member[body].joints]
                 return machines[0] if machines else None
