@@ -33,6 +33,7 @@ CALLS = {
     "play": ["play", "-o", "Łódź.py"],
     "grade": ["grade", "work", "--starter", "Łódź starter.usda", "-o", "book"],
     "lab": ["lab", "check"],
+    "demo": ["demo", "demo"],
     "lint": ["lint", STAGE],
     "rules": ["rules"],
     "rule": ["rule", "W01"],

@@ -94,6 +94,9 @@ def elsewhere(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+EXAMPLE = "lab3_usd/_data/docs/examples/carter.usda"  # which `lab3 demo` copies
+
+
 def test_wheel_carries_the_package_and_every_data_file(wheel: Path, repository: Path) -> None:
     package = {f"lab3_usd/{name}" for name in files_below(repository / "src" / "lab3_usd")}
     data = {
@@ -103,7 +106,7 @@ def test_wheel_carries_the_package_and_every_data_file(wheel: Path, repository: 
     }
     graphs = "lab3_usd/_data/graphs"
     compiled = {f"{graphs}/{FILE}", f"{graphs}/isaac/{TYPES_FILE}"} | modules_in(wheel)
-    assert names_in(wheel) == package | data | compiled
+    assert names_in(wheel) == package | data | compiled | {EXAMPLE}
     templates = {name for name in package if name.endswith(".html.j2")}
     assert len(modules_in(wheel)) >= len(templates)
 

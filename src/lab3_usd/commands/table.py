@@ -26,6 +26,7 @@ GROUPS = {
         "starter": "Write the starter scene of the lab.",
     },
     "everyone": {
+        "demo": "Make stages to try the program on.",
         "lint": "Judge any stage of Isaac Sim, without a spec.",
         "rules": "List all rules.",
         "rule": "Explain one rule.",
@@ -74,6 +75,7 @@ CALLS = {
     "lab": ("lab3 lab new mylab --from stage.usda", "lab3 lab check mylab"),
     "build": ("lab3 build --out stages", "lab3 build starter.usda --out stages --through 02"),
     "starter": ("lab3 starter -o starter.usda",),
+    "demo": ("lab3 demo", "lab3 demo somewhere"),
     "lint": (
         "lab3 lint robot.usd",
         "lab3 lint scenes --isaac 5.1 --format sarif -o lint.sarif",
