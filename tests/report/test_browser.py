@@ -187,6 +187,69 @@ def test_all_words_of_a_search_must_be_in_the_card(
     assert chromium.one(".nothing").is_displayed()
 
 
+def test_a_search_leaves_only_what_it_hits(chromium: Browser, pages: dict[str, Path]) -> None:
+    chromium.open(pages["submission"])
+    before = chromium.run("return document.documentElement.scrollHeight")
+    chromium.one("input[type=search]").send_keys("klock")
+    kept = "figure, .rules article, tbody tr, .checks > li, .card"
+    assert chromium.shown(kept)
+    words = chromium.run(
+        "return [...document.querySelectorAll(arguments[0])]"
+        ".filter((each) => each.checkVisibility()).map((each) => each.textContent)",
+        kept,
+    )
+    assert [text for text in words if "klock" not in text.lower()] == []
+    assert chromium.shown(".rules h2") == []
+    assert chromium.run("return document.documentElement.scrollHeight") < before / 5
+
+
+def test_the_filter_is_in_the_address(chromium: Browser, pages: dict[str, Path]) -> None:
+    chromium.open(pages["submission"])
+    chromium.one(".toggle.note").click()
+    select(chromium, "02")
+    chromium.one("input[type=search]").send_keys("wheel radius")
+    address = chromium.run("return location.hash.slice(1)")
+    assert address == "without=note&stage=2&words=wheel+radius"
+    kept = visible_messages(chromium)
+    chromium.open(pages["submission"], at=address)
+    assert visible_messages(chromium) == kept != []
+    assert chromium.one("input[type=search]").get_property("value") == "wheel radius"
+    chromium.one("button[type=reset]").click()
+    wait_for(lambda: len(chromium.shown(".card")) == len(chromium.all(".card")))
+    wait_for(lambda: chromium.run("return location.hash") == "")
+
+
+def test_the_command_of_a_repair_can_be_copied(chromium: Browser, pages: dict[str, Path]) -> None:
+    chromium.open(pages["faulty"])
+    chromium.run(
+        "Object.defineProperty(navigator.clipboard, 'writeText',"
+        " {value: async (text) => { window.copied = text; }})"
+    )
+    card = next(each for each in chromium.all(".card") if "wheelRadius" in each.text)
+    command = card.find_element("css selector", ".command code").text
+    card.find_element("css selector", ".command .copy").click()
+    assert chromium.run("return window.copied") == command
+    path = card.find_element("css selector", ".site .copy")
+    path.click()
+    assert (
+        chromium.run("return window.copied")
+        == f"{DRIVE}/differential_controller.inputs:wheelRadius"
+    )
+    wait_for(lambda: path.text == "Copied")
+
+
+@pytest.mark.parametrize("name", ["faulty", "submission"])
+def test_the_graphs_open_at_the_first_with_a_finding(
+    chromium: Browser, pages: dict[str, Path], name: str
+) -> None:
+    chromium.open(pages[name])
+    chromium.one("nav").find_element("link text", "Graphs").click()
+    first = chromium.one("figure:has(.count)")
+    wait_for(
+        lambda: 0 <= chromium.run("return arguments[0].getBoundingClientRect().y", first) < 200
+    )
+
+
 def is_in_view(chromium: Browser, element: Any) -> bool:
     place = chromium.run(
         "const r = arguments[0].getBoundingClientRect();"
@@ -219,8 +282,8 @@ def test_a_port_shows_its_finding_even_where_the_filter_hides_it(
     chromium: Browser, pages: dict[str, Path]
 ) -> None:
     chromium.open(pages["faulty"])
-    chromium.one("input[type=search]").send_keys("no such word")
-    assert chromium.shown(".card") == []
+    chromium.one(".toggle.error").click()
+    assert chromium.shown(".card.error") == []
     port = next(each for each in chromium.all(".picture a") if "topicName" in each.text)
     chromium.run("arguments[0].scrollIntoView({block: 'center', inline: 'center'})", port)
     port.click()

@@ -456,6 +456,24 @@ def test_the_title_tells_the_verdict() -> None:
     ]
 
 
+def test_what_can_be_repaired_has_its_command(faulty: Report) -> None:
+    def commands(report: Report) -> set[str]:
+        card = card_of(read(page(report)), "wheelRadius")
+        return {each.text.strip() for each in card.all("p", "command")}
+
+    stage = next(result for result in faulty.results if result.checkpoint == "02")
+    odd = replace(stage, path="my work/Lab3_02.usda")
+    assert commands(Report((odd,))) == {"lab3 fix 'my work/Lab3_02.usda' --select P01 --in-place"}
+    whole = replace(SUBMISSION, path=str(Path(stage.path).parent))
+    assert commands(replace(faulty, submissions=(whole,))) == {
+        f"lab3 fix {whole.path} --select P01 --in-place"
+    }
+
+
+def test_what_cannot_be_repaired_has_no_command() -> None:
+    assert not list(shown(Report((replace(FAILED, findings=(MISSING_WIRE,)),))).all("p", "command"))
+
+
 def test_the_head_counts_findings_as_the_terminal_does(
     faulty: Report, faulty_page: Element
 ) -> None:

@@ -118,6 +118,11 @@ def site(finding: Finding) -> str:
     return f"{finding.prim}.{finding.property}" if finding.property else finding.prim
 
 
+def is_repairable(finding: Finding) -> bool:
+    """Whether `lab3 fix` repairs it without further options."""
+    return finding.fix is not None and finding.fix.safe
+
+
 def relative_path(path: str, root: str | None) -> str:
     """Return `path` with forward slashes, relative to `root` (the current folder) if below it.
 

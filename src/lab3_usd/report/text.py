@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from lab3_usd.model.finding import ChecklistItem, Finding, Submission, Verdict
 from lab3_usd.report.blocks import Block, Fault, Stage, Stages, faults
-from lab3_usd.report.entries import site
+from lab3_usd.report.entries import is_repairable, site
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import Excerpt, excerpt_lines, paint, visible
 from lab3_usd.spec.lab import Lab
@@ -53,11 +53,6 @@ class Page(Struct, frozen=True):
     def verbose(self) -> bool:
         """Whether everything is reported in full."""
         return self.options.verbosity == "verbose"
-
-
-def is_repairable(finding: Finding) -> bool:
-    """Whether `lab3 fix` repairs it without further options."""
-    return finding.fix is not None and finding.fix.safe
 
 
 def finding_blocks(findings: Iterable[tuple[Finding, str]], page: Page) -> Iterator[str]:

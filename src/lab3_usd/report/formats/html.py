@@ -62,7 +62,7 @@ def _view(block: Block, lab: Lab, *, graded: bool) -> BlockView:
             sections.setdefault(item.section, []).append(item)
     return BlockView(
         block=block,
-        ranks=ranks(list(cards(block, block_faults, shown.links)), lab),
+        ranks=ranks(list(cards(block, block_faults, shown.links, graded=graded)), lab),
         graphs=tuple(picture for picture in shown.pictures if picture.kind == "graph"),
         trees=tuple(picture for picture in shown.pictures if picture.kind == "frames"),
         topics=topics(contents),

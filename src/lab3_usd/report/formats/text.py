@@ -12,6 +12,7 @@ from lab3_usd.report.blocks import Block, blocks
 from lab3_usd.report.entries import (
     coverage_line,
     entries,
+    is_repairable,
     plural,
     statistics_table,
     summarize,
@@ -27,7 +28,6 @@ from lab3_usd.report.text import (
     counted_notes,
     fault_lines,
     finding_blocks,
-    is_repairable,
     next_step,
     to_come_text,
     wrapped,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -13,7 +14,7 @@ from lab3_usd.check.tf.frames import published_edges, unknown_publishers, unreso
 from lab3_usd.errors import Lab3Error, StageError
 from lab3_usd.model.finding import ChecklistItem, Crash, Severity, StageResult, section_key
 from lab3_usd.report.blocks import Block, Fault, Stages
-from lab3_usd.report.entries import coverage_line
+from lab3_usd.report.entries import coverage_line, is_repairable
 from lab3_usd.report.picture.model import Picture
 from lab3_usd.report.pictures.graph_picture import stage_pictures
 from lab3_usd.report.safe_text import excerpt_lines, read_excerpts
@@ -137,10 +138,15 @@ class ExcerptLine(Struct, frozen=True):
 
 
 class Card(Struct, frozen=True):
-    """A fault as it is shown, with its code frame and its places in the pictures."""
+    """A fault as it is shown, with its code frame and its places in the pictures.
+
+    `command` is what to type where the report was made, or in the graded folder, to have it
+    repaired; empty where nothing repairs it.
+    """
 
     fault: Fault
     span: str
+    command: str = ""
     excerpt: tuple[ExcerptLine, ...] = ()
     links: tuple[Link, ...] = ()
 
@@ -222,7 +228,11 @@ MOST_EXCERPTS = 80  # in one block: a page stays small whatever a stage holds
 
 
 def cards(
-    block: Block, faults: Sequence[Fault], links: Mapping[str, tuple[Link, ...]]
+    block: Block,
+    faults: Sequence[Fault],
+    links: Mapping[str, tuple[Link, ...]],
+    *,
+    graded: bool = False,
 ) -> Iterator[Card]:
     """Yield a card for each fault, with the lines of its file where those can be read."""
     excerpts = read_excerpts(fault.finding for fault in faults[:MOST_EXCERPTS])
@@ -234,7 +244,18 @@ def cards(
             for row in excerpt_lines(excerpt, finding.line, finding.column, EXCERPT_WIDTH):
                 gutter, bar, text = row.partition(" |")
                 frame.append(ExcerptLine(gutter + bar, text, is_hit=row.startswith(">")))
-        yield Card(fault, block.span(fault.stages), tuple(frame), links.get(fault.id, ()))
+        command = _fix_command(block, fault, graded=graded) if is_repairable(finding) else ""
+        span, ways = block.span(fault.stages), links.get(fault.id, ())
+        yield Card(fault, span, command, tuple(frame), ways)
+
+
+def _fix_command(block: Block, fault: Fault, *, graded: bool) -> str:
+    stages = [stage for stage in block.stages if stage.index in fault.stages]
+    paths = [stage.file if graded else stage.result.path for stage in stages]
+    if len(paths) > 1 and block.submission is not None:
+        paths = ["." if graded else block.path]
+    lint = ["--lint"] if block.is_linted else []
+    return shlex.join(["lab3", "fix", *paths, *lint, "--select", fault.finding.rule, "--in-place"])
 
 
 def ranks(page_cards: Sequence[Card], lab: Lab) -> tuple[Rank, ...]:
