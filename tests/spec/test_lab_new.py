@@ -464,6 +464,16 @@ def week(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Path], Path, st
     return stages, folder / "lab", shown
 
 
+def changed(path: Path, folder: Path, change: Callable[[Usd.Stage], object]) -> Path:
+    """Write a stage again, changed, under its name."""
+    other = folder / path.name
+    shutil.copyfile(path, other)
+    stage = Usd.Stage.Open(str(other))
+    change(stage)
+    stage.GetRootLayer().Save()
+    return other
+
+
 def from_all(stages: list[Path]) -> list[object]:
     return [word for stage in stages for word in ("--from", stage)]
 
@@ -508,16 +518,17 @@ def test_stages_that_are_no_checkpoints_in_this_order_are_refused(
         invoke("lab", "new", tmp_path / "lab", *from_all([stages[2], stages[1]]))
 
 
-def test_a_lab_that_nothing_loads_passes_no_stage_and_says_what_to_decide(
-    week: tuple[list[Path], Path, str], tmp_path: Path
-) -> None:
-    stage = Usd.Stage.Open(str(week[0][-1]))
+def hangs_links_on_the_world(stage: Usd.Stage) -> None:
     graph = stage.GetPrimAtPath("/World/Jetbot/Odometry")
     graph.GetChild("publish_base").GetAttribute("inputs:childFrameId").Set("robot")
     graph.GetChild("publish_odometry").GetAttribute("inputs:chassisFrameId").Set("robot")
     graph.GetChild("links").GetRelationship("inputs:parentPrim").SetTargets([])
-    other, lab = tmp_path / "week.usda", tmp_path / "lab"
-    stage.Export(str(other))
+
+
+def test_a_lab_that_nothing_loads_passes_no_stage_and_says_what_to_decide(
+    week: tuple[list[Path], Path, str], tmp_path: Path
+) -> None:
+    other, lab = changed(week[0][-1], tmp_path, hangs_links_on_the_world), tmp_path / "lab"
     status, shown = ran("lab", "new", lab, "--from", other)
     assert status == 1
     lines = (lab / "scene.yaml").read_text().splitlines()
@@ -534,31 +545,35 @@ def test_the_starter_is_written_without_graphs_and_sensors(
     assert ran("diff", stages[-1], made)[1].endswith("no differences\n")
 
 
-def brings_an_asset(stage: Usd.Stage) -> str:
+def brings_an_asset(stage: Usd.Stage) -> None:
     stage.GetPrimAtPath("/World/Room").GetReferences().AddInternalReference("/World/Jetbot/mast")
-    return "/World/Room brings in an asset"
 
 
-def has_a_mesh(stage: Usd.Stage) -> str:
+def has_a_mesh(stage: Usd.Stage) -> None:
     points = stage.DefinePrim("/World/Room/Rock", "Mesh").GetAttribute("points")
     points.Set([(0.0, 0.0, float(number)) for number in range(100)])
-    return "/World/Room/Rock.points has more than 64 entries"
 
 
-def has_no_robot(stage: Usd.Stage) -> str:
+def has_no_robot(stage: Usd.Stage) -> None:
     stage.RemovePrim("/World/Jetbot")
-    return "/World/Jetbot is not in Week5_1_start"
 
 
-@pytest.mark.parametrize("change", [brings_an_asset, has_a_mesh, has_no_robot])
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (brings_an_asset, "/World/Room brings in an asset"),
+        (has_a_mesh, "/World/Room/Rock.points has more than 64 entries"),
+        (has_no_robot, "/World/Jetbot is not in Week5_1_start"),
+    ],
+)
 def test_a_starter_that_is_no_plain_text_is_left_out_with_its_reason(
-    change: Callable[[Usd.Stage], str], week: tuple[list[Path], Path, str], tmp_path: Path
+    change: Callable[[Usd.Stage], None],
+    reason: str,
+    week: tuple[list[Path], Path, str],
+    tmp_path: Path,
 ) -> None:
     first, *_, last = week[0]
-    stage = Usd.Stage.Open(str(first))
-    reason = change(stage)
-    other = tmp_path / first.name
-    stage.GetRootLayer().Export(str(other))
+    other = changed(first, tmp_path, change)
     described = describe_lab([other, last], load_lab(), load_isaac_types().catalog)
     assert described.left_out == (f"starter.yaml: {reason}; give the starter to every build",)
     assert "starter.yaml" not in described.files

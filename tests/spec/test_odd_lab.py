@@ -105,7 +105,7 @@ COMMANDS = [  # with the exit code
     (["check", LAST, "--format", "sarif"], 0),
     (["check", LAST, "--starter", "yard.usda"], 0),
     (["lab", "check"], 1),
-    (["lab", "new", "described", "--from", LAST], 0),
+    (["lab", "new", "described", "--from", LAST], 1),  # which plays it as well
     (["collect", "-o", "collect.sh"], 0),
     (["rules"], 0),
     (["config"], 0),
