@@ -216,7 +216,7 @@ def sandbox(program: Path, tmp_path: Path) -> Iterator[Sandbox]:
     for name, arguments in shims.items():
         (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" {arguments}"$@"\n')
         (programs / name).chmod(0o755)
-    dropped = ("COLUMNS", "PYTEST_ADDOPTS", "PYTEST_CURRENT_TEST", "NO_COLOR")
+    dropped = ("COLUMNS", "PYTEST_ADDOPTS", "PYTEST_CURRENT_TEST", "NO_COLOR", "FORCE_COLOR")
     environment = {key: value for key, value in os.environ.items() if key not in dropped}
     environment |= {
         "HOME": str(tmp_path),

@@ -9,6 +9,8 @@ from itertools import groupby
 
 from msgspec import Struct
 
+from lab3_usd.data import program
+from lab3_usd.installation import command_line
 from lab3_usd.model.finding import ChecklistItem, Finding, Submission, Verdict
 from lab3_usd.report.blocks import Block, Fault, Stage, Stages, faults
 from lab3_usd.report.entries import is_repairable, site
@@ -285,7 +287,8 @@ def next_step(submission: Submission, verdict: Verdict, lab: Lab, page: Page) ->
     following = numbers[numbers.index(begun[-1]) + 1 :] if begun else numbers
     first = "repair the errors; then " if verdict in {"fail", "unreadable"} else ""
     if not following:
-        text = f"{first}lab3 check {submission.path} --submission says what else is handed in"
+        command = command_line(program(), "check", submission.path, "--submission")
+        text = f"{first}{command} says what else is handed in"
         yield from _labelled("next", text, page)
         return
     checkpoint = lab.checkpoints[following[0]]
