@@ -8,7 +8,7 @@ from invoking import invoke
 from msgspec.structs import replace
 from places import REPOSITORY
 
-from lab3_usd.check.manual import PLAIN, in_words_of, rules_in
+from lab3_usd.check.manual import PLAIN, in_words_of, rules_in, rules_of_lab
 from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.model.finding import Problem
@@ -106,3 +106,15 @@ def test_the_manual_names_the_section_behind_a_rule() -> None:
     assert said.endswith("\n\nHandout: A5\n")
     other = invoke("--lab", JETBOT_FOLDER, "rule", "S19").output
     assert "Handout" not in other
+
+
+def test_manuals_of_a_lab_without_lidar_and_camera_name_neither() -> None:
+    lab = JETBOT
+    sensors = {name: spec for name, spec in lab.sensors.items() if spec.kind != "lidar"}
+    lab = replace(lab, scene=replace(lab.scene, sensors=sensors))
+    named = {
+        rule.id
+        for rule in rules_of_lab(lab).values()
+        if re.search(r"(?i)\b(lidar|camera|amcl)\b", rule.manual) and rule.family != "E"
+    }
+    assert named == set()

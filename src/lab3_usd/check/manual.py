@@ -132,6 +132,8 @@ def _words(lab: Lab) -> Mapping[str, str]:
     for name, message in _MESSAGES.items():
         topics = (topic for topic, spec in lab.topics.items() if spec.type == message)
         words.append((name, next(topics, "")))
+    published = [topic for topic, spec in lab.topics.items() if not spec.subscribed]
+    words.append(("scan", dict(words)["scan"] or _at(published, 1)))
     words += [("root", lab.frames.root), ("above", lab.frames.above)]
     return {**PLAIN, **{name: word for name, word in words if word}}
 

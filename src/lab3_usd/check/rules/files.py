@@ -44,7 +44,7 @@ def not_verifiable(subject: ModelSubject) -> Iterator[Problem]:
     Isaac Sim. Assets on NVIDIA's own server need no action. `--assets` names the folder in which a
     server's assets lie on this computer.
 
-    Example: the lidar refers to `Example_Rotary_2D.usda` on a server.
+    Example: a sensor refers to a file on a server.
     """
     users: dict[tuple[str, str], list[str]] = {}
     for missing in subject.stage.unresolved:

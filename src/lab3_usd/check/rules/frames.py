@@ -44,11 +44,11 @@ from lab3_usd.spec.graph import frame_ports
 def missing_frame(view: TfView) -> Iterator[Problem]:
     """A frame of the required TF tree is not published.
 
-    Why: RViz, AMCL and Nav2 cannot place data without a transform: without the frame of a lidar its
-    scan is dropped, without that of a camera its image has no place. The robot root as a target
-    gives only the prims below it with IsaacLinkAPI, IsaacSiteAPI or IsaacReferencePointAPI. The
-    links in its robot schema do not matter. A target with the articulation root gives the bodies at
-    and below it. Where the links are beside that body, it is only itself.
+    Why: whoever receives data cannot place it without a transform: without the frame of a sensor
+    its data is dropped, or has no place. The robot root as a target gives only the prims below it
+    with IsaacLinkAPI, IsaacSiteAPI or IsaacReferencePointAPI. The links in its robot schema do not
+    matter. A target with the articulation root gives the bodies at and below it. Where the links
+    are beside that body, it is only itself.
 
     Fix: select the Isaac Compute Transform Tree node and add the prim of the frame to Target Prims.
     If the prim has a name override, clear it.

@@ -192,7 +192,7 @@ def new_node_version(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: create the graph with Isaac Sim 6.0.1, which the course uses.
 
-    Example: ROS2 Camera Helper version 4, while 6.0.1 has version 3.
+    Example: a helper of version 4, while 6.0.1 has version 3.
     """
     for node, spec in subject.matched():
         if node.version is not None and node.version > spec.type.version:

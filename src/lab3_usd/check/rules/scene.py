@@ -176,8 +176,8 @@ def _robot_pose(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 def robot_pose(subject: StageSubject) -> Iterator[Problem]:
     """The robot root is not at the pose of the starter.
 
-    Why: the map, the initial pose of AMCL and the goals of the handout assume this pose. In later
-    checkpoints it is a warning, because the stage may have been saved after a run.
+    Why: whatever the handout says of places assumes this pose. In later checkpoints it is a
+    warning, because the stage may have been saved after a run.
 
     Fix: select the robot root and set Translate, Rotate and Scale to the values expected here in
     the Property panel.
@@ -221,10 +221,10 @@ def _link_offsets(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 def scan_offset(subject: StageSubject) -> Iterator[Problem]:
     """A link that a sensor needs is not at its place on the robot.
 
-    Why: a scan is taken at the height of its link and published in that frame. At another place the
-    lidar sees parts of the robot, or the walls do not match the map. The link's own transform is
-    judged in the first checkpoint only, because a later stage may have been saved during a run. At
-    Play the link goes where its joint holds it.
+    Why: what a sensor measures is taken at its link and published in that frame. At another place
+    it sees parts of the robot, or what it sees lies elsewhere. The link's own transform is judged
+    in the first checkpoint only, because a later stage may have been saved during a run. At Play
+    the link goes where its joint holds it.
 
     Fix: select the link and set Translate to the value expected here in the Property panel, or
     restore the local positions of its joint, or start again from the supplied file.
@@ -308,7 +308,7 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
     Fix: select the prim, delete the keys of the attribute in the Curve Editor or the Timeline, and
     set the value again.
 
-    Example: the lidar has a key at time 50 that puts it at (9, 9, 9).
+    Example: the robot has a key at time 50 that puts it at (9, 9, 9).
     """
     for attribute in subject.stage.moving:
         severity = _severity(attribute, subject)

@@ -111,8 +111,8 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: select the node and type the value named here into its field in the Property panel.
 
-    Example: `topicName` 'scan1' instead of '{scan}': a subscriber waits for a scan that never
-    comes.
+    Example: `topicName` 'scan1' instead of '{scan}': a subscriber waits for messages that never
+    come.
     """
     swapped = _swapped(subject)
     # Where a wire that belongs elsewhere ends, the rule of that wire speaks.
@@ -221,7 +221,8 @@ def kept_default_changed(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: select the node and reset the field in the Property panel.
 
-    Example: `useSystemTime` True on the lidar: no transform matches the time stamps of the scan.
+    Example: `useSystemTime` True on the helper of a sensor: no transform matches the time stamps of
+    the messages.
     """
     for node, spec, port, value in _changed(subject):
         if port.short in subject.lab.policy.keep_default:

@@ -27,7 +27,7 @@ def starter_prim_missing(subject: StarterSubject) -> Iterator[Problem]:
     """A prim of the supplied scene is missing, with everything below it.
 
     Why: a missing link, joint or collider changes how the robot stands and drives. A missing wall
-    changes the scan and no longer matches the map. Lights, cameras and visual prims are a warning.
+    changes what sensors see. Lights, cameras and visual prims are a warning.
 
     Fix: undo the deletion, or activate the prim (right-click in the Stage panel, Activate). If it
     was deleted long ago, open the supplied file again and repeat the steps from there.
@@ -98,9 +98,10 @@ def starter_physics_changed(subject: StarterSubject) -> Iterator[Problem]:
 def starter_prim_moved(subject: StarterSubject) -> Iterator[Problem]:
     """A prim of the supplied scene was moved, turned or scaled.
 
-    Why: a moved wall does not match the map. A moved shape touches the ground or another link. The
-    poses of bodies are judged in the first checkpoint only, because a later stage may have been
-    saved after a run. The robot root has its own rule. Lights and cameras are a warning.
+    Why: a moved wall is not where sensors should see it. A moved shape touches the ground or
+    another link. The poses of bodies are judged in the first checkpoint only, because a later stage
+    may have been saved after a run. The robot root has its own rule. Lights and cameras are a
+    warning.
 
     Fix: undo the move, or enter the transform of the supplied file in the Property panel.
 
@@ -113,8 +114,7 @@ def starter_prim_moved(subject: StarterSubject) -> Iterator[Problem]:
 def starter_look_changed(subject: StarterSubject) -> Iterator[Problem]:
     """What the supplied scene looks like was changed.
 
-    Why: the robot's camera sees it, and an RTX lidar sees visible prims. The screenshots differ
-    from the expected ones.
+    Why: the robot's sensors see visible prims. The screenshots differ from the expected ones.
 
     Fix: undo the change, unless it was intended.
 

@@ -92,14 +92,14 @@ def missing_target(subject: GraphSubject) -> Iterator[Problem]:
 def wrong_target(subject: GraphSubject) -> Iterator[Problem]:
     """A relationship targets another prim than the handout asks for.
 
-    Why: the node works on the wrong prim. A lidar helper on a camera publishes nothing. Odometry of
-    a wheel rotates on the spot.
+    Why: the node works on the wrong prim. A helper on a sensor of another kind publishes nothing.
+    Odometry of a wheel rotates on the spot.
 
     Fix: select the node, clear the field in the Property panel and choose the prim named here.
 
-    Example: Isaac Create Render Product of the lidar graph with the camera as its camera prim. If
-    the articulation root is on the robot root, `{base}` for the Articulation Controller is a
-    warning: the handout asks for it, but Isaac Sim finds no articulation there.
+    Example: the node of one sensor names the prim of another one. If the articulation root is on
+    the robot root, `{base}` for the Articulation Controller is a warning: the handout asks for it,
+    but Isaac Sim finds no articulation there.
     """
     for node, _, target in _targets(subject):
         actual = node.targets(target.port)

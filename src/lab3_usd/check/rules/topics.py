@@ -23,7 +23,7 @@ def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
 
     Why: subscribers receive both streams mixed. Two clocks make time jump back, two odometries make
     the robot jump. Only `/tf` and `/tf_static` may have several publishers. The graph of a second
-    lidar is reported with that lidar.
+    sensor is reported with that sensor.
 
     Fix: delete the second publisher. Most often it is a copy of the whole graph, or was created by
     an Isaac Sim menu under `/Graph`.
@@ -161,7 +161,7 @@ def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
     Fix: disconnect QoS Profile and leave it empty. The default is reliable and volatile and keeps
     as many messages as Queue Size says.
 
-    Example: a ROS2 QoS Profile node set to Sensor Data is connected to the lidar helper.
+    Example: a ROS2 QoS Profile node set to Sensor Data is connected to the helper of a sensor.
     """
     if not subject.checkpoint.topics:
         return

@@ -267,7 +267,8 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     """The distance between the wheel joints is not the handout's, or the wheels are exchanged.
 
     Why: the controller computes the turn rate from this distance. The robot turns too much or too
-    little, and odometry and scan drift apart. With the wheels exchanged it turns the wrong way.
+    little, and odometry drifts away from what sensors see. With the wheels exchanged it turns the
+    wrong way.
 
     Fix: select the joint and restore its local positions in the Property panel, or start again from
     the supplied file.

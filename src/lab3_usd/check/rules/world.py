@@ -165,7 +165,7 @@ def _silent_ground(subject: StageSubject) -> Prim | None:
 def light(subject: StageSubject) -> Iterator[Problem]:
     """The scene has no light, or all of its lights are dark.
 
-    Why: the camera may publish black images.
+    Why: images may be black.
 
     Fix: activate the light of the supplied file, or choose Create > Light > Dome Light. Make it
     visible, and give it an intensity above 0.
@@ -335,7 +335,7 @@ def _rest(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
     """A wheel is above the ground, or a part of the robot is below it.
 
-    Why: at Play the robot drops, tips, or is thrown up by the overlap. A lidar below the ground
+    Why: at Play the robot drops, tips, or is thrown up by the overlap. A sensor below the ground
     sees nothing. The collision shapes are judged as saved, if the robot root is at its pose. In
     later checkpoints, which may be saved after a run, it is a warning.
 
@@ -437,7 +437,7 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
     """The robot's base is not where its root has it.
 
     Why: at Play the robot starts where its bodies are, as after a saved run. The root stays behind.
-    Odometry begins at zero there, and AMCL needs that place as its initial pose.
+    Odometry begins at zero there, and localization begins with that place.
 
     Fix: nothing is required. To start at the pose in the supplied file, open the stage that was
     saved before the run, or reset the transforms of the links.
