@@ -10,7 +10,7 @@ from fixing import STRUCTURES, repaired_in, second_faults
 from layerings import LAYERINGS
 from pxr import Sdf, Usd, UsdGeom
 from sabotage import Fault
-from scene_changes import Change, collider, move_prim, several, void, without_api
+from scene_changes import Change, collider, move_prim, refer, several, void, without_api
 from second_author import Style
 
 from lab3_usd.fix.repairing import FixOptions, fix_stage
@@ -95,6 +95,18 @@ def test_what_stands_in_any_file_is_moved_and_removed(
     repaired = repaired_in(structure, "05", [fault], tmp_path, load_lab())
     assert repaired is not None
     assert [finding.rule for finding in repaired.after if finding.severity == "error"] == []
+
+
+def test_what_refers_to_a_file_is_not_copied_without_it(tmp_path: Path) -> None:
+    there = f"{ROBOT}/base_scan/Example_Rotary_2D"
+    change = several(move_prim(LIDAR, there), refer(there, "https://assets.example/lidar.usd"))
+    fault = Fault("lidar of an asset renamed", "scene", change, ())
+    repaired = repaired_in("elsewhere", "05", [fault], tmp_path, load_lab())
+    assert repaired is not None
+    assert ("L02", there) in {(finding.rule, finding.prim) for finding in repaired.after}
+    moved = repaired_in("text", "05", [fault], tmp_path, load_lab())
+    assert moved is not None
+    assert "L02" not in {finding.rule for finding in moved.after}
 
 
 def test_a_missing_node_whose_name_is_taken_is_added_under_another(tmp_path: Path) -> None:

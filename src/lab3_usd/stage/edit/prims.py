@@ -331,8 +331,15 @@ def _move_copy(session: EditSession, edit: MovePrim) -> None:
 
 
 def _names_files(prim: Usd.Prim) -> bool:
+    """Whether a prim refers to a file, by an arc of its own or by an attribute."""
     kinds = (attribute.GetTypeName().scalarType for attribute in prim.GetAuthoredAttributes())
-    return any(kind == Sdf.ValueTypeNames.Asset for kind in kinds)
+    arcs = (
+        arc
+        for spec in prim.GetPrimStack()
+        for listed in (spec.referenceList, spec.payloadList)
+        for arc in listed.GetAddedOrExplicitItems()
+    )
+    return Sdf.ValueTypeNames.Asset in kinds or any(arc.assetPath for arc in arcs)
 
 
 def _move(layer: Sdf.Layer, path: Sdf.Path, to: Sdf.Path) -> None:
