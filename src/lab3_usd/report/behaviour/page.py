@@ -15,6 +15,7 @@ from markupsafe import Markup
 from msgspec import Struct
 
 from lab3_usd.check.explanations import explaining_rule
+from lab3_usd.check.registry import all_rules
 from lab3_usd.errors import Lab3Error
 from lab3_usd.model.dry_run import Behaviour, Check, Frame, Moment, Place, Replay, Segment
 from lab3_usd.model.occupancy import MapFit, OccupancyMap
@@ -27,12 +28,12 @@ from lab3_usd.report.html.templates import (
     text_of,
 )
 from lab3_usd.report.options import NAME, tool_version
-from lab3_usd.report.picture.model import Box
+from lab3_usd.report.picture.model import Box, port_id
 from lab3_usd.report.picture.svg import stylesheet, svg
 from lab3_usd.report.pictures.graph_picture import stage_pictures
 from lab3_usd.spec.lab import Lab
 
-WIDTH, ROW, LEFT, RIGHT, TOP = 720.0, 96.0, 92.0, 16.0, 26.0
+WIDTH, ROW, LEFT, RIGHT, TOP = 720.0, 96.0, 124.0, 16.0, 26.0
 _NAMES = (("x", "m"), ("y", "m"), ("heading", "degrees"))
 _DIGITS = (1, 1, 0)
 _LEAST = (0.1, 0.1, 10.0)  # of an axis
@@ -315,7 +316,17 @@ def dry_run_summary(behaviour: Behaviour, replay: Replay | None) -> DryRunSummar
 
 _ABOVE = 6  # pixels between a node and its count
 
-VERDICTS = {"ok": "all right", "bad": "something is wrong", "not judged": "not judged"}
+# In the order of the page.
+VERDICTS = {"bad": "something is wrong", "not judged": "not judged", "ok": "all right"}
+
+
+class GraphDrawing(Struct, frozen=True):
+    """A graph as it is drawn; `nodes` are the ids of its elements by the prims of the nodes."""
+
+    path: str
+    title: str
+    drawing: str
+    nodes: Mapping[str, str]
 
 
 def render(behaviour: Behaviour, replay: Replay | None, lab: Lab) -> str:
@@ -324,7 +335,14 @@ def render(behaviour: Behaviour, replay: Replay | None, lab: Lab) -> str:
     script = text_of("sim.js")
     computed = replay.computed if replay is not None else {}
     replay = replay if replay is not None and replay.moments else None
-    graphs = _graph_drawings(Path(behaviour.stage), lab, computed)
+    graphs = list(_graph_drawings(Path(behaviour.stage), lab, computed))
+    failing = [check for check in behaviour.checks if check.verdict == "bad"]
+    manuals = all_rules() if failing else {}
+
+    def repair_of(check: Check) -> str:
+        rule = manuals.get(explaining_rule(check))
+        return rule.section("Fix") if rule is not None else ""
+
     return (
         environment()
         .get_template("sim.html.j2")
@@ -337,7 +355,15 @@ def render(behaviour: Behaviour, replay: Replay | None, lab: Lab) -> str:
             name=PurePath(behaviour.stage).name,
             looks=looks_of(behaviour),
             verdicts=VERDICTS,
+            checks=sorted(behaviour.checks, key=lambda check: list(VERDICTS).index(check.verdict)),
+            nodes={prim: element for graph in graphs for prim, element in graph.nodes.items()},
+            faulty=[
+                graph.path
+                for graph in graphs
+                if any(check.prim in graph.nodes for check in failing)
+            ],
             rule_of=explaining_rule,
+            repair_of=repair_of,
             rate=rate,
             leg_text=leg_text,
             summary=sum_text(behaviour),
@@ -350,7 +376,7 @@ def render(behaviour: Behaviour, replay: Replay | None, lab: Lab) -> str:
             on_map=own_markup(map_svg(replay.fit)) if replay is not None and replay.fit else "",
             chart=own_markup(chart_svg(replay.moments)) if replay is not None else "",
             tree=list(tree_lines(behaviour.frames)),
-            graphs=[(title, own_markup(drawn)) for title, drawn in graphs],
+            graphs=graphs,
             tool=f"{NAME} {tool_version()}",
         )
     )
@@ -382,8 +408,8 @@ def _branches(
             yield from _branches(frame.child, below, inside, above | {frame.child})
 
 
-def _graph_drawings(path: Path, lab: Lab, computed: Mapping[str, int]) -> Iterator[tuple[str, str]]:
-    """Yield title and drawing of each graph of a stage; none where it can no longer be read."""
+def _graph_drawings(path: Path, lab: Lab, computed: Mapping[str, int]) -> Iterator[GraphDrawing]:
+    """Yield the drawing of each graph of a stage; none where it can no longer be read."""
     from lab3_usd.stage.read.reader import read_stage
 
     try:
@@ -394,7 +420,8 @@ def _graph_drawings(path: Path, lab: Lab, computed: Mapping[str, int]) -> Iterat
         if picture.kind == "graph":
             counts = "".join(_count_svg(box, computed.get(box.key)) for box in picture.boxes)
             drawing = svg(picture, f"g{number}-").removesuffix("</svg>")
-            yield picture.title, f"{drawing}{counts}</svg>"
+            nodes = {box.key: f"g{number}-{port_id(box.key)}" for box in picture.boxes}
+            yield GraphDrawing(picture.path, picture.title, f"{drawing}{counts}</svg>", nodes)
 
 
 def _count_svg(box: Box, times: int | None) -> str:

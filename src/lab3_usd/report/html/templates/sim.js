@@ -1,5 +1,16 @@
 "use strict";
 (() => {
+  const show = () => {
+    const target = document.getElementById(location.hash.slice(1));
+    const folded = target && target.closest("details");
+    if (!folded) return;
+    folded.open = true;
+    target.scrollIntoView({ block: "center", inline: "center" });
+  };
+  window.addEventListener("hashchange", show);
+  show();
+})();
+(() => {
   const form = document.querySelector(".time");
   if (!form) return;
   const [slider, output] = [form.querySelector("input"), form.querySelector("output")];
