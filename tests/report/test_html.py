@@ -449,10 +449,12 @@ def test_every_run_gives_the_same_page(tmp_path: Path) -> None:
 
 
 def test_the_title_tells_the_verdict() -> None:
-    titles = [shown(Report((each,))).one("title").text for each in (PASSED, FAILED)]
+    open_ = replace(PASSED, verdict="not judged")
+    titles = [shown(Report((each,))).one("title").text for each in (PASSED, FAILED, open_)]
     assert titles == [
         "Lab3_00_INITIAL.usda: pass",
         "Lab3_05_ODOM_TF.usda: not passed yet",
+        "Lab3_00_INITIAL.usda: not judged",
     ]
 
 
