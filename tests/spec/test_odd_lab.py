@@ -176,7 +176,8 @@ def test_the_hints_name_what_the_panel_shows(broken: Path) -> None:
 
 def test_five_early_mistakes_in_twelve_stages_are_five_faults(broken: Path) -> None:
     said = run("check", broken).output
-    faults = re.findall(r"^error (\w+) .*\n  (since .*|in .*)$", said, re.MULTILINE)
+    places = re.findall(r"(?ms)^error (\w+) .*?\(((?:since|in) [^;)]*)", said)
+    faults = [(rule, " ".join(place.split())) for rule, place in places]
     assert faults == [
         ("S04", "since s, also in W9 to final"),
         ("P01", "since W9, also in W10 to final"),

@@ -44,27 +44,27 @@ EXAMPLES = {
 # What the help of each command ends with.
 CALLS = {
     "check": (
-        "lab3 check work/Lab3_02_ros_drive.usda",
+        "lab3 check STAGE.usda",
         "lab3 check work --format html -o report.html",
         "lab3 check . --submission",
     ),
-    "fix": ("lab3 fix work/Lab3_02_ros_drive.usda --diff", "lab3 fix work --in-place"),
+    "fix": ("lab3 fix STAGE.usda --diff", "lab3 fix work --in-place"),
     "sim": (
-        "lab3 sim work/Lab3_05_odometry_tf.usda",
-        "lab3 sim work/Lab3_05_odometry_tf.usda --page sim.html",
+        "lab3 sim STAGE.usda",
+        "lab3 sim STAGE.usda --page sim.html",
     ),
-    "bag": ("lab3 bag run", "lab3 bag run --stage work/Lab3_05_odometry_tf.usda"),
+    "bag": ("lab3 bag run", "lab3 bag run --stage STAGE.usda"),
     "draw": (
-        "lab3 draw work/Lab3_02_ros_drive.usda -o pictures",
+        "lab3 draw STAGE.usda -o pictures",
         "lab3 draw ROS_Drive -o pictures",
     ),
     "tf": (
-        "lab3 tf work/Lab3_05_odometry_tf.usda -v",
-        "lab3 tf work/Lab3_05_odometry_tf.usda --graph tree.svg",
+        "lab3 tf STAGE.usda -v",
+        "lab3 tf STAGE.usda --graph tree.svg",
     ),
-    "topics": ("lab3 topics work/Lab3_05_odometry_tf.usda",),
-    "diff": ("lab3 diff work/Lab3_02_ros_drive.usda work/Lab3_03_lidar.usda",),
-    "map": ("lab3 map work/Lab3_05_odometry_tf.usda -o maps",),
+    "topics": ("lab3 topics STAGE.usda",),
+    "diff": ("lab3 diff BEFORE.usda AFTER.usda",),
+    "map": ("lab3 map STAGE.usda -o maps",),
     "nav2": ("lab3 nav2 -o nav2",),
     "collect": ("lab3 collect -o collect.sh",),
     "play": ("lab3 play -o play.py",),
@@ -83,7 +83,7 @@ CALLS = {
     ),
     "rules": ("lab3 rules", "lab3 rules --all"),
     "rule": ("lab3 rule W01", "lab3 rule missing-wire", "lab3 rule wire"),
-    "config": ("lab3 config", "lab3 config work/Lab3_02_ros_drive.usda"),
+    "config": ("lab3 config", "lab3 config STAGE.usda"),
     "doctor": ("lab3 doctor",),
     "completion": ("lab3 completion bash", "lab3 completion powershell"),
 }

@@ -215,8 +215,9 @@ class Record(NamedTuple):
 def write_bag(folder: Path, trial: Trial) -> int:
     """Write a bag into a new folder, and return how many messages it holds.
 
-    It has what came in the lab's domain, and the commands. Pictures are not in it: its metadata
-    name their topics, so that nobody takes them for silent.
+    It has what came in the lab's domain from Play to the first Stop, and the commands: after
+    another Play the robot is back where it began. Pictures are not in it: its metadata name their
+    topics, so that nobody takes them for silent.
     """
     records = sorted(_records(trial), key=lambda record: record[:2])
     with Writer(folder, version=_WRITTEN, storage_plugin=StoragePlugin.MCAP) as writer:
@@ -235,27 +236,29 @@ def write_bag(folder: Path, trial: Trial) -> int:
 
 def _without_content(trial: Trial) -> list[str]:
     """Return the topics whose messages a dry run does not make."""
-    came = {message.topic: message for message in trial.recording.messages if message.away is None}
+    came = {message.topic: message for message in _sent(trial)}
     return sorted(topic for topic, message in came.items() if serialized(message) is None)
 
 
 def _records(trial: Trial) -> Iterator[Record]:
-    """Yield the commands, then the messages, in seconds since the first Play."""
-    starts = [0.0]
-    for session in trial.drive:
-        frames = sum(round(leg.seconds * RATE) for leg in session.legs)
-        starts.append(starts[-1] + frames / RATE)
-    for start, session in zip(starts, trial.drive, strict=False):
-        for frame, leg in command_frames(session):
-            if leg.steer is not None:
-                continue  # messages that steer a car are not among those of ROS 2 itself
-            time = nanoseconds(start + (frame + 1) / RATE)
-            yield Record(time, trial.wanted.commands, *command(leg))
-    for message in trial.recording.messages:
-        data = None if message.away is not None else serialized(message)
+    """Yield the commands, then the messages, in seconds since Play."""
+    for frame, leg in command_frames(trial.drive[0]):
+        if leg.steer is not None:
+            continue  # messages that steer a car are not among those of ROS 2 itself
+        yield Record(nanoseconds((frame + 1) / RATE), trial.wanted.commands, *command(leg))
+    for message in _sent(trial):
+        data = serialized(message)
         if data is not None:
-            time = nanoseconds(starts[message.session] + message.at)
-            yield Record(time, message.topic, message.type, data, message.profile)
+            yield Record(
+                nanoseconds(message.at), message.topic, message.type, data, message.profile
+            )
+
+
+def _sent(trial: Trial) -> Iterator[Message]:
+    """Yield what came in the lab's domain from the first Play to Stop."""
+    for message in trial.recording.messages:
+        if message.away is None and not message.session:
+            yield message
 
 
 def _offered(profile: Profile) -> Qos:
