@@ -5,6 +5,7 @@ Each solution passes, and each single mistake is found once, in the words of the
 
 from __future__ import annotations
 
+import csv
 import re
 import shutil
 from collections.abc import Callable
@@ -192,9 +193,9 @@ def test_a_fallen_arm_loses_the_points_of_the_scene(
     book = tmp_path / "book"
     graded = ("grade", tmp_path / "class", "--starter", stages[0], "-o", book)
     assert invoke("--lab", folder, *graded).exit_code == 0
-    heads, row = (line.split(",") for line in (book / "grades.csv").read_text().splitlines()[:2])
-    points = dict(zip(heads, row, strict=True))
-    assert points["scene"] == "0.00"
+    with (book / "grades.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["scene"] == "0.00"
 
 
 def test_commands_are_heard_on_the_topic_of_the_course(lab: Lab) -> None:
