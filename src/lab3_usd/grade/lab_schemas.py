@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from inspect import cleandoc
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +127,9 @@ def _definitions() -> dict[str, dict[str, Any]]:
             described["required"] = [name for name in described["required"] if name != key]
     for (kind, field), written in _AS_WRITTEN.items():
         definitions[kind.__name__]["properties"][field] = written
+    for definition in definitions.values():
+        if "description" in definition:  # which Pythons before 3.13 indent as the source is
+            definition["description"] = cleandoc(definition["description"])
     return definitions
 
 

@@ -55,8 +55,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
         yield _missing_with_asset(subject, graph.path, asset.asset, overs)
         missing = [node for node in missing if node.role in absent]
         missing = [node for node in missing if absent[node.role] not in overs]
-    taken = {*subject.stage.prims, *(node.path for node in graph.nodes)}
-    taken |= {prim.path for prim in graph.absent}
+    taken = {*(node.path for node in graph.nodes), *(prim.path for prim in graph.absent)}
     for spec in missing:
         present = absent.get(spec.role) or in_another_graph(spec, subject)
         reason = ""
@@ -67,7 +66,8 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
         if present is None:
             names = chain([spec.role], (f"{spec.role}_{number}" for number in count(2)))
             paths = (f"{graph.path}/{name}" for name in names)
-            free = next(path for path in paths if path not in taken)
+            prims = subject.stage.prims
+            free = next(path for path in paths if path not in taken and prims.get(path) is None)
             fix = (AddNode(free, subject.spec.name, spec.role),)
         elif present.reason in {DEACTIVATED, OVER}:
             fix = (Activate(present.path),)
