@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import runpy
-from pathlib import Path
-
 from two_judges import all_faults, crosscheck, known_rows, silent, unexplained, wrong
 
 STEP, FIRST = 47, 3  # every so many of all faults, from so many on
@@ -27,10 +24,3 @@ def test_each_row_is_about_a_fault_and_each_fault_in_one_row_at_most() -> None:
     rows, names = known_rows(), [fault.name for fault in all_faults()]
     assert [row.title for row in rows if not any(map(row.holds, names))] == []
     assert [name for name in names if sum(row.holds(name) for row in rows) > 1] == []
-
-
-def test_the_page_shows_the_table(repository: Path) -> None:
-    made = runpy.run_path(str(repository / "docs" / "make_wrong_wires.py"))
-    page = made["PAGE"].read_text(encoding="utf-8")
-    table = made["page"]([]).partition(made["KNOWN"])
-    assert page.endswith(table[1] + table[2]), "python docs/make_wrong_wires.py"

@@ -118,3 +118,14 @@ def test_manuals_of_a_lab_without_lidar_and_camera_name_neither() -> None:
         if re.search(r"(?i)\b(lidar|camera|amcl)\b", rule.manual) and rule.family != "E"
     }
     assert named == set()
+
+
+def test_all_manuals_are_printed_together() -> None:
+    printed = invoke("rule", "--all").output
+    for rule_id in all_rules():
+        assert invoke("rule", rule_id).output.strip() in printed
+
+
+def test_either_one_rule_is_explained_or_all() -> None:
+    for words in ((), ("W01", "--all")):
+        assert "give the id of one rule, or --all" in invoke("rule", *words).output

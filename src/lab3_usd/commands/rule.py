@@ -22,15 +22,25 @@ SECTIONS = ("Why", "Fix", "Example", "Basis")
 
 
 @click.command("rule")
-@click.argument("rule_id", metavar="ID", shell_complete=complete_rules)
-def command(rule_id: str) -> None:
-    """Explain one rule: what is wrong, why it matters, how to repair it, and an example.
+@click.argument("rule_id", metavar="[ID]", default="", shell_complete=complete_rules)
+@click.option("--all", "whole", is_flag=True, help="Print the manuals of all rules.")
+def command(rule_id: str, *, whole: bool) -> None:
+    """Explain one rule: the fault, its effect, the repair, and an example.
 
-    ID is an id such as W01, or a rule's name. Of another word the rules are listed whose names or
-    first sentences have it.
+    ID is an id such as W01, or the name of a rule. Any other word lists the rules whose names or
+    first sentences contain it.
     """
     lab = load_lab()
     rules = rules_in(lab)
+    if bool(rule_id) == whole:
+        raise click.UsageError("give the id of one rule, or --all")
+    if whole:
+        ordered = sorted(
+            rules.values(), key=lambda rule: (list(FAMILIES).index(rule.family), rule.id)
+        )
+        manuals = (manual_lines(rule, lab.handout.rules.get(rule.id, "")) for rule in ordered)
+        click.echo("\n\n\n".join("\n".join(lines) for lines in manuals))
+        return
     found = rules_about(rule_id, rules)
     if found:
         click.echo("\n".join(rule_lines(found)))

@@ -82,7 +82,7 @@ CALLS = {
         "lab3 lint robot.usd --fix --diff",
     ),
     "rules": ("lab3 rules", "lab3 rules --all"),
-    "rule": ("lab3 rule W01", "lab3 rule missing-wire", "lab3 rule wire"),
+    "rule": ("lab3 rule W01", "lab3 rule wire", "lab3 rule --all"),
     "config": ("lab3 config", "lab3 config STAGE.usda"),
     "doctor": ("lab3 doctor",),
     "completion": ("lab3 completion bash", "lab3 completion powershell"),
