@@ -38,11 +38,6 @@ class FileNames(Struct, frozen=True):
     names: tuple[str, ...]
     shared: str = ""
 
-    @property
-    def first_file(self) -> str:
-        """The name of the first stage, without ending."""
-        return self.pattern.replace("{id}", self.ids[0]).replace("{name}", self.names[0])
-
 
 def file_names(stem: str, graphs: Iterable[str]) -> FileNames:
     """Return names by which the last checkpoint has a stage of this name.
@@ -241,7 +236,8 @@ def checkpoints_text(
     data = {"frames": frames, "checkpoints": {step.id: step.data for step in steps}}
     notes = {
         "frames": "The TF tree of the stage; a checkpoint asks for it with `frames: true`.",
-        "checkpoints": "What each adds to the one before; move graphs and sensors between them.",
+        "checkpoints": "What each adds to the one before; move graphs and sensors between them.\n"
+        "To rename one, change its name or title, or give it an `id`; other files have its key.",
     }
     return f"{head}\n{policy}\n{document('', data, notes)}"
 
@@ -263,7 +259,7 @@ _DIFFER = "No two files of the checkpoints in `differ` may be the same."
 _POINTS = 10
 
 
-def submission_text(names: FileNames, steps: Sequence[Step]) -> str:
+def submission_text(steps: Sequence[Step]) -> str:
     """Return `submission.yaml`."""
     data = {
         "folders": {
@@ -278,7 +274,6 @@ def submission_text(names: FileNames, steps: Sequence[Step]) -> str:
             "openable": [".usdc", ".usdz"],
             "slips": [".uda"],
             "differ": [step.id for step in steps if step is steps[0] or step.is_new],
-            "starter": names.first_file,
         },
     }
     return document(_HEAD, data, {"stages": _DIFFER})
@@ -300,7 +295,6 @@ def rubric_text(title: str, steps: Sequence[Step], sensors: Mapping[str, SensorS
             if not groups:
                 continue
         items[f"part {step.part}" if f"part {step.part}" not in items else step.id] = {
-            "title": step.title,
             "checkpoint": step.id,
             "groups": groups or ["*"],
             "points": _POINTS,

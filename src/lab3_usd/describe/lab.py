@@ -201,7 +201,7 @@ def _files(
         **{f"{text.spec.name}.yaml": _graph_text(text) for text in parts.texts},
         SCENE: document(_SCENE_HEAD, parts.scene, _SCENE_NOTES),
         ROS: ros_text(parts.lab, steps),
-        SUBMISSION: submission_text(parts.names, steps),
+        SUBMISSION: submission_text(steps),
         RUBRIC: rubric_text(title, steps, parts.lab.sensors),
         **({CATALOG: types} if types else {}),
     }

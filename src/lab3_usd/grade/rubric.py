@@ -37,7 +37,8 @@ class Item(Struct, frozen=True, forbid_unknown_fields=True):
     """One line of the gradebook: points for requirements of a checkpoint, or for a checklist line.
 
     `groups` and `requirements` are patterns of requirement groups and ids; `checklist` is the
-    text of a line of the handout's checklists. `needs` names the items that this one stands on.
+    text of a line of the handout's checklists; without `title` an item is called as these are.
+    `needs` names the items that this one stands on.
 
     What contradicts the title takes the whole item: `breaks` are patterns of requirement ids, and
     rules. `dry_run` names topics and checks that must be right in a dry run, and kinds of faults
@@ -46,8 +47,8 @@ class Item(Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     id: str
-    title: str
     points: Points
+    title: str = ""
     checkpoint: str = ""
     groups: tuple[str, ...] = ("*",)
     requirements: tuple[str, ...] = ("*",)
@@ -199,19 +200,20 @@ def _added(required: Mapping[str, tuple[Requirement, ...]]) -> dict[str, frozens
 def load_items(
     data: Mapping[str, Mapping[str, Any]],
     required: Mapping[str, tuple[Requirement, ...]],
-    lines: Collection[str],
+    lab: Lab,
     file: str,
 ) -> tuple[Item, ...]:
     """Return the items of a rubric in their order.
 
-    `required` is everything that each checkpoint asks for, `lines` are the texts of the checklists.
+    `required` is everything that each checkpoint asks for.
 
     Raises:
         SpecError: there is none, or one is wrong; the line names it, and opens with `file`.
     """
     if not data:
         raise SpecError(f"{file}: 'items' is empty; a rubric needs at least one")
-    items = records(data, Item, file, "id")
+    lines = [line.text for line in lab.submission.checklist]
+    items = {name: _titled(item, lab) for name, item in records(data, Item, file, "id").items()}
     for name, item in items.items():
         # The names head columns of the table of grades.
         if not name or not name.isprintable() or name != name.strip():
@@ -230,6 +232,14 @@ def load_items(
         elif item.checklist not in lines:
             raise SpecError(f"{place}: no checklist of the handout has the line '{item.checklist}'")
     return tuple(items.values())
+
+
+def _titled(item: Item, lab: Lab) -> Item:
+    """Return an item with the id of its checkpoint, and a title, by default of what it is for."""
+    id_ = lab.ids.get(item.checkpoint, item.checkpoint)
+    checkpoint = lab.checkpoints.get(id_)
+    title = item.title or (item.checklist if checkpoint is None else checkpoint.title)
+    return replace(item, checkpoint=id_, title=title)
 
 
 def one_of(value: str, known: Collection[str], place: str) -> None:
@@ -325,16 +335,16 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
     required = everything_asked(lab)
     for kind in content.weights:
         one_of(kind, REQUIREMENT_KINDS, f"{name}: weights")
-    lines = [line.text for line in lab.submission.checklist]
-    items = load_items(content.items, required, lines, name)
-    for number, cap in enumerate(content.caps, start=1):
+    items = load_items(content.items, required, lab, name)
+    caps = tuple(replace(cap, checkpoints=_ids(cap.checkpoints, lab)) for cap in content.caps)
+    for number, cap in enumerate(caps, start=1):
         _check_cap(cap, content.items, required, f"{name}: cap {number}")
     rubric = Rubric(
         title=content.title,
         digest="",
         weights=dict.fromkeys(REQUIREMENT_KINDS, 1.0) | content.weights,
         items=items,
-        caps=content.caps,
+        caps=caps,
         late=content.late,
         blemish=content.blemish,
         again=content.again,
@@ -343,6 +353,15 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
     content_json = json.dumps(to_builtins(rubric))
     digest = hashlib.sha256(content_json.encode()).hexdigest()
     return with_lab(replace(rubric, digest=digest), required)
+
+
+def _ids(patterns: tuple[str, ...], lab: Lab) -> tuple[str, ...]:
+    """Return the ids of the checkpoints whose keys fit patterns; one that fits all stays."""
+    found: list[str] = []
+    for pattern in patterns:
+        named = [id_ for key, id_ in lab.ids.items() if fnmatchcase(key, pattern)]
+        found += [pattern] if pattern == "*" or not named else named
+    return tuple(found)
 
 
 def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:

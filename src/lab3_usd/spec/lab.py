@@ -59,7 +59,8 @@ class Handout(Struct, frozen=True, forbid_unknown_fields=True):
 class Checkpoint(Struct, frozen=True):
     """One checkpoint: its number, file name without ending, and everything it must hold.
 
-    `graphs` and `sensors` are cumulative; `new` names the graphs this checkpoint adds.
+    `graphs` and `sensors` are cumulative; `new` names the graphs this checkpoint adds. `key` is how
+    the files of the lab refer to it.
     """
 
     id: str
@@ -73,6 +74,7 @@ class Checkpoint(Struct, frozen=True):
     frames: bool = False
     topics: bool = False
     localization: bool = False
+    key: str = ""
 
 
 class StampReset(Struct, frozen=True, forbid_unknown_fields=True, rename={"agree": "with"}):
@@ -218,6 +220,11 @@ class Lab(Struct, frozen=True, eq=False):
     def files(self) -> dict[str, str]:
         """The names of the stages, without ending, by checkpoint."""
         return {name: checkpoint.file for name, checkpoint in self.checkpoints.items()}
+
+    @property
+    def ids(self) -> dict[str, str]:
+        """The ids of the checkpoints, by the keys that the files of the lab refer to."""
+        return {checkpoint.key: name for name, checkpoint in self.checkpoints.items()}
 
     def until(self, checkpoint: str) -> tuple[str, ...]:
         """Name the checkpoints up to one of them."""

@@ -23,14 +23,15 @@ class StageFiles(Struct, frozen=True, forbid_unknown_fields=True):
     """How stage files are named.
 
     `endings` are the handout's, the first preferred; `openable` ones USD opens as well; `slips`
-    are no endings of USD. No two files of the checkpoints in `differ` may be the same.
+    are no endings of USD. No two files of the checkpoints in `differ` may be the same. `starter`
+    is the name of the supplied scene; without it, that of the first stage.
     """
 
     handout: str
     endings: tuple[str, ...]
     openable: tuple[str, ...]
     slips: tuple[str, ...]
-    starter: str
+    starter: str = ""
     differ: tuple[str, ...] = ()
 
 

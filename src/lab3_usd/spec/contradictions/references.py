@@ -113,7 +113,8 @@ def rubric_faults(lab: Lab) -> Iterator[LabFault]:
     items = _items(read_yaml(lab.folder / RUBRIC))
     asked = set()
     for name, item in items.items():
-        checkpoint = item.get("checkpoint", "")
+        key = str(item.get("checkpoint", ""))
+        checkpoint = lab.ids.get(key, key)
         asked.add(checkpoint)
         if checkpoint and checkpoint not in lab.checkpoints:
             message = f"there is no checkpoint '{checkpoint}'"

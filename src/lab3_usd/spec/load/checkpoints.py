@@ -4,16 +4,27 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import CHECKPOINTS, Checkpoint, FrameSpec, Handout, Policy
+from lab3_usd.spec.lab import (
+    CHECKPOINTS,
+    Checkpoint,
+    FrameSpec,
+    Handout,
+    Lab,
+    LocalizationSpec,
+    Policy,
+)
+from lab3_usd.spec.ros import Command, GoalSpec, HandoutReference, TopicSpec
 from lab3_usd.spec.yaml_file import record
 
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+_Since = TypeVar("_Since", TopicSpec, HandoutReference, GoalSpec, Command, LocalizationSpec)
 
 
 def is_checkpoint_id(text: str) -> bool:
@@ -32,12 +43,16 @@ class _Additions(Struct, forbid_unknown_fields=True):
 
 
 class CheckpointEntry(Struct, forbid_unknown_fields=True):
-    """A checkpoint as the file describes it; `name` is what stands for {name} in `files`."""
+    """A checkpoint as the file describes it; its key is how all other places refer to it.
+
+    `id` and `name` are what stands for {id} and {name} in `files`; without `id` it is the key.
+    """
 
     name: str
     title: str
     part: str
     adds: _Additions
+    id: str = ""
 
 
 class CheckpointsFile(Struct, forbid_unknown_fields=True):
@@ -52,7 +67,7 @@ class CheckpointsFile(Struct, forbid_unknown_fields=True):
 
 
 class CheckpointFile(Struct, frozen=True):
-    """What `checkpoints.yaml` says: each checkpoint by its id, policy and TF frames.
+    """What `checkpoints.yaml` says: each checkpoint by its key, policy and TF frames.
 
     `files` is the pattern of the stages' names: `Lab3_{id}_{name}`.
     """
@@ -93,17 +108,15 @@ def _entries(specs: Mapping[str, Any]) -> dict[str, CheckpointEntry]:
     if not specs:
         raise SpecError(f"{CHECKPOINTS}: checkpoints: there is none")
     found = {}
-    for checkpoint_id, spec in specs.items():
-        where = f"{CHECKPOINTS}: checkpoint '{checkpoint_id}'"
-        if not is_checkpoint_id(str(checkpoint_id)):
-            raise SpecError(f"{where}: an id is letters, digits, _ and -, in quotation marks")
-        found[checkpoint_id] = record(spec, CheckpointEntry, where)
+    for key, spec in specs.items():
+        where = f"{CHECKPOINTS}: checkpoint '{key}'"
+        entry = record(spec, CheckpointEntry, where)
+        for name in (key, entry.id or key):
+            if not is_checkpoint_id(name):
+                wrong = f"'{name}' is no id: letters, digits, _ and -, in quotation marks"
+                raise SpecError(f"{where}: {wrong}")
+        found[key] = entry
     return found
-
-
-def _file_of(content: CheckpointFile, checkpoint_id: str, entry: CheckpointEntry) -> str:
-    """Return the name of a checkpoint's stage, without ending."""
-    return content.files.replace("{id}", checkpoint_id).replace("{name}", entry.name)
 
 
 def accumulate(
@@ -116,25 +129,22 @@ def accumulate(
     """
     found: dict[str, Checkpoint] = {}
     previous = Checkpoint("", "", "", "", (), (), (), ())
-    for checkpoint_id, entry in content.entries.items():
-        where = f"{CHECKPOINTS}: checkpoint '{checkpoint_id}'"
+    for key, entry in content.entries.items():
+        where = f"{CHECKPOINTS}: checkpoint '{key}'"
         _check_known(entry.adds.graphs, tuple(graphs), f"{where}: graphs")
         _check_known(entry.adds.sensors, sensors, f"{where}: sensors")
-        previous = _checkpoint(
-            checkpoint_id, _file_of(content, checkpoint_id, entry), entry, previous
-        )
+        previous = _checkpoint(key, entry, content.files, previous)
         _check_new(previous, found.values(), where)
-        found[checkpoint_id] = previous
+        found[previous.id] = previous
     return found
 
 
-def _checkpoint(
-    checkpoint_id: str, file: str, entry: CheckpointEntry, previous: Checkpoint
-) -> Checkpoint:
-    adds = entry.adds
+def _checkpoint(key: str, entry: CheckpointEntry, files: str, previous: Checkpoint) -> Checkpoint:
+    adds, checkpoint_id = entry.adds, entry.id or key
     return Checkpoint(
         id=checkpoint_id,
-        file=file,
+        key=key,
+        file=files.replace("{id}", checkpoint_id).replace("{name}", entry.name),
         title=entry.title,
         part=entry.part,
         graphs=(*previous.graphs, *adds.graphs),
@@ -147,6 +157,52 @@ def _checkpoint(
     )
 
 
+def by_ids(lab: Lab) -> Lab:
+    """Return a lab in which everything refers to checkpoints by their ids, as reports do.
+
+    Its files refer to them by keys. What is no key stays as it is: an id, or a mistake.
+    """
+    ids = lab.ids
+    if all(key == name for key, name in ids.items()):
+        return lab
+
+    def named(name: str) -> str:
+        return ids.get(name, name)
+
+    def since(fact: _Since) -> _Since:
+        return replace(fact, since=named(fact.since))
+
+    frames, ros, submission = lab.frames, lab.ros, lab.submission
+    lifecycle = {name: since(node) for name, node in ros.lifecycle.nodes.items()}
+    return replace(
+        lab,
+        frames=replace(
+            frames, localization=None if frames.localization is None else since(frames.localization)
+        ),
+        scene=replace(
+            lab.scene,
+            robot=replace(
+                lab.scene.robot, pose_is_error_until=named(lab.scene.robot.pose_is_error_until)
+            ),
+        ),
+        ros=replace(
+            ros,
+            topics={name: since(topic) for name, topic in ros.topics.items()},
+            lifecycle=replace(ros.lifecycle, nodes=lifecycle),
+            nodes={name: since(node) for name, node in ros.nodes.items()},
+            goal=None if ros.goal is None else since(ros.goal),
+            commands=tuple(map(since, ros.commands)),
+        ),
+        submission=replace(
+            submission,
+            stages=replace(submission.stages, differ=tuple(map(named, submission.stages.differ))),
+            checklist=tuple(
+                replace(line, stages=named(line.stages)) for line in submission.checklist
+            ),
+        ),
+    )
+
+
 def _check_known(names: Iterable[str], known: tuple[str, ...], where: str) -> None:
     for name in names:
         if name not in known:
@@ -154,9 +210,10 @@ def _check_known(names: Iterable[str], known: tuple[str, ...], where: str) -> No
 
 
 def _check_new(checkpoint: Checkpoint, earlier: Iterable[Checkpoint], where: str) -> None:
-    """Refuse a file, graph or sensor that an earlier checkpoint has already."""
+    """Refuse an id, file, graph or sensor that an earlier checkpoint has already."""
     for other in earlier:
-        taken = {other.file, *other.new, *other.new_sensors}
-        for name in (checkpoint.file, *checkpoint.new, *checkpoint.new_sensors):
+        taken = {other.id, other.file, *other.new, *other.new_sensors}
+        own = (checkpoint.id, checkpoint.file, *checkpoint.new, *checkpoint.new_sensors)
+        for name in own:
             if name in taken:
-                raise SpecError(f"{where}: '{name}' is of checkpoint '{other.id}' already")
+                raise SpecError(f"{where}: '{name}' is of checkpoint '{other.key}' already")

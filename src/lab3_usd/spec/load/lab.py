@@ -16,7 +16,7 @@ from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, SCENE, SUBMISSION, Lab
 from lab3_usd.spec.load.catalog import parse_catalog
-from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
+from lab3_usd.spec.load.checkpoints import accumulate, by_ids, read_checkpoint_file
 from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.positions import located
@@ -174,7 +174,7 @@ def _assembled(folder: Path) -> Lab:
     catalog = _catalog(folder, files)
     graphs = {name: _graph(name, data, catalog) for name, data in files.items()}
     scene = parse_scene(read_yaml(folder / SCENE))
-    return Lab(
+    lab = Lab(
         folder=folder,
         title=content.title,
         catalog=catalog,
@@ -187,6 +187,14 @@ def _assembled(folder: Path) -> Lab:
         handout=content.handout,
         scene=scene,
     )
+    return by_ids(_with_starter(lab))
+
+
+def _with_starter(lab: Lab) -> Lab:
+    """Return a lab whose starter has a name: where the lab has none, that of the first stage."""
+    stages = lab.submission.stages
+    named = replace(stages, starter=stages.starter or lab.checkpoints[lab.first].file)
+    return replace(lab, submission=replace(lab.submission, stages=named))
 
 
 def _catalog(folder: Path, graphs: Mapping[str, Mapping[str, Any]]) -> Catalog:
