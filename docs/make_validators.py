@@ -1,11 +1,13 @@
-"""Writes the table of who sees what into `lint-corpus.md`: the seeded faults past each validator.
+"""Measures which validator finds which seeded fault, and writes the result into `lint-corpus.md`.
 
 Run `python docs/make_validators.py` after faults, rules or validators have changed. Python 3.12 has
 them all: `pip install -e .[nvidia] ros-openusd-compliance-checker simready-foundation-tier-core`.
+The measurement is kept in `tests/lint_validators.json`.
 """
 
 from __future__ import annotations
 
+import json
 import logging
 import sys
 from collections import Counter
@@ -28,14 +30,14 @@ from lab3_usd.stage.read.native import native_errors
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
 PAGE = Path(__file__).with_name("lint-corpus.md")
+MEASURED = TESTS / "lint_validators.json"
 FAULTS: Mapping[str, Mapping[str, Mapping[str, Any]]] = yaml.safe_load(
     (TESTS / "lint_faults.yaml").read_text(encoding="utf-8")
 )
 ISSUES: Mapping[str, str] = yaml.safe_load(
     (TESTS / "lint_fault_issues.yaml").read_text(encoding="utf-8")
 )
-# What the others do judge: without it nobody would know whether they were running.
-CONTROL = "*control: a joint joins a prim that is not there*"
+# The control, a fault that the others do judge, shows that they were running: a joint without body.
 JOINTS = {
     "rover": "/World/Rover/left_wheel_joint",
     "truck": "/Fleet/Truck/joints/rear",
@@ -43,6 +45,7 @@ JOINTS = {
 }
 MARK = "<!-- Below: written by docs/make_validators.py. -->\n"
 NVIDIA = "usd_validation_nvidia"
+LINT = "lab3 lint"
 Said = Counter[tuple[str, str]]  # the rules that speak, and the prims that they speak of
 
 
@@ -108,7 +111,7 @@ def by_rep(path: Path) -> Said:
 
 
 VALIDATORS = (
-    Validator("`lab3 lint`", "lab3-usd", by_lint),
+    Validator(LINT, "lab3-usd", by_lint),
     Validator("OpenUSD", "usd-core", by_openusd),
     Validator("NVIDIA", "usd-validation-nvidia", by_nvidia),
     Validator("REP-0158", "ros-openusd-compliance-checker", by_rep),
@@ -117,10 +120,10 @@ VALIDATORS = (
 
 
 def column(validator: Validator, faults: Iterable[str] = FAULTS) -> dict[str, str]:
-    """Return for each fault in how many robots the validator sees it, as `2 of 3`.
+    """Return for each fault that the validator finds in how many robots, as `2 of 3`.
 
-    A fault is seen where anything is said that is not said of the sound robot; by the linter, where
-    it is said at the place of the fault.
+    The linter finds a fault by an error or warning at its place; any other validator by anything
+    that it does not report for the sound robot.
     """
     sound = {each: said_of(validator, each, []) for each in ROBOTS}
     cells = {}
@@ -130,7 +133,8 @@ def column(validator: Validator, faults: Iterable[str] = FAULTS) -> dict[str, st
             new = said_of(validator, robot, seed["break"]) - sound[robot]
             at = [seed["at"]] if isinstance(seed["at"], str) else seed["at"]
             seen += any(validator.said is not by_lint or prim in at for _, prim in new)
-        cells[name] = f"{seen} of {len(FAULTS[name])}" if seen else "-"
+        if seen:
+            cells[name] = f"{seen} of {len(FAULTS[name])}"
     return cells
 
 
@@ -145,31 +149,59 @@ def said_of(validator: Validator, robot: str, steps: list[dict[str, Any]]) -> Sa
 
 
 def control(validator: Validator) -> str:
-    """Return in how many robots a validator sees what is not about ROS."""
+    """Return in how many robots a validator finds the control, '' for none."""
     seen = [
         said_of(validator, robot, [{"targets": [f"{joint}.physics:body1", "/gone"]}])
         - said_of(validator, robot, [])
         for robot, joint in JOINTS.items()
     ]
-    return f"{sum(map(bool, seen))} of {len(seen)}" if any(seen) else "-"
+    return f"{sum(map(bool, seen))} of {len(seen)}" if any(seen) else ""
 
 
-def table() -> Iterator[str]:
-    """Yield the lines of the table."""
-    columns = [column(validator) for validator in VALIDATORS]
-    yield _row("fault", [*(validator.title for validator in VALIDATORS), "users"])
-    yield _row("---", ["---"] * (len(columns) + 1))
-    for name in FAULTS:
-        yield _row(name, [*(cells[name] for cells in columns), issue_link(name)])
-    seen = [sum(cell != "-" for cell in cells.values()) for cells in columns]
-    had = f"{sum(name in ISSUES for name in FAULTS)} issues"
-    yield _row(f"**faults seen, of {len(FAULTS)}**", [*(f"**{each}**" for each in seen), had])
-    yield _row(CONTROL, [*(control(validator) for validator in VALIDATORS), ""])
-    yield _row("version", [*(version(validator.package) for validator in VALIDATORS), ""])
+def measure() -> dict[str, Any]:
+    """Return versions, control and faults by validator: where it found something, and how often."""
+    columns = {validator.title: column(validator) for validator in VALIDATORS}
+    controls = {validator.title: control(validator) for validator in VALIDATORS}
+    return {
+        "versions": {validator.title: version(validator.package) for validator in VALIDATORS},
+        "control": {title: found for title, found in controls.items() if found},
+        "faults": {
+            name: {title: cells[name] for title, cells in columns.items() if name in cells}
+            for name in FAULTS
+        },
+    }
+
+
+def summary(measured: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the generated part of the page: totals, and who finds which fault."""
+    faults: Mapping[str, Mapping[str, str]] = measured["faults"]
+    titles = [validator.title for validator in VALIDATORS]
+    yield _row("", titles)
+    yield _row("---", ["---"] * len(titles))
+    found = {title: sum(title in cells for cells in faults.values()) for title in titles}
+    yield _row(f"faults found, of {len(faults)}", [f"**{found[title]}**" for title in titles])
+    yield _row("control", [measured["control"].get(title, "-") for title in titles])
+    yield _row("version", [measured["versions"][title] for title in titles])
+    yield from ("", "Found by other validators as well:", "")
+    for name, cells in faults.items():
+        if others := [title for title in cells if title != LINT]:
+            yield f"- {_fault(name)}: {', '.join(others)}"
+    yield from ("", "Found by `lab3 lint` alone:", "")
+    yield from (f"- {_fault(name)}" for name, cells in faults.items() if list(cells) == [LINT])
+    yield from ("", "Missed by `lab3 lint` in some or all robots:", "")
+    for name, cells in faults.items():
+        seen, _, robots = cells.get(LINT, "").partition(" of ")
+        if not seen or seen != robots:
+            yield f"- {_fault(name)}: found in {cells.get(LINT, 'none')}"
+
+
+def _fault(name: str) -> str:
+    link = issue_link(name)
+    return f"{name} ({link})" if link else name
 
 
 def issue_link(fault: str) -> str:
-    """Return a link to the issue that tells of a fault, '' for none."""
+    """Return a link to the issue that reports a fault, '' for none."""
     repository, _, number = ISSUES.get(fault, "").partition("#")
     name = repository.rpartition("/")[2]
     return f"[{name} #{number}](https://github.com/{repository}/issues/{number})" if number else ""
@@ -180,9 +212,10 @@ def _row(first: str, cells: Iterable[str]) -> str:
 
 
 def page() -> str:
-    """Return the whole page: what is written by hand, and the table."""
+    """Return the whole page: what is written by hand, and the measurement."""
     by_hand = PAGE.read_text(encoding="utf-8").partition(MARK)[0]
-    return by_hand + MARK + "\n" + "\n".join(table()) + "\n"
+    measured = json.loads(MEASURED.read_text(encoding="utf-8"))
+    return by_hand + MARK + "\n" + "\n".join(summary(measured)) + "\n"
 
 
 def missing() -> Iterator[str]:
@@ -204,4 +237,5 @@ if __name__ == "__main__":
     logging.disable(logging.CRITICAL)  # some validators log each file that lacks something
     if names := ", ".join(missing()):
         sys.exit(f"not installed: {names}")
+    MEASURED.write_text(json.dumps(measure(), indent=1) + "\n", encoding="utf-8", newline="\n")
     PAGE.write_text(page(), encoding="utf-8", newline="\n")

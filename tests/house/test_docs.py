@@ -22,8 +22,7 @@ from unittest.mock import patch
 import click
 import pytest
 from in_process import lab3
-from markdown_it import MarkdownIt
-from markdown_it.token import Token
+from pages import blocks, inline, matches, sessions, tokens
 from places import REPOSITORY
 
 from lab3_usd import cli, data
@@ -41,7 +40,6 @@ PAGES = sorted(
         *(ROOT / name / "README.md" for name in FOLDERS),
     ]
 )
-BEFORE = re.compile(r"<!-- before:\s+(.+?)\s*-->", re.DOTALL)
 # A command that needs no shell, and what a page may ask of it afterwards.
 ALONE = re.compile(r"""lab3 ([^$&*;<>?`|~\\\n]+)(; echo "exit code \$\?")?""")
 SCRIPT = re.compile(r"""python ([\w./]+\.py [\w ./-]+)(; echo "exit code \$\?")?""")
@@ -51,34 +49,6 @@ RULE = re.compile(r"`([A-Z]{1,2}\d\d)`|\b([A-Z]{1,2}\d\d) [a-z]+-[a-z-]+\b")
 
 def name_of(page: Path) -> str:
     return page.relative_to(ROOT).as_posix()
-
-
-@functools.cache
-def tokens(page: Path) -> list[Token]:
-    return MarkdownIt("commonmark").enable("table").parse(page.read_text(encoding="utf-8"))
-
-
-def inline(page: Path, kind: str) -> Iterator[Token]:
-    for token in tokens(page):
-        yield from (child for child in token.children or () if child.type == kind)
-
-
-@dataclass(frozen=True)
-class Block:
-    """A fenced block: its language, what else its first line says, and its text."""
-
-    language: str
-    extra: str
-    text: str
-
-
-def blocks(page: Path) -> Iterator[Block]:
-    for token in tokens(page):
-        if token.type == "fence":
-            language, _, extra = token.info.partition(" ")
-            yield Block(language, extra.strip(), token.content)
-        elif token.type == "html_block":
-            yield from (Block("before", "", hidden) for hidden in BEFORE.findall(token.content))
 
 
 # ---- what a page shows is run, in a copy of what the program needs, one block after the other
@@ -229,37 +199,6 @@ def sandbox(program: Path, tmp_path: Path) -> Iterator[Sandbox]:
     (folder / "src").rename(program / "src")
 
 
-def sessions(text: str) -> Iterator[tuple[str, list[str]]]:
-    """Yield each command of a console block with the lines that it prints."""
-    command, printed = "", list[str]()
-    for line in text.splitlines():
-        if line.startswith("$ "):
-            if command:
-                yield command, printed
-            command, printed = line[2:], []
-        elif command.endswith("\\") and not printed:
-            command = command[:-1] + line.removeprefix("> ").strip()
-        else:
-            printed.append(line)
-    if command:
-        yield command, printed
-
-
-def matches(shown: list[str], printed: str) -> bool:
-    """Say whether a page shows what was printed.
-
-    A line `...` stands for any lines, `...` within a line for any text.
-    """
-    pattern = "".join(
-        r"(?:.*\n)*?"
-        if line.strip() == "..."
-        else ".*".join(map(re.escape, line.rstrip().split("..."))) + r"\n"
-        for line in shown
-    )
-    lines = "".join(f"{line.rstrip()}\n" for line in printed.splitlines())
-    return re.fullmatch(pattern, lines) is not None
-
-
 def changes_the_lab(page: Path) -> bool:
     return any(block.extra.lstrip("+").startswith("graphs/") for block in blocks(page))
 
@@ -354,7 +293,7 @@ def test_the_readme_lists_every_command() -> None:
 
 
 def test_the_page_about_formats_names_every_format() -> None:
-    spans = {token.content for token in inline(DOCS / "formats.md", "code_inline")}
+    spans = {token.content for token in inline(DOCS / "graders.md", "code_inline")}
     assert set(FORMATS) <= spans
 
 

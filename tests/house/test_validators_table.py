@@ -1,7 +1,8 @@
-"""The committed table of who sees which fault, against what the validators here say."""
+"""The committed measurement of who finds which fault, against what the validators here report."""
 
 from __future__ import annotations
 
+import json
 import logging
 import sys
 from collections.abc import Iterator
@@ -14,13 +15,7 @@ sys.path.insert(0, str(DOCS))
 
 import make_validators as script  # noqa: E402 - a script beside the pages
 
-ROWS = [
-    [cell.strip() for cell in line.strip("|").split("|")]
-    for line in script.PAGE.read_text(encoding="utf-8").partition(script.MARK)[2].splitlines()
-    if line.startswith("|")
-]
-VERSIONS = dict(zip(ROWS[0][1:], ROWS[-1][1:], strict=True))
-USERS = ROWS[0].index("users")
+MEASURED = json.loads(script.MEASURED.read_text(encoding="utf-8"))
 SOME = list(script.FAULTS)[::6]  # of the validators that take their time
 
 
@@ -33,22 +28,24 @@ def silence() -> Iterator[None]:
 
 
 def committed(title: str) -> dict[str, str]:
-    at = ROWS[0].index(title)
-    return {row[0]: row[at] for row in ROWS if row[0] in script.FAULTS}
+    return {name: cells[title] for name, cells in MEASURED["faults"].items() if title in cells}
 
 
-def test_the_table_has_a_row_for_each_fault_and_counts_them() -> None:
-    assert [row[0] for row in ROWS[2 : 2 + len(script.FAULTS)]] == list(script.FAULTS)
-    for validator in script.VALIDATORS:
-        counted = sum(cell != "-" for cell in committed(validator.title).values())
-        total = ROWS[2 + len(script.FAULTS)][ROWS[0].index(validator.title)]
-        assert total == f"**{counted}**"
+def test_the_measurement_covers_each_fault() -> None:
+    assert list(MEASURED["faults"]) == list(script.FAULTS)
 
 
-def test_every_issue_is_of_a_fault_and_stands_beside_it() -> None:
+def test_the_page_shows_the_measurement() -> None:
+    page = script.PAGE.read_text(encoding="utf-8")
+    assert page == script.page(), "docs/make_validators.py: page()"
+
+
+def test_every_issue_is_of_a_fault_and_stands_on_the_page() -> None:
     assert script.ISSUES.keys() <= script.FAULTS.keys()
-    rows = {row[0]: row[USERS] for row in ROWS if row[0] in script.FAULTS}
-    assert rows == {name: script.issue_link(name) for name in script.FAULTS}
+    page = script.PAGE.read_text(encoding="utf-8")
+    assert [
+        name for name in script.ISSUES if f"- {name} ({script.issue_link(name)})" not in page
+    ] == []
 
 
 def test_our_own_column_is_what_the_linter_says() -> None:
@@ -59,9 +56,9 @@ def test_our_own_column_is_what_the_linter_says() -> None:
 @pytest.mark.parametrize("other", script.VALIDATORS[1:], ids=lambda each: each.package)
 def test_the_column_of_another_is_what_it_says(other: script.Validator) -> None:
     here = script.installed(other.package)
-    if here != VERSIONS[other.title]:
-        pytest.skip(f"measured with {VERSIONS[other.title]}, here is {here}")
+    measured = MEASURED["versions"][other.title]
+    if here != measured:
+        pytest.skip(f"measured with {measured}, here is {here}")
     told = committed(other.title)
-    assert script.column(other, SOME) == {name: told[name] for name in SOME}
-    at = ROWS[0].index(other.title)
-    assert script.control(other) == next(row[at] for row in ROWS if row[0] == script.CONTROL)
+    assert script.column(other, SOME) == {name: told[name] for name in SOME if name in told}
+    assert script.control(other) == MEASURED["control"].get(other.title, "")

@@ -11,6 +11,8 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from pages import blocks, matches, sessions
+from pxr import Sdf
 
 from lab3_usd.spec.load.compiled import FILE, TYPES_FILE
 from lab3_usd.spec.load.loader import load_lab
@@ -92,6 +94,35 @@ def elsewhere(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     lent = {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")}
     (Path(packages.strip()) / "lent.pth").write_text("\n".join(sorted(lent)) + "\n")
     return folder
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the console blocks are those of a POSIX shell")
+def test_the_first_ten_minutes_of_the_readme(
+    elsewhere: Path, repository: Path, tmp_path: Path
+) -> None:
+    """Install, doctor, demo, lint, check, fix, dry run, and a stage of one's own."""
+    programs = elsewhere / "env" / "bin"
+
+    def shown(command: str) -> str:
+        """What a command prints, errors first, in a terminal without colours."""
+        kept = {name: os.environ[name] for name in ("HOME", "LANG") if name in os.environ}
+        path = f"{programs}{os.pathsep}{os.environ['PATH']}"
+        done = subprocess.run(
+            ["/bin/sh", "-c", command], cwd=tmp_path, env={**kept, "PATH": path},
+            capture_output=True, text=True, check=False, timeout=100,
+        )  # fmt: skip
+        return done.stderr + done.stdout
+
+    assert "ok       checking" in shown("lab3 doctor")
+    readme = [
+        block.text for block in blocks(repository / "README.md") if block.language == "console"
+    ]
+    for command, expected in (each for text in readme for each in sessions(text)):
+        printed = shown(command)
+        assert matches(expected, printed), f"$ {command}\n{printed}"
+    Sdf.Layer.FindOrOpen(str(tmp_path / "carter.usda")).Export(str(tmp_path / "my_robot.usd"))
+    first = next(block.text for block in blocks(repository / "README.md"))
+    assert "my_robot.usd: fail, 3 errors" in shown(first)
 
 
 EXAMPLE = "lab3_usd/_data/docs/examples/carter.usda"  # which `lab3 demo` copies
