@@ -168,3 +168,20 @@ def test_equal_faults_share_an_id_in_json_wherever_they_stand() -> None:
     results = json.loads(render("json", report))["results"]
     first, second, third = (result["findings"][0]["fault"] for result in results)
     assert first == second != third
+
+
+TO_COME = ("03", "04", "05", "06", "07", "08")
+
+
+@pytest.mark.parametrize("form", ["html", "markdown"])
+def test_a_report_of_a_folder_that_is_worked_on_has_no_checklist(form: str) -> None:
+    item = ChecklistItem("Isaac Sim", "Drive graph exists", "not met")
+    folder = Submission("work", checklist=(item,), handed_in=False, to_come=TO_COME)
+    inside = tuple(replace(result, path=f"work/{result.path}") for result in BEGUN)
+    shown = render(form, Report(inside, (folder,)))
+    assert "Drive graph exists" not in shown
+    assert "Checklist" not in shown
+    assert "03 to 08" in shown
+    assert "not begun" in shown
+    handed_in = replace(folder, handed_in=True, to_come=())
+    assert "Drive graph exists" in render(form, Report(inside, (handed_in,)))

@@ -11,7 +11,7 @@ from lab3_usd.report.html.model import BlockView, ChecklistSection, cards, ranks
 from lab3_usd.report.html.pictures import gallery, topics
 from lab3_usd.report.html.templates import fill
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
-from lab3_usd.report.text import STATES
+from lab3_usd.report.text import STATES, to_come_text
 from lab3_usd.report.topic_table import COLUMNS
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -56,9 +56,12 @@ def _view(block: Block, lab: Lab, *, graded: bool) -> BlockView:
     shown = gallery(block, contents, block_faults)
     crashes = [(stage.file, crash) for stage in block.stages for crash in stage.result.crashes]
     sections: dict[str, list[ChecklistItem]] = {}
+    to_come = ""
     if block.submission is not None:
+        to_come = to_come_text(block.submission.to_come, tuple(lab.checkpoints))
         crashes += [(block.path, crash) for crash in block.submission.crashes]
-        for item in block.submission.checklist:
+        # What is still worked on has handed in nothing yet.
+        for item in block.submission.checklist if block.submission.handed_in else ():
             sections.setdefault(item.section, []).append(item)
     return BlockView(
         block=block,
@@ -67,6 +70,7 @@ def _view(block: Block, lab: Lab, *, graded: bool) -> BlockView:
         trees=tuple(picture for picture in shown.pictures if picture.kind == "frames"),
         topics=topics(contents),
         checks=tuple(ChecklistSection(name, tuple(items)) for name, items in sections.items()),
+        to_come=to_come,
         crashes=tuple(crashes),
     )
 

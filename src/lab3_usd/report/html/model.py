@@ -193,7 +193,7 @@ class ChecklistSection(Struct, frozen=True):
 
 
 class BlockView(Struct, frozen=True):
-    """Everything that the page shows of one block."""
+    """Everything that the page shows of one block; `to_come` says which stages are not begun."""
 
     block: Block
     ranks: tuple[Rank, ...]
@@ -201,6 +201,7 @@ class BlockView(Struct, frozen=True):
     trees: tuple[PagePicture, ...]
     topics: tuple[Topic, ...]
     checks: tuple[ChecklistSection, ...]
+    to_come: str = ""
     crashes: tuple[tuple[str, Crash], ...] = ()
 
     @property
