@@ -126,6 +126,29 @@ def test_a_stage_whose_robot_is_missing_is_not_judged_and_no_pass(tmp_path: Path
     assert [gap for gap in result.gaps if "./turtlebot3_burger.usd" in gap] == list(result.gaps)
 
 
+def test_what_a_missing_robot_could_meet_is_not_met(tmp_path: Path) -> None:
+    stage = tmp_path / "Lab3_05.usda"
+    behind_a_missing_robot("05").GetRootLayer().Export(str(stage))
+    result = check_stage(stage)
+    unknown = {requirement.id for requirement in result.requirements if not requirement.judged}
+    assert {"Scene/prim/base_link", "Scene/mass/base_link", "TF/frame/base_link"} <= unknown
+    assert {requirement.group for requirement in result.requirements if not requirement.judged} == {
+        "Scene",
+        "TF",
+    }
+    assert result.score.not_judged == len(unknown)
+    assert result.score.met == result.score.possible - len(unknown)
+
+
+@pytest.mark.parametrize("form", ["text", "markdown", "html"])
+def test_no_report_counts_what_was_not_judged_as_met(form: str) -> None:
+    result = StageResult("stage.usda", "05", "not judged", Score(215, 215, 28))
+    shown = render(form, Report((result,)), None, Options())
+    assert "187 of 215" in shown
+    assert "28 not judged" in shown
+    assert "215 of 215" not in shown
+
+
 def test_a_fault_beside_a_missing_robot_fails(tmp_path: Path) -> None:
     path = tmp_path / "Lab3_05.usda"
     stage = behind_a_missing_robot("05")

@@ -484,7 +484,7 @@ def test_the_head_counts_findings_as_the_terminal_does(
     assert counted == [plural(totals.errors, "error"), plural(totals.notes, "note")]
     different = len(cards(faulty_page))
     assert different < totals.errors
-    assert f"{different} of them different" in faulty_page.one("header", "hero").text
+    assert f"{different} different findings" in faulty_page.one("header", "hero").text
 
 
 @pytest.mark.parametrize("count", [1, 2])

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from report_examples import BROKEN, DRIVE, FAILED, HOSTILE, MISSING_WIRE, REPORT, hostile
 
 from lab3_usd.errors import UsageError
-from lab3_usd.model.finding import Report
+from lab3_usd.model.finding import Report, Requirement, Score, StageResult
 from lab3_usd.report.formats.gradescope import VISIBILITIES
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.options import Options
@@ -106,3 +106,10 @@ def test_an_unknown_visibility_names_those_there_are() -> None:
 @pytest.mark.parametrize("text", HOSTILE)
 def test_hostile_strings_are_rendered(text: str) -> None:
     assert results_of(hostile(text))["tests"][0]["status"] == "failed"
+
+
+def test_a_group_says_how_much_of_it_was_not_judged() -> None:
+    unknown = Requirement("Scene/mass/base", "Scene", "scene", "mass", met=True, judged=False)
+    result = StageResult("a.usda", "05", "not judged", Score(1, 1, 1), requirements=(unknown,))
+    (test,) = results_of(Report((result,)))["tests"]
+    assert test["output"] == "1 of 1 not judged"

@@ -19,6 +19,7 @@ from lab3_usd.check.requirements import (
     with_costs,
     with_named_faults,
     with_other_faults,
+    with_unknown,
     with_unmet,
 )
 from lab3_usd.check.robot.location import (
@@ -72,7 +73,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         placed = articulated_at_root(placed)
     robot = relocations.get(lab.scene.robot.path, "")
     subjects = tuple(_graph_subjects(placed, checkpoint, stage, live, robot))
-    run = _Run(lab, [], [], {})
+    run = _Run(lab, [], [], {}, [])
     for rule in rules_of("graph", *GRAPH_FAMILIES):
         for subject in subjects:
             run.rule(rule, subject)
@@ -109,7 +110,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     judged = with_other_faults(outcome.requirements, findings, graphs)
     return Judgement(
         tuple(with_costs(findings, subjects, placed)),
-        judged,
+        with_unknown(judged, run.left_open, whole, lab),
         tuple(run.crashes),
         tuple(run.not_judged),
         tuple(_gaps(placed, stage, run.not_judged)),
@@ -158,12 +159,14 @@ class _Run(Struct, frozen=True):
     findings: list[Finding]
     crashes: list[Crash]
     not_judged: dict[NotJudged, None]
+    left_open: list[Finding]
 
     def rule(self, rule: Rule, subject: Any) -> None:
         """Run one rule and keep its findings, once where graphs built in one share a node."""
         results = run_rule(rule, subject, self.lab)
         self.crashes.extend(results.crashes)
         self.not_judged.update(dict.fromkeys(results.not_judged))
+        self.left_open.extend(results.left_open)
         for finding in results.findings:
             if not any(
                 (finding.prim, finding.property) == (known.prim, known.property)

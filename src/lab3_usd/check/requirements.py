@@ -135,14 +135,20 @@ def with_unmet(findings: Iterable[Finding], subject: StageSubject, lab: Lab) -> 
 
     The demands read as in `lab`, whose prims are looked up where they really stand.
     """
-    robot = lab.scene.robot.path
     for finding in findings:
-        gone = [
-            demand.id
-            for demand in (demands_of(lab, subject.checkpoint) if finding.absent else ())
-            if is_at_or_below(_actual_path(demand.prim, robot, subject.relocations), finding.prim)
-        ]
+        gone = [demand.id for _, demand in _demands_below(finding, subject, lab)]
         yield replace(finding, unmet=(*finding.unmet, *gone)) if gone else finding
+
+
+def _demands_below(
+    finding: Finding, subject: StageSubject, lab: Lab
+) -> Iterator[tuple[str, Demand]]:
+    """Yield what is asked of a prim that is absent and of those below it, with their paths."""
+    robot = lab.scene.robot.path
+    for demand in demands_of(lab, subject.checkpoint) if finding.absent else ():
+        path = _actual_path(demand.prim, robot, subject.relocations)
+        if is_at_or_below(path, finding.prim):
+            yield path, demand
 
 
 def scene_requirements(
@@ -283,6 +289,29 @@ def with_other_faults(
                 group, Requirement(item, group, "scene", title, met=False, handout=finding.handout)
             )
     return (*required, *added.values())
+
+
+def with_unknown(
+    requirements: tuple[Requirement, ...],
+    left_open: Collection[Finding],
+    subject: StageSubject,
+    lab: Lab,
+) -> tuple[Requirement, ...]:
+    """Return the requirements; those that only a finding left open fails are not judged.
+
+    What the stage has below a prim that may be absent is judged as it stands there.
+    """
+    if not left_open:
+        return requirements
+    errors = [finding for finding in left_open if finding.severity == "error"]
+    unknown = unmet_by(with_costs(errors, subject.graphs, lab))
+    for finding in errors:
+        below = _demands_below(finding, subject, lab)
+        unknown |= {demand.id for path, demand in below if subject.stage.prim(path) is None}
+    return tuple(
+        replace(item, judged=False) if item.met and item.id in unknown else item
+        for item in requirements
+    )
 
 
 def _group_of(finding: Finding, graphs: Mapping[str, GraphModel | None]) -> str:

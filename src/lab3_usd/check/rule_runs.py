@@ -18,13 +18,15 @@ from lab3_usd.spec.lab import Lab
 class RuleResults(Struct, frozen=True):
     """What rules found, which of them failed themselves, and what they could not judge.
 
-    `gaps` are what matters of that, for a whole stage.
+    `gaps` are what matters of that, for a whole stage. `left_open` are the findings that rest on a
+    missing asset.
     """
 
     findings: tuple[Finding, ...] = ()
     crashes: tuple[Crash, ...] = ()
     not_judged: tuple[NotJudged, ...] = ()
     gaps: tuple[str, ...] = ()
+    left_open: tuple[Finding, ...] = ()
 
 
 _NOTHING = RuleResults()
@@ -47,6 +49,7 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
         StageError: a file turns out to be damaged, which is no fault of the rule.
     """
     findings: list[Finding] = []
+    left_open: list[Finding] = []
     # A site that a rule comes to by several ways is left open once.
     not_judged: dict[NotJudged, None] = {}
     crashes: tuple[Crash, ...] = ()
@@ -55,6 +58,7 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
             if problem.rests_on is None:
                 findings.append(finding_of(rule, problem, lab))
             else:
+                left_open.append(finding_of(rule, problem, lab))
                 asset = problem.rests_on.asset
                 not_judged[NotJudged(rule.id, problem.prim, problem.property, asset)] = None
     except StageError:
@@ -64,7 +68,7 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
     # Most rules find nothing in most stages.
     if not (findings or crashes or not_judged):
         return _NOTHING
-    return RuleResults(tuple(findings), crashes, tuple(not_judged))
+    return RuleResults(tuple(findings), crashes, tuple(not_judged), left_open=tuple(left_open))
 
 
 def merge_results(results: Iterable[RuleResults]) -> RuleResults:

@@ -17,6 +17,7 @@ from lab3_usd.errors import EXIT_FOUND, SpecError, UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.grade.lab_schemas import FOLDER, schema_of, schema_texts, with_schema
 from lab3_usd.judge.stage import check_stage
+from lab3_usd.report.entries import score_text
 from lab3_usd.report.safe_text import printable
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.contradictions.names import LabFault
@@ -100,8 +101,7 @@ def _judge(stage: Path, step: Step, lab: Lab) -> bool:
             click.echo(f"error {finding.rule} {finding.prim}: {printable(finding.message)}")
     for gap in result.gaps:
         click.echo(f"not judged: {printable(str(gap))}")
-    counts = f"{result.score.earned:g} of {result.score.possible:g} met"
-    shown = f"{stage}: checkpoint {step.id}, {result.verdict}, {counts}"
+    shown = f"{stage}: checkpoint {step.id}, {result.verdict}, {score_text(result.score)}"
     is_played = bool(lab.checkpoints[step.id].graphs)
     if not is_played:
         click.echo(shown)

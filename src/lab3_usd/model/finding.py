@@ -152,10 +152,19 @@ def site_of(finding: Finding) -> Site:
 
 
 class Score(Struct, frozen=True):
-    """Requirements met and asked, over one group or one file."""
+    """Requirements met and asked, over one group or one file.
+
+    `not_judged` of those that nothing fails could not be judged: they earn, and are not met.
+    """
 
     earned: float
     possible: float
+    not_judged: float = 0.0
+
+    @property
+    def met(self) -> float:
+        """How many requirements are known to be met."""
+        return self.earned - self.not_judged
 
 
 REQUIREMENT_KINDS = ("node", "setting", "wire", "target", "scene", "frame")
@@ -165,7 +174,8 @@ class Requirement(Struct, frozen=True):
     """One thing a checkpoint asks for, and whether the stage meets it.
 
     `id` is stable across files (`ROS_Drive/wire/make_array.input0`); `group` is the graph or
-    scene part it belongs to, `kind` one of `REQUIREMENT_KINDS`.
+    scene part it belongs to, `kind` one of `REQUIREMENT_KINDS`. One that is not `judged` counts as
+    met, and only a missing asset could tell.
     """
 
     id: str
@@ -174,6 +184,7 @@ class Requirement(Struct, frozen=True):
     title: str
     met: bool
     handout: str | None = None
+    judged: bool = True
 
 
 class NotJudged(Struct, frozen=True):

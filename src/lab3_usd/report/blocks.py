@@ -15,6 +15,7 @@ from lab3_usd.model.finding import (
     SEVERITIES,
     Finding,
     Report,
+    Requirement,
     SectionKey,
     Severity,
     StageResult,
@@ -28,11 +29,12 @@ Stages = tuple[int, ...]
 
 
 class Part(Struct, frozen=True):
-    """Requirements met and asked of one graph or scene part."""
+    """Requirements met and asked of one graph or scene part, and those that were not judged."""
 
     name: str
     met: int
     asked: int
+    not_judged: int = 0
 
 
 class Stage(Struct, frozen=True):
@@ -188,17 +190,23 @@ def _stages(results: Sequence[StageResult], folder: str, lab: Lab, first: int) -
         file = short_path(result.path, folder)
         number = result.checkpoint or ""
         checkpoint = lab.checkpoints.get(number)
-        met: dict[str, list[bool]] = {}
+        groups: dict[str, list[Requirement]] = {}
         for requirement in result.requirements:
-            met.setdefault(requirement.group, []).append(requirement.met)
+            groups.setdefault(requirement.group, []).append(requirement)
         yield Stage(
             index=index,
             label=number if number and times[number] == 1 else file,
             title="" if checkpoint is None else checkpoint.title,
             file=file,
             result=result,
-            parts=tuple(Part(name, sum(group), len(group)) for name, group in met.items()),
+            parts=tuple(_part(name, group) for name, group in groups.items()),
         )
+
+
+def _part(name: str, group: Sequence[Requirement]) -> Part:
+    not_judged = sum(not requirement.judged for requirement in group)
+    met = sum(requirement.met for requirement in group) - not_judged
+    return Part(name, met, len(group), not_judged)
 
 
 class Fault(Struct, frozen=True):

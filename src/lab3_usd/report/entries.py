@@ -9,7 +9,15 @@ from zlib import crc32
 
 from msgspec import Struct
 
-from lab3_usd.model.finding import SEVERITIES, Crash, Finding, NodeCoverage, Report, Severity
+from lab3_usd.model.finding import (
+    SEVERITIES,
+    Crash,
+    Finding,
+    NodeCoverage,
+    Report,
+    Score,
+    Severity,
+)
 from lab3_usd.report.safe_text import visible
 
 _NAMED = 3  # assets or types in the line that counts nodes
@@ -194,6 +202,12 @@ def summary_line(summary: Summary) -> str:
     files = f"{plural(summary.files, 'file')}: {summary.passed} passed, {failed} failed"
     files += f", {summary.not_judged} not judged" if summary.not_judged else ""
     return f"{files}; {', '.join(counts)}"
+
+
+def score_text(score: Score) -> str:
+    """Return how many requirements are met: `202 of 215 met`, and how many were not judged."""
+    text = f"{score.met:g} of {score.possible:g} met"
+    return f"{text}, {score.not_judged:g} not judged" if score.not_judged else text
 
 
 def plural(count: int, noun: str) -> str:

@@ -8,7 +8,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.conformance import setting_matches
 from lab3_usd.check.match.subject import Outcome
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import TF, rule
 from lab3_usd.check.repairs import edits_in_stage, edits_of_harm
 from lab3_usd.check.ros.running import effective_value
 from lab3_usd.check.ros.topics import endpoints
@@ -60,7 +60,10 @@ def missing_frame(view: TfView) -> Iterator[Problem]:
             yield from _missing_of(maker, missing_frames(maker, view), view)
         for frame, asset in frames_of_missing_assets(maker, view).items():
             message = f"nothing publishes the frame '{frame}'"
-            yield Problem(maker.prims[frame], message, handout=maker.handout, rests_on=asset)
+            unmet = (f"{TF}/frame/{frame}",)
+            yield Problem(
+                maker.prims[frame], message, handout=maker.handout, unmet=unmet, rests_on=asset
+            )
 
 
 def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterator[Problem]:

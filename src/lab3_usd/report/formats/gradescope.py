@@ -67,6 +67,9 @@ def _stage_tests(result: StageResult) -> Iterator[Json]:
         possible = len(requirements)
         earned = possible - len(missed)
         rest = f"Not met:\n\n{listed}" if missed else ""
+        left_open = sum(not requirement.judged for requirement in requirements)
+        if left_open:
+            rest = "\n\n".join(filter(None, (rest, f"{left_open} of {possible} not judged")))
         yield _test(f"{title}: {group}", earned, possible, inside, rest)
     if not groups:
         yield _test(title, result.score.earned, result.score.possible, left)

@@ -8,7 +8,14 @@ from typing import Any, Literal
 from msgspec import to_builtins
 from msgspec.structs import asdict
 
-from lab3_usd.model.finding import Crash, Finding, NodeCoverage, Report
+from lab3_usd.model.finding import (
+    Crash,
+    Finding,
+    NodeCoverage,
+    Report,
+    Requirement,
+    Score,
+)
 from lab3_usd.report.entries import Summary, fault_id, summarize
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import truncated_values
@@ -41,14 +48,11 @@ def report_json(report: Report, *, requirements: bool = False) -> Json:
             "path": result.path,
             "checkpoint": result.checkpoint,
             "verdict": result.verdict,
-            "score": {
-                "earned": float(result.score.earned),
-                "possible": float(result.score.possible),
-            },
+            "score": _score_json(result.score),
             "findings": [finding_json(finding) for finding in result.findings],
         }
         if requirements:
-            entry["requirements"] = [asdict(requirement) for requirement in result.requirements]
+            entry["requirements"] = [*map(_requirement_json, result.requirements)]
         if result.gaps:
             entry["gaps"] = list(result.gaps)
         if result.coverage is not None:
@@ -70,6 +74,18 @@ def report_json(report: Report, *, requirements: bool = False) -> Json:
         _add_crashes(entry, submission.crashes)
         document["submissions"].append(entry)
     document["summary"] = asdict(summarize(report))
+    return document
+
+
+def _score_json(score: Score) -> Json:
+    document = {"earned": float(score.earned), "possible": float(score.possible)}
+    return document | ({"not_judged": float(score.not_judged)} if score.not_judged else {})
+
+
+def _requirement_json(requirement: Requirement) -> Json:
+    document = asdict(requirement)
+    if requirement.judged:
+        del document["judged"]
     return document
 
 

@@ -6,9 +6,10 @@ import re
 from collections.abc import Iterable
 
 from lab3_usd.model.finding import Crash, Finding, Report
-from lab3_usd.report.entries import site, summarize, summary_line
+from lab3_usd.report.entries import score_text, site, summarize, summary_line
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
+from lab3_usd.report.text import to_come_text
 from lab3_usd.spec.load.loader import load_lab
 
 HEADING = ("Severity", "Rule", "Where", "What is wrong", "How to repair it", "Handout")
@@ -21,22 +22,26 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     del rules, options
     blocks = [f"# {load_lab().title} check"]
     for result in report.results:
-        score = f"{result.score.earned:g} of {result.score.possible:g} met"
         blocks.append(f"## {code(result.path)}")
+        verdict = f"**{text(result.verdict)}**"
+        score = text(score_text(result.score))
         blocks.append(
-            f"Checkpoint {text(result.checkpoint)}: **{text(result.verdict)}**, {text(score)}"
+            f"Checkpoint {text(result.checkpoint)}: {verdict}, {score}"
             if result.checkpoint
-            else f"**{text(result.verdict)}**"
+            else verdict
         )
         blocks += [f"Not judged: {text(gap)}" for gap in result.gaps]
         if result.findings:
             blocks.append(findings_table(result.findings))
         blocks += _crashes(result.crashes)
     for submission in report.submissions:
-        blocks.append(f"## {code(submission.path)}")
+        if submission.handed_in or submission.findings:
+            blocks.append(f"## {code(submission.path)}")
+        if submission.to_come:
+            blocks.append(text(to_come_text(submission.to_come, tuple(load_lab().checkpoints))))
         if submission.findings:
             blocks.append(findings_table(submission.findings))
-        if submission.checklist:
+        if submission.checklist and submission.handed_in:
             rows = (
                 (text(item.section), text(item.text), text(item.state), text(item.because))
                 for item in submission.checklist

@@ -14,6 +14,7 @@ from lab3_usd.report.entries import (
     entries,
     is_repairable,
     plural,
+    score_text,
     statistics_table,
     summarize,
     summary_line,
@@ -161,7 +162,7 @@ def _stage_heading(result: StageResult, page: Page) -> str:
     checkpoint = f"checkpoint {visible(result.checkpoint)}, " if result.checkpoint else ""
     heading = f"{path}: {checkpoint}{verdict}"
     if result.score.possible:
-        heading = f"{heading}, {result.score.earned:g} of {result.score.possible:g} met"
+        heading = f"{heading}, {score_text(result.score)}"
     return heading + _counts(result.findings)
 
 
