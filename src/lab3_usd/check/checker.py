@@ -30,7 +30,7 @@ from lab3_usd.check.robot.location import (
     robot_relocations,
 )
 from lab3_usd.check.robot.sensors import sensor_relocations
-from lab3_usd.check.rule_runs import run_rule
+from lab3_usd.check.rule_runs import NOTHING, run_rule
 from lab3_usd.check.tf.lab_frames import tf_view
 from lab3_usd.model.finding import Crash, Finding, NotJudged, Requirement
 from lab3_usd.model.stage import Node, StageModel
@@ -164,6 +164,8 @@ class _Run(Struct, frozen=True):
     def rule(self, rule: Rule, subject: Any) -> None:
         """Run one rule and keep its findings, once where graphs built in one share a node."""
         results = run_rule(rule, subject, self.lab)
+        if results is NOTHING:
+            return
         self.crashes.extend(results.crashes)
         self.not_judged.update(dict.fromkeys(results.not_judged))
         self.left_open.extend(results.left_open)

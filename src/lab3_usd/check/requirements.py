@@ -227,7 +227,8 @@ def with_costs(
     subjects = tuple(subjects)
     sites: dict[tuple[str, str | None], list[str]] = {}
     of_node: dict[str, list[str]] = {}
-    for subject in subjects if findings else ():
+    costly = any(finding.severity != "note" for finding in findings)
+    for subject in subjects if costly else ():
         roles, name = subject.roles, subject.spec.name
         for item in _items_of(subject):
             of_node.setdefault(f"{name}/node/{item.role}", []).append(item.met.id)

@@ -29,7 +29,7 @@ class RuleResults(Struct, frozen=True):
     left_open: tuple[Finding, ...] = ()
 
 
-_NOTHING = RuleResults()
+NOTHING = RuleResults()
 # What the rules of a scope are about, wherever the prims of their findings stand.
 _PART_OF_SCOPE: Mapping[Scope, tuple[str, ...]] = {"frames": (TF,), "starter": (SCENE,)}
 
@@ -67,7 +67,7 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
         crashes = (Crash(rule.id, f"{type(error).__name__}: {error}"),)
     # Most rules find nothing in most stages.
     if not (findings or crashes or not_judged):
-        return _NOTHING
+        return NOTHING
     return RuleResults(tuple(findings), crashes, tuple(not_judged), left_open=tuple(left_open))
 
 

@@ -60,7 +60,8 @@ class GraphForm(Struct, frozen=True):
 
     def ignores(self, path: str) -> bool:
         """Whether the application made what stands at this path, for itself."""
-        return any(f"{path}/".startswith(f"{top}/") for top in self.ignored_below)
+        is_near = path.startswith(self.ignored_below)  # which most paths are not
+        return is_near and any(f"{path}/".startswith(f"{top}/") for top in self.ignored_below)
 
     def value(self, name: str) -> Value | None:
         """Return the value with which an Action Graph is saved."""

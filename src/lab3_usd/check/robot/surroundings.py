@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.model.prims import Collider, Prim, is_at_or_below
-from lab3_usd.model.stage import StageModel
+from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import Vector, scaled
 
 _SOLID = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone")  # whose boxes are as they are
@@ -57,20 +57,32 @@ def _things(subject: StageSubject) -> Iterator[Collider]:
 
 def enclosing(sensor: Prim, subject: StageSubject) -> Iterator[Prim]:
     """Yield the shapes on the robot right around a sensor that are no part of how it looks."""
-    robot, at = subject.lab.scene.robot, place_of(sensor, subject)
+    at = place_of(sensor, subject)
     if at is None:
         return
-    for prim in subject.stage.below(robot.path):
-        is_own = not {*robot.looks_below}.isdisjoint(prim.path.split("/"))
-        if prim.type not in _SOLID or is_own or not prim.present:
-            continue
-        box = subject.stage.colliders.shape(prim.path)
-        is_around = box is not None and all(
-            low < middle < high and high - low < 2 * _ROOM
-            for low, middle, high in zip(box.low, at, box.high, strict=True)
+    for prim, box in _shapes_on_robot(subject):
+        is_around = all(
+            low < middle < high for low, middle, high in zip(box.low, at, box.high, strict=True)
         )
         if is_around and hidden_by(prim, subject.stage) is None:
             yield prim
+
+
+@once_per_stage
+def _shapes_on_robot(subject: StageSubject) -> tuple[tuple[Prim, Collider], ...]:
+    """Return the shapes on the robot that are no part of how it looks, and no room, with boxes."""
+    robot, stage = subject.lab.scene.robot, subject.stage
+    looks, shapes = frozenset(robot.looks_below), []
+    for prim in stage.of_type(lambda name: name in _SOLID):
+        is_of_robot = is_at_or_below(prim.path, robot.path)
+        if not (is_of_robot and prim.present and looks.isdisjoint(prim.path.split("/"))):
+            continue
+        box = stage.colliders.shape(prim.path)
+        if box is not None and all(
+            high - low < 2 * _ROOM for low, high in zip(box.low, box.high, strict=True)
+        ):
+            shapes.append((prim, box))
+    return tuple(shapes)
 
 
 def hidden_by(prim: Prim, stage: StageModel, hiding: Mapping[str, str] = _HIDDEN) -> Prim | None:

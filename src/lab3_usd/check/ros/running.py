@@ -191,6 +191,8 @@ def is_opened_first(node: Node) -> bool:
 def signal_inputs(node: Node) -> tuple[str, ...]:
     """Return the execution inputs, and those of which nothing is known."""
     kind = node.type
+    if kind is not None and not kind.is_open:
+        return kind.execution_inputs
     unknown = (
         name
         for name in node.ports

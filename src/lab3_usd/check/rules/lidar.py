@@ -182,7 +182,7 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `/World/Example_Rotary_2D` beside `{lidar}`.
     """
-    sensors = [*present_sensors(subject, LIDAR)]
+    sensors = present_sensors(subject, LIDAR)
     handout = subject.lab.scene.forbidden.lidar.handout
     right = ", ".join(sensor.prim.path for sensor in sensors)
     for prim in second_lidars(subject):

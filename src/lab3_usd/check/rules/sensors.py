@@ -38,7 +38,12 @@ from lab3_usd.model.changes import ApplySchema, MovePrim, RemovePrim, RemoveSche
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import absence_reason, missing_graphs_text, same_value
+from lab3_usd.model.stage import (
+    absence_reason,
+    missing_graphs_text,
+    once_per_stage,
+    same_value,
+)
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import PoseSpec, SensorAttribute, SensorSpec
 
@@ -106,13 +111,16 @@ class PresentSensor(NamedTuple):
     prim: Prim
 
 
-def present_sensors(subject: StageSubject, kind: str) -> Iterator[PresentSensor]:
-    """Yield the sensors of a kind that the checkpoint asks for and the stage holds."""
-    for name in sensors_of(subject, kind):
-        place = find_sensor(subject.lab, subject.stage, name)
-        if place.prim is not None:
-            group = sensor_group(subject.lab, name)
-            yield PresentSensor(name, group, subject.lab.sensors[name], place, place.prim)
+@once_per_stage
+def present_sensors(subject: StageSubject, kind: str) -> tuple[PresentSensor, ...]:
+    """Return the sensors of a kind that the checkpoint asks for and the stage holds."""
+    lab = subject.lab
+    places = {name: find_sensor(lab, subject.stage, name) for name in sensors_of(subject, kind)}
+    return tuple(
+        PresentSensor(name, sensor_group(lab, name), lab.sensors[name], place, place.prim)
+        for name, place in places.items()
+        if place.prim is not None
+    )
 
 
 def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:

@@ -6,7 +6,8 @@ given, or a publisher (as before 6.0) looks at prims of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -114,7 +115,7 @@ def published_transforms(stage: StageModel, lab: Lab) -> tuple[PublishedTransfor
     """
     scene = _Scene(stage, lab, live_nodes(stage, lab), running_nodes(stage, lab))
     tree = lab.policy.tree_topics
-    senders = _transform_publishers(scene)
+    senders = _transform_publishers(stage, lab)
     return tuple(_published_by(node, topic, scene) for node, topic in senders if topic in tree)
 
 
@@ -123,7 +124,7 @@ def moved_edges(stage: StageModel, lab: Lab) -> tuple[Edge, ...]:
     """Return every transform that a namespace or another name moves off the topics of the tree."""
     scene = _Scene(stage, lab, live_nodes(stage, lab), running_nodes(stage, lab))
     tree = lab.policy.tree_topics
-    senders = _transform_publishers(scene)
+    senders = _transform_publishers(stage, lab)
     sent = (_published_by(node, topic, scene) for node, topic in senders if topic not in tree)
     return tuple(edge for transforms in sent for edge in transforms.edges or ())
 
@@ -150,20 +151,33 @@ def certain_edges(edges: Iterable[Edge]) -> list[Edge]:
     return [edge for edge in edges if edge.sure]
 
 
-def _transform_publishers(scene: _Scene) -> Iterator[tuple[Node, str]]:
-    """Yield the running nodes that publish transforms, with the topic they publish on."""
-    types = scene.lab.catalog.types.values()
-    messages = {kind.message[""] for kind in types if kind.tf and kind.role}
-    for node in scene.running.values():
+@once_per_stage
+def _transform_publishers(stage: StageModel, lab: Lab) -> tuple[tuple[Node, str], ...]:
+    """Return the running nodes that publish transforms, with the topic they publish on."""
+    live, senders = live_nodes(stage, lab), list[tuple[Node, str]]()
+    for node in running_nodes(stage, lab).values():
         kind = node.type
         if kind is None or kind.role != "publisher":
             continue
-        written = effective_value(node, kind.topics[0], scene.live_nodes)
-        space = namespace_of(node, scene.stage, scene.lab, scene.live_nodes)
-        topic = resolve(space, written) if isinstance(written, str) else None
-        message = message_type(node, kind, kind.topics[0], scene.live_nodes)
-        if topic is not None and (kind.tf is not None or message in messages):
-            yield node, topic
+        message = message_type(node, kind, kind.topics[0], live)
+        if kind.tf is None and message not in _transform_messages(lab):
+            continue
+        written = effective_value(node, kind.topics[0], live)
+        topic = (
+            resolve(namespace_of(node, stage, lab, live), written)
+            if isinstance(written, str)
+            else None
+        )
+        if topic is not None:
+            senders.append((node, topic))
+    return tuple(senders)
+
+
+@lru_cache(maxsize=16)
+def _transform_messages(lab: Lab) -> frozenset[str]:
+    """Return the types of the messages that nodes which publish transforms send."""
+    types = lab.catalog.types.values()
+    return frozenset(kind.message[""] for kind in types if kind.tf and kind.role)
 
 
 def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:

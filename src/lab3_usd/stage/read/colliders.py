@@ -91,7 +91,9 @@ class StageColliders(Colliders):
             path = str(Usd.Prim.GetPath(prim))
             if not prims.IsPostVisit():
                 known = path in self._boxes
-                box = self._boxes[path] if known else _world_box(prim, path, transforms)
+                if not known and path not in self._shapes:
+                    self._shapes[path] = _world_box(prim, path, transforms)
+                box = self._boxes[path] if known else self._shapes[path]
                 open_boxes.append([] if box is None else [box])
                 if known:
                     prims.PruneChildren()

@@ -105,9 +105,10 @@ def hold_start_values(stage: Usd.Stage) -> None:
     for no layer can say anything else of one instance.
     """
     session = stage.GetSessionLayer()
+    if _KEY in session.customLayerData:
+        return
     layers = stage.GetUsedLayers()
-    is_varying = any(layer.ListAllTimeSamples() or _may_have_splines(layer) for layer in layers)
-    if _KEY in session.customLayerData or not is_varying:
+    if not any(layer.ListAllTimeSamples() or _may_have_splines(layer) for layer in layers):
         return
     start = stage.GetStartTimeCode()
     sampled = [
@@ -299,9 +300,5 @@ class AuthoredProperties:
 
     def __getitem__(self, name: str) -> AuthoredProperty:
         """Return the property of this name, also one that a damaged file does not list."""
-        specs = []
-        for property_at, path_of in self._sites:
-            spec = property_at(path_of(name))
-            if spec is not None:
-                specs.append(spec)
-        return AuthoredProperty(self._prim, name, specs)
+        found = [property_at(path_of(name)) for property_at, path_of in self._sites]
+        return AuthoredProperty(self._prim, name, [spec for spec in found if spec is not None])
