@@ -17,6 +17,7 @@ help:
 	@echo "make test          set up, then every static check and the test suite"
 	@echo "make test-all      the same, then the suite on every other Python $(SUPPORTED) here"
 	@echo "                   and on the lowest releases the package allows"
+	@echo "make pytest        the test suite alone; TESTS=tests/commands/test_cli.py: one file of it"
 	@echo "make coverage      the test suite, and which lines it reaches"
 	@echo "make bench         measure speed, and grading a class of a thousand"
 	@echo "make sweep         break a stage in every single way and count what is found"
@@ -38,7 +39,7 @@ lint: $(VENV)/dev
 	$(BIN)/lint-imports
 
 pytest: $(VENV)/dev
-	sh .ci/suite $(BIN)/python
+	sh .ci/suite $(BIN)/python $(TESTS)
 
 coverage: $(VENV)/dev
 	sh .ci/suite $(BIN)/python --cov --cov-report=term
