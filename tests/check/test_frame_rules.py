@@ -463,18 +463,29 @@ def test_a_link_of_a_missing_robot_that_is_parent_and_target_is_its_own_parent()
     assert sites(bare(targets(*FRAME_ROLES.values(), m.BASE))) == [("T09", COMPUTE, TARGETS)]
 
 
-def further(parent: str, *prims: str) -> StageModel:
-    """The complete stage and a further node that computes and sends frames."""
+def further(parent: str, *prims: str, **attributes: str) -> StageModel:
+    """The complete stage and a further graph with a node that computes and sends frames."""
     home = m.graph_of(m.lab().graphs[m.ODOM_TF], "/Graph/tf")
     kept = {m.COMPUTE, m.PUBLISH, "on_playback_tick"}
     nodes = {node.name: node for node in home.nodes if node.name in kept}
     compute = m.aimed(m.aimed(nodes[m.COMPUTE], PARENT, parent), TARGETS, *prims)
-    return m.stage(m.graph("/Graph/tf", *{**nodes, m.COMPUTE: compute}.values()))
+    return m.stage(m.graph("/Graph/tf", *{**nodes, m.COMPUTE: compute}.values(), **attributes))
 
 
 def test_a_robot_that_is_parent_and_target_of_its_own_links_is_no_frame_of_its_own() -> None:
     assert "T09" not in {rule_id for rule_id, _, _ in sites(further(m.ROBOT, m.ROBOT))}
     assert "T09" in {rule_id for rule_id, _, _ in sites(further("/World", "/World"))}
+
+
+@pytest.mark.parametrize(
+    ("pipeline", "severity"),
+    [("pipelineStageSimulation", None), ("pipelineStagePreRender", "warning")],
+)
+def test_a_frame_that_may_not_be_sent_is_its_own_parent_at_a_warning(
+    pipeline: str, severity: str | None
+) -> None:
+    found = problems(further("/World", "/World", pipelineStage=pipeline))["T09"]
+    assert [problem.severity for problem in found] == [severity]
 
 
 def test_two_target_prims_that_keep_one_name_are_found() -> None:

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import pytest
 import quick_yaml
 from foreign_robots import ROBOTS
-from linting import broken_robot, linted, said_by
+from golden import assert_golden, findings_text
+from linting import broken_robot, linted, said_by, sites_of
 from places import TESTS
 
 from lab3_usd.check.registry import all_rules
+from lab3_usd.check.rule_runs import RuleResults
+from lab3_usd.model.finding import ordered
 
 FOLDER = TESTS / "lint_cases"
 CASES = {path.stem: quick_yaml.load(path.read_text()) for path in sorted(FOLDER.glob("*.yaml"))}
-TRIGGERS = [
-    pytest.param(rule, {"robot": case.get("robot", "rover"), **entry}, id=f"{rule} {name}".strip())
+TRIGGERS = {
+    f"{rule} {name}".strip(): {"robot": case.get("robot", "rover"), **entry}
     for rule, case in CASES.items()
     for name, entry in {"": case, **case.get("more", {})}.items()
-]
+}
 ALIKE = [
     pytest.param(
         rule,
@@ -38,13 +42,25 @@ def test_nothing_is_said_of_a_robot_that_works(robot: str) -> None:
     assert said_by(ROBOTS[robot]()) == []
 
 
-@pytest.mark.parametrize(("rule", "case"), TRIGGERS)
-def test_a_fault_is_said_once_at_its_place(rule: str, case: dict[str, Any]) -> None:
-    stage = broken_robot(case["robot"], case["break"])
-    assert said_by(stage, "error", "warning") == sorted(case["expect"])
-    notes = said_by(stage, "note")
-    assert [each for each in case.get("notes", []) if each not in notes] == []
-    assert rule in {each.split()[0] for each in (*case["expect"], *case.get("notes", []))}
+@cache
+def results(name: str) -> RuleResults:
+    case = TRIGGERS[name]
+    return linted(broken_robot(case["robot"], case["break"]))
+
+
+@pytest.mark.parametrize("name", TRIGGERS)
+def test_a_fault_is_said_once_at_its_place(name: str) -> None:
+    case, found = TRIGGERS[name], results(name)
+    assert sites_of(found, "error", "warning") == sorted(case["expect"])
+    notes = sites_of(found, "note")
+    assert [note for note in case.get("notes", []) if note not in notes] == []
+    rules = {site.split()[0] for site in (*case["expect"], *case.get("notes", []))}
+    assert name.partition(" ")[0] in rules
+
+
+def test_what_is_said_of_each_fault_is_as_it_was() -> None:
+    shown = {name: findings_text(ordered(results(name).findings)) for name in TRIGGERS}
+    assert_golden("lint-cases", shown)
 
 
 @pytest.mark.parametrize(("rule", "robot", "steps"), ALIKE)

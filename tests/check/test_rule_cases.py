@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import pytest
 import quick_yaml
 from breaking import broken, judged, place
+from golden import assert_golden, findings_text
 from places import TESTS
 
 from lab3_usd.check.checker import Judgement
-from lab3_usd.model.finding import ordered
+from lab3_usd.model.finding import Finding, ordered
 
 FOLDER = TESTS / "cases"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Case:
     """One fault: the steps that make it, and every error and warning that it gives."""
 
@@ -48,6 +50,11 @@ def _id(case: Case) -> str:
     return f"{case.rule} {case.name}".strip()
 
 
+@cache
+def _judged(case: Case) -> Judgement:
+    return judged(broken(case.checkpoint, case.steps), case.checkpoint)
+
+
 def _said(judgement: Judgement, *severities: str) -> list[str]:
     findings = ordered(finding for finding in judgement.findings if finding.severity in severities)
     return sorted(
@@ -61,7 +68,7 @@ def _placed(lines: list[str]) -> list[str]:
 
 @pytest.mark.parametrize("case", TRIGGERS, ids=_id)
 def test_a_fault_is_said_once_at_its_place(case: Case) -> None:
-    judgement = judged(broken(case.checkpoint, case.steps), case.checkpoint)
+    judgement = _judged(case)
     assert not judgement.crashes
     assert _said(judgement, "error", "warning") == _placed(case.expect)
     notes = _said(judgement, "note")
@@ -73,6 +80,21 @@ def test_what_is_only_alike_does_not_trigger_the_rule(case: Case) -> None:
     judgement = judged(broken(case.checkpoint, case.steps), case.checkpoint)
     assert not judgement.crashes
     assert case.rule not in {finding.rule for finding in judgement.findings}
+
+
+def _own_findings(case: Case) -> list[Finding]:
+    """Return the findings without the notes that every stage has."""
+    noted = {line.split()[0] for line in case.notes}
+    return ordered(
+        finding
+        for finding in _judged(case).findings
+        if finding.severity != "note" or finding.rule in noted
+    )
+
+
+def test_what_is_said_of_each_fault_is_as_it_was() -> None:
+    shown = {_id(case): findings_text(_own_findings(case)) for case in TRIGGERS}
+    assert_golden("rule-cases", shown)
 
 
 def is_of_its_rule(case: Case) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from golden import assert_golden, findings_text
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from scene_changes import (
     CAMERA,
@@ -53,7 +54,7 @@ from scene_sabotage import LIGHTS, scene_sabotage, turned_floor
 from scene_stages import built, findings_of, stage_rules, told
 
 from lab3_usd.check.requirements import demands_of, unmet_by
-from lab3_usd.model.finding import Finding
+from lab3_usd.model.finding import Finding, ordered
 from lab3_usd.spec.load.loader import load_lab
 
 FAULTS = scene_sabotage()
@@ -81,6 +82,11 @@ def said() -> dict[str, list[Finding]]:
 @pytest.mark.parametrize("checkpoint", CHECKPOINTS)
 def test_nothing_is_said_of_a_built_checkpoint(checkpoint: str) -> None:
     assert told(built(checkpoint), checkpoint) == []
+
+
+def test_what_is_said_of_each_fault_is_as_it_was(said: dict[str, list[Finding]]) -> None:
+    shown = {name: findings_text(ordered(found)) for name, found in said.items()}
+    assert_golden("scene-faults", shown)
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 
 import pytest
+from golden import UPDATE
 from msgspec.structs import replace
 from report_examples import (
     CRASHED,
@@ -25,7 +25,6 @@ from lab3_usd.report.formats.registry import render
 from lab3_usd.report.options import Options
 
 GOLDEN = Path(__file__).parent / "golden"
-UPDATE = bool(os.environ.get("LAB3_UPDATE_GOLDEN"))
 ANSI = re.compile(r"\x1b\[[0-9;]*m")
 EVERYTHING = Report((*REPORT.results, CRASHED), REPORT.submissions)
 EACH = Options(each=True, source="always")

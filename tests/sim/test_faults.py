@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from functools import cache
 from typing import get_args
 
 import pytest
 from breaking import broken, correct_stage, the_lab
 from dry_runs import INTERFACE, driven
 from fault_stages import IMAGE_PRODUCT, MOTION, NAMES, STAGES
+from golden import assert_golden
 from places import REPOSITORY
 from scene_changes import CAMERA
 
@@ -44,16 +46,38 @@ def test_the_dry_run_knows_no_rule() -> None:
     assert words & {*all_rules(), *EXPLAINED_BY.values()} == set()
 
 
-def shown(trial: Trial) -> set[tuple[str, FaultKind]]:
-    return {(name, fault.kind) for name, look in CHECKS.items() for fault in look(trial)}
+def faults_of(trial: Trial) -> list[tuple[str, Fault]]:
+    return [(name, fault) for name, look in CHECKS.items() for fault in look(trial)]
+
+
+def shown(faults: list[tuple[str, Fault]]) -> set[tuple[str, FaultKind]]:
+    return {(check, fault.kind) for check, fault in faults}
+
+
+@cache
+def faults(kind: FaultKind) -> list[tuple[str, Fault]]:
+    change, check = STAGES[kind]
+    stage = correct_stage("02" if check in MOTION else "05")
+    change(stage)
+    return faults_of(driven(stage, the_lab().catalog))
 
 
 @pytest.mark.parametrize("kind", STAGES)
 def test_a_stage_shows_its_kind_of_fault(kind: FaultKind) -> None:
-    change, check = STAGES[kind]
-    stage = correct_stage("02" if check in MOTION else "05")
-    change(stage)
-    assert (check, kind) in shown(driven(stage, the_lab().catalog))
+    assert (STAGES[kind][1], kind) in shown(faults(kind))
+
+
+def test_what_is_said_of_each_stage_is_as_it_was() -> None:
+    assert_golden("dry-run-faults", {kind: fault_text(faults(kind)) for kind in STAGES})
+
+
+def fault_text(found: list[tuple[str, Fault]]) -> str:
+    return "".join(
+        f"{check} {fault.kind}{'' if fault.sure else ' (not sure)'}: {fault.message}\n"
+        f"    {fault.prim} {fault.cause}".rstrip()
+        + "\n"
+        for check, fault in found
+    )
 
 
 def test_a_render_product_that_is_named_has_its_own_size() -> None:
@@ -73,7 +97,7 @@ def test_wheels_in_the_wrong_order_turn_an_arc_the_wrong_way() -> None:
     stage = broken("02", [{"swap": [f"{NAMES}.inputs:input0", f"{NAMES}.inputs:input1"]}])
     drive = drive_of("0.1,0.5,2", INTERFACE.limits)
     trial = record(read_scene(stage), the_lab().catalog, drive, INTERFACE)
-    assert ("follows", "wrong-arc") in shown(trial)
+    assert ("follows", "wrong-arc") in shown(faults_of(trial))
 
 
 def odometry_faults(x: float, y: float, turned: float) -> list[Fault]:

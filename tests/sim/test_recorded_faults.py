@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, get_args
 
 import pytest
 from breaking import the_lab
 from fault_stages import BY_HAND, STAGES
+from golden import assert_golden
 from msgspec.structs import replace
 
 pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
 
 from recordings import Sent, aimed, durable, faster, in_laser, keep, on, recorded, rewritten, tied
 
+from lab3_usd.model.dry_run import Check
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.bag.judge import judge_recording
+
+Verdicts = Callable[[FaultKind], tuple[Check, ...]]
 
 
 @pytest.fixture(scope="module")
@@ -93,12 +98,34 @@ RECORDINGS: dict[FaultKind, tuple[Callable[[Sent], Iterator[Sent]], str]] = {
 }
 
 
+@pytest.fixture(scope="module")
+def checks_of(plain: Path, tmp_path_factory: pytest.TempPathFactory) -> Verdicts:
+    """The verdicts of the recording that shows a kind of fault."""
+    folder = tmp_path_factory.mktemp("faults")
+
+    @cache
+    def checks(kind: FaultKind) -> tuple[Check, ...]:
+        run = rewritten(plain, folder / kind, RECORDINGS[kind][0])
+        return tuple(judge_recording(run, the_lab(), "08", whole=True).checks)
+
+    return checks
+
+
 @pytest.mark.parametrize("kind", RECORDINGS)
-def test_a_recording_shows_its_kind_of_fault(plain: Path, tmp_path: Path, kind: FaultKind) -> None:
-    change, name = RECORDINGS[kind]
-    run = rewritten(plain, tmp_path / "run", change)
-    checks = judge_recording(run, the_lab(), "08", whole=True).checks
-    assert {check.name: check.kind for check in checks}[name] == kind
+def test_a_recording_shows_its_kind_of_fault(checks_of: Verdicts, kind: FaultKind) -> None:
+    assert {check.name: check.kind for check in checks_of(kind)}[RECORDINGS[kind][1]] == kind
+
+
+def test_what_is_said_of_each_recording_is_as_it_was(checks_of: Verdicts) -> None:
+    texts = {
+        kind: "".join(
+            f"{check.name}: {check.verdict} {check.kind or ''} {check.text}".rstrip() + "\n"
+            for check in checks_of(kind)
+            if check.verdict != "ok"
+        )
+        for kind in RECORDINGS
+    }
+    assert_golden("recorded-faults", texts)
 
 
 def test_each_kind_is_shown_by_a_stage_or_a_recording() -> None:

@@ -24,7 +24,11 @@ def linted(stage: Usd.Stage, release: str = "6.0") -> RuleResults:
 
 def said_by(stage: Usd.Stage, *severities: str, release: str = "6.0") -> list[str]:
     """Return what is found as `RULE PRIM PROPERTY`, sorted; of all severities where none is."""
-    results = linted(stage, release)
+    return sites_of(linted(stage, release), *severities)
+
+
+def sites_of(results: RuleResults, *severities: str) -> list[str]:
+    """Return the findings of a stage as `said_by` does."""
     assert not results.crashes
     return sorted(
         f"{finding.rule} {finding.prim} {finding.property or ''}".strip()

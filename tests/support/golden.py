@@ -1,0 +1,64 @@
+"""Golden texts in `tests/golden`: what is said of each of many cases, word for word.
+
+`LAB3_UPDATE_GOLDEN=1 pytest` writes them anew, to be read before they are kept.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from msgspec import to_builtins
+from places import TESTS
+
+from lab3_usd.model.changes import Repair
+from lab3_usd.model.finding import Finding
+
+UPDATE = bool(os.environ.get("LAB3_UPDATE_GOLDEN"))
+_MOST_LISTED = 4
+_IN_THE_FIRST_LINE = ("rule", "name", "severity", "prim", "property", "message")
+
+
+def assert_golden(name: str, shown: Mapping[str, str]) -> None:
+    """Compare the text of each case with the one that was kept."""
+    path = TESTS / "golden" / f"{name}.txt"
+    if UPDATE:
+        blocks = [f"# {case}\n{text}" for case, text in shown.items()]
+        path.write_text("\n".join(blocks), encoding="utf-8", newline="\n")
+    kept = dict(
+        block.split("\n", 1)
+        for block in path.read_text(encoding="utf-8").removeprefix("# ").split("\n# ")
+    )
+    assert {case: text.splitlines() for case, text in shown.items()} == {
+        case: text.removesuffix("\n").splitlines() for case, text in kept.items()
+    }
+
+
+def findings_text(findings: Iterable[Finding]) -> str:
+    """Return findings with everything that a rule says: a line for each, and one for each field."""
+    lines: list[str] = []
+    for finding in findings:
+        place = f"{finding.prim}.{finding.property}" if finding.property else finding.prim
+        lines.append(f"{finding.severity} {finding.rule} {place}: {finding.message}")
+        usual = Finding(finding.rule, "", "error", "", "")
+        lines += [
+            f"    {field}: {_shown(value)}"
+            for field in Finding.__struct_fields__
+            if field not in _IN_THE_FIRST_LINE
+            and (value := getattr(finding, field)) != getattr(usual, field)
+        ]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _shown(value: Any) -> str:
+    """Return a value as text; of a long list its ends."""
+    if isinstance(value, Repair):
+        edits = "; ".join(
+            " ".join(str(part) for part in to_builtins(edit).values() if part is not None)
+            for edit in value.edits
+        )
+        return f"{value.title}{'' if value.safe else ' (unsafe)'}: {edits}"
+    if isinstance(value, tuple) and len(value) > _MOST_LISTED:
+        return f"{', '.join(value[:2])} ... {value[-1]} ({len(value)})"
+    return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
