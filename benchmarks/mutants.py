@@ -4,9 +4,15 @@ Usage: python benchmarks/mutants.py [--seed N] [--count N] [--only ROOM] [--jobs
 
 Places are drawn by the seed, in each room as many as its share of the code. A mutant is killed when
 a test fails that passes on the program as it is, or when the tests no longer end. Only test files
-that execute the changed statement run, those of its room first, the fastest first; which they are
-is measured once (`--map` keeps it) and again for a test file that changes. Not part of the suite:
-it takes an hour.
+that execute the changed statement run, those that name its module and those of its room first;
+which they are is measured once (`--map` keeps it) and again for a test file that changes. In a
+module that changed since, lines are found again by their text. Not part of the suite: it takes an
+hour.
+
+What no test can see is no mutant: `strict=` of `zip`, which asserts what the code guarantees;
+`encoding=` left away, which is the same on this machine; `return False` made None, where True is a
+mutant as well. A whole number from eight on is doubled or halved: it is a limit or a size, and one
+more means nothing; a smaller one, and every fraction, grows by one.
 """
 
 from __future__ import annotations
@@ -29,6 +35,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from difflib import SequenceMatcher
+from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -38,8 +46,13 @@ from coverage.exceptions import DataError
 REPOSITORY = Path(__file__).resolve().parents[1]
 PACKAGE = Path("src/lab3_usd")
 NOT_COPIED = (".git", ".venv*", "out", "__pycache__", ".*_cache", ".hypothesis", ".import_linter*")
-# They hold the texts of the code, the pages and the package, not what the program does.
-NOT_RUN = ("tests/house/", "tests/grade/test_grade_bench.py", "test_browser.py", "_browser.py")
+# They hold the texts of the code and the package, not what the program does.
+HOUSE = ("action", "house", "installation", "validators_table", "wheel")
+NOT_RUN = (
+    *(f"tests/house/test_{name}.py" for name in HOUSE),
+    "tests/grade/test_grade_bench.py",
+    "_browser.py",
+)
 # Where the tests of a room lie that are not in the folder of its name.
 TESTS = {"lint": "check", "diff": "stage", "describe": "spec", "judge": "check", "model": "check"}
 ROOMS = {
@@ -71,6 +84,9 @@ TURNED = {
     ast.GtE: ast.Lt,
 }
 BOUNDARY = {ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt}
+ASSERTED, OF_THE_MACHINE = "strict", "encoding"  # keywords
+LEAST_LIMIT = 8
+NOTHING = {"None", "False"}  # to whoever asks only whether it is so
 DELETED = (ast.Expr, ast.AugAssign, ast.Continue, ast.Break, ast.Raise, ast.Delete)
 TYPES_AND_DECORATORS = {
     "annotation",
@@ -153,7 +169,8 @@ def _nodes(node: ast.AST, statement: ast.stmt | None, *, in_function: bool) -> I
     is_function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
     for field, value in ast.iter_fields(node):
         is_frozen = isinstance(node, ast.ClassDef) and field == "keywords"
-        if is_frozen or field in TYPES_AND_DECORATORS:
+        is_asserted = isinstance(node, ast.keyword) and node.arg == ASSERTED
+        if is_frozen or is_asserted or field in TYPES_AND_DECORATORS:
             continue
         for child in value if isinstance(value, list) else [value]:
             if isinstance(child, ast.AST):
@@ -176,16 +193,19 @@ def _changes(node: ast.AST) -> Iterator[tuple[str, str]]:  # noqa: C901, PLR0912
             yield "not removed", f"({ast.unparse(operand)})"
         case ast.Constant(bool(value)):
             yield "constant", repr(not value)
+        case ast.Constant(int(value)) if value >= LEAST_LIMIT:
+            yield "doubled", repr(value * 2)
+            yield "halved", repr(value // 2)
         case ast.Constant(int(value) | float(value)):
             yield "constant", repr(value + 1)
         case ast.Constant(str(value)) if " " not in value:  # not prose
             yield "constant", repr(f"{value}x" if value else "x")
-        case ast.Return(value) if value is not None and ast.unparse(value) != "None":
+        case ast.Return(value) if value is not None and ast.unparse(value) not in NOTHING:
             yield "returns None", "return None"
         case ast.Call(function, arguments, keywords):
             for keyword in keywords:
                 kept = [kept for kept in keywords if kept is not keyword]
-                if keyword.arg:
+                if keyword.arg and keyword.arg not in {ASSERTED, OF_THE_MACHINE}:
                     after = ast.unparse(ast.Call(function, arguments, kept))
                     yield f"argument {keyword.arg} dropped", after
         case ast.Assign([ast.Attribute() | ast.Subscript()]):
@@ -229,7 +249,7 @@ class Measured:
 
 def measured(path: str, tree: Path, folder: Path) -> Measured:
     """Return what a test file executes, measured now unless the folder knows it."""
-    content = (REPOSITORY / path).read_bytes()
+    content = (tree / path).read_bytes()
     name = f"{Path(path).stem}-{hashlib.sha256(content).hexdigest()[:12]}.json"
     if not (folder / name).is_file():
         with tempfile.TemporaryDirectory() as data:
@@ -240,12 +260,34 @@ def measured(path: str, tree: Path, folder: Path) -> Measured:
             _, output = _run(tree, [*command, "-q", "-p", "no:cacheprovider"], MEASURE_LIMIT)
             seconds = time.monotonic() - started
             lines = _lines(Path(data))
-        fields = {"seconds": seconds, "lines": lines, "failing": FAILED.findall(output)}
+        sources = {module: _kept_source(tree / PACKAGE / module, folder) for module in lines}
+        failing = FAILED.findall(output)
+        fields = {"seconds": seconds, "lines": lines, "sources": sources, "failing": failing}
         (folder / name).write_text(json.dumps(fields), encoding="utf-8")
         print(f"measured {path}: {seconds:.0f} s", file=sys.stderr)
     fields = json.loads((folder / name).read_text(encoding="utf-8"))
-    lines = {module: frozenset(numbers) for module, numbers in fields["lines"].items()}
+    lines = {}
+    for module, numbers in fields["lines"].items():
+        if (tree / PACKAGE / module).is_file():
+            moved = _moved_lines(folder / fields["sources"][module], tree / PACKAGE / module)
+            lines[module] = frozenset(moved[number] for number in numbers if number in moved)
     return Measured(path, fields["seconds"], lines, tuple(fields["failing"]))
+
+
+def _kept_source(path: Path, folder: Path) -> str:
+    """Keep a module as it was measured, and return the name of the copy."""
+    content = path.read_bytes()
+    name = f"{path.stem}-{hashlib.sha256(content).hexdigest()[:12]}.py"
+    (folder / name).write_bytes(content)
+    return name
+
+
+@cache
+def _moved_lines(before: Path, after: Path) -> dict[int, int]:
+    """Return where each line of a module now is, by where it was."""
+    texts = [path.read_text(encoding="utf-8").splitlines() for path in (before, after)]
+    blocks = SequenceMatcher(None, *texts, autojunk=False).get_matching_blocks()
+    return {block.a + line: block.b + line for block in blocks for line in range(1, block.size + 1)}
 
 
 def _lines(folder: Path) -> dict[str, list[int]]:
@@ -286,12 +328,17 @@ def _run(tree: Path, command: Sequence[str], limit: float) -> tuple[int | None, 
 
 
 def tests_of(mutant: Mutant, files: Iterable[Measured]) -> list[Measured]:
-    """Return the test files that execute the statement: its room's first, the fastest first.
+    """Return the test files that execute the statement.
 
-    What stands outside of functions runs wherever the module is imported: there, the test files
-    that call one of its functions.
+    Those that name the module come first, then those of its room, the fastest first. What stands
+    outside of functions runs wherever the module is imported: there, the test files that name it
+    or call one of its functions.
     """
     module = mutant.path.relative_to(PACKAGE).as_posix()
+    dotted = f"{PACKAGE.name}.{module.removesuffix('.py').replace('/', '.')}"
+    names_it = {
+        file.path for file in files if dotted in (REPOSITORY / file.path).read_text("utf-8")
+    }
     lines = set(range(mutant.first, mutant.last + 1))
     if not mutant.in_function:
         source = (REPOSITORY / mutant.path).read_bytes()
@@ -302,8 +349,18 @@ def tests_of(mutant: Mutant, files: Iterable[Measured]) -> list[Measured]:
         } or lines
     room = f"tests/{TESTS.get(mutant.room, mutant.room)}/"
     return sorted(
-        (file for file in files if lines & file.lines.get(module, frozenset())),
-        key=lambda file: (not file.path.startswith(room), file.seconds, file.path),
+        (
+            file
+            for file in files
+            if lines & file.lines.get(module, frozenset())
+            or (not mutant.in_function and file.path in names_it)
+        ),
+        key=lambda file: (
+            file.path not in names_it,
+            not file.path.startswith(room),
+            file.seconds,
+            file.path,
+        ),
     )
 
 
