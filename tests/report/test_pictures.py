@@ -13,6 +13,8 @@ from xml.etree import ElementTree as ET
 import models
 import picture_geometry as geometry
 import pytest
+from golden import assert_golden_text
+from html_pages import in_lines
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
@@ -858,6 +860,22 @@ def test_dot_keeps_every_string_of_a_stage_in_its_quotes() -> None:
     quotes = [len(bare.findall(line)) for line in dot(evil_picture()).splitlines()]
     assert max(quotes) >= 2
     assert [number for number in quotes if number % 2] == []
+
+
+def test_faulty_pictures_are_drawn_as_they_were() -> None:
+    node = models.valued(node_of(clock(), PUBLISHER), "inputs:topicName", "/klock")
+    more = models.node(f"{CLOCK.path}/more", "some.Type")
+    graph = changed(changed(without(clock(), CONTEXT), more), node)
+    found = (finding(PUBLISHER, "inputs:topicName", message="it is wrong"), finding(more.path))
+    edges = (*ASKED[1:], edge("odom", "more"), edge("more", "base_scan"))
+    pictures = {
+        "graph": drawn(graph, *found, every=True),
+        "frames": frames_picture(LAB.frames, edges, required=True, localized=True),
+    }
+    for name, picture in pictures.items():
+        assert_golden_text(f"picture/{name}.dot", dot(picture))
+        assert_golden_text(f"picture/{name}.mmd", mermaid(picture))
+        assert_golden_text(f"picture/{name}.svg", in_lines(svg(picture)))
 
 
 def test_the_same_graph_gives_the_same_bytes_for_every_hash_seed() -> None:

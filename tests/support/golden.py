@@ -15,6 +15,7 @@ from places import TESTS
 from lab3_usd.model.changes import Repair
 from lab3_usd.model.finding import Finding
 
+FOLDER = TESTS / "golden"
 UPDATE = bool(os.environ.get("LAB3_UPDATE_GOLDEN"))
 _MOST_LISTED = 4
 _IN_THE_FIRST_LINE = ("rule", "name", "severity", "prim", "property", "message")
@@ -22,7 +23,7 @@ _IN_THE_FIRST_LINE = ("rule", "name", "severity", "prim", "property", "message")
 
 def assert_golden(name: str, shown: Mapping[str, str]) -> None:
     """Compare the text of each case with the one that was kept."""
-    path = TESTS / "golden" / f"{name}.txt"
+    path = FOLDER / f"{name}.txt"
     if UPDATE:
         blocks = [f"# {case}\n{text}" for case, text in shown.items()]
         path.write_text("\n".join(blocks), encoding="utf-8", newline="\n")
@@ -62,3 +63,12 @@ def _shown(value: Any) -> str:
     if isinstance(value, tuple) and len(value) > _MOST_LISTED:
         return f"{', '.join(value[:2])} ... {value[-1]} ({len(value)})"
     return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
+def assert_golden_text(name: str, shown: str) -> None:
+    """Compare a text with the one that was kept under a name."""
+    path = FOLDER / name
+    if UPDATE:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(shown, encoding="utf-8", newline="\n")
+    assert shown.splitlines() == path.read_text(encoding="utf-8").splitlines()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
@@ -133,3 +134,9 @@ def read(text: str) -> Element:
     reader.close()
     assert len(reader.open) == 1
     return reader.open[0]
+
+
+def in_lines(shown: str) -> str:
+    """Return what a page shows, an element a line, without its style and script."""
+    body = shown.partition("<main")[2].partition("<script")[0] or shown
+    return re.sub(r"\s*(?=<[a-z])|\s*\n\s*", "\n", body)
