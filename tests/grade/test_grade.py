@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from golden import assert_golden_text
+from html_pages import in_lines
 from invoking import invoke
 from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
 from pxr import Sdf
@@ -28,6 +31,7 @@ from lab3_usd.grade.gradebook import Rows
 from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.workers.messages import Task
 from lab3_usd.grade.workers.pool import run_tasks
+from lab3_usd.report.options import tool_version
 from lab3_usd.spec.load.loader import load_lab
 
 REPORTS = {"report.html", "report.json", "result.json", "results.json"}
@@ -86,6 +90,24 @@ def test_points_follow_what_is_right(book: Path) -> None:
     ]
     assert found["rubbish"]["verdicts"] == {"00": "pass", "01": "unreadable"}
     assert (found["77"]["late"], found["77"]["name"]) == (True, "doe")
+
+
+WRITTEN = (
+    "grades.csv",
+    "grades.json",
+    "index.html",
+    "students/fault/report.html",
+    "students/rubbish/report.json",
+    "students/rubbish/result.json",
+    "students/rubbish/results.json",
+)
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_what_is_written_is_the_golden_text(book: Path, name: str) -> None:
+    text = (book / name).read_text(encoding="utf-8").replace(tool_version(), "VERSION")
+    shown = re.sub(r"\b[0-9a-f]{64}\b", "DIGEST", text)
+    assert_golden_text(f"grade/{Path(name).name}", in_lines(shown) if "html" in name else shown)
 
 
 def test_the_table_can_be_read_by_a_spreadsheet(book: Path) -> None:
