@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 from another_robot import own_node, write_stage
+from golden import assert_golden_text
 from invoking import invoke
 from msgspec.structs import replace
 from places import REPOSITORY, SHARED, TESTS
@@ -20,6 +21,7 @@ from lab3_usd.describe.lab import describe_lab
 from lab3_usd.describe.yaml_text import as_typed, document
 from lab3_usd.errors import Lab3Error
 from lab3_usd.judge.stage import check_stage
+from lab3_usd.report.options import tool_version
 from lab3_usd.spec.lab import GraphSpec, Lab
 from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.spec.load.loader import load_lab
@@ -90,6 +92,15 @@ def test_the_stage_passes_by_the_lab_described_after_it(built: Path, described: 
     status, shown = ran("--lab", described, "check", "--quiet", built)
     assert status == 0
     assert re.search(r"checkpoint 05, pass, (\d+) of \1 met", shown)
+
+
+def test_the_files_of_the_described_labs_are_as_they_were(
+    described: Path, robot: tuple[Path, Path]
+) -> None:
+    for name, lab in {"bundled": described, "another-robot": robot[1]}.items():
+        for path in sorted(lab.rglob("*.yaml")):
+            text = path.read_text(encoding="utf-8").replace(tool_version(), "VERSION")
+            assert_golden_text(f"described/{name}-{path.name}", text)
 
 
 def test_the_described_lab_does_not_contradict_itself(described: Path) -> None:
