@@ -101,6 +101,15 @@ def test_numbers_go_through_arithmetic(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("port", ["deltaSeconds", "time", "frame"])
+def test_what_a_tick_tells_goes_on_over_wires(port: str, tmp_path: Path) -> None:
+    """On Tick is not among the node types that the catalog describes."""
+    stage = halved()
+    write_node(stage, "/World/Drive/clock", "omni.graph.action.OnTick", {})
+    connect(stage, "/World/Drive", f"clock.{port}", "times.b")
+    assert by_name(played(stage, tmp_path))["follows"].kind == "wrong-turn"
+
+
 def test_a_variable_that_a_node_writes_is_not_known(tmp_path: Path) -> None:
     stage = halved()
     write_node(stage, "/World/Drive/write", "omni.graph.core.WriteVariable", {})

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from breaking import Step, broken, correct_stage, the_lab
+from breaking import Step, broken, correct_stage
 from dry_runs import DRIVE, driven, faults
 from fault_stages import MOTION
 from layerings import one_text_file
@@ -21,7 +21,7 @@ WHEELS = 0.033 / 0.025  # the wheel of the model by that of the controller
 
 
 def test_the_built_stage_behaves() -> None:
-    trial = driven(correct_stage("05"), the_lab().catalog)
+    trial = driven(correct_stage("05"))
     verdicts = judge(trial)
     assert [verdict for verdict in verdicts if verdict.verdict != "ok"] == []
     assert [verdict.name for verdict in verdicts] == list(CHECKS)
@@ -29,7 +29,7 @@ def test_the_built_stage_behaves() -> None:
 
 
 def test_it_goes_as_far_as_its_wheels_say() -> None:
-    trial = driven(correct_stage("05"), the_lab().catalog)
+    trial = driven(correct_stage("05"))
     _, before, poses = next(trial.stretches("ahead"))
     moved = (len(poses) - 1) / 60  # a command reaches the wheels in the next frame
     assert poses[-1].x - before.x == pytest.approx(0.15 * moved * WHEELS, rel=1e-6)
@@ -52,7 +52,7 @@ def test_it_goes_as_far_as_its_wheels_say() -> None:
 )
 def test_a_dry_run_is_held_to_five_percent(name: str, number: float, checks: list[str]) -> None:
     step = {"set": [f"ROS_Drive/differential_controller.inputs:{name}", number]}
-    found = faults(driven(broken("05", [step]), the_lab().catalog))
+    found = faults(driven(broken("05", [step])))
     assert [each.name for each in found] == checks
 
 
@@ -64,13 +64,13 @@ def test_a_robot_whose_wheels_are_as_the_handout_says_is_held_to_what_it_is_told
         stage.GetPrimAtPath(tyre).GetAttribute("radius").Set(0.025)
     low = stage.GetPrimAtPath(f"{ROBOT}/caster_back_link/collisions/ball")
     low.GetAttribute("physics:collisionEnabled").Set(False)  # noqa: FBT003
-    trial = driven(stage, the_lab().catalog)
+    trial = driven(stage)
     assert trial.factor == pytest.approx(1.0)
     assert [each.name for each in faults(trial) if each.name in MOTION] == []
 
 
 def test_rates_and_frames_are_those_of_the_lab() -> None:
-    recording = driven(correct_stage("05"), the_lab().catalog).recording
+    recording = driven(correct_stage("05")).recording
     seconds = sum(leg.seconds for leg in DRIVE[0].legs)
     assert len(recording.topic("/scan", 0)) == pytest.approx(10 * seconds, abs=1)
     assert len(recording.topic("/clock", 0)) == pytest.approx(60 * seconds, abs=2)
@@ -114,7 +114,7 @@ CASES: list[tuple[Step, str]] = [
 
 @pytest.mark.parametrize(("step", "check"), CASES, ids=[str(each) for each, _ in CASES])
 def test_a_fault_shows_where_it_should(step: Step, check: str) -> None:
-    found = faults(driven(broken("05", [step]), the_lab().catalog))
+    found = faults(driven(broken("05", [step])))
     assert check in {each.name for each in found}
 
 
@@ -142,12 +142,12 @@ def fixed(parent: str, child: str) -> list[Step]:
 
 
 def test_what_is_sent_once_never_moves() -> None:
-    found = faults(driven(broken("05", kept(RAW)), the_lab().catalog))
+    found = faults(driven(broken("05", kept(RAW))))
     assert "moving frames" in {each.name for each in found}
 
 
 def test_tf2_takes_no_static_transform_that_is_not_kept() -> None:
-    (found, *_) = faults(driven(broken("05", kept(RAW)[:1]), the_lab().catalog))
+    (found, *_) = faults(driven(broken("05", kept(RAW)[:1])))
     assert (found.name, found.kind) == ("tree", "disconnected-frame")
 
 
@@ -161,7 +161,7 @@ def test_tf2_takes_no_static_transform_that_is_not_kept() -> None:
     ],
 )
 def test_a_static_transform_is_one_of_the_tree(parent: str, child: str, kinds: list[str]) -> None:
-    found = faults(driven(broken("05", fixed(parent, child)), the_lab().catalog))
+    found = faults(driven(broken("05", fixed(parent, child))))
     assert [each.kind for each in found] == kinds
 
 
@@ -205,7 +205,7 @@ WORKS: list[list[Step]] = [
 
 @pytest.mark.parametrize("steps", WORKS, ids=[str(work[0]) for work in WORKS])
 def test_what_works_is_not_faulted(steps: list[Step]) -> None:
-    assert faults(driven(broken("05", steps), the_lab().catalog)) == []
+    assert faults(driven(broken("05", steps))) == []
 
 
 # What another author writes, whose reading of the handout is not the builder's, drives as well.
@@ -220,4 +220,4 @@ AUTHORS = {
 def test_another_author_s_stage_behaves(tmp_path: Path, style: Style) -> None:
     starter = build_checkpoint(None, "00", tmp_path / "Lab3_00.usda")
     stage = Usd.Stage.Open(str(one_text_file(tmp_path, starter, "05", style)))
-    assert faults(driven(stage, the_lab().catalog)) == []
+    assert faults(driven(stage)) == []

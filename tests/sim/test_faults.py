@@ -59,7 +59,7 @@ def faults(kind: FaultKind) -> list[tuple[str, Fault]]:
     change, check = STAGES[kind]
     stage = correct_stage("02" if check in MOTION else "05")
     change(stage)
-    return faults_of(driven(stage, the_lab().catalog))
+    return faults_of(driven(stage))
 
 
 @pytest.mark.parametrize("kind", STAGES)
@@ -88,7 +88,7 @@ def test_a_render_product_that_is_named_has_its_own_size() -> None:
         {"declare": [f"{product}.resolution", "int2", [320, 200]]},
         {"targets": [f"{IMAGE_PRODUCT}.inputs:renderProductPrim", product]},
     ]
-    trial = driven(broken("04", steps), the_lab().catalog)
+    trial = driven(broken("04", steps))
     (image, *_) = trial.recording.topic("/camera/image_raw")
     assert (image.data.width, image.data.height) == (320, 200)
 

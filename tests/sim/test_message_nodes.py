@@ -49,6 +49,8 @@ def test_a_sensor_turns_with_its_link(stage: World) -> None:
 def test_what_is_no_inertial_sensor_gives_nothing(stage: World) -> None:
     read = node(f"{SENSORS}IsaacReadIMU", imuPrim="/arm/tool")
     assert not read.compute(stage)
+    assert (read.outputs["linAcc"], read.outputs["angVel"]) == ((0.0,) * 3, (0.0,) * 3)
+    assert read.outputs["orientation"] == (0.0, 0.0, 0.0, 1.0)
     assert read.failure is not None
     assert read.failure.kind == "no-inertial-sensor"
 

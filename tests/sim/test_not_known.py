@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from breaking import Step, broken, correct_stage, the_lab
+from breaking import Step, broken, correct_stage
 from dry_runs import driven
 from pxr import Sdf, Usd
 
@@ -20,7 +20,7 @@ NOWHERE = "https://nowhere.invalid/thing.usd"
 
 
 def checks(stage: Usd.Stage) -> dict[str, Check]:
-    return {check.name: check for check in judge(driven(stage, the_lab().catalog))}
+    return {check.name: check for check in judge(driven(stage))}
 
 
 def faulty(stage: Usd.Stage, verdict: str = "bad") -> set[str]:

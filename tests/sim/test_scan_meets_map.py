@@ -38,7 +38,7 @@ def maps(folder: Path, before: str = "", after: str = "") -> Path:
 
 @pytest.fixture(scope="module")
 def run() -> Trial:
-    return driven(correct_stage("05"), the_lab().catalog)
+    return driven(correct_stage("05"))
 
 
 def laid(run: Trial, found: OccupancyMap) -> tuple[MapFit, list[FaultKind]]:

@@ -182,7 +182,7 @@ def test_types_and_bytes_on_the_wire_are_those_of_humble() -> None:
         name: kind.__idl_typename__.replace(".", "::") for name, kind in known.items()
     } == WIRE_NAMES
     seen = set()
-    for message in driven(correct_stage("05"), the_lab().catalog).recording.messages:
+    for message in driven(correct_stage("05")).recording.messages:
         data = None if message.type in seen else serialized(message)
         if data is not None:
             seen.add(message.type)

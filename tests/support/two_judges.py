@@ -59,7 +59,7 @@ def verdicts(fault: Fault) -> Verdicts:
     fault.break_it(stage)
     found = judged(stage, CHECKPOINT).findings
     rules = tuple(each.rule for each in found if each.severity != "note")
-    bad = faults(driven(stage, the_lab().catalog))
+    bad = faults(driven(stage))
     return Verdicts(
         fault.name,
         rules,
@@ -126,7 +126,7 @@ class Silence(Struct, frozen=True):
 
 @cache
 def _unedited() -> Recording:
-    return driven(correct_stage(CHECKPOINT), the_lab().catalog).recording
+    return driven(correct_stage(CHECKPOINT)).recording
 
 
 @cache
@@ -142,7 +142,7 @@ def silent(number: int) -> Silence:
     """Make the edit of this number and ask both judges; the rules get the starter as well."""
     stage = correct_stage(CHECKPOINT)
     edited = edit(stage, number)
-    changes = differences(_unedited(), driven(stage, the_lab().catalog).recording)
+    changes = differences(_unedited(), driven(stage).recording)
     told = list(judged(stage, CHECKPOINT).findings)
     if changes and not any(each.severity != "note" for each in told):
         told += _against_starter(stage, number)

@@ -30,17 +30,6 @@ from lab3_usd.spec.values import are_alike
 
 _USD = {"execution": "uint", "union": "token"}
 _UNLISTED = {  # ports of types that the catalog does not describe, as far as they run here
-    "OnTick": {
-        "outputs:tick": "execution",
-        "outputs:deltaSeconds": "double",
-        "outputs:time": "double",
-        "outputs:frame": "double",
-    },
-    "OnPhysicsStep": {
-        "outputs:step": "execution",
-        "outputs:deltaSimulationTime": "double",
-        "outputs:deltaSystemTime": "double",
-    },
     "Subtract": {"inputs:a": "union", "inputs:b": "union", "outputs:difference": "union"},
     "Divide": {"inputs:a": "union", "inputs:b": "union", "outputs:result": "union"},
     "Negate": {"inputs:input": "union", "outputs:output": "union"},
@@ -51,12 +40,6 @@ _UNLISTED = {  # ports of types that the catalog does not describe, as far as th
         "outputs:result": "union",
     },
     "ToFloat": {"inputs:value": "union", "outputs:converted": "union"},
-    "IsaacReadSystemTime": {"outputs:systemTime": "double"},
-    "IsaacSimulationGate": {
-        "inputs:execIn": "execution",
-        "inputs:step": "uint",
-        "outputs:execOut": "execution",
-    },
 }
 _DEFAULTS = {"inputs:step": 1}  # of the ports of those types, where there is one
 
