@@ -441,13 +441,16 @@ def test_assets_of_a_server_are_read_only_where_the_grader_has_them(tmp_path: Pa
     assert rules == {"without": 1, "with": 0}
 
 
+ADDRESSES = ("https://a", "https://b", "https://\udcff")  # the last is no text
+
+
 def test_the_salt_stands_for_where_assets_lie(tmp_path: Path) -> None:
     rubric = load_rubric(None, load_lab())
     salts = {
         salt_of(rubric, starter(), assets)
-        for assets in ({}, {"https://a": tmp_path}, {"https://b": tmp_path})
+        for assets in ({}, *({address: tmp_path} for address in ADDRESSES))
     }
-    assert len(salts) == 3
+    assert len(salts) == 1 + len(ADDRESSES)
 
 
 def test_a_gradebook_among_the_submissions_is_refused(tmp_path: Path) -> None:

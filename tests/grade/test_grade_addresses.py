@@ -17,7 +17,7 @@ from workers_here import graded_here
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings
-from lab3_usd.grade.intake.remote import fetched, local_path
+from lab3_usd.grade.intake.remote import _sorted_out, fetched, local_path
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions, submissions_in
@@ -163,12 +163,25 @@ def test_a_file_that_grows_as_it_is_fetched_is_too_large(tmp_path: Path) -> None
 
 
 def test_what_nobody_opens_is_not_fetched_and_counts_by_its_name(tmp_path: Path) -> None:
-    put({"jane/demo.mp4": bytes(50_000), "jane/big.usda": bytes(9000), "jane/a.usda": b"y"})
+    put({"jane/demo.mp4": bytes(9 << 20), "jane/big.usda": bytes(9000), "jane/a.usda": b"y"})
     source = got("memory://class/jane", tmp_path, Limits(file_size=5000, total_size=6000))
     found = files_below(source.path)
     assert found["a.usda"] == b"y"
     assert sorted(found) == ["a.usda", "big.usda", "demo.mp4"]
     assert len(found["big.usda"]) > 5000
+    assert len(found["demo.mp4"]) == 8 << 20  # larger than a picture may be
+
+
+def test_of_a_listing_files_are_fetched_and_no_folders() -> None:
+    listing = {
+        "class/jane/a.usda": {"type": "file", "size": 1},
+        "class/jane/folder": {"type": "directory", "size": 0},
+        "class/jane/mark/": {"type": "file", "size": 0},  # as S3 lists a folder
+    }
+    assert _sorted_out(listing, "class/jane", Limits()) == (
+        {"a.usda": ("class/jane/a.usda", 1)},
+        [],
+    )
 
 
 def test_a_file_and_a_folder_of_one_name_cost_only_one_of_them(tmp_path: Path) -> None:

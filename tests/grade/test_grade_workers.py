@@ -23,7 +23,7 @@ from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 from lab3_usd.grade.workers import pool, worker_process
 from lab3_usd.grade.workers.messages import PoolSettings, Reply, Task, decode, encode, status_of
-from lab3_usd.grade.workers.pool import WorkerSlot, judge_in, run_tasks
+from lab3_usd.grade.workers.pool import WorkerSlot, _after, judge_in, run_tasks
 from lab3_usd.grade.workers.sandbox import fence_files
 from lab3_usd.grade.workers.worker_main import _failure_text
 from lab3_usd.grade.workers.worker_process import (
@@ -786,3 +786,12 @@ def test_a_failure_of_ours_names_files_by_their_place_in_the_submission(tmp_path
     assert _failure_text(raised.value, tmp_path).endswith(
         "No such file or directory: 'work/gone.usda'"
     )
+
+
+@pytest.mark.parametrize(("broken", "goes_on"), [(11, True), (12, False)])
+def test_after_twelve_files_that_end_a_worker_the_rest_is_not_tried(
+    broken: int, *, goes_on: bool
+) -> None:
+    task = Task("jane", "jane", (), broken={f"{number}.usda": "x" for number in range(broken)})
+    task, answer = _after(task, WorkerDiedError("crashed", "next.usda"))
+    assert (answer is None, "next.usda" in task.broken) == (goes_on, goes_on)

@@ -9,7 +9,15 @@ import pytest
 from breaking import correct_stage
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from lab3_usd.model.changes import ClearValue, Connect, Edit, Restore, Retarget, SetValue
+from lab3_usd.model.changes import (
+    AddGraph,
+    ClearValue,
+    Connect,
+    Edit,
+    Restore,
+    Retarget,
+    SetValue,
+)
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import EditSession
@@ -209,6 +217,13 @@ def test_what_is_missing_or_inactive_below_a_prim_comes_back() -> None:
     edited(stage, Restore(f"{ROBOT}/wheel_left_link"))
     assert stage.GetPrimAtPath(COLLIDER).IsValid()
     assert stage.GetPrimAtPath(f"{ROBOT}/wheel_left_link/visuals").IsActive()
+
+
+@pytest.mark.parametrize("place", ["/Clock", "/World/Clock"])
+def test_a_graph_is_added_at_the_root_or_below_a_prim(place: str) -> None:
+    stage = edited(correct_stage("00"), AddGraph(place, "ROS_Clock"))
+    graph = stage.GetPrimAtPath(place)
+    assert [child.GetName() for child in graph.GetChildren()] == [*LAB.graphs["ROS_Clock"].nodes]
 
 
 def test_a_type_is_restored() -> None:

@@ -405,11 +405,11 @@ def left_and_right(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-def _side(joint: Prim) -> str:
-    """Return the side that the name of a joint says, in full or as a letter; '' where none."""
+def _side(joint: Prim) -> str | None:
+    """Return the side that the name of a joint says, in full or as a letter."""
     name = joint.name.lower()
     words = re.split(r"[^a-z]+", name)
-    return next((side for side in ("left", "right") if side in name or side[0] in words), "")
+    return next((side for side in ("left", "right") if side in name or side[0] in words), None)
 
 
 def _body(joint: Prim, side: int, stage: StageModel) -> Prim | None:

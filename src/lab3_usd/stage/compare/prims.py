@@ -43,7 +43,7 @@ _ENDS = ("physics:body0", "physics:body1")
 _SCHEMAS = "apiSchemas"
 
 
-def differences(pair: PairedPrim, terms: Terms, *, same_parent: bool = True) -> list[Difference]:
+def differences(pair: PairedPrim, terms: Terms, *, same_parent: bool) -> list[Difference]:
     """Return everything in which the prim of the stage is not as the starter's.
 
     With `same_parent` False the two stand at different paths, and are compared in the world. Where
