@@ -24,15 +24,15 @@ from lab3_usd.model.finding import Problem
 
 @rule("K12", "context-missing", scope="lint", severity="warning")
 def context_missing(subject: LintSubject) -> Iterator[Problem]:
-    """A ROS node has no context, while others of the stage have one.
+    """A ROS node has no context, although other nodes of the stage have one.
 
-    Why: without a context a node is in the domain that the environment names in `ROS_DOMAIN_ID`,
-    else in 0. The others are in the domain of their ROS2 Context. Where these differ, the node is
-    alone.
+    Why: without a context a node uses the domain in the environment variable `ROS_DOMAIN_ID`, or 0.
+    The others use the domain of their ROS2 Context. If the domains differ, the node cannot
+    communicate with the others.
 
-    Fix: wire Context of the ROS2 Context to Context of this node.
+    Fix: connect Context of the ROS2 Context to Context of this node.
 
-    Example: of four publishers one has no wire at `inputs:context`.
+    Example: one of four publishers has no wire at `inputs:context`.
     """
     connected = [entry for entry in context_inputs(subject) if entry.contexts]
     unset = [entry for entry in context_inputs(subject) if not entry.is_set]
@@ -55,10 +55,10 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
 def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
     """Two contexts of the stage name different ROS domains.
 
-    Why: nodes of different domains do not see each other. A robot whose clock is in one domain and
-    whose odometry is in another has no time.
+    Why: nodes in different domains do not see each other: odometry in one domain has no clock from
+    another.
 
-    Fix: give all ROS2 Context nodes the same Domain Id, and the same choice of Use Domain ID Env
+    Fix: give all ROS2 Context nodes the same Domain Id, and the same setting of Use Domain ID Env
     Var.
 
     Example: one context has `domain_id = 5`, the other `domain_id = 0`.
@@ -80,11 +80,10 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K16", "domain-of-environment", scope="lint", severity="warning")
 def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
-    """A context names a domain, and the environment may name another one, which wins.
+    """A context sets a domain that the environment can override.
 
-    Why: with Use Domain ID Env Var on, which it is by default, the context takes the domain from
-    `ROS_DOMAIN_ID` where that is set, and leaves its own number aside. On another computer the
-    robot is in another domain.
+    Why: with Use Domain ID Env Var on, its default, the context uses `ROS_DOMAIN_ID` if that is
+    set, and ignores its own number. On another computer the robot is in another domain.
 
     Fix: switch Use Domain ID Env Var off, or leave Domain Id at 0.
 
@@ -108,8 +107,8 @@ def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
 def two_clocks(subject: LintSubject) -> Iterator[Problem]:
     """The stage publishes the clock on several topics.
 
-    Why: nodes that use simulation time listen to `/clock` alone. A clock on another topic, as in
-    the namespace of a robot, serves only who was told of it.
+    Why: nodes that use simulation time subscribe to `/clock` only. A clock on another topic, such
+    as one in the namespace of a robot, reaches only nodes that remap it.
 
     Fix: publish one clock, on `/clock`.
 
@@ -139,12 +138,12 @@ def two_clocks(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K45", "system-time", scope="lint", severity="warning")
 def system_time(subject: LintSubject) -> Iterator[Problem]:
-    """A message is stamped with the time of the computer, while others have simulation time.
+    """A message is stamped with system time, while others have simulation time.
 
-    Why: the two clocks are decades apart. No transform has the time of the message, so that no
-    node can place it.
+    Why: the two clocks are decades apart. No transform has the time of the message, so no node can
+    place it.
 
-    Fix: wire Time Stamp from Isaac Read Simulation Time, and switch Use System Time off.
+    Fix: connect Time Stamp to Isaac Read Simulation Time, and switch Use System Time off.
 
     Example: `inputs:useSystemTime = 1` on a lidar helper, beside a `/clock` of simulation time.
     """
@@ -171,10 +170,10 @@ def system_time(subject: LintSubject) -> Iterator[Problem]:
     counted=("time that restarts", "times that restart"),
 )
 def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
-    """Time restarts on Stop for some messages, and goes on for others.
+    """Time restarts on Stop for some messages and continues for others.
 
-    Why: after Stop and Play the messages that restart are older than the clock says, and are
-    dropped or not placed until time has caught up.
+    Why: after Stop and Play, the restarted stamps are behind the clock. Such messages are dropped,
+    or cannot be placed, until they catch up.
 
     Fix: choose the same Reset On Stop for all nodes that read simulation time, and the same Reset
     Simulation Time On Stop for the helpers.
@@ -203,14 +202,14 @@ def _restarts(stamp: Stamp) -> str:
 
 @rule("K47", "no-clock", scope="lint", severity="warning")
 def no_clock(subject: LintSubject) -> Iterator[Problem]:
-    """Messages have simulation time, and nobody publishes the clock.
+    """Messages have simulation time, but the stage publishes no clock.
 
     Why: nodes that use simulation time wait forever for a `/clock`. Others compare the stamps,
     which begin near 0, with the time of the computer, and find no transform.
 
     Fix: add a ROS2 Publish Clock in the same domain, with its time from Isaac Read Simulation Time.
 
-    Example: a graph with an odometry and transforms alone.
+    Example: a graph with odometry and transforms only.
     """
     stamped: dict[Domain, list[Stamp]] = {}
     for stamp in stamps(subject):

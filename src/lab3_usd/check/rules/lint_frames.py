@@ -35,10 +35,10 @@ def _grave(*edges: Edge) -> Severity | None:
 
 @rule("K50", "multiple-parents", scope="lint", formerly="frame-of-two-parents")
 def frame_of_two_parents(subject: LintSubject) -> Iterator[Problem]:
-    """A frame is published below two parents.
+    """A frame has two parents.
 
-    Why: tf2 keeps the latest transform. The frame, and all below it, jumps from one parent to the
-    other with every message.
+    Why: tf2 keeps the latest transform. The frame, and everything below it, jumps from one parent
+    to the other with every message.
 
     Fix: decide which publisher places the frame, and delete or correct the other.
 
@@ -67,11 +67,11 @@ def frame_of_two_parents(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K51", "self-transform", scope="lint", formerly="frame-below-itself")
 def frame_below_itself(subject: LintSubject) -> Iterator[Problem]:
-    """A transform leads from a frame to itself.
+    """A frame is its own parent.
 
-    Why: tf2 refuses it, with a line in the log for every message.
+    Why: tf2 rejects the transform and logs a line for every message.
 
-    Fix: take the parent prim off the list of target prims, or correct the names of the frames.
+    Fix: remove the parent prim from the target prims, or correct the frame names.
 
     Example: Parent Prim and Target Prims of Isaac Compute Transform Tree name the same link.
     """
@@ -90,11 +90,11 @@ def frame_below_itself(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K52", "tf-cycle", scope="lint", formerly="frames-in-a-ring")
 def frames_in_a_ring(subject: LintSubject) -> Iterator[Problem]:
-    """Transforms lead round in a ring.
+    """The transforms form a cycle.
 
-    Why: a ring has no root. tf2 cannot look up any transform in it.
+    Why: a cycle has no root: tf2 cannot look up any transform in it.
 
-    Fix: exchange parent and child of the transform that closes the ring, or delete it.
+    Fix: exchange parent and child of the transform that closes the cycle, or delete it.
 
     Example: `odom -> base_link` and `base_link -> odom`.
     """
@@ -116,10 +116,10 @@ def frames_in_a_ring(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K53", "disconnected-trees", scope="lint", severity="warning", formerly="trees-apart")
 def trees_apart(subject: LintSubject) -> Iterator[Problem]:
-    """The transforms of the stage make several trees that nothing connects.
+    """The transforms of the stage form several disconnected trees.
 
-    Why: no transform leads from one tree to the other, so that what a sensor sees cannot be placed
-    on the map. A node outside the stage, as a localization, may connect them.
+    Why: no transform leads from one tree to the other, so sensor data cannot be placed on the map.
+    A node outside the stage, such as localization, may connect them.
 
     Fix: give the trees a common frame: the child of the odometry's transform must be the root of
     the robot's.
@@ -139,10 +139,11 @@ def trees_apart(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K58", "tree-on-two-topics", scope="lint", severity="warning")
 def tree_on_two_topics(subject: LintSubject) -> Iterator[Problem]:
-    """One tree of frames is spread over two topics.
+    """One TF tree is spread over two topics.
 
-    Why: a listener of tf2 hears one topic for transforms that move. A namespace moves some of them
-    elsewhere, as `isaac:namespace` on the robot does, and the tree falls apart.
+    Why: a tf2 listener subscribes to one topic for moving transforms. A namespace, such as
+    `isaac:namespace` on the robot, moves some of them to another topic, and the tree is
+    disconnected.
 
     Fix: publish all transforms of a robot on the same topic: give all nodes the same namespace.
 
@@ -184,10 +185,9 @@ def _share_edges(one: list[Edge], other: list[Edge]) -> bool:
 def transform_of_two_publishers(subject: LintSubject) -> Iterator[Problem]:
     """The same transform is published twice.
 
-    Why: tf2 mixes both streams. Where their times or poses differ, the frame jitters.
+    Why: tf2 mixes both streams. If their times or poses differ, the frame jitters.
 
-    Fix: delete one of the publishers, or take one of two target prims of the same name off the
-    list.
+    Fix: delete one of the publishers, or remove one of two target prims with the same name.
 
     Example: two graphs publish `odom -> base_link`.
     """
@@ -211,11 +211,12 @@ def transform_of_two_publishers(subject: LintSubject) -> Iterator[Problem]:
 def frame_of_nobody(subject: LintSubject) -> Iterator[Problem]:
     """A message names a frame that the stage does not publish.
 
-    Why: without a transform nobody can place the message, unless another node, as a robot state
-    publisher, sends it. Defaults as `sim_lidar` and `sim_camera` are seldom frames of a robot.
+    Why: without a transform no node can place the message, unless another node, such as a robot
+    state publisher, sends it. The defaults `sim_lidar` and `sim_camera` are seldom frames of a
+    robot.
 
-    Fix: write a frame of the tree, of a sensor its own, or publish the transform that leads to this
-    one: of an odometry that from its own frame to the robot's.
+    Fix: use a frame of the tree (for a sensor, its own), or publish the transform to this frame
+    (for odometry, from its frame to that of the robot).
 
     Example: a scan in the frame `sim_lidar`, while the tree has `base_scan`.
     """
@@ -241,12 +242,12 @@ def frame_of_nobody(subject: LintSubject) -> Iterator[Problem]:
     formerly="odometry-and-transform-differ",
 )
 def odometry_and_transform_differ(subject: LintSubject) -> Iterator[Problem]:
-    """The odometry message and the transform of the same odometry name other frames.
+    """The odometry message and its transform name different frames.
 
-    Why: both tell where the robot is. With other names one of them speaks of a frame that the other
-    does not know, and localization takes neither.
+    Why: both give the pose of the robot. With different names they describe different frames, and
+    localization can use neither.
 
-    Fix: write the same two frames into both nodes.
+    Fix: use the same two frames in both nodes.
 
     Example: the message has `odom` and `base_link`, the transform `odom -> base_footprint`.
     """
@@ -268,14 +269,14 @@ _STATIC, _MOVING = "/tf_static", "/tf"
 
 @rule("K57", "static-transforms", scope="lint")
 def static_transforms(subject: LintSubject) -> Iterator[Problem]:
-    """Transforms are sent once where they move, or again and again on `/tf_static`.
+    """Moving transforms are sent only once, or `/tf_static` is sent repeatedly.
 
-    Why: with Static Publisher on, a transform is sent at the first tick alone, and kept for those
-    who ask for kept messages. tf2 asks for them on `/tf_static`, and there takes no others. What is
-    sent once never moves again: a robot stays where it was at the first tick.
+    Why: with Static Publisher on, a transform is sent only at the first tick, and stored for later
+    subscribers. On `/tf_static` tf2 requests stored messages and accepts no others. A transform
+    that is sent once never moves again: the robot stays where it was at the first tick.
 
-    Fix: enable Static Publisher for `/tf_static` only, and for transforms that never change. What
-    an odometry computes belongs on `/tf`, with Static Publisher off.
+    Fix: enable Static Publisher for `/tf_static` only, and for transforms that never change.
+    Odometry belongs on `/tf`, with Static Publisher off.
 
     Example: a Publish Raw Transform Tree on `/tf_static` with Static Publisher off.
     """

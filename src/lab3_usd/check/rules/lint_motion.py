@@ -53,10 +53,10 @@ def _wheel_commands(subject: LintSubject) -> Iterator[tuple[Command, list[Prim]]
 def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
     """A fixed joint ties a robot to the world while its wheels are commanded.
 
-    Why: the wheels turn and the robot stays where it is. Importers write such a joint where the
-    base is said to be fixed.
+    Why: the wheels turn and the robot stays where it is. Importers create such a joint for a fixed
+    base.
 
-    Fix: delete the joint, or import the robot again with a base that moves.
+    Fix: delete the joint, or import the robot again with a movable base.
 
     Example: `/World/robot/root_joint`, a fixed joint with `base_link` and no other body.
     """
@@ -113,14 +113,14 @@ def _body(path: str, stage: StageModel) -> Prim | None:
 
 @rule("K82", "wheel-cannot-turn", scope="lint")
 def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
-    """A wheel is commanded, and its body, its joint or a limit keeps it from turning.
+    """A commanded wheel cannot turn because of its body, its joint or a limit.
 
-    Why: a joint that is switched off moves nothing. One with limits stops there. A body that is
-    kinematic, switched off, or no rigid body at all does not move, nor does one that a fixed joint
-    ties to another.
+    Why: a disabled joint moves nothing, and a joint with limits stops there. A body that is
+    kinematic, disabled or not a rigid body does not move, nor does one that a fixed joint ties to
+    another.
 
-    Fix: switch the joint and the body on, switch Kinematic off, and delete limits and fixed joints
-    of the wheel.
+    Fix: enable the joint and the body, switch Kinematic off, and delete limits and fixed joints of
+    the wheel.
 
     Example: `physics:upperLimit = 90` on the joint of a wheel.
     """
@@ -190,12 +190,12 @@ def _wheel(joint: Prim, wheels: list[Prim], stage: StageModel) -> str | None:
 
 @rule("K83", "odometry-of-wheel", scope="lint", severity="warning")
 def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
-    """An odometry follows a wheel.
+    """The chassis prim of odometry is a wheel.
 
-    Why: a wheel turns. The odometry says that the robot rolls over and over, and its speed points
-    in all directions.
+    Why: a wheel rotates: odometry shows a robot that rolls over and over, with a speed in all
+    directions.
 
-    Fix: choose the base link of the robot as Chassis Prim.
+    Fix: set Chassis Prim to the base link of the robot.
 
     Example: `inputs:chassisPrim` names `/World/robot/wheel_left_link`.
     """
@@ -220,11 +220,11 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K84", "wheels-turn-apart", scope="lint")
 def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
-    """The joints of two wheels turn them in opposite senses.
+    """The joints of two wheels turn them in opposite directions.
 
-    Why: a Differential Controller gives both wheels a positive speed to drive ahead. Where the axis
-    of one joint points the other way, the robot turns on the spot instead, and drives when it
-    should turn.
+    Why: a Differential Controller gives both wheels a positive speed to drive ahead. If the axis of
+    one joint points the other way, the robot turns on the spot instead, and drives when it should
+    turn.
 
     Fix: turn the frame of that joint by 180 degrees, so that both axes point to the same side.
 

@@ -42,10 +42,10 @@ _DRIVE = "PhysicsDriveAPI"
 
 @rule("K60", "no-articulation", scope="lint")
 def no_articulation(subject: LintSubject) -> Iterator[Problem]:
-    """The robot that a controller should move has no articulation at or below its prim.
+    """There is no articulation at or below the target prim of a controller.
 
-    Why: the controller looks for the articulation root at its target and below, never above. Where
-    none is found, it logs an error and nothing moves.
+    Why: the controller looks for the articulation root at its target and below, never above. If
+    there is none, it logs an error and nothing moves.
 
     Fix: choose the prim that carries the articulation root, or one above it.
 
@@ -74,8 +74,8 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
 
     Why: the controller logs an error for each frame, and moves none of its joints.
 
-    Fix: write the name of the joint's prim, as the Stage panel shows it; of a joint with several
-    axes also the number of the axis, as `hip:0`.
+    Fix: use the name of the joint's prim in the Stage panel; for a joint with several axes, append
+    the number of the axis, as in `hip:0`.
 
     Example: `left_wheel` instead of `left_wheel_joint`.
     """
@@ -119,12 +119,13 @@ def _unknown_joint(name: str, known: Iterable[Prim], stage: StageModel) -> Unres
 
 @rule("K62", "drive-ignores-velocity", scope="lint")
 def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
-    """A joint is told a velocity, and its drive does not follow.
+    """A joint receives velocity commands that its drive does not follow.
 
-    Why: a drive without damping exerts no force towards a velocity. One with stiffness pulls back
-    to a position: the wheel trembles, or stands still. With a largest force of 0 it is not driven.
+    Why: a drive without damping exerts no force towards a velocity. A drive with stiffness pulls
+    the joint back to a position: the wheel trembles or stands still. A drive with a maximum force
+    of 0 has no effect.
 
-    Fix: set stiffness to 0, and damping and the largest force above 0, in the joint's drive.
+    Fix: in the drive of the joint, set stiffness to 0, and damping and maximum force above 0.
 
     Example: an importer left `stiffness = 10000` on the wheel joints.
     """
@@ -169,13 +170,13 @@ def _wrong_value(
 
 @rule("K67", "odometry-without-body", scope="lint", formerly="no-body-to-follow")
 def no_body_to_follow(subject: LintSubject) -> Iterator[Problem]:
-    """The prim that an odometry follows is no rigid body and no articulation root.
+    """The chassis prim of odometry is neither a rigid body nor an articulation root.
 
-    Why: the node logs an error at every update and passes no signal on. Its outputs stay 0: the
-    odometry says that the robot stands where it started.
+    Why: the node logs an error at every update and passes no signal on. Its outputs stay 0:
+    odometry shows the robot at its start.
 
     Fix: choose the robot's base link, a prim with a rigid body, or the one with the articulation
-    root. Of a prim with the robot schema the first link that it lists counts.
+    root. For a prim with the robot schema, its first listed link counts.
 
     Example: `inputs:chassisPrim` names `/World/robot`, an Xform above the links.
     """
@@ -201,10 +202,10 @@ def _why_no_body(odometry: Followed) -> str:
 
 @rule("K68", "command-count", scope="lint", formerly="number-of-commands")
 def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
-    """A controller gets more or fewer commands than it names joints.
+    """A controller receives another number of commands than it names joints.
 
-    Why: the controller asks for one command for each joint. Otherwise it logs an error at every
-    update, leaves out all of its commands, and moves nothing.
+    Why: the controller requires one command for each joint. Otherwise it logs an error at every
+    update, ignores all commands and moves nothing.
 
     Fix: name as many joints as there are commands, in the same order, or correct the commands.
 
@@ -237,10 +238,10 @@ def _has_gaps(command: Command, subject: LintSubject) -> bool:
 
 @rule("K69", "ignored-indices", scope="lint", severity="warning")
 def indices_are_ignored(subject: LintSubject) -> Iterator[Problem]:
-    """The numbers of joints that a controller should move are all 0.
+    """The joint indices of a controller are all 0.
 
-    Why: Isaac Sim before 6.2 takes a list of zeros for no list. The command goes to all joints of
-    the robot, not to the first alone.
+    Why: Isaac Sim before 6.2 treats a list of zeros as no list: the command goes to all joints of
+    the robot, not only to the first.
 
     Fix: name the joint in Joint Names.
 
@@ -271,15 +272,15 @@ _CLOSE = 0.05  # of the geometry, which a builder rounds
 
 @rule("K63", "limit-needs-time-step", scope="lint")
 def limit_needs_time_step(subject: LintSubject) -> Iterator[Problem]:
-    """An acceleration is set or wired, and the time step that it needs is 0.
+    """An acceleration is set or connected, but the time step that it needs is 0.
 
-    Why: a Differential Controller with a limit of acceleration, and an Ackermann Controller with an
+    Why: a Differential Controller with an acceleration limit, and an Ackermann Controller with an
     acceleration or a steering speed, refuse to compute without a time step: the robot never moves.
-    Where the value comes by a wire, it stops as soon as the value is not 0.
+    If the value comes over a wire, the robot stops when the value is not 0.
 
-    Fix: wire Delta Seconds of On Playback Tick to Dt, or set these inputs to 0.
+    Fix: connect Delta Seconds of On Playback Tick to Dt, or set these inputs to 0.
 
-    Example: `inputs:maxAcceleration = 2` while `inputs:dt` is not wired.
+    Example: `inputs:maxAcceleration = 2` while `inputs:dt` is not connected.
     """
     live = subject.live
     for node in live.values():
@@ -302,11 +303,11 @@ def limit_needs_time_step(subject: LintSubject) -> Iterator[Problem]:
 def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
     """Wheel radius or wheel distance in the controller differ from the robot's wheels.
 
-    Why: the robot drives faster or slower, or turns more or less, than it is told; odometry that is
+    Why: the robot drives faster or slower, or turns more or less, than commanded; odometry that is
     computed from the commands is wrong by the same factor.
 
-    Fix: measure the wheels and set the values, in metres; in units of the stage where the velocity
-    is scaled to them.
+    Fix: measure the wheels and set the values in metres, or in stage units if the velocity is
+    scaled to them.
 
     Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
     """
@@ -338,13 +339,13 @@ def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
 def joint_of_two_controllers(subject: LintSubject) -> Iterator[Problem]:
     """Two nodes command the same joint.
 
-    Why: each overwrites at every update what the other has told the joint. A controller without
-    joint names commands all of them. Where the names come over a wire, as with the menu for joint
+    Why: each overwrites the command of the other at every update. A controller without joint names
+    commands all joints. If the names come over a wire, as in the graph of the menu for joint
     states, and the other controller commands all joints, it is a warning.
 
-    Fix: delete one of the controllers, or name in each the joints that are its own.
+    Fix: delete one of the controllers, or give each only its own joints.
 
-    Example: the menu's Differential Controller graph beside one's own on the same robot.
+    Example: the menu's Differential Controller graph beside another one on the same robot.
     """
     running = [command for command in commands(subject) if subject.runs(command.node.path)]
     for index, command in enumerate(running):
@@ -377,10 +378,10 @@ def _shared(one: Command, other: Command, subject: LintSubject) -> tuple[list[st
 
 @rule("K66", "joint-order", scope="lint", severity="warning", formerly="left-and-right")
 def left_and_right(subject: LintSubject) -> Iterator[Problem]:
-    """The names of the wheel joints stand in the order right, left.
+    """The wheel joints are named in the order right, left.
 
     Why: the controller gives the speeds in the order left, right. With the names exchanged, the
-    robot turns to the wrong side.
+    robot turns the wrong way.
 
     Fix: exchange the two names.
 

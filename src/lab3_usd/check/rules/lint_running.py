@@ -52,16 +52,16 @@ _REASONS = {
     ),
 )
 def never_computes(subject: LintSubject) -> Iterator[Problem]:
-    """No running event reaches a node that has something to do.
+    """No event reaches a node that publishes, subscribes or moves something.
 
-    Why: a node with an execution input computes only when a signal arrives there. Without one it
-    publishes nothing, receives nothing and moves nothing. A publisher or subscriber that gets a
-    single signal only opens its topic. Nodes that wait for the one named here are listed with it.
+    Why: a node with an execution input computes only when a signal arrives there. Without a signal
+    it publishes, receives and moves nothing. After a single signal, a publisher or subscriber has
+    only opened its topic. Nodes behind the one named here are listed with it.
 
-    Fix: in the graph editor drag a wire from an event, as Tick of On Playback Tick, or from Exec
-    Out of the node before it, to Exec In of this node.
+    Fix: in the graph editor, drag a wire from an event, such as Tick of On Playback Tick, or from
+    Exec Out of the node before it, to Exec In of this node.
 
-    Example: a ROS2 Publish Odometry whose `execIn` is not wired.
+    Example: a ROS2 Publish Odometry whose `execIn` is not connected.
     """
     for graph in subject.graphs():
         if graph.active and is_graph_evaluated(graph, subject.stage, subject.lab):
@@ -104,19 +104,19 @@ def _stopped(stop: Stop, subject: LintSubject) -> Problem:
     counted=("graph switched off", "graphs switched off"),
 )
 def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
-    """A graph is deactivated, or is only an override of something that is not there.
+    """A graph is deactivated, or is only an `over` without a definition.
 
-    Why: Isaac Sim evaluates no graph that is not in the scene. A graph that is deactivated while
-    the timeline plays may go on publishing until the stage is opened again. An `over` on an asset
-    brings a graph only where the asset holds one.
+    Why: Isaac Sim evaluates only graphs in the scene. A graph that is deactivated during Play may
+    continue to publish until the stage is opened again. An `over` on an asset gives a graph only if
+    the asset defines one.
 
-    Fix: activate the graph in the Stage panel, or delete it; define a graph in the file itself,
-    with `def`, where it is only an `over`.
+    Fix: activate the graph in the Stage panel, or delete it; for an `over`, define the graph in the
+    file with `def`.
 
     Example: `ActionGraph` with `active = false` still holds the only publisher of `/scan`.
 
-    Basis: NVIDIA's documentation: OmniGraph works on the composed stage, in which such a graph
-    is not. What a graph does that is deactivated while the timeline plays was not tested.
+    Basis: NVIDIA's documentation: OmniGraph works on the composed stage, which does not contain
+    such a graph. Deactivation during Play was not tested.
     """
     for graph in subject.graphs():
         if graph.active:
@@ -151,14 +151,13 @@ def _nodes_in_overs(subject: LintSubject) -> Mapping[str, int]:
 
 @rule("K03", "graph-not-evaluated", scope="lint")
 def graph_not_evaluated(subject: LintSubject) -> Iterator[Problem]:
-    """A graph is saved so that Isaac Sim never evaluates it.
+    """The settings of a graph keep Isaac Sim from evaluating it.
 
-    Why: an on-demand graph waits for an event of its own kind, as On Physics Step, and is left out
-    by the updates of the application. An instanced graph is evaluated only where a prim refers to
-    it.
+    Why: an on-demand graph waits for an event of its own kind, such as On Physics Step; the updates
+    of the application skip it. An instanced graph is evaluated only where a prim refers to it.
 
-    Fix: make a new Action Graph and move the nodes there, or set pipeline stage and evaluation mode
-    of this one as a new Action Graph has them.
+    Fix: set pipeline stage and evaluation mode to those of a new Action Graph, or create one and
+    move the nodes there.
 
     Example: On Playback Tick in a graph with `pipelineStage = "pipelineStageOnDemand"`.
 
@@ -184,13 +183,13 @@ def graph_not_evaluated(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K04", "event-never-fires", scope="lint")
 def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
-    """An event stands in a graph in which it never fires.
+    """An event node is in a graph where it never fires.
 
     Why: On Physics Step fires only in an on-demand graph, On Playback Tick and On Tick only in a
-    graph of the simulation pipeline. Elsewhere nothing behind them computes.
+    graph of the simulation pipeline. In other graphs the nodes behind them never compute.
 
-    Fix: use the event of the graph's own kind: On Playback Tick in an ordinary Action Graph, On
-    Physics Step in one whose pipeline stage is on demand.
+    Fix: use the event for this kind of graph: On Playback Tick in an ordinary Action Graph, On
+    Physics Step in an on-demand graph.
 
     Example: On Physics Step triggers the controllers of an ordinary Action Graph.
     """
@@ -219,17 +218,17 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K05", "stray-node", scope="lint", severity="warning")
 def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
-    """A node stands outside every graph, or a prim in a graph is no node.
+    """A node is outside every graph, or a prim in a graph is not a node.
 
-    Why: Isaac Sim evaluates nodes only as children of a graph. What stands elsewhere, or has
-    another type than a node's, never computes.
+    Why: Isaac Sim evaluates only nodes that are children of a graph. A node elsewhere, or a prim of
+    another type, never computes.
 
     Fix: drag the node into its graph in the Stage panel, or delete it.
 
     Example: `/to_string`, left at the root when its graph was renamed.
 
-    Basis: in all saved stages and in NVIDIA's scripts nodes are children of a graph. Kit's code
-    is not public.
+    Basis: in all saved stages and in NVIDIA's scripts nodes are children of a graph. Kit's code is
+    not public.
     """
     for node in nodes_outside_graphs(subject.stage):
         if subject.catalog.graph.ignores(node.path):
@@ -253,12 +252,12 @@ def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
     counted=("node switched off", "nodes switched off"),
 )
 def switched_off(subject: LintSubject) -> Iterator[Problem]:
-    """A node that talks to ROS is switched off, or one that passes signals on to others.
+    """A ROS node, or a node that passes signals on, is disabled.
 
-    Why: with Enabled off a helper publishes nothing, and a render product is not made, so that the
-    helpers behind it publish nothing either. A gate with a step of 0 lets no signal through.
+    Why: with Enabled off, a helper publishes nothing, and a render product is not created, so its
+    helpers publish nothing either. A gate with a step of 0 passes no signal.
 
-    Fix: switch Enabled on, or set the step to 1 or more, if that was not on purpose.
+    Fix: if this is not intended, switch Enabled on, or set the step to 1 or more.
 
     Example: `inputs:enabled = 0` on a ROS2 Camera Helper.
     """
@@ -293,11 +292,11 @@ def two_events(subject: LintSubject) -> Iterator[Problem]:
     """Two events that fire at every update trigger the same node.
 
     Why: the node executes twice in an update. A publisher sends every message twice with the same
-    time, of which tf2 refuses the second; a controller limits an acceleration twice.
+    time, and tf2 rejects the second; a controller limits an acceleration twice.
 
     Fix: delete one of the execution wires.
 
-    Example: Exec In of a ROS2 Publish Transform Tree is wired from two On Playback Tick nodes.
+    Example: Exec In of a ROS2 Publish Transform Tree is connected to two On Playback Tick nodes.
     """
     for node in subject.live.values():
         if sum(len(node.sources(port)) for port in signal_inputs(node)) <= 1:
@@ -341,15 +340,15 @@ def _events(node: Node, subject: LintSubject) -> dict[str, Node]:
 def graph_in_instance(subject: LintSubject) -> Iterator[Problem]:
     """A graph belongs to an instanceable prim.
 
-    Why: Isaac Sim loads no graph of an instance: the graph is shared by all copies and belongs to
+    Why: Isaac Sim does not load graphs of instances: all copies share the graph, and it belongs to
     none.
 
     Fix: switch Instanceable off on the prim above the graph.
 
-    Example: a robot that is referenced with `instanceable = true` and carries its Action Graphs.
+    Example: a robot referenced with `instanceable = true` and carries its Action Graphs.
 
-    Basis: USD shares the prims of an instance, so that nothing can be written to one of them.
-    Kit's code is not public, and its documentation is silent: a warning.
+    Basis: USD shares the prims of an instance, so a graph cannot write to one of them. Kit's code
+    is not public, and its documentation does not mention the case: a warning.
     """
     for graph in subject.graphs():
         if graph.active and graph.instanced:
@@ -360,15 +359,14 @@ def graph_in_instance(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K10", "unset-input", scope="lint", formerly="works-on-zeros")
 def works_on_zeros(subject: LintSubject) -> Iterator[Problem]:
-    """An input that a node needs is neither wired nor set.
+    """An input that a node needs is neither connected nor set.
 
-    Why: an input without a wire and without a value is 0 or empty. A publisher without a time
-    stamps everything 0, a helper without a render product publishes nothing, a controller without
-    a wheel radius gives no command. Isaac Sim says nothing of it, or logs a line each frame. In a
-    file that holds graphs and neither robot nor sensor, a stage that refers to it may name the
-    prims: a warning.
+    Why: an input without a wire and a value is 0 or empty. A publisher without a time stamps every
+    message with 0, a helper without a render product publishes nothing, a controller without a
+    wheel radius gives no command. Isaac Sim reports nothing, or logs a line each frame. In a file
+    with graphs but neither robot nor sensor, another stage may supply the prims: a warning.
 
-    Fix: wire the input from the node that computes it, or set it in the Property panel.
+    Fix: connect the input to the node that computes it, or set it in the Property panel.
 
     Example: `ros2_publish_odometry.inputs:timeStamp` without a wire.
     """
@@ -398,17 +396,17 @@ def works_on_zeros(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K11", "array-gaps", scope="lint", formerly="array-with-gaps")
 def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
-    """A node makes an array of inputs of which one is empty, or has inputs beyond its size.
+    """An array node has an empty element, or inputs beyond its size.
 
-    Why: an element that is neither wired nor set is empty: a joint without a name, which no robot
-    has, so that the controller moves nothing. Inputs beyond the array's size are left out.
+    Why: an element that is neither connected nor set is empty. No joint has an empty name, so the
+    controller moves nothing. Inputs beyond the size of the array are ignored.
 
-    Fix: wire the input named here, or correct the array's size in the Property panel.
+    Fix: connect the input named here, or correct the array's size in the Property panel.
 
     Example: `joint_name_array.inputs:input0` lost its wire, while `input1` has one.
 
-    Basis: Make Array is a node of Kit, whose code is not public; its page describes one input
-    for each element. A joint without a name is refused in `articulation.py:767`.
+    Basis: Make Array is a node of Kit, whose code is not public; its page describes one input for
+    each element. An empty joint name is rejected in `articulation.py:767`.
     """
     for node in subject.live.values():
         items = array_items(node)

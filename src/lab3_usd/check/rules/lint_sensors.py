@@ -39,11 +39,11 @@ def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
 
 @rule("K14", "unresolved-target", scope="lint", formerly="target-not-there")
 def target_not_there(subject: LintSubject) -> Iterator[Problem]:
-    """A node names a prim that is not in the scene.
+    """A target prim of a node is not in the scene.
 
-    Why: the node logs an error or leaves the target out: a camera that is not there gives no
-    image, a link that is not there no frame. In a file that holds graphs and neither robot nor
-    sensor, a stage that has it as a sublayer may have the prim: a warning.
+    Why: the node logs an error or skips the target: a missing camera gives no image, a missing link
+    no frame. In a file with graphs but neither robot nor sensor, a stage that uses it as a sublayer
+    may have the prim: a warning.
 
     Fix: choose the prim again in the Property panel.
 
@@ -73,12 +73,12 @@ def _is_made_later(path: str, subject: LintSubject) -> bool:
 
 @rule("K15", "unreadable-target", scope="lint")
 def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
-    """A node should read a prim of a kind that it cannot read.
+    """The target prim of a node has a kind that the node cannot read.
 
-    Why: the node finds no sensor, body or articulation there. It logs an error or stays silent,
-    and its outputs stay 0.
+    Why: the node finds no sensor, body or articulation there. It logs an error or stays silent, and
+    its outputs stay 0.
 
-    Fix: choose the prim that the node is made for in the Property panel.
+    Fix: in the Property panel, choose a prim of the kind that the node reads.
 
     Example: `inputs:lidarPrim` of an Isaac Read Lidar Beams, a node for PhysX lidars, names an
     `OmniLidar`.
@@ -123,10 +123,10 @@ def _paths_above(path: str) -> Iterator[str]:
 def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
     """A helper reads the render product of a sensor of another kind.
 
-    Why: the lidar helper takes only lidars and says so in the log; a camera helper on a lidar
-    publishes an image of nothing.
+    Why: the lidar helper accepts only lidars and logs a message; a camera helper on a lidar
+    publishes an image without content.
 
-    Fix: wire Render Product Path from the Isaac Create Render Product of the right sensor.
+    Fix: connect Render Product Path to the Isaac Create Render Product of the right sensor.
 
     Example: a ROS2 RTX Lidar Helper behind the render product of the camera.
     """
@@ -150,11 +150,11 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K71", "sensor-without-schema", scope="lint")
 def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
-    """A lidar lacks the schema by which Isaac Sim knows a lidar.
+    """A lidar lacks the schema by which Isaac Sim recognises a lidar.
 
-    Why: the lidar helper refuses it with a warning, and publishes nothing.
+    Why: the lidar helper rejects it with a warning, and publishes nothing.
 
-    Fix: make the lidar with Create > Sensors > RTX Lidar, or apply the schema named here.
+    Fix: create the lidar with Create > Sensors > RTX Lidar, or apply the schema named here.
 
     Example: an `OmniLidar` without `OmniSensorGenericLidarCoreAPI`.
     """
@@ -175,17 +175,17 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K72", "no-scan-from-this", scope="lint")
 def no_scan_from_this(subject: LintSubject) -> Iterator[Problem]:
-    """A value of a lidar leaves no scan.
+    """A value of a lidar prevents any scan.
 
-    Why: a rotary lidar whose rates are 0 has no angle between two rays, and the helper of a laser
-    scan refuses it. Where the near range is beyond the far one, nothing is in range.
+    Why: a rotary lidar with a rate of 0 has no angle between two rays, and the helper of a laser
+    scan rejects it. With the near range beyond the far range, nothing is in range.
 
-    Fix: write rates above 0 and a far range beyond the near one.
+    Fix: set rates above 0, and a far range beyond the near range.
 
     Example: `omni:sensor:Core:scanRateBaseHz = 0`.
 
-    Basis: `OgnROS2RtxLidarHelper.py:119-134` for the rates. The renderer, which takes the
-    ranges, is not public.
+    Basis: `OgnROS2RtxLidarHelper.py:119-134` for the rates. The renderer, which uses the ranges, is
+    not public.
     """
     for prim in _lidars(subject):
         turns = prim.attributes.get(_TYPE) != _SOLID
@@ -214,15 +214,15 @@ def _lidars(subject: LintSubject) -> list[Prim]:
 def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     """A lidar is read at another rate than it turns.
 
-    Why: read more often than it turns, each message holds a part of the circle, and the rest of the
-    scan is empty. A tick rate of 0 reads it at every frame.
+    Why: if it is read more often than it turns, each message covers a part of the circle, and the
+    rest of the scan is empty. With a tick rate of 0 it is read at every frame.
 
-    Fix: write the same number into tick rate and scan rate.
+    Fix: set tick rate and scan rate to the same number.
 
     Example: `tickRate = 60` beside `scanRateBaseHz = 10`.
 
-    Basis: NVIDIA's Lidar class warns where the rates differ (`lidar.py:141-156`). The renderer
-    is not public; that a tick rate of 0 means every frame is shown for cameras
+    Basis: NVIDIA's Lidar class warns where the rates differ (`lidar.py:141-156`). The renderer is
+    not public; that a tick rate of 0 means every frame is shown for cameras
     (`test_camera.py:1421`).
     """
     for prim in _lidars(subject):
@@ -245,11 +245,11 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     counted=("camera nobody reads", "cameras nobody reads"),
 )
 def unused_camera(subject: LintSubject) -> Iterator[Problem]:
-    """A camera on a robot is read by nobody.
+    """No render product uses a camera on a robot.
 
     Why: it publishes nothing. It may be for the viewport, or its graph was forgotten.
 
-    Fix: nothing is wrong. Make a render product of it to publish its image.
+    Fix: nothing is required. Create a render product of it to publish its image.
 
     Example: `/World/robot/base_link/rear_camera`, without a graph.
     """
@@ -276,10 +276,10 @@ def _is_carried(prim: Prim, subject: LintSubject) -> bool:
 def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
     """A render product has a width or height of 0.
 
-    Why: there is no pixel to render. Whatever reads the product gives an error or publishes
+    Why: there are no pixels to render. A node that reads the product reports an error or publishes
     nothing.
 
-    Fix: write the size of the image into Width and Height.
+    Fix: set Width and Height to the size of the image.
 
     Example: `inputs:width = 0` on an Isaac Create Render Product.
     """
@@ -301,10 +301,10 @@ def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K76", "lidar-on-its-side", scope="lint", severity="warning")
 def lidar_on_its_side(subject: LintSubject) -> Iterator[Problem]:
-    """A lidar that gives a flat scan is turned, so that the scan is not level.
+    """The scan plane of a lidar is not level.
 
-    Why: a laser scan is taken in the plane across the lidar's own Z axis. Where that does not point
-    up, the scan goes through floor and ceiling, and a map of it is no floor plan.
+    Why: a laser scan lies in the plane perpendicular to the lidar's Z axis. If that axis does not
+    point up, the scan cuts floor and ceiling, and its map is not a floor plan.
 
     Fix: turn the lidar so that its Z axis points up; in a stage with Y up it needs a rotation.
 
@@ -331,9 +331,9 @@ def lidar_on_its_side(subject: LintSubject) -> Iterator[Problem]:
 def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
     """A message of one sensor names the frame of another kind of sensor.
 
-    Why: the message is placed where the other sensor stands and looks as that does.
+    Why: the message gets the position and direction of the other sensor.
 
-    Fix: write the frame of the sensor itself, or of the link that carries it.
+    Fix: use the frame of the sensor itself, or of the link that carries it.
 
     Example: a lidar helper with the frame of the camera.
     """
@@ -360,12 +360,12 @@ def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K80", "script", scope="lint", severity="note", counted=("script", "scripts"))
 def script(subject: LintSubject) -> Iterator[Problem]:
-    """The stage holds code.
+    """The stage contains code.
 
-    Why: Isaac Sim runs it, after asking. It can do anything: publish, move, write files. Nothing of
-    what it does is judged.
+    Why: Isaac Sim runs it after a confirmation. It can do anything: publish, move, write files. Its
+    effects are not judged.
 
-    Fix: nothing is wrong. Read the script before you open a stage of somebody else.
+    Fix: nothing is required. Read the script before you open a stage from somebody else.
 
     Example: a Script Node that publishes a marker.
     """

@@ -37,11 +37,11 @@ def _grave(*ends: Endpoint) -> Severity | None:
 def two_publishers(subject: LintSubject) -> Iterator[Problem]:
     """A topic has two publishers.
 
-    Why: subscribers get both streams mixed: two clocks make time jump back, two odometries make
-    the robot jump. Only transforms may have several publishers, as those of a robot's `/tf`.
+    Why: subscribers receive both streams mixed: two clocks make time jump back, two odometries make
+    the robot jump. Only topics of transforms, such as `/tf`, may have several publishers.
 
     Fix: delete the second publisher, most often a copy of the whole graph; or give each robot a
-    namespace or topics of its own. A node that publishes two topics needs two names.
+    namespace or topics of its own. A node that publishes two topics needs two topic names.
 
     Example: two robots publish their joints on `/joint_states`.
     """
@@ -74,7 +74,7 @@ def two_types(subject: LintSubject) -> Iterator[Problem]:
     """A topic is used with two message types.
 
     Why: ROS 2 connects only publishers and subscribers of one type. `ros2 topic echo`, RViz and
-    recordings fail where a name has two.
+    recordings fail for a topic with two types.
 
     Fix: give one of them another topic.
 
@@ -104,11 +104,11 @@ def two_types(subject: LintSubject) -> Iterator[Problem]:
 def refused_profile(subject: LintSubject) -> Iterator[Problem]:
     """A QoS profile cannot be read.
 
-    Why: a profile is JSON with eight fields, all of which Isaac Sim asks for: the three times with
-    a point (`0.0`), the depth without one. With one missing, misspelt or written otherwise the node
-    fails and neither publishes nor subscribes.
+    Why: a profile is JSON with eight fields, and Isaac Sim requires all of them: the three times
+    with a decimal point (`0.0`), the depth without one. If a field is missing, misspelt or has
+    another form, the node fails and neither publishes nor subscribes.
 
-    Fix: clear QoS Profile, or wire it from a ROS2 QoS Profile node.
+    Fix: clear QoS Profile, or connect it to a ROS2 QoS Profile node.
 
     Example: `inputs:qosProfile = '{"reliability": "bestEffort"}'`.
     """
@@ -128,10 +128,10 @@ def refused_profile(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K43", "incompatible-qos", scope="lint", formerly="profiles-do-not-meet")
 def profiles_do_not_meet(subject: LintSubject) -> Iterator[Problem]:
-    """A publisher and a subscriber of one topic have QoS profiles that do not go together.
+    """A publisher and a subscriber of one topic have incompatible QoS profiles.
 
-    Why: a subscriber that asks for reliable delivery gets nothing from a best-effort publisher, one
-    that asks for stored messages nothing from a volatile publisher.
+    Why: a reliable subscriber receives nothing from a best-effort publisher, and a transient-local
+    subscriber nothing from a volatile publisher.
 
     Fix: give both the same profile.
 
@@ -167,15 +167,14 @@ def _mismatch(maker: Qos, taker: Qos) -> str:
 def value_of_another_type(subject: LintSubject) -> Iterator[Problem]:
     """A value is declared with a type that the port does not have.
 
-    Why: Isaac Sim makes the port with its own type and leaves the value out, so that the default
-    counts.
+    Why: Isaac Sim creates the port with its own type and ignores the value: the default applies.
 
     Fix: delete the node, add it again and set the value in the Property panel.
 
     Example: `inputs:wheelRadius` written as a string by a script, although it is a double.
 
-    Basis: ports have the types of Isaac Sim's source. What Kit makes of a value of another type
-    is not public; the pairs that earlier releases saved are taken.
+    Basis: ports have the types of Isaac Sim's source. Kit's handling of other types is not public;
+    pairs of types that earlier releases saved are accepted.
     """
     for node in subject.live.values():
         for name, state in node.ports.items():
@@ -206,9 +205,9 @@ _SAME = {
 
 @rule("K35", "unknown-token", scope="lint", formerly="value-not-offered")
 def value_not_offered(subject: LintSubject) -> Iterator[Problem]:
-    """An input holds a token that it does not offer.
+    """An input holds a token that is not one of its choices.
 
-    Why: the node refuses the value with an error, or takes another one.
+    Why: the node rejects the value with an error, or uses another one.
 
     Fix: choose one of the values that the Property panel offers.
 
@@ -277,13 +276,13 @@ def _without_space(node: Node, name: str, value: str) -> tuple[Edit, ...]:
 
 @rule("K37", "topic-name", scope="lint")
 def topic_name(subject: LintSubject) -> Iterator[Problem]:
-    """ROS 2 refuses the name of a topic or namespace, or the bridge changes that of a topic.
+    """ROS 2 rejects the name of a topic or namespace, or the bridge changes the name of a topic.
 
-    Why: the bridge strips whatever is no letter or digit from both ends of a name, and ROS 2
-    refuses what is left where it holds spaces, dashes or a digit first. A name that is refused
-    gives no publisher; one that is changed gives a topic that nobody looks for.
+    Why: the bridge strips everything except letters and digits from both ends of a name. ROS 2
+    rejects a name with spaces, dashes or a leading digit, and there is no publisher. A changed name
+    gives a topic that nothing subscribes to.
 
-    Fix: write letters, digits, underscores and slashes, a letter first.
+    Fix: use letters, digits, underscores and slashes, and begin with a letter.
 
     Example: `inputs:topicName = "camera-1/rgb image"`.
     """
@@ -318,10 +317,10 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K38", "frame-name", scope="lint", severity="warning")
 def frame_name(subject: LintSubject) -> Iterator[Problem]:
-    """The name of a frame is empty, begins with a slash, or has white space around it.
+    """A frame name is empty, begins with a slash, or has white space around it.
 
-    Why: tf2 refuses an empty name and one that begins with a slash, and to it a name with a space
-    is another one: no transform is found for the message.
+    Why: tf2 rejects an empty name and a leading slash. A name with a space is a different frame, so
+    no transform is found for the message.
 
     Fix: write the name as in the TF tree, without a slash and without white space.
 

@@ -20,17 +20,16 @@ from lab3_usd.spec.isaac import order
 
 @rule("K30", "unregistered-type", scope="lint")
 def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
-    """A node has a type that Isaac Sim does not register, and that is near one it does.
+    """A node type is not registered, but resembles a registered one.
 
-    Why: Isaac Sim leaves a node of an unknown type out when it opens the stage. Names of types
-    differ from the names of their extensions, and types were renamed and removed.
+    Why: Isaac Sim drops nodes of unknown types when it opens the stage. Type names differ from the
+    names of their extensions, and types were renamed and removed.
 
     Fix: delete the node, add the one named here from the node list, and connect it as before.
 
     Example: a ROS2 Context with the prefix of its extension, `ros2.nodes`, not `ros2.bridge`.
 
-    Basis: the types that Isaac Sim's source registers. That Kit leaves nodes of other types
-    out, its public source does not show.
+    Basis: the types that Isaac Sim's source registers. Kit's handling of other types is not public.
     """
     for node in nodes_of_unknown_type(subject):
         of_release, likely = _other_release(node, subject), _likely(node, subject)
@@ -85,7 +84,7 @@ def old_names(subject: LintSubject) -> Iterator[Problem]:
     """Nodes of a graph have type names from before Isaac Sim 4.5.
 
     Why: Isaac Sim 4.5 and later rename these types when they open the stage. The stage was saved by
-    an older release, whose defaults were others.
+    an older release with other defaults.
 
     Fix: open the stage in the release that you use, look at the graph, and save it again.
 
@@ -120,14 +119,14 @@ def old_names(subject: LintSubject) -> Iterator[Problem]:
     counted=("unknown node type", "unknown node types"),
 )
 def unknown_type(subject: LintSubject) -> Iterator[Problem]:
-    """Nothing is known of a node type.
+    """A node type is unknown.
 
-    Why: the type may belong to Kit, to an extension or to a script. What its nodes do, and what
-    depends on them, is not judged.
+    Why: the type may belong to Kit, to an extension or to a script. Its nodes, and everything that
+    depends on them, are not judged.
 
-    Fix: nothing is wrong. Look yourself at what these nodes feed.
+    Fix: nothing is required. Check the nodes that depend on it yourself.
 
-    Example: a node of an extension that somebody wrote.
+    Example: a node of a third-party extension.
     """
     paths_by_type: dict[str, list[str]] = {}
     for node in nodes_of_unknown_type(subject):
@@ -152,11 +151,11 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     counted=("node of a newer version", "nodes of a newer version"),
 )
 def newer_version(subject: LintSubject) -> Iterator[Problem]:
-    """A node was saved by a newer version of its type than any that is known.
+    """A node was saved by a newer version of its type than any known release has.
 
-    Why: ports and defaults may have changed since, so that what is said of this node may be wrong.
+    Why: ports and defaults may have changed, so the findings about this node may be wrong.
 
-    Fix: nothing is wrong. Judge the node by the release that saved it.
+    Fix: nothing is required. Compare the node with the release that saved it.
 
     Example: ROS2 Camera Helper of version 5, while 6.2 has 4.
     """
@@ -185,9 +184,9 @@ def newer_version(subject: LintSubject) -> Iterator[Problem]:
 def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
     """The nodes of the stage were saved by another release of Isaac Sim.
 
-    Why: a saved node has the version of its type, and declares every port of the release that saved
-    it. Some defaults are others: Reset On Stop was off before 6.0. The release that opens the stage
-    takes its own.
+    Why: a saved node has the version of its type and declares every port of the release that saved
+    it. Some defaults differ: Reset On Stop was off before 6.0. The release that opens the stage
+    uses its own.
 
     Fix: judge the stage by the release that you use, with `--isaac`; save it again to be sure.
 

@@ -30,18 +30,17 @@ from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType, Port, can_connect
     counted=("wire of unknown source", "wires of unknown source"),
 )
 def dead_source(subject: LintSubject) -> Iterator[Problem]:
-    """A wire comes from a node that is not there.
+    """The source node of a wire does not exist.
 
     Why: Isaac Sim drops such a wire when it opens the stage. The input then has no source: without
-    its execution wire a node never computes, without data it works on zeros. Where a sublayer of
-    the stage is missing, the node may be in it: a warning.
+    its execution wire a node never computes, without data it uses zeros. If a sublayer of the stage
+    is missing, the node may be in it: a warning.
 
     Fix: drag a new wire from the node that should feed this input, or delete the wire.
 
-    Example: `inputs:timeStamp` is wired from `isaac_read_simulation_time_01`, which was deleted.
+    Example: `inputs:timeStamp` is connected to `isaac_read_simulation_time_01`, which was deleted.
 
-    Basis: Kit's code, which is not public. Its interface connects attributes of nodes that are
-    there.
+    Basis: Kit's interface connects attributes of existing nodes. Its code is not public.
     """
     for wire in connections(subject):
         if wire.source is not None:
@@ -85,17 +84,17 @@ def _rewiring(wire: Connection, *sources: str) -> tuple[Edit, ...]:
 
 @rule("K21", "unknown-port", scope="lint")
 def unknown_port(subject: LintSubject) -> Iterator[Problem]:
-    """A wire leaves from, or ends at, a port that the node type does not have.
+    """One end of a wire is a port that the node type does not have.
 
     Why: Isaac Sim drops such a wire when it opens the stage, whatever the file declares. Ports were
-    renamed between releases, and a Constant node has no output: its wire leaves from its input.
+    renamed between releases, and a Constant node has no output: its wire starts at its input.
 
-    Fix: drag a new wire between the ports that the node has now.
+    Fix: drag a new wire between existing ports.
 
     Example: a wire from `constant_token.outputs:value`; the port is `inputs:value`.
 
-    Basis: Kit's code, which is not public. Ports are those of Isaac Sim's source; the wires
-    that NVIDIA's own scripts write all pass this rule (`benchmarks/script_wires.py`).
+    Basis: Ports are those of Isaac Sim's source; all wires in NVIDIA's own scripts pass this rule
+    (`benchmarks/script_wires.py`). Kit's code is not public.
     """
     for wire in connections(subject):
         source = wire.source
@@ -153,18 +152,18 @@ def _gone(kind: NodeType, port: str, subject: LintSubject) -> str:
 
 @rule("K22", "incompatible-types", scope="lint", formerly="types-that-do-not-fit")
 def incompatible_wire(subject: LintSubject) -> Iterator[Problem]:
-    """A wire joins two ports whose types do not go together.
+    """A wire joins two ports of incompatible types.
 
-    Why: OmniGraph converts between numbers of one shape and between string and token. It refuses
-    other wires when the stage is opened, and the input has no source. Types that hold the same
-    numbers for another purpose, as a vector and three plain numbers, may still be taken: a warning.
+    Why: OmniGraph converts between numbers of one shape and between string and token. It rejects
+    other wires when the stage is opened, and the input has no source. Types that differ only in
+    their role, such as a vector and three plain numbers, may be accepted: a warning.
 
-    Fix: wire a port of the right type, or put a node between that converts.
+    Fix: connect a port of the right type, or insert a node that converts.
 
-    Example: `outputs:linearVelocity`, a vector, is wired into `inputs:linearVelocity`, a number.
+    Example: `outputs:linearVelocity`, a vector, is connected to `inputs:linearVelocity`, a number.
 
-    Basis: NVIDIA's documentation of attribute types. Kit's code is not public; the wires that
-    NVIDIA's own scripts write all pass this rule (`benchmarks/script_wires.py`).
+    Basis: NVIDIA's documentation of attribute types. Kit's code is not public; all wires in
+    NVIDIA's own scripts pass this rule (`benchmarks/script_wires.py`).
     """
     for wire in connections(subject):
         if wire.is_live and wire.ports is not None and not can_connect(*wire.ports):
@@ -183,17 +182,17 @@ def incompatible_wire(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K23", "wire-cycle", scope="lint", formerly="ring-of-wires")
 def ring_of_wires(subject: LintSubject) -> Iterator[Problem]:
-    """Wires of one kind lead round in a ring.
+    """Wires of one kind form a cycle.
 
-    Why: execution that comes back to its start never ends, and data that needs itself is never
-    computed: OmniGraph leaves nodes of a ring out.
+    Why: an execution cycle never ends, and data that depends on itself is never computed: OmniGraph
+    skips the nodes of a cycle.
 
-    Fix: delete the wire that closes the ring.
+    Fix: delete the wire that closes the cycle.
 
-    Example: Exec Out of the second node is wired into Exec In of the first.
+    Example: Exec Out of the second node is connected to Exec In of the first.
 
-    Basis: a graph is evaluated in the order of its wires, which a cycle does not have. Kit's
-    code is not public.
+    Basis: a graph is evaluated in the order of its wires, and a cycle has no order. Kit's code is
+    not public.
     """
     for ring in find_cycles(subject):
         yield Problem(
@@ -206,14 +205,14 @@ def ring_of_wires(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K24", "multiple-sources", scope="lint", formerly="two-sources")
 def two_sources(subject: LintSubject) -> Iterator[Problem]:
-    """Two live wires feed one data input.
+    """A data input has two live sources.
 
-    Why: a data input takes one value. Which of two sources wins is not said anywhere; only
-    execution inputs may have several.
+    Why: a data input has one value, and no documentation says which of two sources wins. Only
+    execution inputs may have several sources.
 
     Fix: delete the wrong wire.
 
-    Example: `inputs:timeStamp` is wired from two Isaac Read Simulation Time nodes.
+    Example: `inputs:timeStamp` is connected to two Isaac Read Simulation Time nodes.
 
     Basis: Kit's interface gives an input one value. Its code is not public.
     """
@@ -245,16 +244,15 @@ def two_sources(subject: LintSubject) -> Iterator[Problem]:
     counted=("value under a wire", "values under wires"),
 )
 def value_under_a_wire(subject: LintSubject) -> Iterator[Problem]:
-    """An input is wired and holds a value too.
+    """An input is connected and also has a value.
 
-    Why: the wire wins. The value looks as if it counted, and counts again as soon as the wire is
-    deleted.
+    Why: the wire wins. The value looks effective, and takes effect again when the wire is deleted.
 
-    Fix: clear the value, if it misleads.
+    Fix: clear the value if it is misleading.
 
-    Example: `inputs:jointNames` holds two names and is wired from Make Array.
+    Example: `inputs:jointNames` holds two names and is connected to Make Array.
 
-    Basis: Kit's code, which is not public; a saved stage keeps the value beside the wire.
+    Basis: a saved stage keeps the value beside the wire. Kit's code is not public.
     """
     for wire in connections(subject):
         value = wire.node.ports[wire.port].value
@@ -272,13 +270,13 @@ def value_under_a_wire(subject: LintSubject) -> Iterator[Problem]:
 def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
     """A node is triggered only when a message arrives.
 
-    Why: Exec Out of a subscriber fires when a new message came, and stays silent otherwise. What
-    hangs on it stops when the sender stops: a publisher sends nothing, a limit of acceleration is
-    not followed to its end.
+    Why: Exec Out of a subscriber fires only when a new message has arrived. The nodes behind it
+    stop when the sender stops: a publisher sends nothing, and a limited acceleration is not
+    completed.
 
     Fix: trigger the node from On Playback Tick; a subscriber keeps the last message.
 
-    Example: a ROS2 Publish Odometry whose Exec In is wired from ROS2 Subscribe Twist.
+    Example: a ROS2 Publish Odometry whose Exec In is connected to ROS2 Subscribe Twist.
     """
     judged: set[str] = set()
     for wire in connections(subject):
@@ -313,14 +311,14 @@ def _has_pace(wire: Connection) -> bool:
 
 @rule("K27", "another-quantity", scope="lint", severity="warning")
 def another_quantity(subject: LintSubject) -> Iterator[Problem]:
-    """A wire brings another quantity than the input is meant for.
+    """A wire brings another quantity than the input expects.
 
-    Why: numbers of any meaning go through a wire. A speed in the place of a position, or sideways
-    speed in that of forward speed, gives no error: the robot does something else than it is told.
+    Why: a wire carries any number. A speed in place of a position, or a sideways speed in place of
+    a forward speed, gives no error, but the robot does not follow its commands.
 
-    Fix: wire the output, or the component of the vector, that the input is meant for.
+    Fix: connect the output, or the component of the vector, that the input expects.
 
-    Example: `linear.y` is wired into `inputs:linearVelocity` of a Differential Controller.
+    Example: `linear.y` is connected to `inputs:linearVelocity` of a Differential Controller.
     """
     for node in subject.live.values():
         meant = None if node.type is None else subject.types.quantities.get(node.type.type)

@@ -11,14 +11,14 @@ from lab3_usd.model.native import NativeErrors
 
 @rule("UV01", "composition-error", scope="native")
 def composition_error(subject: NativeErrors) -> Iterator[Problem]:
-    """OpenUSD meets errors when it composes the stage.
+    """OpenUSD reports errors when it composes the stage.
 
-    Why: what an arc should bring is not there, and the application shows the rest without a
-    word. An asset that cannot be found from here is a note: the application may have it.
-    OpenUSD's validator: `usdValidation:CompositionErrorTest`.
+    Why: the content of an arc is missing, and the application shows the rest without a message. A
+    missing asset is a note: the application may have it. OpenUSD's validator:
+    `usdValidation:CompositionErrorTest`.
 
-    Fix: follow the paths in the message; correct the reference, payload or sublayer in the
-    layer it names.
+    Fix: follow the paths in the message; correct the reference, payload or sublayer in the layer it
+    names.
 
     Example: a prim refers to a prim below itself.
     """
@@ -27,11 +27,11 @@ def composition_error(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV02", "attribute-of-another-type", scope="native")
 def attribute_of_another_type(subject: NativeErrors) -> Iterator[Problem]:
-    """A layer declares an attribute with a type that its schema does not give it.
+    """A layer declares an attribute with another type than its schema.
 
-    Why: readers that ask for the type of the schema get nothing and use the default. Only
-    schemas that usd-core brings are compared: those of Isaac Sim, PhysX and OmniGraph are not
-    known here. OpenUSD's validator: `usdValidation:AttributeTypeMismatch`.
+    Why: readers that expect the type of the schema use the default. Only schemas of usd-core are
+    compared; those of Isaac Sim, PhysX and OmniGraph are unknown to it. OpenUSD's validator:
+    `usdValidation:AttributeTypeMismatch`.
 
     Fix: declare the attribute with the type that the message names.
 
@@ -44,11 +44,11 @@ def attribute_of_another_type(subject: NativeErrors) -> Iterator[Problem]:
 def no_default_prim(subject: NativeErrors) -> Iterator[Problem]:
     """The stage has no valid default prim.
 
-    Why: who refers to the file without naming a prim gets nothing. OpenUSD's validator:
+    Why: a reference to the file without a prim path brings nothing. OpenUSD's validator:
     `usdValidation:StageMetadataChecker`.
 
-    Fix: make the top prim of the stage the default prim, in the Stage panel or as `defaultPrim`
-    in the first lines of the file.
+    Fix: make the top prim of the stage the default prim, in the Stage panel or as `defaultPrim` in
+    the first lines of the file.
 
     Example: `defaultPrim` is missing.
     """
@@ -57,10 +57,10 @@ def no_default_prim(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV99", "other-validator", scope="native")
 def other_validator(subject: NativeErrors) -> Iterator[Problem]:
-    """A validator of a newer usd-core has found something.
+    """A validator of a newer usd-core reported a fault.
 
-    Why: usd-core brings validators that this program does not know by name. The message begins
-    with the name.
+    Why: this usd-core has validators that this program does not know. The message begins with the
+    name.
 
     Fix: see OpenUSD's documentation of the validator that the message names.
 
@@ -71,13 +71,13 @@ def other_validator(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV10", "no-units", scope="native")
 def no_units(subject: NativeErrors) -> Iterator[Problem]:
-    """The stage does not say its units or its up axis.
+    """The stage does not define its units or its up axis.
 
-    Why: readers take centimetres and Y up, so that a robot in metres is a hundredth of its
-    size. OpenUSD's validator: `usdGeomValidators:StageMetadataChecker`.
+    Why: readers assume centimetres and Y up, so a robot in metres is a hundredth of its size.
+    OpenUSD's validator: `usdGeomValidators:StageMetadataChecker`.
 
-    Fix: write `metersPerUnit` and `upAxis` in the first lines of the file, as the stage was
-    made.
+    Fix: write `metersPerUnit` and `upAxis` in the first lines of the file, with the values that the
+    stage was made with.
 
     Example: `upAxis` is missing.
     """
@@ -86,10 +86,10 @@ def no_units(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV11", "nested-shapes", scope="native")
 def nested_shapes(subject: NativeErrors) -> Iterator[Problem]:
-    """A shape stands below another shape.
+    """A shape is below another shape.
 
-    Why: renderers and physics may leave the inner one out: a gprim is a leaf. OpenUSD's
-    validator: `usdGeomValidators:EncapsulationChecker`.
+    Why: renderers and physics may skip the inner one: a gprim must be a leaf. OpenUSD's validator:
+    `usdGeomValidators:EncapsulationChecker`.
 
     Fix: put an Xform above both.
 
@@ -100,7 +100,7 @@ def nested_shapes(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV12", "subset-family", scope="native")
 def subset_family(subject: NativeErrors) -> Iterator[Problem]:
-    """The subsets of a mesh are not what their family says.
+    """The subsets of a mesh contradict the type of their family.
 
     Why: in a partition each face belongs to one subset. Faces in none or in two have no clear
     material. OpenUSD's validator: `usdGeomValidators:SubsetFamilies`.
@@ -114,12 +114,12 @@ def subset_family(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV13", "subset-without-mesh", scope="native")
 def subset_without_mesh(subject: NativeErrors) -> Iterator[Problem]:
-    """A subset of geometry does not stand directly below a shape.
+    """A geometry subset is not directly below a shape.
 
-    Why: it is a subset of nothing and counts for nobody. OpenUSD's validator:
+    Why: it is a subset of nothing and has no effect. OpenUSD's validator:
     `usdGeomValidators:SubsetParentIsImageable`.
 
-    Fix: move it below the mesh that it is about.
+    Fix: move it below its mesh.
 
     Example: a GeomSubset below a prim without a type.
     """
@@ -128,13 +128,13 @@ def subset_without_mesh(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV20", "body-that-cannot-move", scope="native")
 def body_that_cannot_move(subject: NativeErrors) -> Iterator[Problem]:
-    """A rigid body is where physics cannot move it.
+    """A rigid body is on a prim that physics cannot move.
 
     Why: the body stays where it is, or falls out of the simulation. OpenUSD's validator:
     `usdPhysicsValidators:RigidBodyChecker`.
 
-    Fix: apply the schema to an Xform or a shape that is neither below an instance nor scaled
-    with a rotation of its own.
+    Fix: apply the schema to an Xform or a shape that is neither below an instance nor scaled with a
+    rotation of its own.
 
     Example: PhysicsRigidBodyAPI on a Scope.
     """
@@ -143,12 +143,12 @@ def body_that_cannot_move(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV21", "collider-shape", scope="native")
 def collider_shape(subject: NativeErrors) -> Iterator[Problem]:
-    """A collider has a shape or scale that physics does not have.
+    """A collider has a shape or scale that physics does not support.
 
-    Why: the engine takes another shape, or none. OpenUSD's validator:
+    Why: the engine uses another shape, or none. OpenUSD's validator:
     `usdPhysicsValidators:ColliderChecker`.
 
-    Fix: scale spheres, capsules and cones alike in all directions, or use a mesh.
+    Fix: scale spheres, capsules and cones equally in all directions, or use a mesh.
 
     Example: a Sphere scaled by (1, 2, 3) with PhysicsCollisionAPI.
     """
@@ -159,8 +159,8 @@ def collider_shape(subject: NativeErrors) -> Iterator[Problem]:
 def articulation_in_another(subject: NativeErrors) -> Iterator[Problem]:
     """An articulation root is below another, or on a body that does not move.
 
-    Why: the engine keeps one articulation, and a controller for the other finds nothing.
-    OpenUSD's validator: `usdPhysicsValidators:ArticulationChecker`.
+    Why: the engine keeps one articulation, and a controller of the other finds nothing. OpenUSD's
+    validator: `usdPhysicsValidators:ArticulationChecker`.
 
     Fix: leave PhysicsArticulationRootAPI on one prim of the robot.
 
@@ -171,13 +171,11 @@ def articulation_in_another(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV23", "joint-without-bodies", scope="native")
 def joint_without_bodies(subject: NativeErrors) -> Iterator[Problem]:
-    """A joint does not join bodies.
+    """A joint does not connect bodies.
 
-    Why: the engine leaves it out, or holds nothing by it. OpenUSD's validator:
-    `usdPhysicsValidators:PhysicsJointChecker`.
+    Why: the engine ignores it. OpenUSD's validator: `usdPhysicsValidators:PhysicsJointChecker`.
 
-    Fix: choose the bodies of the joint again; at least one has to be a rigid body that is
-    switched on.
+    Fix: choose the bodies of the joint again; at least one must be an enabled rigid body.
 
     Example: `physics:body0` names an Xform without PhysicsRigidBodyAPI.
     """
@@ -186,7 +184,7 @@ def joint_without_bodies(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV30", "material-contents", scope="native")
 def material_contents(subject: NativeErrors) -> Iterator[Problem]:
-    """A material holds prims that are no shaders.
+    """A material contains prims that are not shaders.
 
     Why: shapes below a material are not drawn. OpenUSD's validator:
     `usdShadeValidators:EncapsulationMaterialValidator`.
@@ -200,9 +198,9 @@ def material_contents(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV31", "shader-place", scope="native")
 def shader_place(subject: NativeErrors) -> Iterator[Problem]:
-    """A shader or node graph stands where it cannot be connected.
+    """A shader or node graph is in a place where it cannot be connected.
 
-    Why: connections across such a border are not valid, and renderers leave them out. OpenUSD's
+    Why: connections across such a border are invalid, and renderers ignore them. OpenUSD's
     validator: `usdShadeValidators:EncapsulationRulesValidator`.
 
     Fix: put it below the material or node graph.
@@ -228,24 +226,23 @@ def binding_not_applied(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV33", "binding-collection", scope="native")
 def binding_collection(subject: NativeErrors) -> Iterator[Problem]:
-    """A material is bound to a collection that is not one.
+    """A material binding names an invalid collection.
 
     Why: the members of the collection have no material. OpenUSD's validator:
     `usdShadeValidators:MaterialBindingCollectionValidator`.
 
-    Fix: let the relationship name one collection and one material.
+    Fix: target one collection and one material with the relationship.
 
-    Example: `material:binding:collection:all` names a collection that is not there.
+    Example: `material:binding:collection:all` names a missing collection.
     """
     yield from subject.problems("UV33")
 
 
 @rule("UV34", "binding-no-relationship", scope="native")
 def binding_no_relationship(subject: NativeErrors) -> Iterator[Problem]:
-    """A property with the name of a material binding is no relationship.
+    """A property with the name of a material binding is not a relationship.
 
-    Why: it binds nothing. OpenUSD's validator:
-    `usdShadeValidators:MaterialBindingRelationships`.
+    Why: it binds nothing. OpenUSD's validator: `usdShadeValidators:MaterialBindingRelationships`.
 
     Fix: delete the attribute, and bind the material again.
 
@@ -256,10 +253,10 @@ def binding_no_relationship(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV35", "normal-map", scope="native")
 def normal_map(subject: NativeErrors) -> Iterator[Problem]:
-    """The picture of a normal map is read as a colour.
+    """The texture of a normal map is read as a colour.
 
-    Why: the normals are bent, and the surface is lit wrongly. A picture that cannot be found
-    from here is a note. OpenUSD's validator: `usdShadeValidators:NormalMapTextureValidator`.
+    Why: the normals are wrong, and so is the lighting of the surface. A missing texture is a note.
+    OpenUSD's validator: `usdShadeValidators:NormalMapTextureValidator`.
 
     Fix: set scale (2, 2, 2, 1), bias (-1, -1, -1, 0) and sourceColorSpace `raw` on the texture.
 
@@ -270,10 +267,10 @@ def normal_map(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV36", "shader-inputs", scope="native")
 def shader_inputs(subject: NativeErrors) -> Iterator[Problem]:
-    """The input of a shader has another type than the shader asks for.
+    """An input of a shader has another type than the shader defines.
 
-    Why: renderers use the default instead. usd-core has no MDL: that it does not know such a
-    shader is a note. OpenUSD's validator: `usdShadeValidators:ShaderSdrCompliance`.
+    Why: renderers use the default instead. usd-core does not know MDL shaders: for them it is a
+    note. OpenUSD's validator: `usdShadeValidators:ShaderSdrCompliance`.
 
     Fix: declare the input with the type that the message names.
 
@@ -284,9 +281,9 @@ def shader_inputs(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV37", "bound-subset", scope="native")
 def bound_subset(subject: NativeErrors) -> Iterator[Problem]:
-    """A subset binds a material and is not of the family `materialBind`.
+    """A subset with a material binding is not in the family `materialBind`.
 
-    Why: renderers ask only subsets of that family for materials. OpenUSD's validator:
+    Why: renderers read materials only from subsets of that family. OpenUSD's validator:
     `usdShadeValidators:SubsetMaterialBindFamilyName`.
 
     Fix: set `familyName` of the subset to `materialBind`.
@@ -300,7 +297,7 @@ def bound_subset(subject: NativeErrors) -> Iterator[Problem]:
 def bound_subset_family(subject: NativeErrors) -> Iterator[Problem]:
     """Subsets that bind materials may overlap.
 
-    Why: a face in two subsets has two materials, and nobody says which counts. OpenUSD's
+    Why: a face in two subsets has two materials, and which one applies is undefined. OpenUSD's
     validator: `usdShadeValidators:SubsetsMaterialBindFamily`.
 
     Fix: set the type of the family `materialBind` to `nonOverlapping` or `partition`.
@@ -339,9 +336,9 @@ def skeleton_root(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV50", "light-place", scope="native")
 def light_place(subject: NativeErrors) -> Iterator[Problem]:
-    """A light or light filter stands below a prim that cannot hold it.
+    """A light or light filter is below a prim that cannot contain it.
 
-    Why: its connections are not valid, and renderers may leave it out. OpenUSD's validator:
+    Why: its connections are invalid, and renderers may ignore it. OpenUSD's validator:
     `usdLuxValidators:EncapsulationRulesValidator`.
 
     Fix: move it below an Xform, a light or a light filter.
@@ -353,7 +350,7 @@ def light_place(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV60", "authorship-pairs", scope="native")
 def authorship_pairs(subject: NativeErrors) -> Iterator[Problem]:
-    """The inputs of an authorship record are no pairs of name and value.
+    """The inputs of an authorship record are not pairs of name and value.
 
     Why: readers cannot tell names from values. OpenUSD's validator:
     `usdMediaValidators:AuthorshipInputsPaired`.
@@ -369,27 +366,26 @@ def authorship_pairs(subject: NativeErrors) -> Iterator[Problem]:
 def authorship_hidden(subject: NativeErrors) -> Iterator[Problem]:
     """An authorship record is hidden by a stronger layer.
 
-    Why: the composed prim does not tell of it. OpenUSD's validator:
+    Why: the composed prim does not show it. OpenUSD's validator:
     `usdMediaValidators:ShadowedOrDuplicateAuthorship`.
 
     Fix: prepend the schema in the stronger layer instead of setting the whole list.
 
-    Example: `apiSchemas = ["AuthorshipAPI:last"]` above a reference that has a record of its
-    own.
+    Example: `apiSchemas = ["AuthorshipAPI:last"]` above a reference that has a record of its own.
     """
     yield from subject.problems("UV61")
 
 
 @rule("UV70", "missing-reference", scope="native", severity="note")
 def missing_reference(subject: NativeErrors) -> Iterator[Problem]:
-    """An asset that some layer or variant names cannot be found from here.
+    """An asset of a layer or variant cannot be found.
 
-    Why: the application may have it, by its servers, search paths and resolvers, which usd-core
-    has not. What it would bring is not judged. OpenUSD's validator:
+    Why: the application may find it through servers, search paths and resolvers that usd-core does
+    not have. Its content is not judged. OpenUSD's validator:
     `usdUtilsValidators:MissingReferenceValidator`.
 
-    Fix: open the stage in Isaac Sim, or copy the asset beside the stage; correct the path where
-    it is wrong.
+    Fix: open the stage in Isaac Sim, or copy the asset beside the stage; correct the path if it is
+    wrong.
 
     Example: a texture on an Omniverse server.
     """
@@ -398,13 +394,12 @@ def missing_reference(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV71", "file-extension", scope="native")
 def file_extension(subject: NativeErrors) -> Iterator[Problem]:
-    """A package holds a file of a kind that packages may not hold.
+    """A package contains a file of a kind that is not allowed there.
 
-    Why: viewers of packages refuse it. Asked of .usdz files only. OpenUSD's validator:
+    Why: viewers reject the package. Only .usdz files are examined. OpenUSD's validator:
     `usdUtilsValidators:FileExtensionValidator`.
 
-    Fix: leave the file out, or convert it to USD, PNG, JPEG, EXR or a sound file that is
-    allowed.
+    Fix: remove the file, or convert it to USD, PNG, JPEG, EXR or an allowed sound format.
 
     Example: `notes.txt` in a .usdz.
     """
@@ -415,7 +410,7 @@ def file_extension(subject: NativeErrors) -> Iterator[Problem]:
 def package_refers_outside(subject: NativeErrors) -> Iterator[Problem]:
     """A package refers to a file outside it.
 
-    Why: the package works on this computer only. Asked of .usdz files only. OpenUSD's
+    Why: the package works on this computer only. Only .usdz files are examined. OpenUSD's
     validator: `usdUtilsValidators:PackageEncapsulationValidator`.
 
     Fix: put the file into the package.
@@ -429,10 +424,10 @@ def package_refers_outside(subject: NativeErrors) -> Iterator[Problem]:
 def root_package(subject: NativeErrors) -> Iterator[Problem]:
     """Files of the package are compressed, encrypted, or not aligned to 64 bytes.
 
-    Why: readers map packages into memory as they are, and cannot read such files. Asked of
-    .usdz files only. OpenUSD's validator: `usdUtilsValidators:RootPackageValidator`.
+    Why: readers map packages into memory and cannot read such files. Only .usdz files are examined.
+    OpenUSD's validator: `usdUtilsValidators:RootPackageValidator`.
 
-    Fix: pack it again by a tool for .usdz, and not by a common zip program.
+    Fix: pack it again with a tool for .usdz, not with an ordinary zip program.
 
     Example: a .usdz made by `zip`.
     """
@@ -443,10 +438,10 @@ def root_package(subject: NativeErrors) -> Iterator[Problem]:
 def package_in_use(subject: NativeErrors) -> Iterator[Problem]:
     """A package that the stage uses is compressed, encrypted, or not aligned to 64 bytes.
 
-    Why: readers map packages into memory as they are, and cannot read such files. OpenUSD's
-    validator: `usdUtilsValidators:UsdzPackageValidator`.
+    Why: readers map packages into memory and cannot read such files. OpenUSD's validator:
+    `usdUtilsValidators:UsdzPackageValidator`.
 
-    Fix: pack it again by a tool for .usdz, and not by a common zip program.
+    Fix: pack it again with a tool for .usdz, not with an ordinary zip program.
 
     Example: a stage refers to a .usdz made by `zip`.
     """
