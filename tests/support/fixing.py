@@ -8,10 +8,13 @@ import re
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 from msgspec.structs import replace
 from pxr import Sdf, Usd
@@ -20,13 +23,17 @@ from sabotage import Fault, graph_faults
 from scene_sabotage import scene_sabotage
 from second_author import Style, author_lab
 
+from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.check.match.graphs import match_all
+from lab3_usd.fix import repairing
 from lab3_usd.fix.repairing import Fixed, FixOptions, fix_stage
 from lab3_usd.fix.source_tree import ROOT, read_blocks
 from lab3_usd.model.finding import Finding, site_of
+from lab3_usd.model.stage import StageModel
 from lab3_usd.sim.dry_run import dry_run
+from lab3_usd.sim.judge.topics import interface
 from lab3_usd.spec.graph import GraphSpec, PortRef, Wire
-from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.reader import read_model
 from lab3_usd.stage.write.starter import starter_layer
@@ -310,12 +317,15 @@ STRUCTURES: dict[str, Callable[[Sdf.Layer, Path], Path]] = {
 class Spread(NamedTuple):
     """A repaired stage of several files, what the check finds in the files, and its dry run.
 
-    `wrong` is what is wrong in the dry run; empty where none was asked for.
+    `wrong` is what is wrong in the dry run; empty where none was asked for. `same_at` are the
+    checkpoints at which the same is found in every state of the stage, so that the repair is the
+    same there.
     """
 
     fixed: Fixed
     after: tuple[Finding, ...]
     wrong: tuple[str, ...] = ()
+    same_at: frozenset[str] = frozenset()
 
     @property
     def is_harmed(self) -> bool:
@@ -334,10 +344,11 @@ def repaired_in(
     lab: Lab,
     *,
     drive: bool = False,
+    others: Iterable[str] = (),
 ) -> Spread | None:
     """Repair a stage that has these faults and is spread over files in this way.
 
-    None where the faults cannot be made, or are none.
+    None where the faults cannot be made, or are none. `others` are checkpoints of the same stage.
     """
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.TransferContent(second_stage(checkpoint))
@@ -346,7 +357,7 @@ def repaired_in(
             fault.break_it(Usd.Stage.Open(layer))
     except (AttributeError, RuntimeError):  # the second author wrote something else there
         return None
-    with tempfile.TemporaryDirectory(dir=folder) as own:
+    with tempfile.TemporaryDirectory(dir=folder) as own, judged_also(others) as same_at:
         inner = Path(own, "stage")
         inner.mkdir()
         file = f"{lab.checkpoints[checkpoint].file}.usd"
@@ -357,8 +368,50 @@ def repaired_in(
         for written, data in fixed.files.items():
             written.write_bytes(data)
         after = fixed.judge_again(path)
-        checks = dry_run(path, lab, checkpoint).behaviour.checks if drive else ()
-        return Spread(fixed, after, tuple(each.text for each in checks if each.verdict == "bad"))
+        played = (checkpoint, *sorted(same_at)) if drive and not has_errors(after) else ()
+        wrong = tuple(wrong_in_dry_runs(path, played, lab)) if played else ()
+        return Spread(fixed, after, wrong, frozenset(same_at))
+
+
+@contextmanager
+def judged_also(others: Iterable[str]) -> Iterator[set[str]]:
+    """Judge each state of a stage at other checkpoints too; yield those that found the same.
+
+    The model is read once for all of them.
+    """
+    same = set(others)
+
+    def judge_also(lab: Lab, spec: Checkpoint, model: StageModel) -> Judgement:
+        judged = judge(lab, spec, model)
+        for other in sorted(same):
+            there = judge(lab, lab.checkpoints[other], model)
+            if (there.findings, there.crashes) != (judged.findings, judged.crashes):
+                same.discard(other)
+        return judged
+
+    with patch.object(repairing, "judge", judge_also):
+        yield same
+
+
+_WRONG: dict[tuple[str, str, bool], tuple[str, ...]] = {}
+
+
+def wrong_in_dry_runs(path: Path, checkpoints: Iterable[str], lab: Lab) -> Iterator[str]:
+    """Yield what is wrong in the dry runs of a stage.
+
+    What composes to the same is played once for all checkpoints that ask for the same, in whatever
+    files it stands.
+    """
+    flat = Usd.Stage.Open(str(path)).Flatten()
+    flat.documentation = ""  # which names the file
+    composed = sha256(flat.ExportToString().encode()).hexdigest()
+    for checkpoint in checkpoints:
+        spec = lab.checkpoints[checkpoint]
+        key = composed, repr(interface(lab, spec)), spec.localization
+        if key not in _WRONG:
+            checks = dry_run(path, lab, checkpoint).behaviour.checks
+            _WRONG[key] = tuple(check.text for check in checks if check.verdict == "bad")
+        yield from _WRONG[key]
 
 
 def repaired_edit(number: int, folder: Path, lab: Lab) -> tuple[str, Fixed | None]:
