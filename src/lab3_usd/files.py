@@ -173,14 +173,17 @@ def refuse_existing(target: Path, *, force: bool) -> None:
         raise UsageError(f"{target} exists already; use --force to replace it")
 
 
-def meant_instead(path: Path) -> str:
-    """Return the end of a sentence about a file that is not there: which one may be meant."""
+def absence(path: Path, what: str = "file") -> str:
+    """Say that nothing is at a path, and which file may be meant, or where the link there leads."""
     from difflib import get_close_matches
 
+    if path.is_symlink():
+        return f"{path}: is a link to {path.readlink()}, which is not there"
+    absent = f"{path}: there is no such {what}"
     try:
         names = sorted(beside.name for beside in path.parent.iterdir())
     except OSError:
-        return ""
+        return absent
     alike = [name for name in names if Path(name).stem == path.stem]
     alike = alike or get_close_matches(path.name, names, 1)
-    return f"; did you mean {path.with_name(alike[0])}?" if alike else ""
+    return f"{absent}; did you mean {path.with_name(alike[0])}?" if alike else absent

@@ -122,6 +122,14 @@ def test_a_name_like_no_other_is_answered_without_an_offer(tmp_path: Path) -> No
         invoke("check", tmp_path / "x.usd")
 
 
+@pytest.mark.parametrize("command", ["check", "lint", "fix", "tf"])
+def test_of_a_link_to_nothing_it_is_said_where_it_leads(command: str, tmp_path: Path) -> None:
+    link = tmp_path / "x.usda"
+    link.symlink_to("gone.usda")
+    with pytest.raises(Lab3Error, match=r"x.usda: is a link to gone.usda, which is not there$"):
+        invoke(command, link)
+
+
 def test_of_a_folder_without_stages_those_below_are_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="lab3 build --out"):
         invoke("check", tmp_path)

@@ -238,6 +238,15 @@ def test_a_stage_that_cannot_be_read_does_not_hold_up_the_others(tmp_path: Path)
     assert check_stage(path).verdict == "pass"
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_with_the_name_of_a_stage_does_not_hold_up_the_others(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    os.mkfifo(tmp_path / "Lab3_01_ros_clock.usda")
+    result = fix(tmp_path, "--in-place")
+    assert result.stderr == f"lab3: {tmp_path / 'Lab3_01_ros_clock.usda'}: is not a file\n"
+    assert check_stage(path).verdict == "pass"
+
+
 def test_a_preview_says_what_would_be_repaired_and_what_to_type(tmp_path: Path) -> None:
     path = saved(tmp_path, WRONG_RADIUS)
     result = fix(path)

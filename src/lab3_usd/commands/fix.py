@@ -24,7 +24,6 @@ from lab3_usd.commands.steps.reporting import selected_findings
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import (
-    meant_instead,
     original_of,
     refuse_existing,
     refuse_shared,
@@ -40,6 +39,7 @@ from lab3_usd.report.safe_text import visible
 from lab3_usd.spec.isaac import BASE
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
+from lab3_usd.stage.read.opening import check_file
 
 _TEXT = b"#usda"
 _LINE = re.compile("[^\n]*\n|[^\n]+")  # as patch reads lines: nothing else ends one
@@ -50,7 +50,7 @@ def run(paths: Sequence[str], options: Mapping[str, Any]) -> int:
 
     Raises:
         UsageError: the options do not go together, or a file cannot be written.
-        StageError: the only stage cannot be opened.
+        StageError: there is no stage at a path, or the only one cannot be opened.
     """
     stages = [stage for path in paths for stage in _stages(Path(path), options)]
     _check_options(stages, options)
@@ -70,6 +70,7 @@ def _fix_one_of_several(stage: Path, options: Mapping[str, Any]) -> int:
 def _stages(path: Path, options: Mapping[str, Any]) -> Iterator[Path]:
     """Yield a stage, or those in and below a folder that can be judged."""
     if not path.is_dir():
+        check_file(path)
         yield path
         return
     files = [Path(entry.path) for entry in find_linted(str(path), options["config"])]
@@ -87,9 +88,6 @@ def _check_options(stages: Sequence[Path], options: Mapping[str, Any]) -> None:
         raise UsageError("--diff, --output and --in-place exclude each other")
     if options["release"] is not None and not options["lint"]:
         raise UsageError("--isaac goes with --lint")
-    for stage in stages:
-        if not stage.is_file():
-            raise UsageError(f"{stage}: there is no such file{meant_instead(stage)}")
     output = options["output"]
     if output is None:
         return

@@ -29,7 +29,7 @@ from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import EditedLayer, EditSession, is_text
-from lab3_usd.stage.read.opening import open_stage, quiet
+from lab3_usd.stage.read.opening import check_file, open_stage, quiet
 from lab3_usd.stage.read.properties import release_start_values
 from lab3_usd.stage.read.reader import read_model
 
@@ -171,6 +171,7 @@ def _fixed(
         raise StageError(
             f"{path}: is a package, which is not repaired; unpack it and repair its stage"
         )
+    check_file(path)  # a pipe would be waited for
     root = _state(path)
     stage = open_stage(path)
 

@@ -11,7 +11,7 @@ import click
 from lab3_usd.commands.steps.options import chosen, wants_color, width
 from lab3_usd.config.settings import with_config_applied
 from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
-from lab3_usd.files import meant_instead
+from lab3_usd.files import absence
 from lab3_usd.judge.results import STAGE_ENDINGS
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission, family_of
 from lab3_usd.report.formats.registry import format_named, render
@@ -32,8 +32,7 @@ def refuse_unusable(paths: Sequence[str], options: Mapping[str, Any]) -> None:
     format_named(options["form"])
     for path in paths:
         if not Path(path).exists():
-            meant = meant_instead(Path(path))
-            raise UsageError(f"{path}: there is no such file or folder{meant}")
+            raise UsageError(absence(Path(path), "file or folder"))
     if options["output"] is None:
         return
     output = Path(options["output"])

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 from pxr import Sdf, Tf, Usd
 
 from lab3_usd.errors import StageError
-from lab3_usd.files import meant_instead
+from lab3_usd.files import absence
 from lab3_usd.stage.read.properties import hold_start_values
 
 _T = TypeVar("_T")
@@ -178,7 +178,7 @@ def check_file(path: Path) -> None:
     if _ARGUMENTS in shown:
         raise StageError(f"{shown}: USD reads '{_ARGUMENTS}' in a name as options; rename the file")
     if not path.exists():
-        raise StageError(f"{path}: there is no such file{meant_instead(path)}")
+        raise StageError(absence(path))
     if not path.is_file():
         raise StageError(f"{path}: is not a file")
     if path.suffix.lower() == ".uda":
