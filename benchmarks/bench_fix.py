@@ -18,9 +18,10 @@ checkpoint at once, --drive asks the dry run whether the stages that pass work; 
 that do not. --results keeps a line of JSON for each stage, and leaves out those that have theirs.
 
 What checkpoints ask for alike is shared: the second author's stages of 05 to 08 are the same bytes.
-Such a stage is broken and repaired once. Each state that the repair sees, and the files that it
-wrote, are judged at all of these checkpoints; at one that finds anything else, the stage is
-repaired anew. What composes to the same is played once for all checkpoints that ask for the same.
+Such a stage is broken and repaired once, and each state that the repair sees is judged at all of
+these checkpoints. At one that finds anything else the stage is repaired anew, and at all of them
+where the files written are not found as the repaired stage was. What composes to the same is played
+once for all checkpoints that ask for the same.
 
 With --edits, edits by chance, of which no repair knows, in stages of several checkpoints and
 styles, text and binary: how many of those that fail pass afterwards. With --fuzz, random edits of

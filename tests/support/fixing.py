@@ -357,17 +357,20 @@ def repaired_in(
             fault.break_it(Usd.Stage.Open(layer))
     except (AttributeError, RuntimeError):  # the second author wrote something else there
         return None
-    with tempfile.TemporaryDirectory(dir=folder) as own, judged_also(others) as same_at:
+    with tempfile.TemporaryDirectory(dir=folder) as own:
         inner = Path(own, "stage")
         inner.mkdir()
         file = f"{lab.checkpoints[checkpoint].file}.usd"
         path = STRUCTURES[structure](layer, inner / file)
-        fixed = fix_stage(path, checkpoint, lab, FixOptions(unsafe=True))
+        with judged_also(others) as same_at:
+            fixed = fix_stage(path, checkpoint, lab, FixOptions(unsafe=True))
         if not has_errors(fixed.before):
             return None
         for written, data in fixed.files.items():
             written.write_bytes(data)
         after = fixed.judge_again(path)
+        if after != fixed.after:  # what the files say is judged at each checkpoint then
+            same_at = set()
         played = (checkpoint, *sorted(same_at)) if drive and not has_errors(after) else ()
         wrong = tuple(wrong_in_dry_runs(path, played, lab)) if played else ()
         return Spread(fixed, after, wrong, frozenset(same_at))
