@@ -294,6 +294,21 @@ def test_a_stage_of_a_folder_that_is_moved_away_while_it_is_saved_is_one_change(
     assert news(watch([saved_with_a_backup], stage.parent)) == ["0 repaired, 1 new; 1 error"]
 
 
+def test_a_stage_that_becomes_a_link_is_one_change(
+    watch: Callable[..., Result], stage: Path, tmp_path: Path
+) -> None:
+    def link() -> list[Path]:
+        (tmp_path / "elsewhere.usda").write_bytes(WRONG)
+        stage.unlink()
+        stage.symlink_to(tmp_path / "elsewhere.usda")
+        return [stage]
+
+    def nothing() -> list[Path]:
+        return []
+
+    assert news(watch([link, nothing, nothing], stage)) == ["0 repaired, 1 new; 1 error"]
+
+
 def test_a_text_that_is_half_written_is_waited_for(
     watch: Callable[..., Result], stage: Path
 ) -> None:
@@ -562,6 +577,19 @@ def test_a_folder_that_goes_and_comes_back_is_heard_again(
     time.sleep(0.5)
     stage.write_bytes(RIGHT)
     assert "1 repaired, 0 new" in running.wait_for("repaired,")
+
+
+def test_a_save_in_place_of_a_link_is_noticed(
+    watcher: Callable[..., Watcher], stage: Path, tmp_path: Path
+) -> None:
+    link = tmp_path / "links" / NAME
+    link.parent.mkdir()
+    link.symlink_to(stage)
+    running = watcher(link)
+    temporary = link.with_name("saved")
+    temporary.write_bytes(WRONG)
+    temporary.replace(link)
+    assert "0 repaired, 1 new" in running.wait_for("repaired,")
 
 
 def test_a_folder_that_is_gone_before_it_is_watched_ends_nothing(tmp_path: Path) -> None:

@@ -56,12 +56,15 @@ def folders_of(files: Iterable[str]) -> dict[str, int]:
     """Return the folders of files, of folders all that are in them, with what tells each anew.
 
     The folder above each belongs to them, or the nearest that there is: it tells when a folder
-    goes and comes back.
+    goes and comes back. So does the folder of a link, which may come to lead elsewhere.
     """
     folders: set[str] = set()
-    for path in map(os.path.realpath, files):
+    for file in files:
+        path = os.path.realpath(file)
         inside = (folder for folder, _, _ in os.walk(path))
         folders.update(inside if Path(path).is_dir() else [str(Path(path).parent)])
+        if Path(file).is_symlink():
+            folders.add(os.path.realpath(Path(file).parent))
     above = {str(next(filter(Path.is_dir, Path(folder).parents))) for folder in folders - {os.sep}}
     numbers = {folder: stamp(Path(folder)) for folder in folders | above}
     return {folder: number[2] for folder, number in numbers.items() if number is not None}
@@ -74,6 +77,12 @@ def stamp(path: Path) -> Stamp | None:
     except OSError:
         return None
     return status.st_mtime_ns, status.st_size, status.st_ino
+
+
+def seen(name: str) -> tuple[str, Stamp | None]:
+    """Return the file that a name leads to, and what changes when that is written."""
+    file = os.path.realpath(name)
+    return file, stamp(Path(file))
 
 
 def holds(top: str, changed: Iterable[str]) -> bool:
@@ -224,7 +233,7 @@ class _Session:
         self._options = options
         self._reports: dict[str, Report] = {}
         self._files: dict[str, frozenset[str]] = {}
-        self._stamps: dict[str, Stamp | None] = {}  # of the stages as they were judged
+        self._seen: dict[str, tuple[str, Stamp | None]] = {}  # the stages as they were judged
         self._version = 0
         self._shared_files = self._used_by_shared()
 
@@ -246,8 +255,8 @@ class _Session:
 
     def _missed(self) -> frozenset[str]:
         """Return the stages that were saved when nobody listened yet."""
-        then = self._stamps.items()
-        return frozenset(path for path, before in then if stamp(Path(path)) not in {before, None})
+        now = ((seen(name), then) for name, then in self._seen.items())
+        return frozenset(file for (file, saved), then in now if saved and (file, saved) != then)
 
     def _folders(self, given: Iterable[str]) -> dict[str, int]:
         used = (file for files in self._files.values() for file in files)
@@ -262,7 +271,7 @@ class _Session:
 
     def judge_changed(self, changed: frozenset[str]) -> None:
         """Judge what depends on the files that were saved, and not judged in the meantime."""
-        changed -= {path for path, then in self._stamps.items() if stamp(Path(path)) == then}
+        changed -= {then[0] for name, then in self._seen.items() if seen(name) == then}
         tops = self._watched.shared
         is_shared = bool(changed & self._shared_files) or any(holds(top, changed) for top in tops)
         if is_shared:
@@ -325,16 +334,16 @@ class _Session:
         path = Path(name)
         until = time.monotonic() + PATIENCE
         while True:
-            before, is_over = stamp(path), time.monotonic() > until
+            before, is_over = seen(name), time.monotonic() > until
             report = None
             if is_over or path.is_dir() or may_be_whole(path):
                 report = self._judged_once(name, is_over=is_over)
             is_whole = report is not None and (
                 is_over or all(result.verdict != "unreadable" for result in report.results)
             )
-            if report is not None and is_whole and stamp(path) == before:
+            if report is not None and is_whole and seen(name) == before:
                 self._reports[name] = report
-                self._stamps[str(path.resolve())] = before
+                self._seen[name] = before
                 return
             time.sleep(_PAUSE)
             _forget([str(path.resolve())])
