@@ -9,7 +9,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parent
 LAB_VARIABLE = "LAB3_LAB"
 PROGRAMS = ("lab3", "usdlab")  # the same program; the second names no lab
-_PROGRAM = re.compile(rf"(?<![.\w])(_?){PROGRAMS[0]}(?!-usd|\.toml|\w)")
+_PROGRAM = re.compile(rf"(?<![.\w])(_?){PROGRAMS[0]}(?!-usd|\.toml|:|\w)")
 
 
 def program() -> str:

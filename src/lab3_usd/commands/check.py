@@ -129,7 +129,7 @@ def _untrusting_judge(options: Mapping[str, Any]) -> Judge:
 
 
 def _notify(line: str) -> None:
-    click.echo(f"lab3: {line}", err=True)
+    click.echo(f"{program()}: {line}", err=True)
 
 
 def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:

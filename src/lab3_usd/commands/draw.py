@@ -18,6 +18,7 @@ from lab3_usd.commands.steps.options import (
     use_config,
 )
 from lab3_usd.commands.steps.pictures import ENDINGS, encoder
+from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
 from lab3_usd.files import refuse_existing, write_whole
 from lab3_usd.report.picture.svg import THEMES
@@ -104,7 +105,7 @@ def command(target: str, folder: Path, **options: Any) -> None:
         write_whole(path, encode(picture), force=force)
         click.echo(path)
     for crash in drawing.crashes:
-        click.echo(f"lab3: rule {crash.rule} failed: {crash.error}", err=True)
+        click.echo(f"{program()}: rule {crash.rule} failed: {crash.error}", err=True)
     if drawing.crashes:
         sys.exit(EXIT_CRASH)
 
@@ -147,7 +148,9 @@ def _of_stage(
     if number is None:
         bare = list(stage_pictures(lab, None, stage, every_port=every_port))
         if bare:
-            click.echo(f"lab3: {path} names no checkpoint; drawn as it is, not judged", err=True)
+            click.echo(
+                f"{program()}: {path} names no checkpoint; drawn as it is, not judged", err=True
+            )
         return Drawing(bare, stem)
     checkpoint = lab.checkpoints[number]
     judged = judge(lab, checkpoint, stage)

@@ -63,7 +63,7 @@ def _fix_one_of_several(stage: Path, options: Mapping[str, Any]) -> int:
     try:
         return _fix(stage, options)
     except Lab3Error as error:  # which the other stages do not wait for
-        click.echo(f"lab3: {visible(str(error))}", err=True)
+        click.echo(f"{program()}: {visible(str(error))}", err=True)
         return 2
 
 

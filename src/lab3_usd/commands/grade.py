@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from lab3_usd.commands.steps.options import asset_places, assets_option, understands_ansi
+from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
 
 if TYPE_CHECKING:
@@ -215,7 +216,7 @@ def _write_for_platform(options: dict[str, Any]) -> None:
         options["gradebook"],
         options["roster"],
         class_of(options["out"]),
-        lambda line: click.echo(f"lab3: {line}", err=True),
+        lambda line: click.echo(f"{program()}: {line}", err=True),
         options["column"],
     )
     click.echo(path)
@@ -303,7 +304,7 @@ def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
     )
     graded = grade_alone(submission, settings, _notify)
     if graded["status"] == "tool failed":
-        click.echo(f"lab3: {graded['reason']}", err=True)
+        click.echo(f"{program()}: {graded['reason']}", err=True)
         sys.exit(EXIT_CRASH)
     write_report(graded["reports"][GRADESCOPE], None if out is None else str(out))
 
@@ -315,7 +316,7 @@ def _limits(options: Mapping[str, Any]) -> Limits:
 
 
 def _notify(line: str) -> None:
-    click.echo(f"lab3: {line}", err=True)
+    click.echo(f"{program()}: {line}", err=True)
 
 
 def _runner(cluster: str | None) -> Any:

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from lab3_usd.commands.steps.options import script_options
+from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.lab.scripts import fill_template
 from lab3_usd.sim.execution.drive import COMMANDS, RATE, Leg, fixed_drive
@@ -33,6 +34,7 @@ def isaac_script(lab: Lab, script: Path) -> str:
     ]
     return fill_template(
         "play.py.j2",
+        program=program(),
         title=lab.title,
         script=script.name,
         stages=[checkpoint.file for checkpoint in lab.checkpoints.values()],

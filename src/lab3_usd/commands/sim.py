@@ -158,7 +158,9 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
     "--bag", type=click.Path(path_type=Path), help="Record it as a bag (MCAP) in this new folder."
 )
 @click.option(
-    "--live", is_flag=True, help="Run in real time over DDS, driven by /cmd_vel (extra live)."
+    "--live",
+    is_flag=True,
+    help="Run in real time over DDS, driven by the topic of commands (extra live).",
 )
 @click.option("--seconds", type=float, metavar="S", help="End --live after so many seconds.")
 def command(stage: Path, **options: Any) -> None:

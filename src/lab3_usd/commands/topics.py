@@ -41,7 +41,7 @@ def command(
 
     For each topic: its name as ROS 2 will see it, message type and node; with -v also frames,
     queue size, the QoS profile that Isaac Sim 6.0.1 would use, and what sets the pace. A node that
-    nothing drives publishes never. Nodes of which nothing is known are counted.
+    nothing triggers publishes never. Nodes of which nothing is known are counted.
     """
     from textwrap import wrap
 

@@ -10,6 +10,7 @@ import click
 
 from lab3_usd.commands.steps.options import chosen, wants_color, width
 from lab3_usd.config.settings import with_config_applied
+from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
 from lab3_usd.files import absence
 from lab3_usd.judge.results import STAGE_ENDINGS
@@ -92,10 +93,12 @@ def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
 
     if written is not None:
         count = write_baseline(report, written)
-        click.echo(f"lab3: {count} finding{'s' * (count != 1)} written to {written}", err=True)
+        click.echo(
+            f"{program()}: {count} finding{'s' * (count != 1)} written to {written}", err=True
+        )
     compared = without_known(report, written or given, options)
     if compared.gone:
-        click.echo(f"lab3: {len(compared.gone)} of {given} found no longer:", err=True)
+        click.echo(f"{program()}: {len(compared.gone)} of {given} found no longer:", err=True)
     for finding in compared.gone:
         click.echo(f"  {finding.file}: {finding.rule} {finding.site}", err=True)
     return compared.report

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
+from lab3_usd.data import program
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 
@@ -30,7 +31,8 @@ class PoolSettings(Struct, frozen=True):
 
     `lab` is the folder of another lab than the bundled one, `assets` the folders in which the
     grader has what lies at these addresses. With `merge`, what the last upload of a student lacks
-    comes from the ones before. With `with_report`, an answer holds the report as data too.
+    comes from the ones before. With `with_report`, an answer holds the report as data too. `typed`
+    is the name by which the program was started.
     """
 
     starter: Path | None
@@ -42,6 +44,7 @@ class PoolSettings(Struct, frozen=True):
     assets: dict[str, Path] = {}
     merge: bool = False
     with_report: bool = False
+    typed: str = msgspec.field(default_factory=program)
 
 
 class Task(Struct, frozen=True):

@@ -52,6 +52,7 @@ def main() -> None:
     tasks, answers = _channels()
     with tasks, answers:
         start = decode(tasks.readline(), Start)
+        sys.argv = [start.settings.typed]
         with assets_at(start.settings.assets):
             _serve(start, tasks, answers)
 

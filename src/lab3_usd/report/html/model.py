@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from lab3_usd.check.ros.topics import endpoints
 from lab3_usd.check.tf.frames import published_edges, unknown_publishers, unresolved_frames
+from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, StageError
 from lab3_usd.model.finding import ChecklistItem, Crash, Severity, StageResult, section_key
 from lab3_usd.report.blocks import Block, Fault, Stages
@@ -256,7 +257,9 @@ def _fix_command(block: Block, fault: Fault, *, graded: bool) -> str:
     if len(paths) > 1 and block.submission is not None:
         paths = ["." if graded else block.path]
     lint = ["--lint"] if block.is_linted else []
-    return shlex.join(["lab3", "fix", *paths, *lint, "--select", fault.finding.rule, "--in-place"])
+    return shlex.join(
+        [program(), "fix", *paths, *lint, "--select", fault.finding.rule, "--in-place"]
+    )
 
 
 def ranks(page_cards: Sequence[Card], lab: Lab) -> tuple[Rank, ...]:

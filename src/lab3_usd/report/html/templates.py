@@ -18,6 +18,7 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup, escape
 
+from lab3_usd.data import program
 from lab3_usd.report.picture.svg import PALETTES, stylesheet
 from lab3_usd.report.safe_text import visible
 
@@ -71,6 +72,7 @@ def environment() -> jinja2.Environment:
         lstrip_blocks=True,
         finalize=_finalized,
     )
+    environment.globals["program"] = program
     environment.filters.update(picture=own_markup, path=_path, prose=_prose)
     return environment
 
