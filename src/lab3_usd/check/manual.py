@@ -1,4 +1,8 @@
-"""Fills the names of a lab into the manuals of the rules: `{lidar_link}` is its lidar's link."""
+"""Fills the names of a lab into the manuals of the rules: `{lidar_link}` is its lidar's link.
+
+What stands between `{wheels?}` and `{/}` is for labs with that part (`PARTS`), what stands behind
+an `{else}` there for the others.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +18,12 @@ from lab3_usd.data import as_called
 from lab3_usd.spec.lab import Lab
 
 _NAME = r"\{(\w+)\}"
+_CHOICE = re.compile(r"\{([a-z ]+)\?\}((?:(?!\{[a-z ]+\?\}).)*?)\{/\}", re.DOTALL)  # innermost
+_ELSE = "{else}"
 _LAST_STAGE = 4  # as many as examples tell apart
 _MESSAGES = {  # what tells the topics that manuals name
     "scan": "sensor_msgs/msg/LaserScan",
     "commands": "geometry_msgs/msg/Twist",
-    "odometry": "nav_msgs/msg/Odometry",
     "map_topic": "nav_msgs/msg/OccupancyGrid",
 }
 # What manuals say where there is no lab, or the lab has no such thing.
@@ -26,11 +31,11 @@ PLAIN: Mapping[str, str] = {
     "robot": "/World/Robot",
     "base": "base_link",
     "link": "arm_link",
-    "wheel": "left_wheel",
-    "other_wheel": "right_wheel",
-    "joint": "left_wheel_joint",
-    "other_joint": "right_wheel_joint",
-    "joint_path": "/World/Robot/joints/left_wheel_joint",
+    "wheel": "link_1",
+    "other_wheel": "link_2",
+    "joint": "joint_1",
+    "other_joint": "joint_2",
+    "joint_path": "/World/Robot/joints/joint_1",
     "world": "/World",
     "lidar": "/World/Robot/base_link/Lidar",
     "lidar_name": "Lidar",
@@ -55,7 +60,6 @@ PLAIN: Mapping[str, str] = {
     "map_image": "map.pgm",
     "scan": "/scan",
     "commands": "/cmd_vel",
-    "odometry": "/odom",
     "map_topic": "/map",
     "root": "odom",
     "above": "map",
@@ -116,8 +120,17 @@ def in_words_of(lab: Lab | None, manual: str) -> str:
     manual = as_called(manual)
     if "{" not in manual:
         return manual
+    while (chosen := _CHOICE.sub(lambda choice: _chosen(lab, choice), manual)) != manual:
+        manual = chosen
     words = PLAIN if lab is None else _words(lab)
     return re.sub(_NAME, lambda name: words[name[1]], manual)
+
+
+def _chosen(lab: Lab | None, choice: re.Match[str]) -> str:
+    """Return what of a choice is for a lab; where there is none, what is for labs with the part."""
+    has_part = lab is None or PARTS[choice[1]](lab)
+    for_it, _, for_others = choice[2].partition(_ELSE)
+    return for_it if has_part else for_others
 
 
 @lru_cache(maxsize=4)
@@ -133,7 +146,9 @@ def _words(lab: Lab) -> Mapping[str, str]:
         topics = (topic for topic, spec in lab.topics.items() if spec.type == message)
         words.append((name, next(topics, "")))
     published = [topic for topic, spec in lab.topics.items() if not spec.subscribed]
+    received = [topic for topic, spec in lab.topics.items() if spec.subscribed]
     words.append(("scan", dict(words)["scan"] or _at(published, 1)))
+    words.append(("commands", dict(words)["commands"] or _at(received, 0)))
     words += [("root", lab.frames.root), ("above", lab.frames.above)]
     return {**PLAIN, **{name: word for name, word in words if word}}
 
@@ -150,6 +165,7 @@ def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
     placed = [name for name in links if robot.links[name].offset is not None]
     yield "robot", robot.path
     yield "base", robot.base_frame
+    yield "lidar_link", robot.base_frame  # unless there is one
     yield "link", _at(placed, 0) or _at(links[::-1], 0) or _at(wheels, 0)
     yield "wheel", _at(wheels, 0)
     yield "other_wheel", _at(wheels, 1)

@@ -184,7 +184,7 @@ def software_missing(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Fix: install it, for Humble `sudo apt install ros-humble-` and its name with dashes.
 
-    Example: `rqt_image_view` is missing.
+    Example: `tf2_tools` is missing.
     """
     for shown in subject.evidence.packages.get("", ())[-1:]:
         for package, title in subject.ros.system.packages.items():
@@ -216,15 +216,16 @@ def forbidden_transform_shown(subject: EvidenceSubject) -> Iterator[Problem]:
 def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     """The saved TF tree lacks a required frame, or the frame has another parent.
 
-    Why: a component that needs the transform from `{above}` to `{lidar_link}`, as Nav2 does for
-    every scan, waits for ever. A tree that only lacks `{above} -> {root}` may have been saved
+    Why: a component that needs the transform{localization?} from `{above}`{/} to `{lidar_link}`
+    waits for ever. {localization?}A tree that only lacks `{above} -> {root}` may have been saved
     before localization, with the stage: a note, or an error if evidence is required, because it
-    does not show the final tree.
+    does not show the final tree.{/}
 
-    Fix: set the initial pose if `map -> odom` is missing. Repair the odometry and TF graph if a
-    frame of the robot is missing. Then run `view_frames` again while Isaac Sim plays.
+    Fix: {localization?}set the initial pose if `{above} -> {root}` is missing. {/}Repair the graph
+    that publishes the frame. Then run `view_frames` again while Isaac Sim plays.
 
-    Example: the tree starts at `odom`, because no initial pose was set.
+    Example: {localization?}the tree starts at `{root}`, because no initial pose was
+    set{else}`{link}` is missing, because its node was not triggered{/}.
     """
     required: list[tuple[str, str]] = [*subject.frames.edges]
     localization = subject.frames.localization
@@ -282,7 +283,7 @@ def frame_with_two_parents(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Fix: find both publishers with `ros2 topic info /tf --verbose`, and delete the wrong one.
 
-    Example: one run of `view_frames` shows `map -> odom`, the next `world -> odom`.
+    Example: one run of `view_frames` shows `{base} -> {link}`, the next `world -> {link}`.
     """
     forbidden = subject.frames.is_forbidden  # of such a transform E10 speaks
     first: dict[str, tuple[str, str]] = {}
@@ -301,10 +302,10 @@ def frame_with_two_parents(subject: EvidenceSubject) -> Iterator[Problem]:
 def transform_lookup_failed(subject: EvidenceSubject) -> Iterator[Problem]:
     """`tf2_echo` never printed the requested transform.
 
-    Why: the two frames are not connected, or no simulation time arrives. Localization and
-    navigation need the same transform.
+    Why: the two frames are not connected, or no simulation time arrives. Every subscriber that
+    needs the transform waits for it.
 
-    Fix: check `{root} -> {base}` first, then AMCL and the initial pose.
+    Fix: check `{root} -> {base}` first{localization?}, then AMCL and the initial pose{/}.
 
     Example: the output repeats `Waiting for transform {above} -> {base}`.
     """
@@ -330,13 +331,13 @@ def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Why: a recording of `ros2 bag record` holds what the other commands print, and how the robot
     moved. What an evidence rule would say of an output is an error; what is measured (motion,
-    stamps, scans) is a warning, as its tolerances are those of `lab3 bag`. What was not recorded is
-    no fault, and neither is what another recording shows to be right.
+    stamps, ranges) is a warning, as its tolerances are those of `lab3 bag`. What was not recorded
+    is no fault, and neither is what another recording shows to be right.
 
     Fix: run `lab3 bag` on the recording, which shows all of it. Repair the graph that it names and
     record again.
 
-    Example: `/odom is offered transient_local, not volatile`.
+    Example: `{scan} is offered transient_local, not volatile`.
     """
     by_name: dict[str, list[tuple[RecordingShown, Check]]] = {}
     for recording in subject.evidence.recordings:
@@ -371,8 +372,8 @@ def recording_not_read(subject: EvidenceSubject) -> Iterator[Problem]:
     Why: it shows nothing then. One that was not ended by Ctrl-C lacks its end, and large ones are
     not opened. Where the checking computer lacks the extra `sim`, it is a note.
 
-    Fix: end `ros2 bag record` with Ctrl-C, leave images out (`collect.sh --bag` does), and hand in
-    the whole folder.
+    Fix: end `ros2 bag record` with Ctrl-C{camera?}, leave images out (`collect.sh --bag` does){/},
+    and hand in the whole folder.
 
     Example: `run_0.mcap` is missing.
     """

@@ -77,7 +77,7 @@ def topic_not_listed(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Fix: save `ros2 topic list` again while the whole system runs.
 
-    Example: `/map` is missing, because the list was saved before the map server was started.
+    Example: `{scan}` is missing, because the list was saved before Play was pressed.
     """
     lists = subject.evidence.topic_list.get("", ())
     if not lists:
@@ -121,12 +121,12 @@ def _without_rate(shown: Observation[float], topic: TopicSpec) -> Iterator[Probl
 def message_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     """A message has another frame than the handout asks for, or no message arrived.
 
-    Why: RViz and Nav2 look up the frame in the TF tree. A scan in `sim_lidar` is not connected to
-    the tree and is dropped.
+    Why: {navigation?}RViz and Nav2 look{else}a subscriber looks{/} up the frame in the TF tree. A
+    message in a frame that is not in the tree is dropped.
 
     Fix: set the frame id of the publishing node, and echo one message again.
 
-    Example: `header.frame_id` of `{scan}` is `sim_lidar` instead of `{lidar_link}`.
+    Example: `header.frame_id` of `{scan}` is the default of its node instead of `{lidar_link}`.
     """
     yield from _judged(subject, subject.evidence.topic_echo, _wrong_message)
 
@@ -177,11 +177,11 @@ def _differing(
 def qos_durability(subject: EvidenceSubject) -> Iterator[Problem]:
     """A publisher has another durability than the handout's table.
 
-    Why: a subscriber that requests transient local receives nothing from a volatile publisher. A
-    volatile map never reaches an RViz that was started later.
+    Why: a subscriber that requests transient local receives nothing from a volatile publisher.
+    {map?}A volatile map never reaches an RViz that was started later.{/}
 
-    Fix: leave `qosProfile` at its default in the graphs. `{map_topic}` comes from map_server, which
-    needs no setting.
+    Fix: leave `qosProfile` at its default in the graphs. {map?}`{map_topic}` comes from map_server,
+    which needs no setting.{/}
 
     Example: `{scan}` is published transient local.
     """
@@ -204,13 +204,13 @@ def _wrong_durability(
 def topic_publishers(subject: EvidenceSubject) -> Iterator[Problem]:
     """A topic has no publisher, or more than one.
 
-    Why: two sources of odometry or of a scan disagree, and subscribers jump between them. Several
-    publishers of `/tf` are normal.
+    Why: two sources disagree, and subscribers jump between them. Several publishers of `/tf` are
+    normal.
 
     Fix: find the second graph that publishes it and delete it. Often a menu of Isaac Sim created
     it.
 
-    Example: `Publisher count: 2` for `{odometry}`.
+    Example: `Publisher count: 2` for `{scan}`.
     """
     yield from _judged(subject, subject.evidence.topic_info, _wrong_publishers)
 

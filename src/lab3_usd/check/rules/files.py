@@ -90,7 +90,7 @@ def muted_sublayer(subject: StageSubject) -> Iterator[Problem]:
 
     Fix: open Window > Layer, click the eye of the layer named here to unmute it, and save.
 
-    Example: `{next_graph_name}` is in `drive.usda`, which is muted.
+    Example: `{next_graph_name}` is in `part.usda`, which is muted.
     """
     for muted in subject.stage.muted:
         parts = _lab_parts(subject, muted.prims)

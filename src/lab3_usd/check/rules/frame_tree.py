@@ -49,7 +49,7 @@ def two_parents(view: TfView) -> Iterator[Problem]:
     Fix: decide which publisher places the frame, and delete or correct the other. All graphs of the
     stage count, also those under `/Graph`.
 
-    Example: `/Graph/ROS_Odometry` publishes `{root} -> {link}` beside the lab's `{base} -> {link}`.
+    Example: `/Graph/Frames` publishes `{root} -> {link}` beside the lab's `{base} -> {link}`.
     """
     rings = set(frames_in_cycles(_open_edges(view)))
     clashes: dict[str, list[tuple[Edge, list[Edge]]]] = {}
@@ -182,8 +182,8 @@ def ring_of_frames(view: TfView) -> Iterator[Problem]:
 def frames_not_connected(view: TfView) -> Iterator[Problem]:
     """A transform is not connected to the tree of the robot.
 
-    Why: tf2 cannot transform between two trees. From localization on, the one tree begins at the
-    frame of the map.
+    Why: tf2 cannot transform between two trees. {localization?}From localization on, the one tree
+    begins at the frame of the map.{/}
 
     Fix: publish the frame below a frame of the robot, or delete its publisher. A node with an empty
     Parent Prim puts its frames below `world`, which is not a frame of this lab.

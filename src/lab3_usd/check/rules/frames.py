@@ -120,8 +120,8 @@ def _why_not_all(maker: FrameSource, missing: list[str], view: TfView) -> str:
 def wrong_parent_frame(view: TfView) -> Iterator[Problem]:
     """A required frame has another parent than the lab asks for.
 
-    Why: the robot's frames must come together in `{base}`, which odometry moves. A frame with
-    another parent stays behind when the robot drives.
+    Why: the robot's frames must come together in `{base}`. A frame with another parent stays behind
+    when the robot moves.
 
     Fix: set Parent Prim of Isaac Compute Transform Tree to `{base}`, and publish each frame only
     there. If the parent prim has a name override, clear it.

@@ -34,7 +34,7 @@ def _inactive(subject: GraphSubject) -> GraphModel | None:
 def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
     """An Action Graph of the handout is missing or deactivated.
 
-    Why: whatever the graph publishes or drives does not exist. Its nodes are not reported one by
+    Why: nothing of what the graph publishes or commands exists. Its nodes are not reported one by
     one.
 
     Fix: select the graph's parent in the Stage panel, open Window > Graph Editors > Action Graph,

@@ -304,8 +304,9 @@ def _silencing_values(
 def other_scan(subject: StageSubject) -> Iterator[Problem]:
     """The lidar scans part of the circle, is tilted, or publishes points in another form.
 
-    Why: the map and AMCL assume a full circle at the height of the lidar. Walls outside the scanned
-    part are missing. What the lidar sees above or below appears as a wall in its plane.
+    Why: {map?}the map and AMCL assume{else}who receives it expects{/} a full circle at the height
+    of the lidar. Walls outside the scanned part are missing. What the lidar sees above or below
+    appears as a wall in its plane.
 
     Fix: select the lidar, search the Property panel for the name given here and type the expected
     value, or reset it with the blue square beside it.

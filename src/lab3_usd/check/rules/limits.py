@@ -18,7 +18,7 @@ from lab3_usd.spec.values import Value
 def limit_without_time_step(subject: GraphSubject) -> Iterator[Problem]:
     """An acceleration limit is set, but its time step is not connected.
 
-    Why: the Differential Controller needs the elapsed time to limit an acceleration. With a limit
+    Why: the controller needs the elapsed time to limit an acceleration. With a limit
     other than 0 and `dt` at 0 it skips every step, and the robot never moves.
 
     Fix: set the limit back to 0, or connect `deltaSeconds` of On Playback Tick to `dt`.

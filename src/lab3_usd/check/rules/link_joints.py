@@ -53,8 +53,8 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
     """The robot has no articulation root, two of them, or one on the wrong prim.
 
     Why: the Articulation Controller looks for the articulation at its target prim and below.
-    Without one it reports an error in the console, and nothing moves. Odometry needs only the rigid
-    body. An articulation root on the robot root works too, with the robot root as the target.
+    Without one it reports an error in the console, and nothing moves. An
+    articulation root on the robot root works too, with the robot root as the target.
 
     Fix: select the prim and choose Add > Physics > Articulation Root. Remove another one with the
     cross beside it in the Property panel.
@@ -118,10 +118,10 @@ def joined_links(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 def loose_link(subject: StageSubject) -> Iterator[Problem]:
     """No joint ties a link of the robot to the other links, or one lets the wrong link move.
 
-    Why: the robot separates at Play: the link stays behind or rolls away. Other rules check the
-    wheels. If several links come off together, the finding names the first. The body of the robot,
-    and a link whose place on it the handout gives, must be held upright by a fixed joint. Where the
-    joint holds it tilted, it turns over at Play.
+    Why: the robot separates at Play: the link stays behind or falls. {wheels?}Other rules check the
+    wheels.{/} If several links come off together, the finding names the first. The body of the
+    robot, and a link whose place on it the handout gives, must be held upright by a fixed joint.
+    Where the joint holds it tilted, it turns over at Play.
 
     Fix: undo the deletion of the joint, or start again from the supplied file. The handout says not
     to recreate the robot's physics.
@@ -224,7 +224,7 @@ def _movable(subject: StageSubject, link: str, handout: str) -> Iterator[Problem
             )
 
 
-@rule("S21", "held-by-the-world", scope="stage")
+@rule("S21", "held-by-the-world", scope="stage", needs="wheels")
 def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
     """A joint ties the robot to the world, or to a prim that is not part of the robot.
 

@@ -347,7 +347,7 @@ def script_node(subject: StageSubject) -> Iterator[Problem]:
     Fix: delete the node. If a prim carries the script, remove Python Scripting in the Property
     panel.
 
-    Example: a Script Node that publishes odometry from Python.
+    Example: a Script Node that publishes a topic from Python.
     """
     for script in subject.stage.scripts:
         is_node = subject.lab.catalog.scripts.runs(script.carrier)

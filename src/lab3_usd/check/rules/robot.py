@@ -67,8 +67,8 @@ def _links(subject: StageSubject) -> Iterator[tuple[Prim, LinkSpec]]:
 def link_mass(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot does not have the mass in the handout.
 
-    Why: the drive is tuned for these masses. A heavier base may slip or crawl, a lighter one may
-    tip.
+    Why: the joints are tuned for these masses. {wheels?}A heavier base may slip or
+    crawl, a lighter one may tip.{/}
 
     Fix: select the link, find Mass in the Property panel under Physics and type the value named
     here. Do not recreate the robot's physics.
@@ -109,14 +109,15 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
 def rigid_body(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot is not a rigid body, or is one that cannot move; or the root is one.
 
-    Why: a prim that is not a rigid body has no mass and no joints. The wheel does not turn, or the
-    robot falls apart or hangs in the air. A robot root that is a rigid body, and that no joint ties
-    to a link, falls by itself, and PhysX does not simulate the bodies below it as asked.
+    Why: a prim that is not a rigid body has no mass and no joints. {wheels?}The wheel does not
+    turn, or the{else}The{/} robot falls apart or hangs in the air. A robot root that is a rigid
+    body, and that no joint ties to a link, falls by itself, and PhysX does not simulate the bodies
+    below it as asked.
 
     Fix: select the link, choose Add > Physics > Rigid Body, or tick Rigid Body Enabled and clear
     Kinematic Enabled in the Property panel. Remove Rigid Body from the root.
 
-    Example: `PhysicsRigidBodyAPI` removed from `{robot}/{wheel}`.
+    Example: `PhysicsRigidBodyAPI` removed from `{robot}/{link}`.
     """
     handout = subject.lab.scene.robot.handout
     for prim, _ in _links(subject):
@@ -222,13 +223,13 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
 def link_scale(subject: StageSubject) -> Iterator[Problem]:
     """A link of the robot is scaled.
 
-    Why: the scale of a body scales its shapes and the positions of its joints. A wheel of another
-    size changes the speed, and a larger wheel distance changes the turn rate. A run never changes a
-    scale.
+    Why: the scale of a body scales its shapes and the positions of its joints. {wheels?}A wheel of
+    another size changes the speed, and a larger wheel distance changes the turn rate.{/} A run
+    never changes a scale.
 
     Fix: select the link and set Scale to (1, 1, 1) in the Property panel.
 
-    Example: `xformOp:scale` (1, 1, 1.5) on `{robot}/{wheel}`.
+    Example: `xformOp:scale` (1, 1, 1.5) on `{robot}/{link}`.
     """
     tolerance = subject.lab.scene.tolerance.scale
     handout = subject.lab.scene.robot.handout

@@ -217,7 +217,7 @@ def _link_offsets(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
             yield Demand(f"Scene/offset/{name}", title, f"{robot.path}/{name}", link.handout)
 
 
-@rule("S17", "scan-offset", scope="stage", demands=_link_offsets)
+@rule("S17", "link-place", scope="stage", formerly="scan-offset", demands=_link_offsets)
 def scan_offset(subject: StageSubject) -> Iterator[Problem]:
     """A link that a sensor needs is not at its place on the robot.
 
@@ -370,7 +370,7 @@ def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
     """The first checkpoint holds parts of later checkpoints.
 
     Why: the first checkpoint shows the supplied scene. Leftovers of a finished lab publish beside
-    the student's own graphs: two clocks, two odometries, two parents of one frame.
+    the student's own graphs: two clocks, two parents of one frame.
 
     Fix: open the supplied file and save it as the first checkpoint before adding anything. Delete
     the prims named here.

@@ -350,7 +350,7 @@ def sensor_pose(subject: StageSubject) -> Iterator[Problem]:
 
     Why: what the sensor measures is published in the frame of its link, and belongs to another
     place or direction. With `!resetXformStack!` the sensor ignores its link and stays where it is
-    while the robot drives away. As a separate rigid body it falls.
+    while the robot moves away. As a separate rigid body it falls.
 
     Fix: select the sensor and set Translate, Orient and Scale to the values of the handout. Remove
     `!resetXformStack!` from `xformOpOrder`, and remove Rigid Body.

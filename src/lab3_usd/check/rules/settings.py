@@ -111,7 +111,7 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: select the node and type the value named here into its field in the Property panel.
 
-    Example: `topicName` 'scan1' instead of '{scan}': a subscriber waits for messages that never
+    Example: `topicName` '{scan}1' instead of '{scan}': a subscriber waits for messages that never
     come.
     """
     swapped = _swapped(subject)
@@ -147,8 +147,8 @@ def wrong_default(subject: GraphSubject) -> Iterator[Problem]:
     """An input still has its default, but the handout asks for another value.
 
     Why: a field that was never edited is not written into the file, and Isaac Sim 6.0.1 uses its
-    own default. The defaults of `useDomainIDEnvVar` and `resetOnStop` are True. The default frame
-    ids are base_link, sim_lidar and sim_camera.
+    own default. The defaults of `useDomainIDEnvVar` and `resetOnStop` are True. A default frame id
+    need not be a frame of the robot.
 
     Fix: select the node and set the field named here in the Property panel.
 
@@ -171,7 +171,7 @@ def wrong_value_type(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: delete the node, add it again from the node list, and set its fields.
 
-    Example: `inputs:wheelRadius` written as a string by a script, although it is a double.
+    Example: `inputs:queueSize` written as a string by a script, although it is a number.
     """
     for found in settings_of(subject):
         port = found.spec.type.port(found.setting.port)
@@ -188,8 +188,8 @@ def wrong_value_type(subject: GraphSubject) -> Iterator[Problem]:
 def swapped_values(subject: GraphSubject) -> Iterator[Problem]:
     """Two nodes hold each other's value.
 
-    Why: with the wheel names exchanged, the left command goes to the right wheel, and the robot
-    turns the wrong way.
+    Why: each value reaches the other node's user. {wheels?}With the wheel names exchanged, the left
+    command goes to the right wheel, and the robot turns the wrong way.{/}
 
     Fix: exchange the two values in the Property panel.
 
@@ -284,7 +284,8 @@ def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: reset the field in the Property panel unless your instructor asked for the value.
 
-    Example: `maxWheelSpeed` 2: the robot drives at most at 0.05 m/s.
+    Example: {wheels?}`maxWheelSpeed` 2: the robot drives at most at 0.05 m/s{else}`timeNumerator`
+    2: the time step is another one{/}.
     """
     policy = subject.lab.policy
     left = (*policy.keep_default, policy.namespace)
@@ -338,7 +339,7 @@ def namespace(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: select the node and clear nodeNamespace in the Property panel.
 
-    Example: `nodeNamespace` 'tb3' on the clock publisher: the topic is /tb3/clock.
+    Example: `nodeNamespace` 'lab' on the clock publisher: the topic is /lab/clock.
     """
     for node, spec, port, value in _changed(subject):
         is_name = resolved_topic(str(value)) or str(value).isspace()
@@ -381,7 +382,7 @@ def stamp_reset(subject: StageSubject) -> Iterator[Problem]:
     """The time of a sensor restarts on Stop while the clock continues.
 
     Why: the clock has resetOnStop False. The sensor helpers reset their own time by default.
-    After Stop and Play, scans and images have time stamps in the past. There is one finding for the
+    After Stop and Play, their messages have time stamps in the past. There is one finding for the
     stage.
 
     Fix: set resetSimulationTimeOnStop False on the helpers, or restart Isaac Sim between runs. The
@@ -420,7 +421,7 @@ def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
 
     Fix: select the prim named here and clear its Namespace in the Property panel.
 
-    Example: `isaac:namespace` 'tb3' on the robot root.
+    Example: `isaac:namespace` 'lab' on the robot root.
     """
     attribute, stage, lab = subject.lab.policy.namespace_attribute, subject.stage, subject.lab
     live = live_nodes(stage, lab)

@@ -26,8 +26,8 @@ _SHOWN = 4  # differences that a message names
 def starter_prim_missing(subject: StarterSubject) -> Iterator[Problem]:
     """A prim of the supplied scene is missing, with everything below it.
 
-    Why: a missing link, joint or collider changes how the robot stands and drives. A missing wall
-    changes what sensors see. Lights, cameras and visual prims are a warning.
+    Why: a missing link, joint or collider changes how the robot stands and moves. A missing wall
+    changes what sensors see. Lights and visual prims are a warning.
 
     Fix: undo the deletion, or activate the prim (right-click in the Stage panel, Activate). If it
     was deleted long ago, open the supplied file again and repeat the steps from there.
@@ -84,7 +84,7 @@ def starter_physics_changed(subject: StarterSubject) -> Iterator[Problem]:
     """A physics value or target of the supplied scene was changed.
 
     Why: masses, inertias, frictions, drives and collision shapes are tuned together. The robot
-    slips, tips or drives differently from other submissions.
+    slips, tips or moves differently from other submissions.
 
     Fix: enter the values named here in the Property panel. The handout says not to change the
     robot's physics.
@@ -100,7 +100,7 @@ def starter_prim_moved(subject: StarterSubject) -> Iterator[Problem]:
 
     Why: a moved wall is not where sensors should see it. A moved shape touches the ground or
     another link. The poses of bodies are judged in the first checkpoint only, because a later stage
-    may have been saved after a run. The robot root has its own rule. Lights and cameras are a
+    may have been saved after a run. The robot root has its own rule. Lights and viewpoints are a
     warning.
 
     Fix: undo the move, or enter the transform of the supplied file in the Property panel.
@@ -128,7 +128,7 @@ def starter_physics_added(subject: StarterSubject) -> Iterator[Problem]:
     """Physics was added to the supplied scene that changes how the robot moves.
 
     Why: damping, friction, filters, mimic joints, and more joints, shapes and physics scenes change
-    how the robot drives, although no supplied value was changed.
+    how the robot moves, although no supplied value was changed.
 
     Fix: remove what was added, or reset the property in the Property panel.
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from itertools import pairwise
 
 from lab3_usd.check.registry import rule
+from lab3_usd.data import as_called
 from lab3_usd.model.finding import Problem, StageResult
 from lab3_usd.model.folder import StageFile, SubmissionSubject
 
@@ -274,10 +275,10 @@ def _copies(digests: Mapping[str, str], differ: tuple[str, ...]) -> dict[str, st
 def deliverable_not_found(subject: SubmissionSubject) -> Iterator[Problem]:
     """A deliverable beside the stages was not found.
 
-    Why: report, images, video, configuration and logs are deliverables. They may have been handed
+    Why: report, pictures, video, configuration and logs are deliverables. They may have been handed
     in elsewhere, so this is only a note.
 
-    Fix: put them into the submission: a report as PDF, the images in a folder, the link to the
+    Fix: put them into the submission: a report as PDF, the pictures in a folder, the link to the
     video in a text file.
 
     Example: no link to a video in any text file.
@@ -292,7 +293,7 @@ def deliverable_not_found(subject: SubmissionSubject) -> Iterator[Problem]:
         message = f"{wanted.title}: {count} found"
         yield Problem(
             ".", message, None, str(wanted.at_least), str(len(found)), wanted.handout,
-            hint=wanted.hint,
+            hint=as_called(wanted.hint),
         )  # fmt: skip
 
 

@@ -71,9 +71,9 @@ def _awaits_its_sensor(subject: GraphSubject, node: Node, target: Target) -> boo
 def missing_target(subject: GraphSubject) -> Iterator[Problem]:
     """A required relationship of a node has no target.
 
-    Why: without its target the node does nothing: it has no articulation to drive, no sensor to
-    render, or no body for odometry. Isaac Compute Transform Tree without a parent prim puts its
-    frames below `world`, separate from the robot.
+    Why: without its target the node does nothing: it has no articulation to move, no sensor to
+    read, or no body to follow. Isaac Compute Transform Tree without a parent prim puts its frames
+    below `world`, separate from the robot.
 
     Fix: select the node, click the target field in the Property panel and choose the prim.
 
@@ -93,7 +93,7 @@ def wrong_target(subject: GraphSubject) -> Iterator[Problem]:
     """A relationship targets another prim than the handout asks for.
 
     Why: the node works on the wrong prim. A helper on a sensor of another kind publishes nothing.
-    Odometry of a wheel rotates on the spot.
+    {wheels?}Odometry of a wheel rotates on the spot.{/}
 
     Fix: select the node, clear the field in the Property panel and choose the prim named here.
 
@@ -153,13 +153,12 @@ def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
 def named_render_product(subject: GraphSubject) -> Iterator[Problem]:
     """A node names a render product of another sensor, or of another size.
 
-    Why: Isaac Create Render Product uses the product that it names as it is. Its own camera prim
+    Why: Isaac Create Render Product uses the product that it names as it is. Its own sensor
     and size count for nothing then: the topic shows what another sensor sees.
 
     Fix: select the node and clear Render Product Prim in the Property panel.
 
-    Example: `renderProductPrim` of the camera graph names `/Render/Product`, whose camera is the
-    observation camera of the scene.
+    Example: `renderProductPrim` names `/Render/Product`, which shows another sensor.
     """
     for node, spec in subject.matched():
         found = wrong_product(node, spec, subject.stage.products)
@@ -201,7 +200,7 @@ def frame_is_its_own_parent(view: TfView) -> Iterator[Problem]:
     all: an error.
 
     Fix: remove the parent prim from the Target Prims of Isaac Compute Transform Tree. It is the
-    parent of the other frames, and odometry places it.
+    parent of the other frames, and another node places it.
 
     Example: Parent Prim is `{robot}/{base}`, and so is one of the Target Prims.
     """

@@ -21,9 +21,9 @@ from lab3_usd.model.prims import is_at_or_below
 def topic_published_twice(subject: StageSubject) -> Iterator[Problem]:
     """A topic has two publishers.
 
-    Why: subscribers receive both streams mixed. Two clocks make time jump back, two odometries make
-    the robot jump. Only `/tf` and `/tf_static` may have several publishers. The graph of a second
-    sensor is reported with that sensor.
+    Why: subscribers receive both streams mixed. Two clocks make time jump back{wheels?}, two
+    odometries make the robot jump{/}. Only `/tf` and `/tf_static` may have several publishers. The
+    graph of a second sensor is reported with that sensor.
 
     Fix: delete the second publisher. Most often it is a copy of the whole graph, or was created by
     an Isaac Sim menu under `/Graph`.
@@ -93,7 +93,7 @@ def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
 
     Fix: use the message type of the lab, or another topic name.
 
-    Example: a generic ROS2 Subscriber reads `{commands}` as `geometry_msgs/msg/TwistStamped`.
+    Example: a generic ROS2 Subscriber reads `{commands}` as `std_msgs/msg/String`.
     """
     played, copies = role_specs(subject), repeating_graphs(subject)
     expected = subject.lab.topics_until(subject.checkpoint.id)
@@ -187,12 +187,12 @@ def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
 def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
     """A second graph subscribes to a topic of the lab.
 
-    Why: both graphs act on every message. Two copies of the drive graph command the same wheels,
-    and a change in one has no effect while the other runs.
+    Why: both graphs act on every message. Two copies of a graph command the same joints, and a
+    change in one has no effect while the other runs.
 
     Fix: delete the copy.
 
-    Example: `/Graph/ROS_Drive` subscribes to `{commands}` beside the graph of the lab.
+    Example: `/Graph/Copy` subscribes to `{commands}` beside the graph of the lab.
     """
     played = role_specs(subject)
     takers = [e for e in endpoints(subject.stage, subject.lab) if e.direction == "subscribes"]
@@ -223,12 +223,12 @@ def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
 def topic_of_commands_published(subject: StageSubject) -> Iterator[Problem]:
     """The stage publishes a topic that the lab receives from outside.
 
-    Why: what drives the robot publishes {commands}. A publisher in the stage adds its own commands,
-    and the robot follows both in turn.
+    Why: what commands the robot publishes {commands}. A publisher in the stage adds its own
+    commands, and the robot follows both in turn.
 
     Fix: delete the publisher, or give it another topic.
 
-    Example: a ROS2 Publisher publishes geometry_msgs/msg/Twist on `{commands}`.
+    Example: a ROS2 Publisher publishes on `{commands}`.
     """
     played = role_specs(subject)
     every_endpoint = endpoints(subject.stage, subject.lab)

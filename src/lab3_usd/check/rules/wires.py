@@ -103,15 +103,15 @@ def wrong_source(subject: GraphSubject) -> Iterator[Problem]:
     """A required input is connected to the wrong node or port.
 
     Why: the node computes with another quantity, which is often always zero: y instead of x of a
-    velocity, an unscaled vector, or the linear instead of the angular velocity. A wrong execution
+    vector, one output of a node instead of another. A wrong execution
     source runs the node at another time, or only once. A publisher that is triggered only once
     opens its topic and never sends.
 
     Fix: delete the connection in the Action Graph editor and drag a new one from the port named
     here.
 
-    Example: `differential_controller.inputs:angularVelocity` connected to `outputs:x` of the
-    angular vector: the robot never turns.
+    Example: {wheels?}`differential_controller.inputs:angularVelocity` connected to `outputs:x` of
+    the angular vector: the robot never turns{else}`inputs:context` connected to the tick{/}.
     """
     for fault in _faults(subject, "wrong", "bypass"):
         message = _explain(fault, subject) + without_wire(subject, fault.wire)
@@ -164,7 +164,7 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: delete the connection unless your instructor asked for it.
 
-    Example: `differential_controller.inputs:maxLinearSpeed` connected to a constant.
+    Example: `ros2_publish_clock.inputs:queueSize` connected to a constant.
     """
     # A wire that makes a value wrong, or reaches what must keep its default, is told as that.
     reported = {
@@ -188,8 +188,8 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
 def swapped_wires(subject: GraphSubject) -> Iterator[Problem]:
     """Two inputs have each other's source.
 
-    Why: every input is connected, but two quantities are exchanged. With the wheel names reversed
-    the robot turns the wrong way. With linear and angular velocity exchanged it spins.
+    Why: every input is connected, but two quantities are exchanged. {wheels?}With the wheel names
+    reversed the robot turns the wrong way. With linear and angular velocity exchanged it spins.{/}
 
     Fix: delete both connections and connect each source to the other input.
 
@@ -264,8 +264,7 @@ def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: delete the connection, and trigger the node from the tick of On Playback Tick.
 
-    Example: `ros2_subscribe_twist.outputs:execOut` connected to
-    `differential_controller.inputs:execIn`.
+    Example: `execOut` of the subscriber to `{commands}` connected to `execIn` of a controller.
     """
     for fault in _faults(subject, "forbidden"):
         actual = _source_shown(fault)

@@ -165,7 +165,8 @@ def _silent_ground(subject: StageSubject) -> Prim | None:
 def light(subject: StageSubject) -> Iterator[Problem]:
     """The scene has no light, or all of its lights are dark.
 
-    Why: images may be black.
+    Why: {camera?}images may be black{else}the stage is black in the viewport, and so is every
+    image{/}.
 
     Fix: activate the light of the supplied file, or choose Create > Light > Dome Light. Make it
     visible, and give it an intensity above 0.
@@ -214,7 +215,7 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
     """The stage has no physics scene, or one whose gravity does not pull down.
 
     Why: Isaac Sim then uses its own gravity and time step, and the handout asks for the prim.
-    Without weight the wheels do not grip the ground.
+    Without weight nothing stays on the ground.
 
     Fix: activate or restore `physicsScene`, or choose Create > Physics > Physics Scene. Restore its
     gravity: Magnitude 9.81, and Direction (0, 0, -1). Clear Disable Gravity on the links.
@@ -333,7 +334,7 @@ def _rest(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("S19", "not-at-rest", scope="stage", demands=_rest)
 def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
-    """A wheel is above the ground, or a part of the robot is below it.
+    """A part of the robot is below the ground{wheels?}, or a wheel is above it{/}.
 
     Why: at Play the robot drops, tips, or is thrown up by the overlap. A sensor below the ground
     sees nothing. The collision shapes are judged as saved, if the robot root is at its pose. In
@@ -437,7 +438,7 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
     """The robot's base is not where its root has it.
 
     Why: at Play the robot starts where its bodies are, as after a saved run. The root stays behind.
-    Odometry begins at zero there, and localization begins with that place.
+    {wheels?}Odometry begins at zero there{localization?}, and localization with that place{/}.{/}
 
     Fix: nothing is required. To start at the pose in the supplied file, open the stage that was
     saved before the run, or reset the transforms of the links.

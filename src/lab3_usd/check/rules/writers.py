@@ -30,7 +30,7 @@ from lab3_usd.spec.catalog import INPUT, WriterPorts
 def scene_written(subject: StageSubject) -> Iterator[Problem]:
     """A node changes the scene, or commands the robot, while the simulation runs.
 
-    Why: what it writes is no longer what was saved. An error if it moves, switches off or drives
+    Why: what it writes is no longer what was saved. An error if it moves, switches off or commands
     the robot or its ground, or changes a node of the lab. Other nodes that write are a warning: the
     lab needs none.
 

@@ -54,7 +54,8 @@ def chart_svg(moments: Sequence[Moment]) -> str:
         ]
         parts += _row(number, f"{name}, {unit}", moved, odometry, end)
     tall = TOP + 3 * ROW + 8
-    label = "x, y and heading over time; odometry as dots"
+    has_odometry = any(moment.odometry is not None for moment in moments)
+    label = f"x, y and heading over time{'; odometry as dots' if has_odometry else ''}"
     head = f'<svg class="chart" role="img" aria-label="{label}" viewBox="0 0 {WIDTH:g} {tall:g}">'
     return f"{head}{''.join(parts)}</svg>"
 
@@ -134,7 +135,8 @@ def room_svg(replay: Replay, *, still: bool = False) -> str:
         f'<path class="path" d="{_line_path(_path(replay))}"/>',
         _moments_svg(replay.moments, replay.radius, furthest(replay), scan=True, still=still),
     ]
-    return _svg_element(box, "The room, the walls, the path and the scan", "room", parts)
+    shown = "the path and the scan" if seen else "and the path"
+    return _svg_element(box, f"The room, the walls, {shown}", "room", parts)
 
 
 def near_svg(replay: Replay, *, still: bool = False) -> str:
@@ -153,7 +155,8 @@ def near_svg(replay: Replay, *, still: bool = False) -> str:
         f'<path class="told" d="{_dots_path(estimates)}"/>' if estimates else "",
         _moments_svg(replay.moments, replay.radius, furthest(replay), scan=False, still=still),
     ]
-    return _svg_element(box, "The path of the robot, and odometry as dots", "near", parts)
+    shown = ", and odometry as dots" if estimates else ""
+    return _svg_element(box, f"The path of the robot{shown}", "near", parts)
 
 
 def map_svg(fit: MapFit) -> str:

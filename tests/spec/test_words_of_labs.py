@@ -1,0 +1,136 @@
+"""No output of a lab speaks of what the lab does not have, or calls the program otherwise."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+from invoking import invoke
+from mini_lab import files_below
+from places import REPOSITORY
+from pxr import Usd
+from seven_joints import write_stages
+
+from lab3_usd.commands.table import COMMANDS
+from lab3_usd.data import PROGRAMS
+from lab3_usd.report.formats.registry import FORMATS
+
+JETBOT = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
+_NO_MAP = r"camera(?!Prim)|AMCL|Nav2|/map\b|map server|turtlebot|burger|tb3|/camera"
+# What each lab does not have, and the names by which the program was not started.
+FOREIGN = {
+    "jetbot": rf"\b({_NO_MAP})",
+    "arm": rf"\b({_NO_MAP}|lidar|laser|scans?|wheels?|odometry|odom|cmd_vel|"
+    r"(robot|it|arm) drives)\b",
+}
+OTHER_NAME = r"(?<![\w./-])lab3 [a-z]|(?<![\w#] )\blab3: "
+MARKUP = re.compile(r"<style.*?</style>|<script.*?</script>|class=\"[^\"]*\"", re.DOTALL)
+
+
+@pytest.fixture(scope="module", params=FOREIGN)
+def outputs(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[str, Mapping[str, str]]:
+    """Everything that the program says of a lab and of a stage with faults, by what says it."""
+    name, folder = request.param, tmp_path_factory.mktemp(request.param)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", [f"/usr/bin/{PROGRAMS[1]}"])
+        lab, stages = _lab_of(name, folder)
+        return name, dict(_said(lab, stages, folder))
+
+
+def _lab_of(name: str, folder: Path) -> tuple[Path, list[Path]]:
+    if name == "jetbot":
+        invoke("--lab", JETBOT, "build", "--out", folder / "stages")
+        return JETBOT, sorted((folder / "stages").iterdir())
+    stages = write_stages(folder)
+    invoke("lab", "new", folder / "lab", *(word for path in stages for word in ("--from", path)))
+    return folder / "lab", stages
+
+
+def _said(lab: Path, stages: list[Path], folder: Path) -> Iterator[tuple[str, str]]:
+    def ran(*arguments: object) -> str:
+        result = invoke("--lab", lab, *arguments)
+        assert result.exit_code in {0, 1}, result.output
+        return result.output
+
+    rules = ran("rules")
+    yield "rules", rules
+    for rule in re.findall(r"^  ([A-Z]\d\d) ", rules, re.MULTILINE):
+        yield f"rule {rule}", ran("rule", rule)
+    student = folder / "class" / "ann"
+    for path in stages:
+        with_faults(path, student / "stages" / path.name)
+    (student / "output").mkdir()
+    (student / "output" / "topics.txt").write_text("$ ros2 topic list\n/rosout\n")
+    last = student / "stages" / stages[-1].name
+    for form in FORMATS:
+        yield f"check --format {form}", ran("check", "--format", form, "--verbose", last)
+        yield f"check folder --format {form}", ran("check", "--format", form, student)
+    for command in ("tf", "topics", "fix", "sim"):
+        yield command, ran(command, last)
+    yield "sim --format json", ran("sim", "--format", "json", last)
+    ran("sim", last, "--page", folder / "sim.html")
+    ran("draw", last, "--out", folder / "pictures")
+    ran("collect", "-o", folder / "collect.sh")
+    yield "diff", ran("diff", stages[0], last)
+    yield "lab check", ran("lab", "check")
+    ran("grade", folder / "class", "--starter", stages[0], "-o", folder / "book")
+    made = (folder / "sim.html", folder / "collect.sh")
+    yield from ((path.name, path.read_text()) for path in made)
+    for place in ("book", "pictures"):
+        for name, content in files_below(folder / place).items():
+            yield f"{place}/{name}", content.decode(errors="replace")
+
+
+def with_faults(path: Path, target: Path) -> None:
+    """Write a copy of a stage with a fault of each kind that its graphs can have."""
+    stage = Usd.Stage.Open(str(path))
+    target.parent.mkdir(parents=True, exist_ok=True)
+    stage.Export(str(target))
+    stage = Usd.Stage.Open(str(target))
+    nodes = [prim for prim in stage.Traverse() if prim.GetTypeName() == "OmniGraphNode"]
+    for number, node in enumerate(nodes):
+        for attribute in node.GetAttributes():
+            if attribute.HasAuthoredConnections() and number % 3 == 0:
+                attribute.ClearConnections()
+                break
+        topic = node.GetAttribute("inputs:topicName")
+        if topic and topic.Get() and number % 2 == 0:
+            topic.Set("other")
+        for relationship in node.GetRelationships():
+            if relationship.GetTargets() and number % 5 == 0:
+                relationship.SetTargets([])
+    body = next(prim for prim in stage.Traverse() if prim.GetAttribute("physics:mass"))
+    body.GetAttribute("physics:mass").Set(50.0)
+    stage.GetRootLayer().Save()
+
+
+def found(pattern: str, outputs: Mapping[str, str]) -> dict[str, set[str]]:
+    """Return what of a pattern each output says, with what stands before and behind it."""
+    near = re.compile(rf"(?i).{{0,30}}(?:{pattern}).{{0,30}}")
+    shown = {name: MARKUP.sub("", text) for name, text in outputs.items()}
+    said = {name: {match[0] for match in near.finditer(text)} for name, text in shown.items()}
+    return {name: words for name, words in said.items() if words}
+
+
+def test_no_output_speaks_of_what_the_lab_does_not_have(
+    outputs: tuple[str, Mapping[str, str]],
+) -> None:
+    name, texts = outputs
+    assert found(FOREIGN[name], texts) == {}
+
+
+def test_every_output_calls_the_program_as_it_was_typed(
+    outputs: tuple[str, Mapping[str, str]],
+) -> None:
+    assert found(OTHER_NAME, outputs[1]) == {}
+
+
+@pytest.mark.parametrize("command", sorted({*COMMANDS} - {"nav2"}))
+def test_the_help_of_a_command_names_nothing_of_the_bundled_lab(command: str) -> None:
+    help_text = invoke(command, "--help").output
+    assert re.findall(r"(?i)AMCL|Nav2|/scan|/cmd_vel|/map\b|turtlebot|camera", help_text) == []
