@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from golden import assert_golden, numbered, problems_text
 from msgspec.structs import replace
 from ros_outputs import (
     ACTIVE,
@@ -113,6 +114,16 @@ FAULTS: list[tuple[str, Files, str | None]] = [
     ),
     ("E17", {"packages.txt": PACKAGES.replace("rqt_image_view\n", "")}, "rqt_image_view"),
 ]
+
+
+def test_what_is_said_of_each_fault_is_as_it_was(tmp_path: Path) -> None:
+    shown = {}
+    names = numbered(rule_id for rule_id, _, _ in FAULTS)
+    for name, (_, content, _) in zip(names, FAULTS, strict=True):
+        folder = tmp_path / name
+        folder.mkdir()
+        shown[name] = problems_text(problems(subject(folder, {**diagnostics(), **content})), LAB)
+    assert_golden("evidence-faults", shown)
 
 
 @pytest.mark.parametrize(("rule_id", "files", "site"), FAULTS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from golden import assert_golden, numbered, problems_text
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import rules_of
@@ -115,6 +116,16 @@ FAULTS = [
     ("M07", changed("[-6.2, -3.32, 0]", "[-6.2, -3.32]"), "origin"),
     ("M07", changed("origin: [-6.2, -3.32, 0]\n", ""), "origin"),
 ]
+
+
+def test_what_is_said_of_each_fault_is_as_it_was(tmp_path: Path) -> None:
+    shown = {}
+    names = numbered(rule_id for rule_id, _, _ in FAULTS)
+    for name, (_, content, _) in zip(names, FAULTS, strict=True):
+        folder = tmp_path / name
+        folder.mkdir()
+        shown[name] = problems_text(problems(given(folder, content)), load_lab())
+    assert_golden("map-faults", shown)
 
 
 @pytest.mark.parametrize(("rule_id", "text", "site"), FAULTS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from golden import assert_golden, numbered, problems_text
 
 from lab3_usd.check.registry import rules_of
 from lab3_usd.lab.nav2 import read_params
@@ -173,6 +174,16 @@ FAULTS = [
         "controller_server.FollowPath.max_vel_x",
     ),
 ]
+
+
+def test_what_is_said_of_each_fault_is_as_it_was(tmp_path: Path) -> None:
+    shown = {}
+    names = numbered(rule_id for rule_id, _, _ in FAULTS)
+    for name, (_, content, _) in zip(names, FAULTS, strict=True):
+        folder = tmp_path / name
+        folder.mkdir()
+        shown[name] = problems_text(problems(read(folder, content)), LAB)
+    assert_golden("navigation-faults", shown)
 
 
 @pytest.mark.parametrize(("rule_id", "text", "site"), FAULTS)

@@ -12,8 +12,11 @@ from typing import Any
 from msgspec import to_builtins
 from places import TESTS
 
+from lab3_usd.check.registry import all_rules
+from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.model.changes import Repair
-from lab3_usd.model.finding import Finding
+from lab3_usd.model.finding import Finding, Problem
+from lab3_usd.spec.lab import Lab
 
 FOLDER = TESTS / "golden"
 UPDATE = bool(os.environ.get("LAB3_UPDATE_GOLDEN"))
@@ -34,6 +37,22 @@ def assert_golden(name: str, shown: Mapping[str, str]) -> None:
     assert {case: text.splitlines() for case, text in shown.items()} == {
         case: text.removesuffix("\n").splitlines() for case, text in kept.items()
     }
+
+
+def problems_text(problems: Mapping[str, Iterable[Problem]], lab: Lab) -> str:
+    """Return the problems of each rule as their findings."""
+    rules = all_rules()
+    return findings_text(
+        finding_of(rules[rule_id], problem, lab)
+        for rule_id, found in problems.items()
+        for problem in found
+    )
+
+
+def numbered(names: Iterable[str]) -> list[str]:
+    """Return the names, each with how many the same came before it."""
+    listed = list(names)
+    return [f"{name} {listed[:place].count(name)}" for place, name in enumerate(listed)]
 
 
 def findings_text(findings: Iterable[Finding]) -> str:
