@@ -14,7 +14,7 @@ from click.testing import Result
 from invoking import invoke
 from jsonschema import Draft202012Validator
 from pxr import Sdf, Usd, UsdGeom
-from scene_changes import author, deactivate, move_prim, put, with_api, without_api
+from scene_changes import author, deactivate, move_prim, put, switch, with_api, without_api
 
 from lab3_usd.data import data_folder
 from lab3_usd.diff import compare_stages
@@ -107,6 +107,26 @@ def test_what_isaac_sim_reads_alike_makes_no_difference(
     right: Path, tmp_path: Path, steps: list[Step]
 ) -> None:
     assert told(right, saved(broken("05", steps), tmp_path)) == []
+
+
+def a_little_heavier(stage: Usd.Stage) -> None:
+    mass = stage.GetPrimAtPath(f"{ROBOT}/base_link").GetAttribute("physics:mass")
+    mass.Set(mass.Get() * (1 + 5e-7))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [a_little_heavier, switch(f"{ROBOT}/base_link", "physics:rigidBodyEnabled", on=True)],
+    ids=["single precision", "a default that is written out"],
+)
+def test_what_a_robot_is_alike_makes_no_difference(
+    right: Path, tmp_path: Path, change: Callable[[Usd.Stage], Any]
+) -> None:
+    stage = correct_stage("05")
+    change(stage)
+    after = saved(stage, tmp_path)
+    assert after.read_text() != right.read_text()
+    assert told(right, after) == []
 
 
 # ---- what is told of graphs

@@ -183,7 +183,7 @@ def _prim_changes(was: PrimRecord, now: Usd.Prim, terms: _Terms) -> Iterator[Sta
             edit: ChangeKind = "removed" if after is None else "added"
             yield StageChange(part, edit, path, "schema", before or "", after or "")
         elif before == after:
-            continue  # what one stage writes, the other has by default
+            pass  # what one stage writes, the other has by default
         elif name.startswith(POSE):
             is_posed = True
         elif not terms.never(name):
