@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -199,6 +200,38 @@ def test_the_export_of_another_platform_is_refused(text: str, book: Path, tmp_pa
     roster.write_text(text)
     with pytest.raises(UsageError, match="no export of canvas"):
         write_for_platform(book, "canvas", roster, class_of(book), lambda _line: None)
+
+
+@pytest.mark.parametrize(
+    ("data", "fault"),
+    [
+        (b"Student,ID,Mini (1)\n\xff", "is no table of text"),
+        (None, "cannot be read"),
+        (b"Student,ID,Mini (1)\nJoe,joe,\n", "has no column 'Other'; there are Mini"),
+    ],
+)
+def test_an_export_that_cannot_be_read_is_refused(
+    data: bytes | None, fault: str, book: Path, tmp_path: Path
+) -> None:
+    roster = tmp_path / "export.csv"
+    if data is not None:
+        roster.write_bytes(data)
+    with pytest.raises(UsageError, match=fault):
+        write_for_platform(book, "canvas", roster, class_of(book), lambda _line: None, "Other")
+
+
+def test_an_export_of_more_than_64_megabytes_is_refused(book: Path, tmp_path: Path) -> None:
+    roster = tmp_path / "export.csv"
+    roster.touch()
+    os.truncate(roster, (64 << 20) + 1)
+    with pytest.raises(UsageError, match="is larger than"):
+        write_for_platform(book, "canvas", roster, class_of(book), lambda _line: None)
+
+
+def test_a_folder_without_a_gradebook_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "grades.json").write_text('{"students": [1], "items": []}')
+    with pytest.raises(UsageError, match="holds no gradebook"):
+        class_of(tmp_path)
 
 
 def renamed(path: Path) -> None:

@@ -160,6 +160,22 @@ def test_the_map_beside_the_stage_is_that_of_its_submission(tmp_path: Path) -> N
     assert map_check(path) == ("bad", "map-shifted")
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "fault"),
+    [
+        ("image:", "picture:", "names no image"),
+        ("resolution:", "size:", "no resolution, origin or threshold"),
+        ("0.05", "0", "no resolution, or an origin that is none"),
+        ("-6.2, -3.32", "-6.2", "no resolution, origin or threshold"),
+    ],
+)
+def test_a_map_that_is_none_is_one_line(
+    tmp_path: Path, before: str, after: str, fault: str
+) -> None:
+    with pytest.raises(MapError, match=fault):
+        read_map(maps(tmp_path, before, after) / YAML)
+
+
 def test_a_map_that_cannot_be_read_is_not_judged(tmp_path: Path) -> None:
     broken = maps(tmp_path, "turtlebot3_map.pgm", "nowhere.pgm")
     with pytest.raises(MapError, match=r"nowhere\.pgm"):

@@ -77,8 +77,10 @@ def _stages(path: Path, options: Mapping[str, Any]) -> Iterator[Path]:
     if not options["lint"] and options["checkpoint"] is None:
         files = [file for file in files if named_checkpoint(file.name, load_lab().files)]
     if not files:
-        others = "" if options["lint"] else "; --lint repairs stages of any name"
-        raise UsageError(f"{path}: holds no stage of a checkpoint, nor does a folder in it{others}")
+        raise UsageError(
+            f"{path}: holds no stage of a checkpoint, nor does a folder in it; "
+            "--lint repairs stages of any name"
+        )
     yield from files
 
 
