@@ -255,6 +255,13 @@ def test_a_preview_says_what_would_be_repaired_and_what_to_type(tmp_path: Path) 
     assert result.stdout.splitlines()[-1].endswith(f"{path.name} --in-place")
 
 
+def test_what_to_type_repairs_what_was_listed_and_no_more(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS, NO_TICK)
+    options = ("--unsafe", "--checkpoint", "02", "--ignore", "W01")
+    typed = fix(path, *options).stdout.splitlines()[-1]
+    assert typed.endswith(f"{path.name} --checkpoint 02 --unsafe --ignore W01 --in-place")
+
+
 def test_a_diff_of_a_right_stage_is_empty(tmp_path: Path) -> None:
     result = fix(saved(tmp_path), "--diff")
     assert (result.exit_code, result.stdout) == (0, "")

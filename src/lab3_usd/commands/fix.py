@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from lab3_usd.commands.steps.options import (
     assets_option,
@@ -181,8 +182,21 @@ def _print_findings(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> No
     done = "repaired" if written else "would be repaired"
     click.echo(f"{_shown(stage)}: {len(fixed.repaired)} {done}, {len(fixed.left)} left")
     if fixed.files and not written:
-        switches = "".join(f" --{name}" for name in ("lint", "unsafe") if options[name])
-        click.echo(f"to repair: {program()} fix {command_line(_shown(stage))}{switches} --in-place")
+        words = command_line(_shown(stage), *_given_options(click.get_current_context()))
+        click.echo(f"to repair: {program()} fix {words} --in-place")
+
+
+def _given_options(context: click.Context) -> Iterator[str]:
+    """Yield the options of the command line again, as words."""
+    for option in context.command.params:
+        name = option.name or ""
+        if context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
+            continue
+        if isinstance(option, click.Option):
+            value = context.params[name]
+            values = value if option.multiple else (value,)
+            for text in values:
+                yield from option.opts[:1] if option.is_flag else (option.opts[0], str(text))
 
 
 def _why_left(finding: Finding, fixed: Fixed, *, unsafe: bool) -> str:
