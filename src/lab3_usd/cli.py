@@ -21,6 +21,7 @@ from lab3_usd.errors import EXIT_CRASH, EXIT_INTERRUPTED, EXIT_USAGE, Lab3Error,
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
+_OUT_OF_REACH = {errno.EACCES, errno.ENAMETOOLONG}  # a path that was given, or one below it
 _NO_ROOM = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
@@ -206,6 +207,8 @@ def main() -> None:
         if isinstance(error, OSError) and error.errno in _NO_ROOM:
             _close_output()
             _fail(f"the output cannot be written: {error.strerror}", EXIT_CRASH, "crash")
+        if isinstance(error, OSError) and error.errno in _OUT_OF_REACH and error.filename:
+            _fail(f"{error.filename}: {error.strerror}", EXIT_USAGE, "usage")
         _fail(f"internal error, please report it: {_described(error)}", EXIT_CRASH, "crash")
 
 

@@ -6,7 +6,7 @@ import os
 import re
 import subprocess
 import sys
-from errno import ENOSPC
+from errno import ENAMETOOLONG, ENOSPC
 from functools import cache
 from pathlib import Path
 
@@ -204,6 +204,19 @@ def test_a_full_disk_is_no_failure_of_the_program() -> None:
     assert done.stderr.splitlines() == [
         f"lab3: the output cannot be written: {os.strerror(ENOSPC)}"
     ]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="says it in other words")
+@pytest.mark.parametrize("command", ["check", "fix", "lint", "tf"])
+def test_a_name_that_the_system_does_not_take_is_no_failure_of_the_program(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = f"{'x' * 300}.usda"
+    monkeypatch.setattr(sys, "argv", ["lab3", command, name])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == cli.EXIT_USAGE
+    assert capsys.readouterr().err == f"lab3: {name}: {os.strerror(ENAMETOOLONG)}\n"
 
 
 def test_rules_lists_every_rule_once_and_families_in_order() -> None:

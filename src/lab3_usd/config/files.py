@@ -21,18 +21,23 @@ def find_file(path: Path) -> Path | None:
     """
     start = path.absolute()
     for folder in (start, *start.parents):
-        for own in (folder / HIDDEN_NAME, folder / NAME):
-            if own.is_file():
-                return own
-        shared = folder / SHARED_NAME
         try:
-            content = shared.read_bytes() if shared.is_file() else b""
-        except OSError:
+            file = _file_in(folder)
+        except OSError:  # a folder that nobody may look into, or a name too long for one
             continue
-        is_mentioned = TABLE.encode() in content and TOOL.encode() in content
-        if is_mentioned and TABLE in _parsed(shared).get(TOOL, {}):
-            return shared
+        if file is not None:
+            return file
     return None
+
+
+def _file_in(folder: Path) -> Path | None:
+    for own in (folder / HIDDEN_NAME, folder / NAME):
+        if own.is_file():
+            return own
+    shared = folder / SHARED_NAME
+    content = shared.read_bytes() if shared.is_file() else b""
+    is_mentioned = TABLE.encode() in content and TOOL.encode() in content
+    return shared if is_mentioned and TABLE in _parsed(shared).get(TOOL, {}) else None
 
 
 def read_table(path: Path) -> Mapping[str, Any]:
