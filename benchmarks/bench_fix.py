@@ -1,7 +1,7 @@
 """Repairs every single fault of the second author's stage, and prints how many pass afterwards.
 
-Usage: python benchmarks/bench_fix.py [CHECKPOINT] [--every N] [--verbose]
-       python benchmarks/bench_fix.py [CHECKPOINT] --spread [--structure NAME] [--every N]
+Usage: python benchmarks/bench_fix.py [CHECKPOINT...] [--every N] [--verbose]
+       python benchmarks/bench_fix.py [CHECKPOINT...] --spread [--structure NAME] [--every N]
                                       [--together N] [--drive] [--jobs N] [--results FILE]
                                       [--verbose]
        python benchmarks/bench_fix.py --edits [--count N] [--first NUMBER]
@@ -134,7 +134,7 @@ class Work(NamedTuple):
 
 def works(options: argparse.Namespace) -> list[Work]:
     """Return the stages to repair: all of the first structure, then all others by chance."""
-    chosen = [options.checkpoint] if options.checkpoint else [*load_lab().checkpoints]
+    chosen = options.checkpoints or [*load_lab().checkpoints]
     structures = [options.structure] if options.structure else [*STRUCTURES]
     alike: dict[str, list[str]] = {}
     for checkpoint in chosen:
@@ -250,7 +250,7 @@ def shares(rows: Sequence[Row]) -> str:
 def main() -> None:
     """Print the table of one checkpoint, or of all, or what random edits give."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("checkpoint", nargs="?")
+    parser.add_argument("checkpoints", nargs="*")
     parser.add_argument("--every", type=int, default=1)
     parser.add_argument("--verbose", action="store_true")
     parser.add_argument("--spread", action="store_true")
@@ -272,8 +272,7 @@ def main() -> None:
     if options.spread:
         spread(options)
         return
-    chosen = [options.checkpoint] if options.checkpoint else list(load_lab().checkpoints)
-    for checkpoint in chosen:
+    for checkpoint in options.checkpoints or load_lab().checkpoints:
         found = outcomes(checkpoint, options.every)
         print(f"checkpoint {checkpoint}\n{table(found)}\n", flush=True)
         for each in found if options.verbose else ():
