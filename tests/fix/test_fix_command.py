@@ -292,6 +292,23 @@ def test_a_diff_is_applied_by_the_usual_programs(
     assert (done.returncode, path.read_bytes()) == (0, right.encode()), done.stderr
 
 
+@pytest.mark.skipif(os.name == "nt", reason="has no such names")
+@pytest.mark.parametrize("name", ["two words", "été", "a\ttab", 'a "quote" \\ é'])
+@pytest.mark.parametrize("program", [["git", "apply"], ["patch", "-p1"]], ids=" ".join)
+def test_a_diff_names_files_as_the_usual_programs_read_them(
+    name: str, program: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if shutil.which(program[0]) is None:
+        pytest.skip(f"{program[0]} is not installed")
+    folder = tmp_path / name
+    folder.mkdir()
+    monkeypatch.chdir(tmp_path)
+    path = saved(folder, WRONG_RADIUS)
+    patch = fix(path, "--diff").stdout_bytes
+    done = subprocess.run(program, input=patch, capture_output=True, check=False)
+    assert (done.returncode, b"Radius = 0.025" in path.read_bytes()) == (0, True), done.stderr
+
+
 def test_nothing_is_written_unless_asked(tmp_path: Path) -> None:
     path = saved(tmp_path, WRONG_RADIUS)
     old = path.read_bytes()

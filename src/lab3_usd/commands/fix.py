@@ -138,13 +138,26 @@ def _fix(stage: Path, options: Mapping[str, Any]) -> int:
 def _diffs(fixed: Fixed) -> Iterator[str]:
     """Yield a unified diff of each text file; of others it is said that they differ."""
     for path, data in fixed.files.items():
-        name, old = _shown(path), fixed.states[path].content
+        old = fixed.states[path].content
         if not data.startswith(_TEXT):
-            yield f"Binary file {name} differs\n"
+            yield f"Binary file {_shown(path)} differs\n"
             continue
         before, after = (_LINE.findall(content.decode()) for content in (old, data))
-        for line in difflib.unified_diff(before, after, f"a/{name}", f"b/{name}"):
+        names = _name_in_patch("a", path), _name_in_patch("b", path)
+        for line in difflib.unified_diff(before, after, *names):
             yield line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
+
+
+def _name_in_patch(side: str, path: Path) -> str:
+    """Return the name of a file as git writes it: quoted, or with a tab behind one with a space."""
+    name = f"{side}/{Path(os.path.relpath(path)).as_posix()}"
+    if name.isprintable() and not {'"', "\\"} & {*name}:
+        return f"{name}\t" if " " in name else name
+    letters = (
+        f"\\{byte:03o}" if byte < ord(" ") or byte > ord("~") or byte in b'"\\' else chr(byte)
+        for byte in os.fsencode(name)
+    )
+    return f'"{"".join(letters)}"'
 
 
 def _replace(fixed: Fixed, *, keep: bool, force: bool) -> None:
