@@ -9,8 +9,8 @@ from breaking import correct_stage
 from pxr import Gf, Sdf, Usd, UsdGeom
 from scene_changes import FLOOR, JOINTS, ROBOT, Change, deactivate, put, remove, several, weld
 
-from lab3_usd.model.dry_run import AXES, Affine, Prim, about, rotation
-from lab3_usd.sim.geometry import cut, distance, height_at, joined, triangles
+from lab3_usd.model.dry_run import AXES, HERE, Affine, Prim, about, rotation
+from lab3_usd.sim.geometry import cut, distance, height_at, joined, placed
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.robot.machine import Machine
 from lab3_usd.sim.robot.machines import Machines
@@ -144,10 +144,10 @@ def prim(kind: str, **values: object) -> Prim:
 
 
 def test_a_cube_is_cut_into_a_square() -> None:
-    square = joined(cut(triangles(prim("Cube", size=2.0)), 0.5))
+    square = joined(cut(placed(prim("Cube", size=2.0), HERE), 0.5))
     assert len(square) == 4
     assert distance(square, 0.0, 0.0) == pytest.approx(1.0)
-    assert cut(triangles(prim("Cube", size=2.0)), 1.5) == []
+    assert cut(placed(prim("Cube", size=2.0), HERE), 1.5) == []
 
 
 @pytest.mark.parametrize(
@@ -161,16 +161,16 @@ def test_a_cube_is_cut_into_a_square() -> None:
     ids=lambda each: getattr(each, "type", ""),
 )
 def test_round_shapes_are_cut_into_circles(shape: Prim, radius: float) -> None:
-    found = cut(triangles(shape), 0.3)
+    found = cut(placed(shape, HERE), 0.3)
     assert max(math.hypot(x, y) for x, y, _, _ in found) == pytest.approx(radius, rel=0.01)
 
 
 def test_a_mesh_is_what_its_faces_say() -> None:
     points = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 2.0), (0.0, 1.0, 2.0))
     mesh = prim("Mesh", points=points, faceVertexCounts=(4,), faceVertexIndices=(0, 1, 2, 3))
-    assert height_at(triangles(mesh), 0.5, 0.5, 9.0) == pytest.approx(1.0)
-    assert height_at(triangles(mesh), 0.5, 0.5, 0.9) is None
-    assert height_at(triangles(mesh), 1.5, 0.5, 9.0) is None
+    assert height_at(placed(mesh, HERE), 0.5, 0.5, 9.0) == pytest.approx(1.0)
+    assert height_at(placed(mesh, HERE), 0.5, 0.5, 0.9) is None
+    assert height_at(placed(mesh, HERE), 1.5, 0.5, 9.0) is None
 
 
 ROOM = (

@@ -3,36 +3,47 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import pairwise
+from typing import Any
 
 from lab3_usd.model.dry_run import Affine, Prim, Segment
 from lab3_usd.model.transforms import Vector
 
 Triangle = tuple[Vector, Vector, Vector]
+_Values = Mapping[str, Any]
 SIDES = 32  # of a round shape; its corners lie on the surface
 ENDLESS = 1e3
+_MESH, _MEASURES = "Mesh", ("size", "radius", "height", "axis")
 TURN = {"X": (2, 0, 1), "Y": (1, 2, 0), "Z": (0, 1, 2)}  # where x, y, z of an upright shape go
 
 
-def triangles(prim: Prim) -> list[Triangle]:
-    """Return the surface of a shape in its own frame."""
-    maker = _MAKERS.get(prim.type)
-    return list(maker(prim)) if maker is not None else []
-
-
-def placed(prim: Prim, at: Affine) -> list[Triangle]:
+def placed(prim: Prim, at: Affine) -> Sequence[Triangle]:
     """Return the surface of a shape that stands at `at`, its scale included."""
-    return [(at.point(a), at.point(b), at.point(c)) for a, b, c in triangles(prim)]
+    if prim.type == _MESH:
+        return _at(at, _mesh(prim.values))
+    return _placed(prim.type, tuple(prim.values.get(name) for name in _MEASURES), at)
 
 
-def _number(prim: Prim, name: str, default: float) -> float:
-    value = prim.values.get(name)
+@lru_cache(maxsize=128)
+def _placed(kind: str, measures: Sequence[Any], at: Affine) -> Sequence[Triangle]:
+    """Return the surface of a shape without points; the stages of a class have the same room."""
+    maker = _MAKERS.get(kind)
+    return () if maker is None else _at(at, maker(dict(zip(_MEASURES, measures, strict=True))))
+
+
+def _at(at: Affine, surface: Iterable[Triangle]) -> Sequence[Triangle]:
+    return tuple((at.point(a), at.point(b), at.point(c)) for a, b, c in surface)
+
+
+def _number(values: _Values, name: str, default: float) -> float:
+    value = values.get(name)
     return default if value is None else float(value)
 
 
-def _cube(prim: Prim) -> Iterator[Triangle]:
-    h = _number(prim, "size", 2.0) / 2
+def _cube(values: _Values) -> Iterator[Triangle]:
+    h = _number(values, "size", 2.0) / 2
     corners = [(x, y, z) for x in (-h, h) for y in (-h, h) for z in (-h, h)]
     for face in (
         (0, 1, 3, 2),
@@ -50,9 +61,9 @@ def _fan(points: Sequence[Vector]) -> Iterator[Triangle]:
         yield points[0], second, third
 
 
-def _lathe(prim: Prim, profile: Sequence[tuple[float, float]]) -> Iterator[Triangle]:
+def _lathe(values: _Values, profile: Sequence[tuple[float, float]]) -> Iterator[Triangle]:
     """Turn a profile of (radius, height) about the axis of the shape."""
-    order = TURN.get(str(prim.values.get("axis")), TURN["Z"])
+    order = TURN.get(str(values.get("axis")), TURN["Z"])
     rings = []
     for radius, height in profile:
         ring = []
@@ -68,14 +79,14 @@ def _lathe(prim: Prim, profile: Sequence[tuple[float, float]]) -> Iterator[Trian
             yield low[k], high[n], high[k]
 
 
-def _cylinder(prim: Prim) -> Iterator[Triangle]:
-    r, h = _number(prim, "radius", 1.0), _number(prim, "height", 2.0) / 2
-    return _lathe(prim, [(0.0, -h), (r, -h), (r, h), (0.0, h)])
+def _cylinder(values: _Values) -> Iterator[Triangle]:
+    r, h = _number(values, "radius", 1.0), _number(values, "height", 2.0) / 2
+    return _lathe(values, [(0.0, -h), (r, -h), (r, h), (0.0, h)])
 
 
-def _cone(prim: Prim) -> Iterator[Triangle]:
-    r, h = _number(prim, "radius", 1.0), _number(prim, "height", 2.0) / 2
-    return _lathe(prim, [(0.0, -h), (r, -h), (0.0, h)])
+def _cone(values: _Values) -> Iterator[Triangle]:
+    r, h = _number(values, "radius", 1.0), _number(values, "height", 2.0) / 2
+    return _lathe(values, [(0.0, -h), (r, -h), (0.0, h)])
 
 
 def _round(radius: float, half: float) -> list[tuple[float, float]]:
@@ -86,29 +97,29 @@ def _round(radius: float, half: float) -> list[tuple[float, float]]:
     return [*((r, -h) for r, h in reversed(top)), *top]
 
 
-def _sphere(prim: Prim) -> Iterator[Triangle]:
-    return _lathe(prim, _round(_number(prim, "radius", 1.0), 0.0))
+def _sphere(values: _Values) -> Iterator[Triangle]:
+    return _lathe(values, _round(_number(values, "radius", 1.0), 0.0))
 
 
-def _capsule(prim: Prim) -> Iterator[Triangle]:
-    half = _number(prim, "height", 1.0) / 2
-    return _lathe(prim, _round(_number(prim, "radius", 0.5), half))
+def _capsule(values: _Values) -> Iterator[Triangle]:
+    half = _number(values, "height", 1.0) / 2
+    return _lathe(values, _round(_number(values, "radius", 0.5), half))
 
 
-def _plane(prim: Prim) -> Iterator[Triangle]:
+def _plane(values: _Values) -> Iterator[Triangle]:
     """Return a square, as large as its collision is endless."""
-    order = TURN.get(str(prim.values.get("axis")), TURN["Z"])
+    order = TURN.get(str(values.get("axis")), TURN["Z"])
     corners = [(-ENDLESS, -ENDLESS, 0.0), (ENDLESS, -ENDLESS, 0.0)]
     corners += [(ENDLESS, ENDLESS, 0.0), (-ENDLESS, ENDLESS, 0.0)]
     turned = [tuple(corner[order.index(k)] for k in range(3)) for corner in corners]
     yield from _fan(turned)  # type: ignore[arg-type]
 
 
-def _mesh(prim: Prim) -> Iterator[Triangle]:
-    points = prim.values.get("points") or ()
-    indices = prim.values.get("faceVertexIndices") or ()
+def _mesh(values: _Values) -> Iterator[Triangle]:
+    points = values.get("points") or ()
+    indices = values.get("faceVertexIndices") or ()
     at = 0
-    for count in prim.values.get("faceVertexCounts") or ():
+    for count in values.get("faceVertexCounts") or ():
         face = indices[at : at + count]
         at += count
         if len(face) == count and all(0 <= number < len(points) for number in face):
@@ -121,7 +132,6 @@ _MAKERS = {
     "Cylinder": _cylinder,
     "Capsule": _capsule,
     "Cone": _cone,
-    "Mesh": _mesh,
     "Plane": _plane,
 }
 
