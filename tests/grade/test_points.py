@@ -8,13 +8,20 @@ from pathlib import Path
 
 import pytest
 from failing_class import Mistake, hand_in, mistakes
-from fault_chains import drops, rubric
+from fault_chains import drops, facts_in, grade_with, rubric, stage_with
 from grade_files import LAB, built, stage, starter
 from msgspec.structs import replace
+from scene_changes import ROBOT, put
 
 from lab3_usd.grade import dry_runs
 from lab3_usd.grade.dry_runs import with_dry_runs
-from lab3_usd.grade.scoring import Grade, SubmissionFacts, facts_of, grade_facts
+from lab3_usd.grade.scoring import (
+    Grade,
+    SubmissionFacts,
+    _own_losses,
+    facts_of,
+    grade_facts,
+)
 from lab3_usd.judge.folder import FolderSettings, check_folder
 from lab3_usd.judge.starter import open_starter
 
@@ -118,6 +125,29 @@ def test_an_empty_stage_earns_no_more_than_a_missing_one(tmp_path: Path) -> None
 @pytest.mark.parametrize("number", range(9))
 def test_one_mistake_more_never_earns_more(number: int) -> None:
     assert drops(number, [*LAB.checkpoints][number]) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "hidden_by"),
+    [
+        ("scene base_scan body off", "scene no scan_joint"),  # ties the robot to the world, or not
+        ("fault sideways-drift", "the other tyre as small"),  # drives straight with both
+    ],
+)
+def test_what_hides_a_fault_in_the_dry_run_gives_nothing_back(name: str, hidden_by: str) -> None:
+    tyre = put(f"{ROBOT}/wheel_right_link/collisions/tyre", "radius", 0.03)
+    second = MADE.get(hidden_by, Mistake(hidden_by, (tyre,)))
+    one = grade_with(stage_with("02", MADE[name]), "02")
+    both = grade_with(stage_with("02", MADE[name], second), "02")
+    assert lost_items(one) >= {"starter", "drive"}
+    assert both.earned <= one.earned
+
+
+def test_a_namespace_on_the_robot_takes_every_item_whose_topics_it_moves() -> None:
+    facts = facts_in(stage_with("05", MADE["case P10"]), "05", play=False)
+    losses = {item.id: [*_own_losses(rubric(), item, facts)] for item in rubric().items}
+    taken = {name for name, found in losses.items() if any(loss.share == 1 for loss in found)}
+    assert taken == {"drive", "scan", "camera", "odometry", "tree"}
 
 
 def test_repairing_the_odometry_does_not_cost_the_tree(tmp_path: Path) -> None:

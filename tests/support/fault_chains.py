@@ -39,26 +39,50 @@ def rubric() -> Rubric:
 def chain(number: int, checkpoint: str) -> Iterator[tuple[str, Grade]]:
     """Yield the grades of a submission as its stage of a checkpoint gets one mistake after another.
 
-    The same ones for the same number; first without any. What is no fault by itself is left out,
-    and so is what changes the same as another: it could repair that.
+    The same ones for the same number; first without any. What is no fault by itself is left out.
+    So is what changes the same as another, which it could repair, and what leaves nothing of
+    another: the mistakes of a stage are then not one more.
     """
     chance = random.Random(f"{number} {checkpoint}")  # noqa: S311 - no secret
     made: list[Mistake] = []
-    yield "right", _graded(_with(checkpoint), checkpoint)
+    yield "right", _graded_alone(None, checkpoint)
     while len(made) < LONGEST:
         mistake = chance.choice(_known())
-        layer = _with(checkpoint, *made, mistake)
-        is_independent = _lines(layer) == _lines(_with(checkpoint, mistake, *made))
-        if (
-            is_independent
-            and _lines(layer) != _lines(_with(checkpoint, *made))
-            and _facts(_with(checkpoint, mistake), checkpoint, play=False).faults
-        ):
-            made.append(mistake)
-            yield mistake.name, _graded(layer, checkpoint)
+        layer = stage_with(checkpoint, *made, mistake)
+        if not made and _is_fault(mistake, checkpoint):
+            yield mistake.name, _graded_alone(mistake, checkpoint)
+        elif _stands_beside(mistake, made, layer, checkpoint) and _is_fault(mistake, checkpoint):
+            yield mistake.name, grade_with(layer, checkpoint)
+        else:
+            continue
+        made.append(mistake)
 
 
-def _with(checkpoint: str, *made: Mistake) -> Sdf.Layer:
+def _stands_beside(
+    mistake: Mistake, made: list[Mistake], layer: Sdf.Layer, checkpoint: str
+) -> bool:
+    """Whether a stage with a mistake more has all of them, in whatever order they are made."""
+    lines = _lines(layer)
+    without = ([other for other in made if other is not one] for one in made)
+    return (
+        lines != _lines(stage_with(checkpoint, *made))
+        and lines == _lines(stage_with(checkpoint, mistake, *made))
+        and all(lines != _lines(stage_with(checkpoint, *others, mistake)) for others in without)
+    )
+
+
+@cache
+def _is_fault(mistake: Mistake, checkpoint: str) -> bool:
+    return bool(facts_in(stage_with(checkpoint, mistake), checkpoint, play=False).faults)
+
+
+@cache
+def _graded_alone(mistake: Mistake | None, checkpoint: str) -> Grade:
+    """Return the grade of a stage with at most one mistake."""
+    return grade_with(stage_with(checkpoint, *filter(None, [mistake])), checkpoint)
+
+
+def stage_with(checkpoint: str, *made: Mistake) -> Sdf.Layer:
     """Return the right stage of a checkpoint after mistakes."""
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.TransferContent(Sdf.Layer.FindOrOpen(str(stage(checkpoint))))
@@ -71,13 +95,14 @@ def _lines(layer: Sdf.Layer) -> list[str]:
     return sorted(layer.ExportToString().splitlines())
 
 
-def _graded(layer: Sdf.Layer, checkpoint: str) -> Grade:
+def grade_with(layer: Sdf.Layer, checkpoint: str) -> Grade:
+    """Return the grade of a submission of right stages, with this one of a checkpoint."""
     stages = [StageFacts(other, other, readable=True) for other in LAB.checkpoints]
-    stages[[*LAB.checkpoints].index(checkpoint)] = _facts(layer, checkpoint, play=True)
+    stages[[*LAB.checkpoints].index(checkpoint)] = facts_in(layer, checkpoint, play=True)
     return grade_facts(rubric(), SubmissionFacts(tuple(stages)))
 
 
-def _facts(layer: Sdf.Layer, checkpoint: str, *, play: bool) -> StageFacts:
+def facts_in(layer: Sdf.Layer, checkpoint: str, *, play: bool) -> StageFacts:
     with TemporaryDirectory() as folder:
         path = Path(folder) / stage(checkpoint).name
         layer.Export(str(path))
@@ -92,17 +117,17 @@ def drops(number: int, checkpoint: str) -> list[str]:
     found = []
     names: list[str] = []
     last: Grade | None = None
-    for name, graded in chain(number, checkpoint):
+    for name, grade in chain(number, checkpoint):
         names.append(name)
         if last is not None and (
-            graded.earned > last.earned or (graded.percent or 0) > (last.percent or 0)
+            grade.earned > last.earned or (grade.percent or 0) > (last.percent or 0)
         ):
             steps = " + ".join(names)
             items = [
                 f"{after.id} {before.earned:g} -> {after.earned:g}"
-                for before, after in zip(last.items, graded.items, strict=True)
+                for before, after in zip(last.items, grade.items, strict=True)
                 if after.earned > before.earned
             ]
             found.append(f"{checkpoint}: {steps}: {', '.join(items)}")
-        last = graded
+        last = grade
     return found

@@ -31,6 +31,7 @@ Visibility = Literal["visible", "hidden", "after_due_date", "after_published"]
 Points = Annotated[float, Meta(ge=0.001, le=1e6)]  # so that sums and shares stay sane numbers
 Share = Annotated[float, Meta(ge=0, le=1)]
 BLEMISH, AGAIN = 0.1, 0.2  # where a rubric says nothing
+_ERROR = "/error/"  # between a part and a rule
 
 
 class Item(Struct, frozen=True, forbid_unknown_fields=True):
@@ -40,10 +41,10 @@ class Item(Struct, frozen=True, forbid_unknown_fields=True):
     text of a line of the handout's checklists; without `title` an item is called as these are.
     `needs` names the items that this one stands on.
 
-    What contradicts the title takes the whole item: `breaks` are patterns of requirement ids, and
-    rules. `dry_run` names topics and checks that must be right in a dry run, and kinds of faults
-    that it must not show. `files` are the rules about files beside the stages whose errors are this
-    item's.
+    What contradicts the title takes the whole item: `breaks` are patterns of requirement ids, rules
+    whose errors are about one of the groups, and `PART/error/RULE` of another part. `dry_run` names
+    topics and checks that must be right in a dry run, and kinds of faults that it must not show.
+    `files` are the rules about files beside the stages whose errors are this item's.
     """
 
     id: str
@@ -273,7 +274,8 @@ def _check_breaks(item: Item, required: Mapping[str, tuple[Requirement, ...]], p
     ids = {requirement.id for requirement in required.get(item.checkpoint, ())}
     rules = {*all_rules(), *FAMILIES}
     for name in item.breaks:
-        if name not in rules and not any(fnmatchcase(known, name) for known in ids):
+        is_rule = name.partition(_ERROR)[2] in rules if _ERROR in name else name in rules
+        if not is_rule and not any(fnmatchcase(known, name) for known in ids):
             raise SpecError(
                 f"{place}: '{name}' in 'breaks' is no rule, and nothing that "
                 f"checkpoint {item.checkpoint} asks for"

@@ -287,13 +287,16 @@ def _own_losses(rubric: Rubric, item: Item, stage: StageFacts) -> Iterator[_Loss
             rule, place = ("", stage.path) if fault is None else (fault.rule, fault.place)
             yield _Loss(min(share, 1.0), titles[name], name, rule, place)
     for fault in stage.faults:
-        if _is_home(rubric, item, stage, fault) and not rubric.is_priced(fault.rule):
-            breaks = is_among(fault.rule, item.breaks)
-            if breaks or unmet.isdisjoint(rubric.counted.intersection(fault.unmet)):
-                share = 1.0 if breaks else rubric.blemish
-                part = next(iter(_parts(fault)), f"checkpoint {stage.checkpoint}")
-                name = f"{part}/error/{fault.rule}"
-                yield _Loss(share, fault.message, name, fault.rule, fault.place)
+        names = [f"{part}/error/{fault.rule}" for part in _parts(fault)]
+        is_own = _is_home(rubric, item, stage, fault)
+        concerns = is_own or any(is_named(part, item.groups) for part in _parts(fault))
+        breaks = any(is_named(name, item.breaks) for name in names)
+        breaks = breaks or (concerns and is_among(fault.rule, item.breaks))
+        fails_nothing = unmet.isdisjoint(rubric.counted.intersection(fault.unmet))
+        if breaks or (is_own and fails_nothing and not rubric.is_priced(fault.rule)):
+            share = 1.0 if breaks else rubric.blemish
+            name = next(iter(names), f"checkpoint {stage.checkpoint}/error/{fault.rule}")
+            yield _Loss(share, fault.message, name, fault.rule, fault.place)
     for name in item.dry_run:
         if name in stage.shown:
             title = f"{DRY_RUN}: {stage.shown[name]}"

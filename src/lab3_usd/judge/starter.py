@@ -10,7 +10,12 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
-from lab3_usd.check.requirements import unmet_by, with_other_faults
+from lab3_usd.check.requirements import (
+    demands_of,
+    unmet_by,
+    with_named_faults,
+    with_other_faults,
+)
 from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.errors import StageError
 from lab3_usd.judge.results import located, score_of, unreadable
@@ -19,6 +24,7 @@ from lab3_usd.model.finding import Finding, StageResult, ordered
 from lab3_usd.spec.lab import Lab
 
 _FAMILY = "U"
+_SHAPED, _PLACED = "Scene/collision/", "Scene/place/"
 _Fault = tuple[str, str, str | None, str | None]
 
 
@@ -101,6 +107,7 @@ def open_against_starter(
         for requirement in result.requirements
     )
     findings = ordered((*kept, *judged.findings))
+    requirements = tuple(with_named_faults(requirements, judged.findings))
     requirements = with_other_faults(requirements, judged.findings, {})
     crashes = (*result.crashes, *judged.crashes)
     is_bad = crashes or any(finding.severity == "error" for finding in findings)
@@ -175,8 +182,11 @@ def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
     stage, lab = beside.stage, beside.lab
     with stage_errors(beside.path):
         comparison = compare_starter(beside.starter.stage, stage, lab, beside.checkpoint)
+    demands = demands_of(lab, lab.checkpoints[beside.checkpoint])
     subject = replace(
         comparison,
+        shaped={each.prim: each.id for each in demands if each.id.startswith(_SHAPED)},
+        placed={each.prim: each.id for each in demands if each.id.startswith(_PLACED)},
         faulty_sites=reported.faulty_sites,
         related_prims=reported.related_prims,
         supplied=frozenset(

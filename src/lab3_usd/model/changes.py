@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal, TypeAlias
 
 from msgspec import Struct
@@ -241,7 +242,8 @@ class StarterSubject(Struct, frozen=True):
     `faulty_sites` holds the sites where other rules have found an error already, `related_prims`
     the prims that an error relates to: one of them that is absent is reported as moved.
     `supplied` are the changed prims that stand where the starter has something: only they can be
-    restored.
+    restored. `shaped` and `placed` are requirements by prim, which a change of the shapes below the
+    prim fails, or of the frames of the joint.
     """
 
     rules: StarterRules
@@ -249,3 +251,5 @@ class StarterSubject(Struct, frozen=True):
     faulty_sites: frozenset[Site] = frozenset()
     related_prims: frozenset[str] = frozenset()
     supplied: frozenset[str] = frozenset()
+    shaped: Mapping[str, str] = {}
+    placed: Mapping[str, str] = {}

@@ -443,6 +443,11 @@ def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
                 actual=display(value),
                 related=tuple(nodes),
                 fix=(ClearValue(path, attribute),),
+                costs=tuple(
+                    graph
+                    for graph, roles in subject.roles.items()
+                    if not roles.role_of.keys().isdisjoint(nodes)
+                ),
             )
 
 

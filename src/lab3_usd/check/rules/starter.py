@@ -155,7 +155,22 @@ def _changed_prims(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
             subject.rules.handout,
             severity=_severity(physics=any(difference.physics for difference in left)),
             fix=_repair(change.prim, first, subject),
+            unmet=tuple(_unmet(change.prim, left, subject)),
         )
+
+
+def _unmet(prim: str, left: list[Difference], subject: StarterSubject) -> Iterator[str]:
+    """Yield what is asked of a wheel whose shape or joint is another than the supplied one."""
+    for link, requirement in subject.shaped.items():
+        if prim.startswith(f"{link}/") and any(difference.physics for difference in left):
+            yield requirement
+    if prim in subject.placed and any(_is_frame(difference.property) for difference in left):
+        yield subject.placed[prim]
+
+
+def _is_frame(name: str) -> bool:
+    """Whether a property of a joint says where it sits in one of its bodies."""
+    return name.startswith(("physics:localPos", "physics:localRot"))
 
 
 def _repair(prim: str, difference: Difference, subject: StarterSubject) -> tuple[Edit, ...]:
