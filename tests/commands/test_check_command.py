@@ -233,3 +233,11 @@ def test_what_is_missing_counts_in_a_folder_that_is_handed_in(
     result = lab3("check", tmp_path, *options)
     assert result.stdout.count("the stage of checkpoint") == missing
     assert result.returncode == (1 if missing else 0)
+
+
+def test_a_gradescope_result_has_the_points_of_grading(tmp_path: Path) -> None:
+    for number, name in (("00", "Lab3_00_student_start"), ("01", "Lab3_01_ros_clock")):
+        build_checkpoint(None, number, tmp_path / f"{name}.usda")
+    results = json.loads(lab3("check", tmp_path, "--format", "gradescope").stdout)
+    assert sum(test.get("max_score", 0.0) for test in results["tests"]) == 100.0
+    assert results["score"] == sum(test.get("score", 0.0) for test in results["tests"]) == 15.0

@@ -94,6 +94,10 @@ def _refuse_trust(options: Mapping[str, Any]) -> None:
         raise UsageError(
             f"--format html opens the stages again: use the page that {program()} grade writes"
         )
+    if options["form"] == "gradescope":
+        raise UsageError(
+            f"--format gradescope plays the stages: use {program()} grade --format gradescope"
+        )
     if options["starter"] is None:
         raise UsageError("--untrusted needs the instructor's starter: give --starter")
 
@@ -151,7 +155,7 @@ def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
         maps=None if maps is None else Path(maps),
         require_evidence=options["require_evidence"],
         config=options["config"],
-        heeds_ignores=True,
+        heeds_ignores=options["form"] != "gradescope",
         native=wants_native(options),
         handed_in=options["submission"] or options["form"] == "gradescope",
     )

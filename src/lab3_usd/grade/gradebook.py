@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from msgspec import to_builtins
 
 from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import UsageError
@@ -19,15 +18,15 @@ from lab3_usd.files import leftover_files, write_parts, write_whole
 from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.lock import LOCK
 from lab3_usd.grade.rosters import PLATFORMS
-from lab3_usd.grade.rubric import COLUMNS, Item, Rubric
-from lab3_usd.grade.scoring import Grade, State
+from lab3_usd.grade.rubric import COLUMNS, Item, Rubric, load_rubric
+from lab3_usd.grade.scoring import Grade, State, facts_of, grade_facts
 from lab3_usd.model.finding import Report
-from lab3_usd.report.formats.markdown import text
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html.class_page import class_page
 from lab3_usd.report.html.model import GradeItem, GradeSummary, LostPoints
 from lab3_usd.report.options import NAME, Options, tool_version
 from lab3_usd.report.safe_text import safe_cell
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 
 MOST_LOST = 12  # of what costs no more points at an item: the findings name the rest
@@ -57,6 +56,13 @@ def grade_sheet(
                 why=tuple(_reasons(item, own.state)),
                 lost=tuple(lost[:shown]),
                 more=max(len(lost) - shown, 0),
+                groups=tuple(
+                    dict.fromkeys(
+                        f"Checkpoint {item.checkpoint}: {requirement.group}"
+                        for requirement in rubric.asked[item.id]
+                    )
+                ),
+                visibility=item.visibility,
             )
         )
     return GradeSummary(
@@ -81,6 +87,30 @@ def _reasons(item: Item, state: State) -> Iterator[str]:
         yield "all or nothing"
 
 
+def grade_of(report: Report, lab: Lab) -> GradeSummary | None:
+    """Return the grade of what was checked, whose files are trusted, by the lab's rubric.
+
+    None without a stage of a checkpoint. What is missing of the checkpoints earns nothing.
+
+    Raises:
+        SpecError: the rubric of the lab is wrong, or it has none.
+        UsageError: there are several submissions.
+    """
+    if len(report.submissions) > 1:
+        raise UsageError("a Gradescope result is of one submission; name one folder")
+    results = [result for result in report.results if result.checkpoint in lab.checkpoints]
+    if not results:
+        return None
+    from lab3_usd.grade.dry_runs import with_dry_runs
+
+    rubric = load_rubric(None, lab)
+    findings = [finding for about in report.submissions for finding in about.findings]
+    checklist = [line for about in report.submissions for line in about.checklist]
+    facts = facts_of(results, rubric.required, findings, checklist)
+    points = grade_facts(rubric, with_dry_runs(facts, lab, {}))
+    return grade_sheet(rubric, points, "", "")
+
+
 HTML, JSON, GRADESCOPE = "report.html", "report.json", "results.json"
 
 
@@ -93,40 +123,8 @@ def write_reports(
     return {
         HTML: render("html", report, rules_in(load_lab()), Options(grade=summary)),
         JSON: render("json", report, None, Options()),
-        GRADESCOPE: gradescope(report, rubric, points),
+        GRADESCOPE: render("gradescope", report, None, Options(grade=summary)),
     }
-
-
-def gradescope(report: Report, rubric: Rubric, points: Grade) -> str:
-    """Return a Gradescope result: a test for each item of the rubric, with its points.
-
-    What the checker says of the groups that an item is about goes into the item's test.
-    """
-    document = json.loads(render("gradescope", report, None, Options()))
-    outputs = {test["name"]: test["output"] for test in document["tests"]}
-    graded = {grade.id: grade for grade in points.items}
-    tests: list[dict[str, Any]] = []
-    for item in rubric.items:
-        own = graded[item.id]
-        groups = dict.fromkeys(requirement.group for requirement in rubric.asked[item.id])
-        names = [f"Checkpoint {item.checkpoint}: {group}" for group in groups]
-        blocks = [outputs.pop(name, "") for name in names]
-        lost = [to_builtins(line) for line in points.lost if line.item == item.id]
-        blocks.insert(0, "\n".join(f"- {text(deduction_text(line))}" for line in lost))
-        tests.append(
-            {
-                "name": item.title,
-                "score": own.earned,
-                "max_score": item.points,
-                "status": "passed" if own.state == "full" else "failed",
-                "visibility": item.visibility,
-                "output": "\n\n".join(block for block in blocks if block),
-            }
-        )
-    tests += [{"name": name, "output": output} for name, output in outputs.items() if output]
-    document["score"] = points.earned
-    document["tests"] = tests
-    return json.dumps(document, indent=2) + "\n"
 
 
 STUDENTS, RESULT = "students", "result.json"

@@ -21,6 +21,9 @@ from lab3_usd.spec.load.loader import load_lab
 
 if TYPE_CHECKING:
     from lab3_usd.fix.repairing import Changes
+    from lab3_usd.report.html.model import GradeSummary
+
+GRADESCOPE = "gradescope"  # the format with the points of grading
 
 
 def refuse_unusable(paths: Sequence[str], options: Mapping[str, Any]) -> None:
@@ -68,9 +71,11 @@ def selected_findings(
 ) -> tuple[Finding, ...]:
     """Return the findings of a file that are asked for, as grave as the configuration has them.
 
-    That a file could not be read is said in any case.
+    That a file could not be read is said in any case. Points are those of all findings.
     """
     every = tuple(findings)
+    if options["form"] == GRADESCOPE:
+        return every
     unread = [finding for finding in every if finding.unopened == "stage"]
     readable = (finding for finding in every if finding.unopened != "stage")
     kept = with_config_applied(readable, path, options["config"])
@@ -87,7 +92,7 @@ def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
         UsageError: the baseline cannot be read, or is none.
     """
     written, given = options["write_baseline"], options["baseline"]
-    if written is None and given is None:
+    if (written is None and given is None) or options["form"] == GRADESCOPE:
         return report
     from lab3_usd.commands.steps.baseline import without_known, write_baseline
 
@@ -126,6 +131,7 @@ def rendered(report: Report, options: Mapping[str, Any]) -> str:
         source=options["source"],
         each=options["each"],
         points=_points(report) if options["form"] == "text" else {},
+        grade=_grade(report) if options["form"] == GRADESCOPE else None,
         dry_runs=options["dry_runs"],
         changes=changes,
     )
@@ -146,6 +152,18 @@ def _points(report: Report) -> dict[str, float]:
     for item in load_rubric(None, lab).items:
         points[item.checkpoint] = points.get(item.checkpoint, 0.0) + item.points
     return points
+
+
+def _grade(report: Report) -> GradeSummary | None:
+    """Return the points of what was checked, as grading gives them for the same files.
+
+    Raises:
+        SpecError: the rubric of the lab is wrong.
+        UsageError: there are several submissions.
+    """
+    from lab3_usd.grade.gradebook import grade_of
+
+    return grade_of(report, load_lab())
 
 
 def write_report(text: str, output: str | None) -> None:

@@ -1,10 +1,10 @@
-"""The results.json of a Gradescope autograder: a test for each group of requirements."""
+"""The results.json of a Gradescope autograder: a test for each item of the rubric."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Finding, Report, Requirement, StageResult
@@ -12,12 +12,15 @@ from lab3_usd.report.entries import crashes, gaps, site, summarize, summary_line
 from lab3_usd.report.formats.markdown import code, text
 from lab3_usd.report.options import Options, Rules
 
+if TYPE_CHECKING:
+    from lab3_usd.report.html.model import GradeItem, LostPoints
+
 VISIBILITIES = ("hidden", "after_due_date", "after_published", "visible")
 Json = dict[str, Any]
 
 
 def render(report: Report, rules: Rules | None, options: Options) -> str:
-    """Return the results; a requirement is worth one point.
+    """Return the results of one submission: the points of its grade, if any, and what was found.
 
     Raises:
         UsageError: Gradescope knows no such visibility.
@@ -26,23 +29,26 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     if options.visibility not in VISIBILITIES:
         known = ", ".join(VISIBILITIES)
         raise UsageError(f"there is no visibility '{options.visibility}'; Gradescope knows {known}")
-    tests = [test for result in report.results for test in _stage_tests(result)]
+    outputs = dict(found for result in report.results for found in _found(result))
+    grade = options.grade
+    tests = [] if grade is None else [_test(item, outputs) for item in grade.items]
     for submission in report.submissions:
         items = [
             f"- {text(item.section)} {text(item.text)}: **{text(item.state)}**"
             + (f" \\({text(item.because)}\\)" if item.because else "")
             for item in submission.checklist
         ]
-        name = f"Submission {submission.path}"
-        tests.append(_test(name, 0, 0, submission.findings, "\n".join(items)))
+        outputs[f"Submission {submission.path}"] = _output(submission.findings, "\n".join(items))
+    tests += ({"name": name, "output": output} for name, output in outputs.items() if output)
     overview = [text(summary_line(summarize(report)))]
+    overview += ["No points: no stage is of a checkpoint"] if grade is None else []
     overview += [f"Not judged: {text(gap)} \\({code(path)}\\)" for path, gap in gaps(report)]
     overview += [
         f"Rule {text(crash.rule)} crashed on {code(path)}: {code(crash.error)}"
         for path, crash in crashes(report)
     ]
     document = {
-        "score": sum(test["score"] for test in tests),
+        "score": 0.0 if grade is None else grade.earned,
         "visibility": options.visibility,
         "output": "\n\n".join(overview),
         "output_format": "md",
@@ -53,7 +59,29 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     return json.dumps(document, indent=2) + "\n"
 
 
-def _stage_tests(result: StageResult) -> Iterator[Json]:
+def _test(item: GradeItem, outputs: dict[str, str]) -> Json:
+    """Return the test of an item, with what was found of its groups, which is told once."""
+    lost = "\n".join(f"- {text(_lost_text(line))}" for line in item.lost)
+    blocks = [lost, *(outputs.pop(name, "") for name in item.groups)]
+    return {
+        "name": item.title,
+        "score": item.earned,
+        "max_score": item.points,
+        "status": "passed" if item.state == "full" else "failed",
+        "visibility": item.visibility,
+        "output": "\n\n".join(filter(None, blocks)),
+    }
+
+
+def _lost_text(line: LostPoints) -> str:
+    """Return a deduction in one line: the points, why, the rule, and the place."""
+    points = f"-{line.points:.2f} " if line.points else ""
+    where = " ".join(filter(None, (line.rule, line.place)))
+    return f"{points}{line.title}{f' ({where})' if where else ''}"
+
+
+def _found(result: StageResult) -> Iterator[tuple[str, str]]:
+    """Yield what was found of each group of requirements, and of everything else."""
     title = f"Checkpoint {result.checkpoint}" if result.checkpoint else result.path
     groups: dict[str, list[Requirement]] = {}
     for requirement in result.requirements:
@@ -64,34 +92,21 @@ def _stage_tests(result: StageResult) -> Iterator[Json]:
         left = [finding for finding in left if finding not in inside]
         missed = [requirement for requirement in requirements if not requirement.met]
         listed = "\n".join(f"- {text(requirement.title)}" for requirement in missed)
-        possible = len(requirements)
-        earned = possible - len(missed)
-        rest = f"Not met:\n\n{listed}" if missed else ""
+        rest = [f"Not met:\n\n{listed}"] if missed else []
         left_open = sum(not requirement.judged for requirement in requirements)
         if left_open:
-            rest = "\n\n".join(filter(None, (rest, f"{left_open} of {possible} not judged")))
-        yield _test(f"{title}: {group}", earned, possible, inside, rest)
-    if not groups:
-        yield _test(title, result.score.earned, result.score.possible, left)
-    elif left:
-        yield _test(f"{title}: everything else", 0, 0, left)
+            rest.append(f"{left_open} of {len(requirements)} not judged")
+        yield f"{title}: {group}", _output(inside, "\n\n".join(rest))
+    if left:
+        yield f"{title}: everything else" if groups else title, _output(left)
 
 
-def _test(
-    name: str, earned: float, possible: float, findings: Collection[Finding], rest: str = ""
-) -> Json:
-    """Return a test; its output is the findings, then the `rest`."""
-    failed = earned < possible or any(finding.severity == "error" for finding in findings)
+def _output(findings: Collection[Finding], rest: str = "") -> str:
+    """Return findings as a list, and the `rest` below."""
     items = []
     for finding in findings:
         handout = f" \\(handout {text(finding.handout)}\\)" if finding.handout else ""
         hint = f" {text(finding.hint)}" if finding.hint else ""
         head = f"- **{text(finding.severity)} {text(finding.rule)}** {code(site(finding))}"
         items.append(f"{head}: {text(finding.message)}{handout}{hint}")
-    return {
-        "name": name,
-        "score": float(earned),
-        "max_score": float(possible),
-        "status": "failed" if failed else "passed",
-        "output": "\n\n".join(block for block in ("\n".join(items), rest) if block),
-    }
+    return "\n\n".join(filter(None, ("\n".join(items), rest)))

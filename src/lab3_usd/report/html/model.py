@@ -70,7 +70,9 @@ class GradeItem(Struct, frozen=True):
     """One item of the rubric: what it earned, of how many points, and why not of all.
 
     `state` is that of the gradebook. `possible` is what counts of the item's `points`. What it
-    `lost` adds up to what it did not earn; `more` of what cost nothing more are not named.
+    `lost` adds up to what it did not earn; `more` of what cost nothing more are not named. `groups`
+    are the groups of requirements that it is about, each after its checkpoint. `visibility` says
+    when Gradescope shows it.
     """
 
     title: str
@@ -81,6 +83,8 @@ class GradeItem(Struct, frozen=True):
     why: tuple[str, ...] = ()
     lost: tuple[LostPoints, ...] = ()
     more: int = 0
+    groups: tuple[str, ...] = ()
+    visibility: str = "visible"
 
 
 class GradeSummary(Struct, frozen=True):
