@@ -729,6 +729,37 @@ def test_the_layer_that_holds_the_opinion_is_repaired(tmp_path: Path) -> None:
     assert "inputs:wheelRadius = 0.025" in below.read_text()
 
 
+def test_a_layer_of_another_folder_is_not_edited_through_a_link(tmp_path: Path) -> None:
+    shared, own = tmp_path / "shared", tmp_path / "own"
+    for folder in (shared, own):
+        folder.mkdir()
+    root, below = layered(own)
+    below.rename(shared / "below.usda")
+    below.symlink_to(shared / "below.usda")
+    old = below.read_bytes()
+    assert fix(root, "--in-place").exit_code == 0
+    assert (below.read_bytes(), check_stage(root).verdict) == (old, "pass")
+
+
+@pytest.mark.parametrize("is_linked", [False, True])
+def test_the_layers_beside_a_linked_stage_are_repaired(
+    is_linked: bool,  # noqa: FBT001 - a parameter of the test
+    tmp_path: Path,
+) -> None:
+    """Beside the link stands the layer itself, or a link to one beside the stage."""
+    store, own = tmp_path / "store", tmp_path / "own"
+    for folder in (store, own):
+        folder.mkdir()
+    root, below = layered(store)
+    if is_linked:
+        (own / below.name).symlink_to(below)
+    else:
+        below = below.rename(own / below.name)
+    (own / root.name).symlink_to(root)
+    assert fix(own / root.name, "--in-place").exit_code == 0
+    assert "inputs:wheelRadius = 0.025" in below.read_text()
+
+
 def test_with_an_output_the_root_layer_alone_is_written(tmp_path: Path) -> None:
     root, below = layered(tmp_path)
     old = below.read_bytes()

@@ -165,9 +165,13 @@ class EditSession(Struct, eq=False):
         if self.root_only:
             return [root]
         stack = self.stage.GetLayerStack(includeSessionLayers=False)
-        folder = root.realPath.rpartition("/")[0]  # in which layers are the user's own
+        # In these folders layers are the user's own; a link may lead elsewhere.
+        named, real = Path(root.realPath).parent.resolve(), Path(root.realPath).resolve().parent
         return [
-            layer for layer in stack if layer == root or layer.realPath.startswith(f"{folder}/")
+            layer
+            for layer in stack
+            if layer == root
+            or (layer.realPath and {named, real} & {*Path(layer.realPath).resolve().parents})
         ]
 
     def touch(self, layer: Sdf.Layer, path: str) -> None:
