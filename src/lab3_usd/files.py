@@ -15,6 +15,7 @@ from lab3_usd.errors import UsageError
 
 _DEVICES = ("/", "dev")
 _ORIGINAL = re.compile(r"\.orig(\.[0-9]+)?$")
+_LINE = re.compile("[^\n]*\n|[^\n]+")
 _RANDOM = re.compile("[a-z0-9_]{8}")  # what tempfile puts behind a prefix
 
 
@@ -171,6 +172,14 @@ def refuse_existing(target: Path, *, force: bool) -> None:
     """Raise UsageError where writing would replace a file that nobody said to replace."""
     if target.exists() and not force:
         raise UsageError(f"{target} exists already; use --force to replace it")
+
+
+def lines_of(text: str) -> list[str]:
+    """Return the lines of a text with their ends, as editors and patch count them.
+
+    Form feeds and the line ends of other alphabets, which may stand in comments, end none.
+    """
+    return _LINE.findall(text)
 
 
 def absence(path: Path, what: str = "file") -> str:

@@ -265,7 +265,9 @@ def test_json_holds_the_edits(wrong: Path) -> None:
     ]
 
 
-def test_sarif_holds_the_lines(wrong: Path) -> None:
+@pytest.mark.parametrize("comment", ["", "# a\fb", "# a\u2028b\u0085c"])
+def test_sarif_holds_the_lines(wrong: Path, comment: str) -> None:
+    wrong.write_text(wrong.read_text().replace("\n", f"  {comment}\n", 1))
     (result,) = json.loads(report(wrong, "sarif"))["runs"][0]["results"]
     (change,) = result["fixes"][0]["artifactChanges"]
     text = wrong.read_text()
@@ -274,13 +276,12 @@ def test_sarif_holds_the_lines(wrong: Path) -> None:
 
 
 def apply(text: str, replacements: list[dict[str, Any]]) -> str:
-    lines = text.splitlines(keepends=True)
+    lines = text.split("\n")
     for replacement in reversed(replacements):
         region = replacement["deletedRegion"]
-        lines[region["startLine"] - 1 : region["endLine"] - 1] = [
-            replacement["insertedContent"]["text"]
-        ]
-    return "".join(lines)
+        new = replacement["insertedContent"]["text"].split("\n")[:-1]
+        lines[region["startLine"] - 1 : region["endLine"] - 1] = new
+    return "\n".join(lines)
 
 
 def test_text_marks_what_can_be_repaired(wrong: Path) -> None:

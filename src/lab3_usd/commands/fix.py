@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import os
-import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -25,6 +24,7 @@ from lab3_usd.commands.steps.reporting import selected_findings
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import (
+    lines_of,
     original_of,
     refuse_existing,
     refuse_shared,
@@ -43,7 +43,6 @@ from lab3_usd.spec.submission import named_checkpoint
 from lab3_usd.stage.read.opening import check_file
 
 _TEXT = b"#usda"
-_LINE = re.compile("[^\n]*\n|[^\n]+")  # as patch reads lines: nothing else ends one
 
 
 def run(paths: Sequence[str], options: Mapping[str, Any]) -> int:
@@ -142,7 +141,7 @@ def _diffs(fixed: Fixed) -> Iterator[str]:
         if not data.startswith(_TEXT):
             yield f"Binary file {_shown(path)} differs\n"
             continue
-        before, after = (_LINE.findall(content.decode()) for content in (old, data))
+        before, after = (lines_of(content.decode()) for content in (old, data))
         names = _name_in_patch("a", path), _name_in_patch("b", path)
         for line in difflib.unified_diff(before, after, *names):
             yield line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"

@@ -15,7 +15,7 @@ from lab3_usd.check.lint import lint
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.files import FileState, read_state, temporary_beside
+from lab3_usd.files import FileState, lines_of, read_state, temporary_beside
 from lab3_usd.fix.text_editor import new_bytes
 from lab3_usd.judge.lint import lint_lab
 from lab3_usd.judge.results import without_noted
@@ -429,8 +429,8 @@ def _lines(session: EditSession, repair: Repair, path: str) -> Iterator[TextChan
 
 def _hunks(edited: EditedLayer, name: str) -> Iterator[TextChange]:
     content = Path(edited.layer.realPath).read_bytes()
-    before = content.decode().splitlines(keepends=True)
-    after = new_bytes(edited, content).decode().splitlines(keepends=True)
+    before = lines_of(content.decode())
+    after = lines_of(new_bytes(edited, content).decode())
     matcher = difflib.SequenceMatcher(None, before, after, autojunk=False)
     for kind, first, last, start, stop in matcher.get_opcodes():
         if kind != "equal":

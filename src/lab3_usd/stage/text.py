@@ -14,6 +14,7 @@ from typing import Any
 from msgspec import Struct
 from pxr import Sdf, Usd
 
+from lab3_usd.files import lines_of
 from lab3_usd.model.changes import Site
 from lab3_usd.model.finding import IgnoreNote
 from lab3_usd.stage.read.opening import quiet
@@ -202,7 +203,7 @@ def _comments(text: str, layer: str) -> Iterator[IgnoreNote]:
     """Yield the notes in comments: of the line that they end, else of the next that says more."""
     if _LIKE_A_NOTE.search(text) is None:
         return
-    lines = text.splitlines(keepends=True)
+    lines = lines_of(text)
     starts = [*accumulate(map(len, lines), initial=0)]
     for token in _TOKEN.finditer(text):
         comment = token["comment"] or ""
