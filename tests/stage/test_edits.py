@@ -10,10 +10,13 @@ from breaking import correct_stage
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from lab3_usd.model.changes import (
+    Activate,
     AddGraph,
     ClearValue,
     Connect,
     Edit,
+    MovePrim,
+    RemoveSchema,
     Restore,
     Retarget,
     SetValue,
@@ -326,3 +329,77 @@ def test_a_session_names_the_overs_that_it_edited(lamp: Usd.Stage) -> None:
     session = EditSession(lamp, LAB, LAB.checkpoints["00"])
     apply_edit(session, Restore(SUN))
     assert f"{SUN}/Part" in session.begin(lamp.GetRootLayer()).touched
+
+
+ROVER = """#usda 1.0
+def Xform "Rover" (
+    prepend apiSchemas = ["PhysicsMassAPI", "PhysicsRigidBodyAPI"]
+)
+{
+    def Scope "part" (
+        active = false
+    )
+    {
+        int out = 1
+    }
+    def Scope "node"
+    {
+        prepend int in.connect = </Rover/arm.out>
+        prepend rel prims = [</Rover/arm>, </Rover/part>]
+    }
+    def Scope "arm"
+    {
+        int out = 1
+    }
+}
+"""
+
+
+@pytest.fixture
+def rover(tmp_path: Path) -> Usd.Stage:
+    """A robot that is an asset, below another prim."""
+    (tmp_path / "rover.usda").write_text(ROVER)
+    (tmp_path / "stage.usda").write_text(
+        '#usda 1.0\ndef "World"\n{\n    def "Rover" (\n'
+        '        prepend apiSchemas = ["PhysicsArticulationRootAPI"]\n'
+        "        prepend references = @rover.usda@</Rover>\n    )\n    {\n    }\n}\n"
+    )
+    return Usd.Stage.Open(str(tmp_path / "stage.usda"))
+
+
+def test_a_schema_is_taken_from_the_layer_and_from_its_asset(rover: Usd.Stage) -> None:
+    prim = rover.GetPrimAtPath("/World/Rover")
+    edited(rover, RemoveSchema("/World/Rover", "PhysicsArticulationRootAPI"))
+    assert prim.GetAppliedSchemas() == ["PhysicsMassAPI", "PhysicsRigidBodyAPI"]
+    assert "apiSchemas" not in rover.GetRootLayer().ExportToString()
+    edited(rover, RemoveSchema("/World/Rover", "PhysicsMassAPI"))
+    assert prim.GetAppliedSchemas() == ["PhysicsRigidBodyAPI"]
+
+
+def test_what_an_asset_deactivates_is_activated_over_it(rover: Usd.Stage) -> None:
+    edited(rover, Activate("/World/Rover/part"))
+    assert rover.GetPrimAtPath("/World/Rover/part").IsActive()
+
+
+def test_a_prim_of_an_asset_is_moved_as_a_copy_and_what_names_it_follows(rover: Usd.Stage) -> None:
+    edited(rover, MovePrim("/World/Rover/arm", "/World/arm"))
+    assert rover.GetPrimAtPath("/World/arm").GetAttribute("out").Get() == 1
+    assert not rover.GetPrimAtPath("/World/Rover/arm").IsActive()
+    node = rover.GetPrimAtPath("/World/Rover/node")
+    assert node.GetAttribute("in").GetConnections() == ["/World/arm.out"]
+    assert node.GetRelationship("prims").GetTargets() == ["/World/arm", "/World/Rover/part"]
+
+
+@pytest.mark.parametrize(
+    ("prim", "to"),
+    [
+        ("/World/Rover", "/World/Rover/arm/Rover"),  # below itself
+        ("/World/Rover/arm", "/World/Rover/node"),  # taken
+        ("/World/Rover/arm", "/Nowhere/arm"),
+        ("/World/nothing", "/World/arm"),
+    ],
+)
+def test_a_move_that_cannot_be_changes_nothing(prim: str, to: str, rover: Usd.Stage) -> None:
+    before = rover.GetRootLayer().ExportToString()
+    edited(rover, MovePrim(prim, to))
+    assert rover.GetRootLayer().ExportToString() == before
