@@ -11,16 +11,28 @@ from typing import Any
 import pytest
 from breaking import Step, broken, built, correct_stage, place, the_lab
 from click.testing import Result
+from golden import assert_golden_text
 from invoking import invoke
 from jsonschema import Draft202012Validator
 from pxr import Sdf, Usd, UsdGeom
-from scene_changes import author, deactivate, move_prim, put, switch, with_api, without_api
+from scene_changes import (
+    aim,
+    author,
+    deactivate,
+    move_prim,
+    put,
+    retype,
+    switch,
+    with_api,
+    without_api,
+)
 
 from lab3_usd.data import data_folder
 from lab3_usd.diff import compare_stages
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.model.changes import PARTS
 from lab3_usd.report.diff import TITLES
+from lab3_usd.report.options import tool_version
 
 Told = tuple[str, str, str, str]
 ROBOT, DRIVE = "/turtlebot3_burger", "ROS_Drive/differential_controller"
@@ -240,6 +252,14 @@ SCENE: dict[str, tuple[Callable[[Usd.Stage], Any], list[Told]]] = {
         with_api("/World", "PhysicsRigidBodyAPI"),
         [("scene", "added", "/World", "schema")],
     ),
+    "a type": (
+        retype("/Environment/Lights/Sun", "SphereLight"),
+        [("scene", "changed", "/Environment/Lights/Sun", "type")],
+    ),
+    "a body of a joint": (
+        aim(f"{ROBOT}/joints/wheel_left_joint", "physics:body0", "/World"),
+        [("robot", "changed", f"{ROBOT}/joints/wheel_left_joint", "physics:body0")],
+    ),
     "a place": (
         put(f"{ROBOT}/base_scan/Lidar2D", "xformOp:translate", (0, 0, 1)),
         [("robot", "changed", f"{ROBOT}/base_scan/Lidar2D", "place")],
@@ -368,16 +388,18 @@ def test_a_topic_and_a_transform_that_are_gone_are_told(right: Path, tmp_path: P
 # ---- how it is told
 
 
+CHANGES: list[Step] = [
+    {"set": [f"{DRIVE}.inputs:wheelRadius", 0.033]},
+    {"remove": "ROS_Drive/scale_linear_velocity"},
+    {"disconnect": "ROS_Clock/ros2_publish_clock.inputs:execIn"},
+    {"copy": ["ROS_Clock", "/World/Clock2"]},
+]
+
+
 @pytest.fixture
 def changed(tmp_path: Path) -> Path:
     """A stage with a changed value, a removed node, a removed wire and a new graph."""
-    steps: list[Step] = [
-        {"set": [f"{DRIVE}.inputs:wheelRadius", 0.033]},
-        {"remove": "ROS_Drive/scale_linear_velocity"},
-        {"disconnect": "ROS_Clock/ros2_publish_clock.inputs:execIn"},
-        {"copy": ["ROS_Clock", "/World/Clock2"]},
-    ]
-    return saved(broken("05", steps), tmp_path)
+    return saved(broken("05", CHANGES), tmp_path)
 
 
 def test_the_report_names_each_part_once(right: Path, changed: Path) -> None:
@@ -388,6 +410,18 @@ def test_the_report_names_each_part_once(right: Path, changed: Path) -> None:
     assert f"  ~ {place(DRIVE)}.inputs:wheelRadius: 0.025 -> 0.033\n" in result.stdout
     assert f"  - {place('ROS_Drive/scale_linear_velocity')}: " in result.stdout
     assert re.search(r"  \+ /World/Clock2: \d nodes, \d wires\n", result.stdout)
+
+
+def test_all_changes_at_once_are_told_as_they_were(right: Path, tmp_path: Path) -> None:
+    stage = broken("05", CHANGES)
+    for change, _ in SCENE.values():
+        change(stage)
+    after = saved(stage, tmp_path)
+    for form in ("text", "json"):
+        shown = diff("--format", form, right, after).stdout.replace(tool_version(), "VERSION")
+        for path in (right, after):
+            shown = shown.replace(str(path), path.name)
+        assert_golden_text(f"diff.{form}", shown)
 
 
 def test_json_is_as_the_schema_says(right: Path, changed: Path) -> None:

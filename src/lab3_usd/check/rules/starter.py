@@ -37,7 +37,8 @@ def starter_prim_missing(subject: StarterSubject) -> Iterator[Problem]:
     for change in subject.changes:
         if not change.absent or _is_absence_reported(change, subject):
             continue
-        also = f", with {change.count - 1} prims below it" if change.count > 1 else ""
+        below = change.count - 1
+        also = f", with {below} prim{'s' if below > 1 else ''} below it" if below else ""
         repair = Restore(change.prim) if change.absent == _MISSING else Activate(change.prim)
         yield Problem(
             change.prim,

@@ -162,7 +162,7 @@ def _removed(record: PrimRecord, after: Usd.Stage, terms: _Terms) -> StageChange
 def _counted(prim: Usd.Prim, terms: _Terms) -> str:
     below = _count_below(prim, terms)
     kind = str(prim.GetTypeName()) or "prim"
-    return f"{kind}, with {below} prims below it" if below else kind
+    return f"{kind}, with {below} prim{'s' if below > 1 else ''} below it" if below else kind
 
 
 def _count_below(prim: Usd.Prim, terms: _Terms) -> int:
