@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from golden import assert_golden, problems_text
 from msgspec.structs import replace
 from pxr import Gf, Usd, UsdGeom
 from submissions import LAB, ROBOT, SPEC, edit_stage
@@ -13,7 +14,7 @@ from submissions import LAB, ROBOT, SPEC, edit_stage
 from lab3_usd.check.registry import rules_of
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import against_starter, open_starter
-from lab3_usd.model.changes import Change, Difference, Kind, Site, StarterSubject
+from lab3_usd.model.changes import KINDS, Change, Difference, Kind, Site, StarterSubject
 from lab3_usd.model.finding import Finding, Problem, StageResult
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
@@ -49,6 +50,30 @@ def rules_said(*changes: Change, blamed: tuple[Site, ...] = ()) -> list[str]:
 
 
 # -- who speaks, and how gravely
+
+
+def test_what_is_said_of_each_difference_is_as_it_was() -> None:
+    names = ("mass", "size")
+    changes = {
+        f"{kind} {physics}": change(WALL, *(differing(kind, n, physics=physics) for n in names))
+        for kind in KINDS
+        for physics in (True, False)
+    }
+    changes |= {
+        "an unnamed one": change(WALL, differing("type")),
+        "of a body": change(WALL, differing("physics", "physics:mass"), body=BASE),
+        "gone": gone(WALL),
+        "gone alone": replace(gone(WALL), count=1),
+        "gone with one": replace(gone(WALL), count=2, physics=False),
+        "deactivated": replace(gone(WALL), absent="deactivated"),
+    }
+    shown = {}
+    for name, found in changes.items():
+        problems: dict[str, list[Problem]] = {}
+        for rule_id, problem in said(found):
+            problems.setdefault(rule_id, []).append(problem)
+        shown[name] = problems_text(problems, LAB)
+    assert_golden("starter-faults", shown)
 
 
 @pytest.mark.parametrize(
