@@ -35,9 +35,10 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 from lab3_usd.commands import bag as module
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
+from lab3_usd.model.dry_run import Behaviour, Frame, Topic, Unknown
 from lab3_usd.report.behaviour.text import LOOKS_OF_A_RECORDING
 from lab3_usd.sim.bag import files, judge, reader
-from lab3_usd.sim.bag.judge import CHECKS
+from lab3_usd.sim.bag.judge import CHECKS, differences
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
 
 
@@ -334,6 +335,37 @@ def test_what_differs_from_the_dry_run_is_told_and_no_fault(plain: Path, tmp_pat
         "/clock",
         "Camera_1",
     }
+
+
+def test_each_difference_from_the_dry_run_is_put_into_words() -> None:
+    def behaviour(topics: tuple[Topic, ...], frames: dict[str, str]) -> Behaviour:
+        pairs = tuple(Frame(parent, child, static=False) for child, parent in frames.items())
+        unknown = (Unknown("/not_sent", "nothing sends it"),)
+        return Behaviour(
+            "a.usda", "05", 9.0, "ok", topics, pairs, not_simulated=unknown if frames else ()
+        )
+
+    dry = behaviour(
+        (
+            Topic("/scan", "LaserScan", 10.0, "base_scan, laser"),
+            Topic("/odom", "Odometry", 60.0, "odom"),
+            Topic("/gone", "Image", 10.0, ""),
+            Topic("/not_sent", "Image", 10.0, ""),
+        ),
+        {"base": "odom", "scan": "base", "wheel": "base"},
+    )
+    recorded = behaviour(
+        (Topic("/scan", "PointCloud2", 7.9, "lens"), Topic("/odom", "Odometry", 50.0, "odom")),
+        {"base": "odom", "scan": "wheel"},
+    )
+    assert [(found.name, found.message) for found in differences(recorded, dry)] == [
+        ("/scan", "is PointCloud2, in the dry run LaserScan"),
+        ("/scan", "comes at 7.9 Hz, in the dry run at 10.0"),
+        ("/scan", "is in 'lens', in the dry run in 'base_scan, laser'"),
+        ("/gone", "comes in the dry run only"),
+        ("scan", "is below wheel, in the dry run below base"),
+        ("wheel", "never comes, in the dry run below base"),
+    ]
 
 
 def test_a_stage_that_cannot_be_read_is_one_line(plain: Path) -> None:

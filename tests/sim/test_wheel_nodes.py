@@ -11,6 +11,7 @@ from lone_nodes import node, world
 from lab3_usd.model.dry_run import HERE, Prim, Scene
 from lab3_usd.sim.execution.recording import Steering
 from lab3_usd.sim.execution.world import Endpoint, world_of
+from lab3_usd.sim.robots import AHEAD, TURN, _allowed
 
 WHEELED = "isaacsim.robot.wheeled_robots."
 ACKERMANN, HOLONOMIC = f"{WHEELED}AckermannController", f"{WHEELED}HolonomicController"
@@ -138,3 +139,26 @@ def test_the_wheels_of_a_robot_are_read_from_its_joints() -> None:
     assert setup.outputs["wheelAxis"] == (0.0, 1.0, 0.0)
     assert (setup.outputs["wheelRadius"], setup.outputs["wheelDofNames"]) == ((0.1,), ("joint",))
     assert not node(f"{WHEELED}HolonomicRobotUsdSetup").compute(here)
+
+
+@pytest.mark.parametrize(
+    ("values", "speeds", "ramp"),
+    [
+        ({}, (AHEAD, TURN), 0.0),
+        ({"maxLinearSpeed": 0.1, "maxAngularSpeed": 0.5}, (0.09, 0.45), 0.0),
+        ({"maxWheelSpeed": 2.0, "wheelRadius": 0.05, "wheelDistance": 0.4}, (0.09, 0.45), 0.0),
+        (
+            {"maxLinearSpeed": 0.1, "maxAcceleration": 0.05, "maxDeceleration": 0.1},
+            (0.09, TURN),
+            1.8,
+        ),
+        ({"maxAngularSpeed": 0.5, "maxAngularAcceleration": 0.9}, (AHEAD, 0.45), 0.5),
+    ],
+)
+def test_a_robot_is_driven_as_fast_as_its_controller_lets_it(
+    values: dict[str, float], speeds: tuple[float, float], ramp: float
+) -> None:
+    controller = node(f"{WHEELED}DifferentialController", values)
+    found, seconds = _allowed([controller], world())
+    assert found == pytest.approx(speeds)
+    assert seconds == pytest.approx(ramp)
