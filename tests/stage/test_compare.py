@@ -595,6 +595,13 @@ def test_instances_are_looked_into(tmp_path: Path) -> None:
 # -- values
 
 
+asset = Sdf.AssetPath
+
+
+def assets(*names: str) -> Sdf.AssetPathArray:
+    return Sdf.AssetPathArray([asset(name, f"/{name}") for name in names])
+
+
 @pytest.mark.parametrize(
     ("was", "now", "same"),
     [
@@ -615,6 +622,14 @@ def test_instances_are_looked_into(tmp_path: Path) -> None:
         (Vt.IntArray([1, 2]), Vt.IntArray([1, 2]), True),
         (Vt.IntArray([1, 2]), Vt.IntArray([1, 3]), False),
         (Vt.TokenArray(["a"]), Vt.TokenArray(["b"]), False),
+        (asset("x/a.png", "/x/a.png"), asset("y/a.png", "/y/a.png"), True),  # neither is there
+        (asset("x/a.png", "/x/a.png"), asset("x/b.png", "/x/b.png"), False),
+        (asset("x/a.png", "/x/a.png"), asset("y/b.png"), True),  # nobody knows
+        (asset("x/a.png", "/x/a.png"), asset(""), False),
+        (asset("x/a.png", "/x/a.png"), "/x/a.png", False),
+        (assets("a.png", "b.png"), assets("a.png", "b.png"), True),
+        (assets("a.png", "b.png"), assets("a.png", "c.png"), False),
+        (assets("a.png", "b.png"), assets("a.png"), False),
         (float("inf"), float("inf"), True),
         (float("-inf"), 0.0, False),
     ],
