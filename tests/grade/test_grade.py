@@ -96,7 +96,6 @@ WRITTEN = (
     "grades.csv",
     "grades.json",
     "index.html",
-    "students/fault/report.html",
     "students/rubbish/report.json",
     "students/rubbish/result.json",
     "students/rubbish/results.json",

@@ -42,7 +42,8 @@ def test_a_format_is_imported_when_it_is_asked_for() -> None:
 @pytest.mark.parametrize("name", [name for name in OURS if name != "text"])
 def test_a_format_is_the_golden_one(name: str) -> None:
     report = Report((*REPORT.results, CRASHED), REPORT.submissions)
-    shown = render(name, report, RULES, Options(verbosity="verbose", statistics=True))
+    rules = None if name == "html" else RULES  # whose manuals it quotes
+    shown = render(name, report, rules, Options(verbosity="verbose", statistics=True))
     shown = shown.replace(tool_version(), "VERSION") if "html" not in name else in_lines(shown)
     assert_golden_text(f"report/{name}.txt", shown)
 

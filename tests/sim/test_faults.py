@@ -12,7 +12,7 @@ import pytest
 from breaking import broken, correct_stage, the_lab
 from dry_runs import INTERFACE, driven
 from fault_stages import IMAGE_PRODUCT, MOTION, NAMES, STAGES
-from golden import assert_golden
+from golden import assert_golden_case
 from places import REPOSITORY
 from scene_changes import CAMERA
 
@@ -67,8 +67,9 @@ def test_a_stage_shows_its_kind_of_fault(kind: FaultKind) -> None:
     assert (STAGES[kind][1], kind) in shown(faults(kind))
 
 
-def test_what_is_said_of_each_stage_is_as_it_was() -> None:
-    assert_golden("dry-run-faults", {kind: fault_text(faults(kind)) for kind in STAGES})
+@pytest.mark.parametrize("kind", STAGES)
+def test_what_is_said_of_a_stage_is_as_it_was(kind: FaultKind) -> None:
+    assert_golden_case("dry-run-faults", kind, fault_text(faults(kind)))
 
 
 def fault_text(found: list[tuple[str, Fault]]) -> str:

@@ -12,11 +12,13 @@ from typing import Any
 from msgspec import to_builtins
 from places import TESTS
 
+from lab3_usd.check.manual import in_words_of
 from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.model.changes import Repair
 from lab3_usd.model.finding import Finding, Problem
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
 
 FOLDER = TESTS / "golden"
 UPDATE = bool(os.environ.get("LAB3_UPDATE_GOLDEN"))
@@ -26,17 +28,29 @@ _IN_THE_FIRST_LINE = ("rule", "name", "severity", "prim", "property", "message")
 
 def assert_golden(name: str, shown: Mapping[str, str]) -> None:
     """Compare the text of each case with the one that was kept."""
-    path = FOLDER / f"{name}.txt"
     if UPDATE:
         blocks = [f"# {case}\n{text}" for case, text in shown.items()]
+        path = FOLDER / f"{name}.txt"
         path.write_text("\n".join(blocks), encoding="utf-8", newline="\n")
-    kept = dict(
-        block.split("\n", 1)
-        for block in path.read_text(encoding="utf-8").removeprefix("# ").split("\n# ")
-    )
-    assert {case: text.splitlines() for case, text in shown.items()} == {
-        case: text.removesuffix("\n").splitlines() for case, text in kept.items()
-    }
+    kept = _blocks(name)
+    assert {case: text.splitlines() for case, text in shown.items()} == kept
+
+
+def assert_golden_case(name: str, case: str, text: str) -> None:
+    """Compare the text of one case with the one that was kept."""
+    if UPDATE:
+        kept = {
+            case: "".join(f"{line}\n" for line in block) for case, block in _blocks(name).items()
+        }
+        assert_golden(name, {**kept, case: text})
+    assert text.splitlines() == _blocks(name)[case]
+
+
+def _blocks(name: str) -> dict[str, list[str]]:
+    """Return the lines that were kept of each case."""
+    text = (FOLDER / f"{name}.txt").read_text(encoding="utf-8").removeprefix("# ")
+    blocks = (block.split("\n", 1) for block in text.split("\n# "))
+    return {case: block.removesuffix("\n").splitlines() for case, block in blocks}
 
 
 def problems_text(problems: Mapping[str, Iterable[Problem]], lab: Lab) -> str:
@@ -55,20 +69,25 @@ def numbered(names: Iterable[str]) -> list[str]:
     return [f"{name} {listed[:place].count(name)}" for place, name in enumerate(listed)]
 
 
-def findings_text(findings: Iterable[Finding]) -> str:
-    """Return findings with everything that a rule says: a line for each, and one for each field."""
+def findings_text(findings: Iterable[Finding], lab: Lab | None = None) -> str:
+    """Return findings with everything that a rule says: a line for each, and one for each field.
+
+    A hint that is the repair of the rule's manual is left out.
+    """
     lines: list[str] = []
+    words = lab or load_lab()
     for finding in findings:
         place = f"{finding.prim}.{finding.property}" if finding.property else finding.prim
         lines.append(f"{finding.severity} {finding.rule} {place}: {finding.message}")
-        usual = Finding(finding.rule, "", "error", "", "")
+        repair = in_words_of(words, all_rules()[finding.rule].section("Fix")) or None
+        usual = Finding(finding.rule, "", "error", "", "", hint=repair)
         lines += [
             f"    {field}: {_shown(value)}"
             for field in Finding.__struct_fields__
             if field not in _IN_THE_FIRST_LINE
             and (value := getattr(finding, field)) != getattr(usual, field)
         ]
-    return "".join(f"{line}\n" for line in lines)
+    return "".join(f"{line}\n" for line in lines).replace("\0", "\\0")
 
 
 def _shown(value: Any) -> str:
