@@ -246,6 +246,15 @@ def test_a_wrong_file_is_named_with_what_is_wrong(wrong: Path, text: str, said: 
         load_config(path)
     assert str(error.value).startswith(str(path))
     assert said in str(error.value)
+    line, column = map(int, str(error.value).rpartition(f", at {path}:")[2].split(":"))
+    assert column <= len(path.read_text().splitlines()[line - 1]) + 1
+
+
+def test_a_wrong_rule_is_said_with_its_place(wrong: Path) -> None:
+    path = set_up(wrong.parent, 'ignore = ["W01"]\n[severity]\nP01 = "note"\nP99 = "note"\n')
+    with pytest.raises(UsageError) as error:
+        load_config(path)
+    assert str(error.value).endswith(f", at {path}:4:1")
 
 
 def test_a_file_without_the_table_cannot_be_chosen(tmp_path: Path) -> None:

@@ -544,7 +544,7 @@ def test_a_lab_that_nothing_loads_passes_no_stage_and_says_what_to_decide(
     assert status == 1
     lines = (lab / "scene.yaml").read_text().splitlines()
     number = lines.index("  base_frame: chassis") + 1
-    assert f"to be decided by you: {lab}/scene.yaml:{number}:3: robot: base_frame" in shown
+    assert f"to be decided by you: {lab}/scene.yaml:{number}:15: robot: base_frame" in shown
     assert ", pass, " not in shown
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from invoking import invoke
-from mini_lab import copied
+from mini_lab import MINI, copied
 
 from lab3_usd.errors import SpecError
 
@@ -38,7 +38,18 @@ MISTAKES: dict[str, tuple[str, str, str, str]] = {
         "isaacsim.ros2.bridge.ROS2Clock",
     ),
     "a value of a node": ("ROS_Clock.yaml", "topicName:", "topicNam:", "topicNam: "),
-    "a frame": ("scene.yaml", "base_frame: base_footprint", "base_frame: base", "base_frame"),
+    "a frame": ("scene.yaml", "base_frame: base_footprint", "base_frame: base", "base"),
+    "a file of points": ("rubric.yaml", "points: 20", "points: twenty", "points: twenty"),
+    "a group of an item": ("rubric.yaml", "groups: [ROS_Clock]", "groups: [ROS_Clok]", "ROS_Clok]"),
+    "a cap": ("rubric.yaml", "rules: [T07]", "rules: [T99]", "T99"),
+    "a deliverable": ("submission.yaml", "endings: [.pdf]", "endings: .pdf", "endings: .pdf"),
+    "a line of a checklist": ("submission.yaml", "stages: last", "stage: last", "stage: last"),
+    "the map": ("scene.yaml", "resolution: 0.05", "resolution: fine", "resolution: fine"),
+    "a topic": ("ros.yaml", "publishers: 1", "publishers: one", "publishers: one"),
+    "a command": ("ros.yaml", "kind: node_list", "kind: nodes", "nodes"),
+    "a prim of the starter": ("starter.yaml", "type: Plane", "typ: Plane", "typ: Plane"),
+    "a kind of the starter": ("starter.yaml", "like: wheel", "like: wheels", "wheels"),
+    "an alias of YAML": ("scene.yaml", "up_axis: Z", "up_axis: *up", "*up"),
     "a checkpoint": ("checkpoints.yaml", "graphs: [ROS_Drive]", "graphs: [ROS_Driv]", "ROS_Driv]"),
 }
 
@@ -61,3 +72,13 @@ def test_a_mistake_is_said_with_its_place(case: str, folder: Path) -> None:
     number, column = map(int, said.rpartition(f", at {path}:")[2].split(":"))
     line = path.read_text().splitlines()[number - 1][column - 1 :]
     assert line.startswith(pointed), (said, line)
+
+
+def test_a_mistake_in_a_rubric_of_the_grader_is_said_with_its_place(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text('title: Mine\nitems:\n  clock: {checkpoint: "01", point: 3}\n')
+    (tmp_path / "class").mkdir()
+    starter = ("--starter", tmp_path, "-o", tmp_path / "book")
+    with pytest.raises(SpecError) as refused:
+        invoke("--lab", MINI, "grade", tmp_path / "class", "--rubric", path, *starter)
+    assert str(refused.value).endswith(f", at {path}:3:29")

@@ -21,10 +21,11 @@ from lab3_usd.report.entries import score_text
 from lab3_usd.report.safe_text import printable
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.contradictions.names import LabFault
-from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.lab import STARTER, Lab
 from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.spec.load.lab import assemble
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.starter import load_starter_spec
 from lab3_usd.spec.positions import place_of
 
 
@@ -59,7 +60,7 @@ def make_lab(folder: Path, stages: Sequence[Path]) -> int:
     passes = not faults
     undecided = [fault for fault in faults if fault.severity == "error"]
     for fault in undecided:
-        place = place_of(folder, f"{fault.file}: {fault.key}")
+        place = place_of(folder, fault.place)
         click.echo(f"to be decided by you: {place}: {fault.key}")
     if undecided:
         then = f"then run {program()} lab check {folder}"
@@ -75,15 +76,20 @@ def _say_faults(lab: Lab) -> list[LabFault]:
     """Print and return what contradicts itself in a lab.
 
     Points and checklists are held against a lab that agrees with itself.
+
+    Raises:
+        SpecError: the description of the starter is wrong.
     """
     from lab3_usd.grade.rubric import scoring_faults
     from lab3_usd.spec.contradictions.references import lab_faults
 
+    if (lab.folder / STARTER).is_file():
+        load_starter_spec(lab.folder)
     faults = list(lab_faults(lab))
     if all(fault.severity != "error" for fault in faults):
         faults += scoring_faults(lab)
     for fault in faults:
-        place = place_of(lab.folder, f"{fault.file}: {fault.key}")
+        place = place_of(lab.folder, fault.place)
         click.echo(f"{fault.severity} {fault}" + (f", at {place}" if place else ""))
     numbers = Counter(fault.severity for fault in faults)
     counts = (

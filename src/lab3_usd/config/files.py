@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,6 +12,7 @@ from lab3_usd.errors import UsageError
 
 NAME, HIDDEN_NAME, SHARED_NAME = "lab3.toml", ".lab3.toml", "pyproject.toml"
 TOOL, TABLE = "tool", "lab3"
+_PLACE = re.compile(r"\(at line (\d+), column (\d+)\)")
 
 
 def find_file(path: Path) -> Path | None:
@@ -66,5 +68,21 @@ def _parsed(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: is not TOML: {error}") from error
+        match = _PLACE.search(str(error))
+        lines = path.read_bytes().splitlines() or [b""]
+        place = f"{match[1]}:{match[2]}" if match else f"{len(lines)}:{len(lines[-1]) + 1}"
+        what = _PLACE.sub("", str(error)).strip()
+        raise UsageError(f"{path}: is not TOML: {what}, at {path}:{place}") from error
     return content
+
+
+def located(error: UsageError, path: Path) -> UsageError:
+    """Return an error that begins with a configuration file and its keys, with the place added."""
+    text = path.read_text(encoding="utf-8")
+    start = max(0, text.find(f"[{TOOL}.{TABLE}")) if path.name == SHARED_NAME else 0
+    for name in str(error).removeprefix(f"{path}: ").split(": "):
+        quoted = re.findall(r"'([^']+)'", name)
+        match = re.search("|".join(map(re.escape, filter(None, (name, *quoted)))), text[start:])
+        start += match.start() if match else 0
+    line = text.count("\n", 0, start) + 1
+    return UsageError(f"{error}, at {path}:{line}:{start - text.rfind(chr(10), 0, start)}")

@@ -11,7 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import check_rule_names
-from lab3_usd.config.files import find_file, read_table
+from lab3_usd.config.files import find_file, located, read_table
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import SEVERITIES, Finding, Severity, family_of, is_among
 
@@ -64,9 +64,16 @@ def load_config(file: Path) -> Config:
     """Read a configuration file.
 
     Raises:
-        UsageError: it cannot be read, or a key or value is wrong; the line says which.
+        UsageError: it cannot be read, or a key or value is wrong; the line says which and where.
     """
     given = dict(read_table(file))
+    try:
+        return _config_of(file, given)
+    except UsageError as error:
+        raise located(error, file) from error
+
+
+def _config_of(file: Path, given: Mapping[str, Any]) -> Config:
     for key in given:
         if key not in _KEYS:
             from difflib import get_close_matches

@@ -23,6 +23,7 @@ from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.contradictions.names import LabFault
 from lab3_usd.spec.contradictions.references import RULES
 from lab3_usd.spec.lab import CHECKPOINTS, RUBRIC, SUBMISSION, Lab
+from lab3_usd.spec.positions import located
 from lab3_usd.spec.yaml_file import read_foreign_yaml, read_yaml, record, records
 
 # The columns of the table of grades that are no items; the last stands behind the items.
@@ -326,9 +327,17 @@ def load_rubric(path: Path | None, lab: Lab) -> Rubric:
     """Load the rubric at `path`, None for that of the lab.
 
     Raises:
-        SpecError: the file is missing or wrong; the line names the item and the key.
+        SpecError: the file is missing or wrong; the line names the item and the key, and ends with
+            its place in the file.
     """
     file = path if path is not None else lab.folder / RUBRIC
+    try:
+        return _rubric_of(file, path, lab)
+    except SpecError as error:
+        raise located(error, file.parent) from error
+
+
+def _rubric_of(file: Path, path: Path | None, lab: Lab) -> Rubric:
     if path is None and not file.is_file():
         raise SpecError(f"{lab.title} has no {RUBRIC}; name a rubric with --rubric")
     data = read_yaml(file) if path is None else read_foreign_yaml(file)
@@ -412,7 +421,7 @@ def scoring_faults(lab: Lab) -> Iterator[LabFault]:
         yield LabFault(RUBRIC, "items", message, severity="warning")
         return
     try:
-        rubric = load_rubric(lab.folder / RUBRIC, lab)
+        rubric = _rubric_of(lab.folder / RUBRIC, None, lab)
     except SpecError as error:
         key, _, message = str(error).removeprefix(f"{RUBRIC}: ").rpartition(": ")
         yield LabFault(RUBRIC, key or "items", message)

@@ -10,10 +10,13 @@ from typing import Any
 import yaml
 
 from lab3_usd.errors import SpecError
+from lab3_usd.spec.yaml_file import refuse_deep
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_LARGEST = 1_000_000  # bytes of a file in which places are looked up
 _MISSING = " is missing"
 _QUOTED = re.compile(r"'([^']+)'")
+_PATH = re.compile(r"(/\w+)+")
 _NUMBERED = re.compile(r"(\w+) (\d+)")
 
 
@@ -41,19 +44,28 @@ def place_of(folder: Path, message: str) -> str:
 def _position(path: Path, keys: Sequence[str]) -> tuple[int, int]:
     """Return the position of the last of the keys that the file has, each inside the one before."""
     try:
-        node = yaml.compose(path.read_bytes(), Loader=_Loader)
+        if path.stat().st_size > _LARGEST:
+            return 1, 1
+        text = path.read_bytes()
+        refuse_deep(text)
+        node = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         return (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
     except (yaml.YAMLError, OSError, UnicodeDecodeError):
         return 1, 1
     mark = None
-    for key in keys:
+    for key in [name for written in keys for name in _names(written)]:
         found = _found(node, key)
         if found is not None:
             mark, inner = found
             node = node if isinstance(inner, yaml.ScalarNode) else inner
     return (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
+
+
+def _names(key: str) -> Sequence[str]:
+    """Return the keys that a key stands for: of the path of a prim, its names."""
+    return key.split("/")[1:] if _PATH.fullmatch(key) else (key,)
 
 
 def _found(node: Any, key: str) -> tuple[Any, Any] | None:

@@ -36,10 +36,15 @@ class LabFault(Struct, frozen=True):
     other: str = ""
     severity: Literal["error", "warning"] = "error"
 
+    @property
+    def place(self) -> str:
+        """What the line and column in `file` are found by."""
+        return f"{self.file}: {self.key}: {self.message}"
+
     def __str__(self) -> str:
         """Write the fault in one line."""
         other = f" ({self.other})" if self.other else ""
-        return f"{self.file}: {self.key}: {self.message}{other}"
+        return f"{self.place}{other}"
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:

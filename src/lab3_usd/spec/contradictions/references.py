@@ -255,7 +255,7 @@ def refuse_faulty(lab: Lab) -> None:
     errors = [fault for fault in lab_faults(lab) if fault.severity == "error"]
     if errors:
         more = f"; and {len(errors) - 1} more, see {program()} lab check" if len(errors) > 1 else ""
-        place = place_of(lab.folder, f"{errors[0].file}: {errors[0].key}")
+        place = place_of(lab.folder, errors[0].place)
         raise SpecError(f"{errors[0]}, at {place}{more}")
 
 

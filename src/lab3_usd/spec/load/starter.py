@@ -13,6 +13,7 @@ from lab3_usd.data import program
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.lab import SCENE, STARTER
 from lab3_usd.spec.load.lab import parse_scene
+from lab3_usd.spec.positions import located
 from lab3_usd.spec.scene import Number3, RobotSpec, StageUnits
 from lab3_usd.spec.yaml_file import read_yaml, record
 
@@ -94,11 +95,19 @@ def load_starter_spec(folder: Path) -> StarterSpec:
     stand in `scene.yaml` alone.
 
     Raises:
-        SpecError: a file cannot be read, or says something that no prim can be made of.
+        SpecError: a file cannot be read, or says something that no prim can be made of; the line
+            ends with its place in the file.
     """
     if not (folder / STARTER).is_file():
         hint = f"give {program()} build a starter scene of yours"
         raise SpecError(f"{folder} has no {STARTER}: {hint}")
+    try:
+        return _starter_of(folder)
+    except SpecError as error:
+        raise located(error, folder) from error
+
+
+def _starter_of(folder: Path) -> StarterSpec:
     starter = record(read_yaml(folder / STARTER), StarterFile, STARTER)
     scene = parse_scene(read_yaml(folder / SCENE))
     kinds: dict[str, _Data] = {}
