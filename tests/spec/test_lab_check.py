@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import quick_yaml
 from invoking import invoke
-from mini_lab import MINI, copied
+from mini_lab import MINI, built, copied
 from places import REPOSITORY
 
 from lab3_usd.data import data_folder
@@ -461,3 +461,23 @@ def test_the_lab_of_the_option_is_checked(folder: Path) -> None:
     edited(folder, "checkpoints.yaml", lambda said: said.update(title="Week 5"))
     result = invoke("--lab", folder, "lab", "check")
     assert result.output == "Week 5: 0 errors, 0 warnings\n"
+
+
+def test_a_target_is_looked_up_in_the_stages_that_are_given(folder: Path) -> None:
+    (folder / "starter.yaml").unlink()
+    drive = folder / "ROS_Drive.yaml"
+    drive.write_text(drive.read_text().replace("burger/base_footprint]", "burger/base_foot]"))
+    stage = built() / "work" / "Lab3_02_ros_drive.usda"
+    assert invoke("lab", "check", folder).exit_code == 0
+    result = invoke("lab", "check", folder, "--from", stage)
+    assert result.output.startswith(
+        "error ROS_Drive.yaml: articulation_controller: targetPrim: "
+        "'/turtlebot3_burger/base_foot' is no prim of the stages or the starter, and no sensor, "
+        f"'/turtlebot3_burger/base_footprint' is ({stage.name}), at {drive}:"
+    )
+    assert result.output.endswith("Mini: 1 error, 0 warnings\n")
+
+
+def test_a_target_that_a_stage_has_beside_the_starter_is_no_error(folder: Path) -> None:
+    stage = built() / "work" / "Lab3_05_navigation.usda"
+    assert invoke("lab", "check", folder, "--from", stage).exit_code == 0

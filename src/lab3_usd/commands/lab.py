@@ -21,12 +21,14 @@ from lab3_usd.report.entries import score_text
 from lab3_usd.report.safe_text import printable
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.contradictions.names import LabFault
+from lab3_usd.spec.contradictions.scene import KnownScene
 from lab3_usd.spec.lab import STARTER, Lab
 from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.spec.load.lab import assemble
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.load.starter import load_starter_spec
 from lab3_usd.spec.positions import place_of
+from lab3_usd.stage.read.reader import read_stage
 
 
 def make_lab(folder: Path, stages: Sequence[Path]) -> int:
@@ -38,9 +40,7 @@ def make_lab(folder: Path, stages: Sequence[Path]) -> int:
             the folder exists.
     """
     refuse_existing_folder(folder)
-    for stage in stages:
-        if not stage.is_file():
-            raise UsageError(f"{stage}: there is no such file")
+    _refuse_missing(stages)
     lab = load_lab(data_folder("graphs"))
     description = describe_lab(stages, lab, load_isaac_types().catalog)
     named = {name: with_schema(name, text) for name, text in description.files.items()}
@@ -56,7 +56,7 @@ def make_lab(folder: Path, stages: Sequence[Path]) -> int:
         click.echo(f"error {error}")
         click.echo(f"{folder}: cannot be loaded, no stage was judged by it")
         return EXIT_FOUND
-    faults = _say_faults(described)
+    faults = _say_faults(described, stages)
     passes = not faults
     undecided = [fault for fault in faults if fault.severity == "error"]
     for fault in undecided:
@@ -72,20 +72,27 @@ def make_lab(folder: Path, stages: Sequence[Path]) -> int:
     return 0 if passes else EXIT_FOUND
 
 
-def _say_faults(lab: Lab) -> list[LabFault]:
-    """Print and return what contradicts itself in a lab.
+def _refuse_missing(stages: Sequence[Path]) -> None:
+    for stage in stages:
+        if not stage.is_file():
+            raise UsageError(f"{stage}: there is no such file")
+
+
+def _say_faults(lab: Lab, stages: Sequence[Path]) -> list[LabFault]:
+    """Print and return what contradicts itself in a lab, and what it names and no stage has.
 
     Points and checklists are held against a lab that agrees with itself.
 
     Raises:
         SpecError: the description of the starter is wrong.
+        StageError: a stage cannot be read.
     """
     from lab3_usd.grade.rubric import scoring_faults
     from lab3_usd.spec.contradictions.references import lab_faults
 
     if (lab.folder / STARTER).is_file():
         load_starter_spec(lab.folder)
-    faults = list(lab_faults(lab))
+    faults = list(lab_faults(lab, [_known(stage, lab) for stage in stages]))
     if all(fault.severity != "error" for fault in faults):
         faults += scoring_faults(lab)
     for fault in faults:
@@ -97,6 +104,14 @@ def _say_faults(lab: Lab) -> list[LabFault]:
     )
     click.echo(f"{lab.title}: {', '.join(counts)}")
     return faults
+
+
+def _known(path: Path, lab: Lab) -> KnownScene:
+    """Return the prims of a stage; what an asset holds that was not found, is not known."""
+    stage = read_stage(path, lab)
+    prims = frozenset(name for name, prim in stage.prims.items() if prim.present)
+    open_below = tuple(f"{asset.prim.rstrip('/')}/" for asset in stage.unresolved)
+    return KnownScene(path.name, prims, open_below)
 
 
 def _judge(stage: Path, step: Step, lab: Lab) -> bool:
@@ -127,8 +142,16 @@ def command() -> None:
 
 @command.command("check")
 @click.argument("folder", metavar="[DIR]", required=False, type=click.Path(path_type=Path))
-def check(folder: Path | None) -> None:
-    """Hold the files of a lab against each other.
+@click.option(
+    "--from",
+    "stages",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="STAGE",
+    help="A stage of the lab: a target that neither a stage nor the starter has is an error.",
+)
+def check(folder: Path | None, stages: tuple[Path, ...]) -> None:
+    """Hold the files of a lab against each other, and against stages.
 
     DIR is a folder in the form of graphs/, by default that of --lab, else the bundled one. Each
     finding names file, key, and the place that it contradicts. Exit status: 0 nothing found, 1
@@ -136,7 +159,8 @@ def check(folder: Path | None) -> None:
     """
     if folder is not None and not folder.is_dir():
         raise UsageError(f"{folder}: there is no such folder")
-    if _say_faults(assemble(folder or lab_folder())):
+    _refuse_missing(stages)
+    if _say_faults(assemble(folder or lab_folder()), stages):
         sys.exit(EXIT_FOUND)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from msgspec import to_builtins
@@ -17,7 +17,7 @@ from lab3_usd.spec.contradictions.names import (
     misspelled,
     topic_faults,
 )
-from lab3_usd.spec.contradictions.scene import scene_faults
+from lab3_usd.spec.contradictions.scene import KnownScene, scene_faults
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
 from lab3_usd.spec.positions import place_of
@@ -230,8 +230,10 @@ def _inside(data: Any, key: str) -> Iterator[tuple[str, str]]:
 _FIXED = (CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION)
 
 
-def lab_faults(lab: Lab) -> Iterator[LabFault]:
+def lab_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFault]:
     """Yield what contradicts itself in the description of a lab, and what is left out.
+
+    `stages` are stages of the lab, where some are given.
 
     Raises:
         SpecError: the rubric or the description of the starter is no YAML.
@@ -242,7 +244,7 @@ def lab_faults(lab: Lab) -> Iterator[LabFault]:
     yield from topic_faults(lab)
     yield from rubric_faults(lab)
     yield from section_faults(lab)
-    yield from scene_faults(lab)
+    yield from scene_faults(lab, stages)
     yield from _unused_files(lab)
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+from msgspec import Struct
 
 from lab3_usd.data import data_folder
 from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest
@@ -11,8 +13,16 @@ from lab3_usd.spec.lab import SCENE, STARTER, Lab
 from lab3_usd.spec.yaml_file import read_yaml
 
 
-def scene_faults(lab: Lab) -> Iterator[LabFault]:
-    """Yield what no scene can have.
+class KnownScene(Struct, frozen=True):
+    """A scene by the paths of its prims; nothing is known of what is below `open_below`."""
+
+    name: str
+    prims: frozenset[str]
+    open_below: tuple[str, ...] = ()
+
+
+def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFault]:
+    """Yield what no scene can have; `stages` are stages of the lab, where some are given.
 
     Raises:
         SpecError: the description of the starter is no YAML.
@@ -30,7 +40,7 @@ def scene_faults(lab: Lab) -> Iterator[LabFault]:
             key = f"robot: wheels: joints: {joint}"
             yield LabFault(SCENE, key, message, f"{SCENE}: robot: links")
     yield from _sensor_faults(lab)
-    yield from _target_faults(lab)
+    yield from _target_faults(lab, (*_starter_scene(lab), *stages))
 
 
 def _sensor_faults(lab: Lab) -> Iterator[LabFault]:
@@ -54,31 +64,40 @@ def _sensor_faults(lab: Lab) -> Iterator[LabFault]:
             yield LabFault(SCENE, key, f"{message} '{kind}' has them", other, "warning")
 
 
-def _target_faults(lab: Lab) -> Iterator[LabFault]:
-    """Yield the targets that are neither in the lab's own starter nor added to it.
+def _target_faults(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
+    """Yield the targets that are in no scene, neither the lab's own starter nor a stage.
 
     Of a starter that the lab does not describe nothing is known, nor of what a prim refers to.
     """
-    if not (lab.folder / STARTER).is_file():
+    if not scenes:
         return
-    starter = read_yaml(lab.folder / STARTER)
-    kinds = _entries(starter, "kinds")
-    prims = dict(_prims_below("", _entries(starter, "prims"), kinds))
-    referring = tuple(f"{path}/" for path, refers in prims.items() if refers)
+    open_below = tuple(prefix for scene in scenes for prefix in scene.open_below)
+    where = ", ".join(scene.name for scene in scenes)
+    named = "starter" if where == STARTER else "stages or the starter"
     sensors = {sensor.path for sensor in lab.sensors.values()}
     for graph in lab.graphs.values():
         inside = {graph.path, *(f"{graph.path}/{role}" for role in graph.nodes)}
-        known = {*prims, *sensors, *inside}
+        known = {*sensors, *inside}.union(*(scene.prims for scene in scenes))
         for node in graph.nodes.values():
             for target in node.targets:
                 for path in target.prims:
-                    if path in known or path.startswith(referring):
+                    if path in known or path.startswith(open_below):
                         continue
                     meant = nearest(path, known)
                     hint = f", '{meant}' is" if meant else ""
                     key = f"{node.role}: {target.port.partition(':')[2]}"
-                    message = f"'{path}' is no prim of the starter, and no sensor{hint}"
-                    yield LabFault(file_of(graph), key, message, STARTER)
+                    message = f"'{path}' is no prim of the {named}, and no sensor{hint}"
+                    yield LabFault(file_of(graph), key, message, where)
+
+
+def _starter_scene(lab: Lab) -> Iterator[KnownScene]:
+    """Yield the lab's own starter, where it describes one."""
+    if (lab.folder / STARTER).is_file():
+        starter = read_yaml(lab.folder / STARTER)
+        kinds = _entries(starter, "kinds")
+        prims = dict(_prims_below("", _entries(starter, "prims"), kinds))
+        referring = tuple(f"{path}/" for path, refers in prims.items() if refers)
+        yield KnownScene(STARTER, frozenset(prims), referring)
 
 
 def _prims_below(
