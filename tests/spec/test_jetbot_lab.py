@@ -28,6 +28,7 @@ from jetbot_table import (
     VALUES,
     WIRES,
 )
+from mini_lab import files_below
 from pxr import Usd
 
 from lab3_usd.data import LAB_VARIABLE
@@ -64,8 +65,7 @@ def test_the_lab_is_the_one_that_its_stages_describe(
     stages = [word for name in FILES for word in ("--from", built / f"{name}.usda")]
     result = invoke("lab", "new", tmp_path / "lab", *stages)
     assert result.exit_code == 0, result.output
-    described = {path.name: path.read_text() for path in (tmp_path / "lab").glob("*.yaml")}
-    assert described == {path.name: path.read_text() for path in lab.glob("*.yaml")}
+    assert files_below(tmp_path / "lab") == files_below(lab)
 
 
 def test_the_lab_is_data_alone(lab: Path) -> None:

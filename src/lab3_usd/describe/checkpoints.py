@@ -360,7 +360,7 @@ def _topics(lab: Lab, steps: Sequence[Step]) -> Iterator[tuple[str, dict[str, An
         publishers = sum(not topic.is_subscribed for topic in same)
         first = min(same, key=lambda topic: order.index(ids[topic.graph]))
         entry: dict[str, Any] = {"type": first.type, "from": ids[first.graph]}
-        entry["handout"] = f"{lab.graphs[first.graph].handout[0]}3"
+        entry["handout"] = lab.graphs[first.graph].handout
         if not publishers:
             entry |= {"subscribed": True, "source": _SOURCE}
         elif name not in lab.policy.tree_topics:

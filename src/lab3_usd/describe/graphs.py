@@ -142,7 +142,7 @@ def _describe_graph(name: str, graph: GraphModel, part: str, lab: Lab) -> GraphT
     roles = {node.path: node.path[below:].replace("/", "_") for node in graph.nodes}
     left_out: list[str] = []
     nodes = {
-        roles[node.path]: _node(node, number, part, lab.policy, left_out)
+        roles[node.path]: _node(node, number, lab.policy, left_out)
         for number, node in enumerate(graph.nodes)
         if node.type is not None
     }
@@ -152,19 +152,17 @@ def _describe_graph(name: str, graph: GraphModel, part: str, lab: Lab) -> GraphT
         "path": graph.path,
         "handout": f"{part}1",
         "nodes": nodes,
-        "wires": {f"{part}4": wires} if wires else {},
+        "wires": wires,
     }
     left_out += (f"{n.path}: has no type" for n in graph.nodes if n.type is None)
     return GraphText(data, parse_graph(data, lab.catalog, f"{name}.yaml"), tuple(left_out))
 
 
-def _node(
-    node: Node, number: int, part: str, policy: Policy, left_out: list[str]
-) -> dict[str, Any]:
+def _node(node: Node, number: int, policy: Policy, left_out: list[str]) -> dict[str, Any]:
     kind = node.type
     assert kind is not None  # noqa: S101 - only nodes of a known type are described
     x, y = node.position or (float(_COLUMN * (number % 4)), float(_ROW * (number // 4)))
-    data: dict[str, Any] = {"type": kind.type, "at": [_plain(x), _plain(y)], "handout": f"{part}2"}
+    data: dict[str, Any] = {"type": kind.type, "at": [_plain(x), _plain(y)]}
     values = dict(_values(node, kind, policy, left_out))
     ports = {name: port for name in node.ports if (port := kind.port(name)) is not None}
     targets = {
@@ -174,8 +172,8 @@ def _node(
     }
     inputs = [name for name in ports if name.startswith(INPUT)]
     grown = [name[len(INPUT) :] for name in inputs if name not in kind.ports]
-    data |= {"set": {f"{part}3": values}} if values else {}
-    data |= {"targets": {f"{part}3": targets}} if targets else {}
+    data |= {"set": values} if values else {}
+    data |= {"targets": targets} if targets else {}
     data |= {"ports": sorted(grown)} if grown else {}
     frames = kind.tf.prims[1][len(INPUT) :] if kind.tf is not None and kind.tf.prims else ""
     return data | ({"frames_from": [frames]} if frames in targets else {})

@@ -119,9 +119,7 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     stems = [source.stem for source in sources]
     names = names_of_stages(stems) if len(stems) > 1 else file_names(source.stem, graphs)
     scene = describe_scene(stage, graphs, source.lab, names.ids[-1])
-    sections = {
-        prim.path: f"{graphs[_home(prim.path, texts)].handout[0]}5" for prim in source.sensors
-    }
+    sections = {prim.path: graphs[_home(prim.path, texts)].handout for prim in source.sensors}
     sensors = describe_sensors(source, sections, scene["robot"]["path"])
     scene |= {"sensors": sensors} if sensors else {}
     lab = replace(source.lab, graphs=graphs, scene=parse_scene(scene))
@@ -131,7 +129,7 @@ def _parts(sources: Sequence[Source]) -> _Parts:
         lab = replace(lab, scene=parse_scene(scene))
     edges, base = _edges(stage, lab), lab.scene.robot.base_frame
     frames: dict[str, Any] = {
-        "handout": f"{texts[-1].spec.handout[0]}6",
+        "handout": texts[-1].spec.handout,
         "edges": [f"{parent} -> {child}" for parent, child in edges],
     }
     if any(base in edge for edge in edges):

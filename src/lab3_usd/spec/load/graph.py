@@ -19,38 +19,42 @@ from lab3_usd.spec.yaml_file import record
 _WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
 _ROLE = re.compile(r"^[A-Za-z_]\w*$")
 _PATH = re.compile(r"^(/[A-Za-z_]\w*)+$")
-_BySection = dict[str, tuple[str, ...]]
+# By the section of the handout, or all in that of the node or the graph.
+_BySection = dict[str, tuple[str, ...]] | tuple[str, ...]
+_Targets = dict[str, tuple[str, ...]]
 
 
 class NodeEntry(Struct, forbid_unknown_fields=True):
-    """A node as the file describes it; inputs by the section of the handout that names them.
+    """A node as the file describes it.
 
     `set` are values, `targets` prims, `keep` inputs that stay at their defaults, `ports` inputs
     that are there once they were added, `frames_from` targets that are judged by the TF frames that
     they give. Without `handout` it is in the section of its graph, without `at` it is placed by its
-    wires.
+    wires. `set`, `targets` and `keep` may name sections of their own: `set: {B3: {domain_id: 0}}`.
     """
 
     type: str
     at: tuple[float, float] | None = None
     handout: str = ""
-    set: dict[str, dict[str, Any]] = {}
-    targets: dict[str, dict[str, tuple[str, ...]]] = {}
+    set: dict[str, Any] = {}
+    targets: dict[str, _Targets | tuple[str, ...]] = {}
     keep: _BySection = {}
     ports: tuple[str, ...] = ()
     frames_from: tuple[str, ...] = ()
 
     def named_ports(self) -> Iterator[str]:
         """Yield every input that the entry names, whatever for."""
-        for by_section in (self.set, self.targets, self.keep):
-            for names in by_section.values():
-                yield from names
+        for by_section in (self.set, self.targets):
+            for name, inner in by_section.items():
+                yield from inner if isinstance(inner, dict) else (name,)
+        for _, names in _sections(self.keep, ""):
+            yield from names
         yield from self.ports
         yield from self.frames_from
 
 
 class GraphFile(Struct, forbid_unknown_fields=True):
-    """What the file of a graph holds; wires by the section of the handout that asks for them."""
+    """What the file of a graph holds; wires may name sections: `wires: {B4: [...]}`."""
 
     graph: str
     path: str
@@ -69,19 +73,16 @@ def parse_graph(data: Mapping[str, Any], catalog: Catalog, file: str) -> GraphSp
     """
     content = record(data, GraphFile, file)
     where = f"{file}: {content.graph}"
+    section = content.handout
     nodes = {
-        _role(role, where): _node(role, entry, catalog, where)
+        _role(role, where): _node(role, entry, catalog, where, section)
         for role, entry in content.nodes.items()
     }
-    wires = _wires(content.wires, nodes, where)
+    wires = _wires(content.wires, nodes, where, section)
     _check_sources(wires, where)
     places = _places(nodes, wires)
     nodes = {
-        role: replace(
-            node,
-            at=content.nodes[role].at or places[role],
-            handout=node.handout or content.handout,
-        )
+        role: replace(node, at=content.nodes[role].at or places[role])
         for role, node in nodes.items()
     }
     return GraphSpec(
@@ -90,9 +91,23 @@ def parse_graph(data: Mapping[str, Any], catalog: Catalog, file: str) -> GraphSp
         handout=content.handout,
         nodes=nodes,
         wires=wires,
-        optional_wires=_wires(content.optional_wires, nodes, where),
-        forbidden_wires=_wires(content.forbidden_wires, nodes, where),
+        optional_wires=_wires(content.optional_wires, nodes, where, section),
+        forbidden_wires=_wires(content.forbidden_wires, nodes, where, section),
     )
+
+
+def _sections(names: _BySection, section: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield each section with the names that it has; those without are in the one that is given."""
+    yield from names.items() if isinstance(names, dict) else ((section, names),)
+
+
+def _flat(values: Mapping[str, Any], section: str) -> Iterator[tuple[str, str, Any]]:
+    """Yield section, name and value: a mapping holds those of the section that is its name."""
+    for name, value in values.items():
+        if isinstance(value, dict):
+            yield from ((name, inner, content) for inner, content in value.items())
+        else:
+            yield section, name, value
 
 
 def _role(role: str, where: str) -> str:
@@ -141,15 +156,16 @@ def _path(path: str, where: str) -> str:
     return path
 
 
-def _node(role: str, entry: NodeEntry, catalog: Catalog, graph: str) -> NodeSpec:
+def _node(role: str, entry: NodeEntry, catalog: Catalog, graph: str, section: str) -> NodeSpec:
+    section = entry.handout or section
     where = f"{graph}: {role}"
     node_type = catalog.types.get(entry.type)
     if node_type is None:
         raise SpecError(f"{where}: type '{entry.type}' is not in the catalog")
     ports = {short: _input(node_type, short, where) for short in entry.named_ports()}
     _check_uses(entry, ports, node_type, where)
-    settings = tuple(_settings(entry, ports, where))
-    targets = tuple(_targets(entry, ports, where))
+    settings = tuple(_settings(entry, ports, where, section))
+    targets = tuple(_targets(entry, ports, where, section))
     ports_set = [*(setting.port for setting in settings), *(target.port for target in targets)]
     for port, count in Counter(ports_set).items():
         if count > 1:
@@ -158,11 +174,13 @@ def _node(role: str, entry: NodeEntry, catalog: Catalog, graph: str) -> NodeSpec
         role=role,
         type=node_type,
         at=entry.at or _CORNER,
-        handout=entry.handout,
+        handout=section,
         settings=settings,
         targets=targets,
         keep=tuple(
-            (INPUT + short, section) for section, names in entry.keep.items() for short in names
+            (INPUT + short, named)
+            for named, names in _sections(entry.keep, section)
+            for short in names
         ),
         grown=tuple(INPUT + short for short in entry.ports),
         frames_from=tuple(INPUT + short for short in entry.frames_from),
@@ -188,32 +206,38 @@ def _check_uses(
             raise SpecError(f"{where}: {ports[short].name}: is no relationship, it gives no frames")
 
 
-def _settings(entry: NodeEntry, ports: Mapping[str, Port], where: str) -> Iterator[Setting]:
-    for section, values in entry.set.items():
-        for short, value in values.items():
-            port = ports[short]
-            place = f"{where}: {port.name}"
-            if port.is_execution or port.is_target:
-                raise SpecError(f"{place}: is no value, but {port.ogn_type}")
-            checked = typed_value(value, port.usd_type, place)
-            if port.allowed and checked not in port.allowed:
-                raise SpecError(f"{place} is {value!r}, expected one of {', '.join(port.allowed)}")
-            yield Setting(port.name, checked, section)
+def _settings(
+    entry: NodeEntry, ports: Mapping[str, Port], where: str, section: str
+) -> Iterator[Setting]:
+    for named, short, value in _flat(entry.set, section):
+        port = ports[short]
+        place = f"{where}: {port.name}"
+        if port.is_execution or port.is_target:
+            raise SpecError(f"{place}: is no value, but {port.ogn_type}")
+        checked = typed_value(value, port.usd_type, place)
+        if port.allowed and checked not in port.allowed:
+            raise SpecError(f"{place} is {value!r}, expected one of {', '.join(port.allowed)}")
+        yield Setting(port.name, checked, named)
 
 
-def _targets(entry: NodeEntry, ports: Mapping[str, Port], where: str) -> Iterator[Target]:
-    for section, values in entry.targets.items():
-        for short, prims in values.items():
-            port = ports[short]
-            if not port.is_target:
-                raise SpecError(f"{where}: {port.name}: is {port.ogn_type}, not a relationship")
-            checked = tuple(_path(path, f"{where}: {port.name}") for path in prims)
-            yield Target(port.name, checked, section)
+def _targets(
+    entry: NodeEntry, ports: Mapping[str, Port], where: str, section: str
+) -> Iterator[Target]:
+    for named, short, prims in _flat(entry.targets, section):
+        port = ports[short]
+        if not port.is_target:
+            raise SpecError(f"{where}: {port.name}: is {port.ogn_type}, not a relationship")
+        checked = tuple(_path(path, f"{where}: {port.name}") for path in prims)
+        yield Target(port.name, checked, named)
 
 
-def _wires(lines: _BySection, nodes: Mapping[str, NodeSpec], where: str) -> tuple[Wire, ...]:
+def _wires(
+    lines: _BySection, nodes: Mapping[str, NodeSpec], where: str, section: str
+) -> tuple[Wire, ...]:
     return tuple(
-        _wire(text, section, nodes, where) for section, texts in lines.items() for text in texts
+        _wire(text, named, nodes, where)
+        for named, texts in _sections(lines, section)
+        for text in texts
     )
 
 
