@@ -318,8 +318,8 @@ def test_the_page_is_used_with_the_keyboard(chromium: Browser, pages: dict[str, 
         "e.className.baseVal ?? (e.className || e.name || e.tagName)))"
     )
     chromium.driver.switch_to.active_element.send_keys(Keys.TAB * 200)
-    expected = {"severity", "words", "rule", "crop", "show", "frame", "scroll picture"}
-    seen = set(chromium.run("return window.seen"))
+    expected = {"severity", "words", "rule", "crop", "show", "frame", "scroll"}
+    seen = {name.partition(" ")[0] for name in chromium.run("return window.seen")}
     assert expected <= seen
     link = chromium.one(".picture a")
     chromium.run("arguments[0].focus()", link)
@@ -441,14 +441,107 @@ def test_nothing_runs_out_of_the_window(
     assert widths == [1280, 390, 320]
 
 
+WIDE = "return [arguments[0].scrollWidth, arguments[0].clientWidth]"
+
+
+def wide_picture(chromium: Browser) -> tuple[Any, dict[str, Any]]:
+    """A picture that is wider than the page, and its buttons by what they say."""
+    (figure, *_) = (
+        figure
+        for figure in chromium.all("figure")
+        if "Fit to width" in figure.find_element("css selector", "figcaption").text
+    )
+    buttons = figure.find_elements("css selector", ".zoom button")
+    picture = figure.find_element("css selector", ".picture")
+    return picture, {button.text: button for button in buttons}
+
+
 def test_a_wide_picture_can_be_fitted(chromium: Browser, pages: dict[str, Path]) -> None:
     chromium.open(pages["clean"])
-    button = chromium.one("figcaption button")
-    picture = button.find_element("xpath", "ancestor::figure//*[@class='scroll picture']")
-    assert chromium.run("return arguments[0].scrollWidth > arguments[0].clientWidth", picture)
-    button.click()
-    assert chromium.run("return arguments[0].scrollWidth <= arguments[0].clientWidth", picture)
-    assert button.text == "Full size"
+    picture, buttons = wide_picture(chromium)
+    whole, shown = chromium.run(WIDE, picture)
+    assert whole > shown
+    buttons["Fit to width"].click()
+    whole, shown = chromium.run(WIDE, picture)
+    assert whole <= shown
+    assert buttons["Fit to width"].text == "Full size"
+
+
+def test_a_picture_is_zoomed_with_buttons_and_keys(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    from selenium.webdriver.common.keys import Keys
+
+    chromium.open(pages["clean"])
+    picture, buttons = wide_picture(chromium)
+
+    def width() -> float:
+        return float(
+            chromium.run(
+                "return arguments[0].querySelector('svg').getBoundingClientRect().width", picture
+            )
+        )
+
+    full = width()
+    buttons["+"].click()
+    assert width() == pytest.approx(1.25 * full, rel=0.01)
+    buttons["\N{MINUS SIGN}"].click()
+    assert width() == pytest.approx(full, rel=0.01)
+    chromium.run("arguments[0].focus()", picture)
+    picture.send_keys("+")
+    assert width() == pytest.approx(1.25 * full, rel=0.01)
+    before = chromium.run("return arguments[0].scrollLeft", picture)
+    picture.send_keys(Keys.ARROW_RIGHT)
+    wait_for(lambda: chromium.run("return arguments[0].scrollLeft", picture) > before)
+    picture.send_keys("0")
+    assert width() <= DESKTOP[0]
+
+
+def test_a_picture_is_dragged_and_no_link_in_it_followed(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    from selenium.webdriver import ActionChains
+
+    chromium.open(pages["faulty"])
+    picture, _ = wide_picture(chromium)
+    links = picture.find_elements("css selector", "a")
+    link = next(link for link in links if "wheelRadius" in link.text)
+    chromium.run("arguments[0].scrollIntoView({block: 'center', inline: 'center'})", link)
+    before = chromium.run("return arguments[0].scrollLeft", picture)
+    drag = ActionChains(chromium.driver).click_and_hold(link)
+    drag.move_by_offset(60, 0).release().perform()
+    assert chromium.run("return arguments[0].scrollLeft", picture) == before - 60
+    assert chromium.run("return location.hash") == ""
+    wait_for(lambda: "dragged" not in picture.get_attribute("class"))
+    link.click()
+    assert chromium.run("return location.hash") != ""
+
+
+def test_a_wide_picture_starts_at_its_first_fault(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    chromium.open(pages["faulty"])
+    picture, _ = wide_picture(chromium)
+    place = chromium.run(
+        "const [fault, frame] = [arguments[0].querySelector('a'), arguments[0]]"
+        ".map((each) => each.getBoundingClientRect());"
+        "return [fault.left >= frame.left, fault.right <= frame.right]",
+        picture,
+    )
+    assert place == [True, True]
+
+
+def test_a_picture_that_was_zoomed_is_whole_on_paper(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    chromium.open(pages["clean"])
+    picture, buttons = wide_picture(chromium)
+    buttons["+"].click()
+    chromium.scheme("light", "print")
+    width = chromium.run("return arguments[0].querySelector('svg').clientWidth", picture)
+    assert width <= DESKTOP[0]
+    assert not buttons["+"].is_displayed()
+    chromium.scheme("light")
 
 
 def test_a_picture_that_can_still_be_read_is_fitted_at_once(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from invoking import invoke
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Frame
+from lab3_usd.report.behaviour.maps import first_moment
 from lab3_usd.report.behaviour.page import render, tree_lines
 from lab3_usd.sim.dry_run import DryRun, dry_run
 
@@ -102,6 +104,101 @@ def test_a_failing_check_comes_first_and_leads_to_its_node(
     )
 
 
+RADIUS = {"set": ["ROS_Drive/differential_controller.inputs:wheelRadius", 0.033]}
+
+
+@pytest.fixture(scope="module")
+def slow(tmp_path_factory: pytest.TempPathFactory) -> tuple[DryRun, Path]:
+    """A stage whose robot goes less far than it should, and its page."""
+    folder = tmp_path_factory.mktemp("slow")
+    found = run_of(folder, "05", RADIUS)
+    stage = folder / "Lab3_05.usda"
+    assert invoke("sim", stage, "--page", folder / "sim.html").exit_code == 1
+    return found, folder / "sim.html"
+
+
+def test_only_the_legs_that_are_wrong_are_marked(
+    chromium: Browser, slow: tuple[DryRun, Path], page: Path
+) -> None:
+    chromium.open(slow[1])
+    legs = {leg.text.partition(":")[0]: leg for leg in chromium.all(".legs li")}
+    marked = {name for name, leg in legs.items() if leg.get_attribute("class") == "bad"}
+    assert marked == {"ahead", "back", "left", "fast", "spin"}
+    assert "expected 0.40" in legs["ahead"].text
+    chromium.open(page)
+    assert chromium.all(".legs .bad") == []
+
+
+def test_every_leg_of_a_robot_that_never_moves_is_wrong(tmp_path: Path) -> None:
+    gone = run_of(tmp_path, "05", {"remove": "ROS_Drive/ros2_subscribe_twist"})
+    assert [leg.name for leg in gone.behaviour.legs if leg.fault] == [
+        leg.name for leg in gone.behaviour.legs if leg.name != "sideways"
+    ]
+
+
+def test_the_repair_names_the_value_that_the_rules_ask_for(
+    chromium: Browser, slow: tuple[DryRun, Path]
+) -> None:
+    chromium.open(slow[1])
+    assert "set wheelRadius to 0.025" in chromium.one(".checks .bad .fix").text
+
+
+def test_the_slider_starts_at_the_leg_that_is_wrong(
+    chromium: Browser, slow: tuple[DryRun, Path]
+) -> None:
+    chromium.open(slow[1])
+    assert chromium.one("output").text.endswith(", ahead")
+
+
+def test_the_slider_starts_where_odometry_leaves_the_robot(tmp_path: Path) -> None:
+    port = "ROS_OdomTF/isaac_compute_odometry.inputs:chassisPrim"
+    found = run_of(tmp_path, "05", {"targets": [port, "/turtlebot3_burger/wheel_left_link"]})
+    seen = found.replay
+    assert seen is not None
+    odometry = next(check for check in found.behaviour.checks if check.name == "odometry")
+    assert odometry.verdict == "bad"
+    moment = seen.moments[first_moment(found.behaviour, seen)]
+    assert moment.odometry is not None
+    assert math.dist(moment.odometry[:2], moment.robot[:2]) > 0.02
+
+
+def test_a_node_at_fault_is_marked_and_leads_to_its_check(
+    chromium: Browser, slow: tuple[DryRun, Path]
+) -> None:
+    chromium.open(slow[1])
+    (frame,) = chromium.all(".faulty")
+    assert frame.is_displayed()  # in a graph that is unfolded
+    chromium.one(".lab3 a").click()
+    assert chromium.one("li:target").get_attribute("class") == "bad"
+
+
+def test_a_node_that_only_holds_a_value_is_not_said_to_run_never(page: Path) -> None:
+    assert ">never<" not in page.read_text(encoding="utf-8")
+
+
+def test_the_axes_are_outside_of_the_room_and_in_metres(chromium: Browser, page: Path) -> None:
+    chromium.open(page)
+    for name in (".room", ".near"):
+        inside = chromium.run(
+            "const room = document.querySelector(arguments[0]);"
+            "const edge = room.querySelector('.edge').getBoundingClientRect();"
+            "return [...room.querySelectorAll('text')].filter((text) => {"
+            " const place = text.getBoundingClientRect();"
+            " return place.left > edge.left && place.top < edge.bottom; }).length",
+            name,
+        )
+        assert inside == 0
+        texts = [text.text for text in chromium.all(f"{name} text")]
+        assert {"x, m", "y, m"} <= set(texts)
+        assert [float(text) for text in texts if "m" not in text]
+
+
+def test_a_legend_names_what_is_drawn(chromium: Browser, page: Path) -> None:
+    chromium.open(page)
+    keys = [key.text.split("\n") for key in chromium.all(".key")]
+    assert keys == [["wall", "path", "robot", "scan"], ["start", "path", "robot", "odometry"]]
+
+
 def test_what_scrolls_is_reached_with_the_keyboard(chromium: Browser, page: Path) -> None:
     chromium.open(page, PHONE)
     assert (
@@ -174,7 +271,7 @@ def test_a_report_with_a_dry_run_shows_its_maps(chromium: Browser, tmp_path: Pat
     assert chromium.logs() == []
     assert chromium.run("return document.documentElement.scrollWidth") == PHONE[0]
     assert len(chromium.shown(".maps .room")) == 2
-    assert len(chromium.shown(".maps .scan")) == 1
+    assert len(chromium.shown(".maps svg .scan")) == 1
     plain = tmp_path / "plain.html"
     invoke("check", tmp_path, "--format", "html", "-o", plain)
     assert ".maps" not in plain.read_text(encoding="utf-8")

@@ -206,9 +206,13 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
     page, bag = options["page"], options["bag"]
     if page is not None:
         from lab3_usd.files import write_whole
+        from lab3_usd.judge.lint import lint_stage
+        from lab3_usd.judge.stage import check_stage
         from lab3_usd.report.behaviour.page import render
 
-        html = render(behaviour, run.replay, lab)
+        # What fails in the dry run, the rules know to repair.
+        judged = check_stage(stage, checkpoint, lab) if checkpoint else lint_stage(stage)
+        html = render(behaviour, run.replay, lab, judged.findings)
         write_whole(page, html.encode("utf-8", "replace"), force=True)
     if bag is not None and run.trial is not None:
         from lab3_usd.sim.bag.writer import write_bag

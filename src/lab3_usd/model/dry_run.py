@@ -263,12 +263,16 @@ class Difference(Struct, frozen=True):
 
 
 class Leg(Struct, frozen=True):
-    """A part of the drive: what was commanded, and what the robot drove (metres, degrees)."""
+    """A part of the drive: what was commanded, and what the robot drove (metres, degrees).
+
+    `fault` says what is wrong with it, where a check failed by it.
+    """
 
     name: str
     seconds: float
     commanded: tuple[float, float]
     driven: tuple[float, float]
+    fault: str = ""
 
 
 class Driven(Struct, frozen=True):

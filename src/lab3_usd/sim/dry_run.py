@@ -33,9 +33,10 @@ from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Scan
 from lab3_usd.sim.judge.checks import judge, whole_verdict
 from lab3_usd.sim.judge.localization import fit
+from lab3_usd.sim.judge.motion import leg_fault
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.judge.topics import interface
-from lab3_usd.sim.judge.trial import Trial, displacement, in_root
+from lab3_usd.sim.judge.trial import Stretch, Trial, displacement, in_root
 from lab3_usd.sim.robots import interface_of
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
@@ -60,7 +61,7 @@ def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
         checks,
         tuple(path_rows(trial)),
         tuple(Unknown(prim, reasons[prim]) for prim in sorted(reasons)),
-        tuple(driven_legs(trial)),
+        tuple(driven_legs(trial, checks)),
         tuple(_remarks(trial, checks)),
         missing=missing,
         fit=trial.fit,
@@ -79,7 +80,7 @@ def outcome_of_any(stage: str, played: Played) -> Behaviour:
     legs = (
         replace(leg, name=f"{robot.name}: {leg.name}" if several else leg.name)
         for robot, play in zip(played.robots, played.plays, strict=False)
-        for leg in driven_legs(play)
+        for leg in driven_legs(play, played.checks)
     )
     everywhere = replace(
         first, recording=replace(recording, messages=[*map(_at_home, recording.messages)])
@@ -176,11 +177,12 @@ def path_rows(trial: Trial) -> Iterator[tuple[float, float, float, float]]:
             yield (round(seconds, 3), round(pose.x, 4), round(pose.y, 4), round(pose.heading, 4))
 
 
-def driven_legs(trial: Trial) -> Iterator[Leg]:
+def driven_legs(trial: Trial, checks: Sequence[Check] = ()) -> Iterator[Leg]:
     """Yield what was commanded and driven in each leg of the first session that has a command."""
     if not trial.wanted.commands:
         return
-    for stretch in trial.stretches(*{leg.name for leg in trial.drive[0].legs}):
+    stretches = list(trial.stretches(*{leg.name for leg in trial.drive[0].legs}))
+    for stretch, fault in zip(stretches, _leg_faults(trial, stretches, checks), strict=True):
         leg, before, poses = stretch
         if leg.command is None or not any(leg.command):
             continue
@@ -189,7 +191,24 @@ def driven_legs(trial: Trial) -> Iterator[Leg]:
         if leg.name == "aside":
             commanded, ahead = (leg.command[1] * leg.seconds, 0.0), aside
         driven = (round(ahead, 3) + 0.0, round(math.degrees(stretch.turned), 1) + 0.0)
-        yield Leg(leg.name, leg.seconds, commanded, driven)
+        yield Leg(leg.name, leg.seconds, commanded, driven, fault)
+
+
+def _leg_faults(
+    trial: Trial, stretches: Sequence[Stretch], checks: Sequence[Check]
+) -> Iterator[str]:
+    """Yield what is wrong with each leg, '' for nothing that a failed check speaks of."""
+    messages = "; ".join(check.message for check in checks if check.verdict == "bad")
+    faults = [
+        leg_fault(trial, stretch) if messages and stretch.leg.command else None
+        for stretch in stretches
+    ]
+    # A check names the first of several legs that are wrong in the same way.
+    kinds = {fault.kind for fault in faults if fault is not None and fault.message in messages}
+    is_all = "does not move" in messages
+    for fault in faults:
+        is_known = fault is not None and fault.sure and (is_all or fault.kind in kinds)
+        yield fault.message if fault is not None and is_known else ""
 
 
 def _remarks(trial: Trial, checks: Sequence[Check]) -> Iterator[str]:

@@ -39,9 +39,9 @@ def fill(template: str, more_style: str = "", **values: object) -> str:
 @lru_cache(maxsize=2)
 def _common_values(more_style: str) -> Mapping[str, object]:
     """Return the values of every page: style, script, and the policy that allows them."""
-    style = palette_style() + text_of("report.css") + stylesheet()
+    style = palette_style() + text_of("report.css") + text_of("picture.css") + stylesheet()
     style += text_of(more_style) if more_style else ""
-    script = text_of("report.js")
+    script = text_of("picture.js") + text_of("report.js")
     return {
         "style": own_markup(style),
         "script": own_markup(script),

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from itertools import pairwise
+from collections.abc import Callable, Iterator, Mapping
+from itertools import islice, pairwise
 
 from lab3_usd.model.dry_run import Affine, rotation
 from lab3_usd.model.fault import FaultKind
@@ -22,12 +22,23 @@ from lab3_usd.sim.judge.trial import (
 )
 
 
+def leg_fault(trial: Trial, stretch: Stretch) -> Fault | None:
+    """Return what is wrong with how the robot drives one leg; None where nothing is asked of it."""
+    look = _LOOKS.get(stretch.leg.name)
+    return None if look is None else look(trial, stretch)
+
+
+def _faults(trial: Trial, *names: str) -> Iterator[Fault]:
+    """Yield what is wrong with the legs that have one of these names."""
+    for stretch in trial.stretches(*names):
+        fault = leg_fault(trial, stretch)
+        if fault is not None:
+            yield fault
+
+
 def rest(trial: Trial) -> Iterator[Fault]:
     """It stands still without a command, after one, and when commanded sideways."""
-    for leg, before, poses in trial.stretches("idle", "sideways"):
-        if _moves(trial, displacement(before, poses[-1])):
-            kind: FaultKind = "moves-uncommanded" if leg.name == "idle" else "moves-sideways"
-            yield trial.motion_fault(f"moves while told {leg.name}", kind)
+    yield from _faults(trial, "idle", "sideways")
     poses = [pose for pose in trial.recording.path if not pose.session]
     for at, (pose, following) in enumerate(pairwise(poses), start=1):
         if pose.leg != "stop" and following.leg == "stop":
@@ -35,6 +46,14 @@ def rest(trial: Trial) -> Iterator[Fault]:
             if later and _moves(trial, displacement(later[0], later[-1])):
                 yield trial.motion_fault(f"does not stop after {pose.leg}", "does-not-stop")
                 return
+
+
+def _standing(trial: Trial, stretch: Stretch) -> Fault | None:
+    leg, before, poses = stretch
+    if not _moves(trial, displacement(before, poses[-1])):
+        return None
+    kind: FaultKind = "moves-uncommanded" if leg.name == "idle" else "moves-sideways"
+    return trial.motion_fault(f"moves while told {leg.name}", kind)
 
 
 def _moves(trial: Trial, way: tuple[float, float, float]) -> bool:
@@ -50,23 +69,8 @@ def follows(trial: Trial) -> Iterator[Fault]:
     if trial.stands():
         yield trial.motion_fault("does not move", "does-not-move")
         return
-    for names, look in ((("ahead", "back"), _straight), (("left", "right"), _turn)):
-        for stretch in trial.stretches(*names):
-            fault = look(trial, stretch)
-            if fault is not None:
-                yield fault
-                break
-    for stretch in trial.stretches("arc"):
-        leg, steady = stretch.leg, stretch.steady
-        length, turn = abs(leg.forward) * steady.seconds, leg.turn * steady.seconds
-        if not (
-            trial.follows(steady.way, length) and trial.follows(steady.turned, turn, turning=True)
-        ):
-            told = f"{abs(leg.forward) * leg.seconds:.2f} m"
-            text = f"told to go {told} and turn {math.degrees(leg.turn * leg.seconds):.0f} degrees,"
-            text += f" did {stretch.way:.2f} m and {math.degrees(stretch.turned):.0f}"
-            yield trial.motion_fault(text, "wrong-arc")
-            return
+    for names in (("ahead", "back"), ("left", "right"), ("arc",)):
+        yield from islice(_faults(trial, *names), 1)
 
 
 def _straight(trial: Trial, stretch: Stretch) -> Fault | None:
@@ -100,22 +104,51 @@ def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
     return None
 
 
+def _arc(trial: Trial, stretch: Stretch) -> Fault | None:
+    leg, steady = stretch.leg, stretch.steady
+    length, turn = abs(leg.forward) * steady.seconds, leg.turn * steady.seconds
+    if trial.follows(steady.way, length) and trial.follows(steady.turned, turn, turning=True):
+        return None
+    told = f"{abs(leg.forward) * leg.seconds:.2f} m"
+    text = f"told to go {told} and turn {math.degrees(leg.turn * leg.seconds):.0f} degrees,"
+    text += f" did {stretch.way:.2f} m and {math.degrees(stretch.turned):.0f}"
+    return trial.motion_fault(text, "wrong-arc")
+
+
 def limits(trial: Trial) -> Iterator[Fault]:
     """Commands beyond the robot's limits are cut down to them."""
-    if trial.stands():
-        return
-    for name, limit in zip(("fast", "spin"), trial.wanted.limits, strict=True):
-        for stretch in trial.stretches(name) if limit else ():
-            steady, turning = stretch.steady, name == "spin"
-            ahead, left, _ = displacement(steady.before, steady.poses[-1])
-            speed = (abs(steady.turned) if turning else math.hypot(ahead, left)) / steady.seconds
-            stopped = speed < limit and any(pose.blocked for pose in stretch.poses)
-            if not trial.follows(speed, limit, turning=turning) and not stopped:
-                unit = "rad" if turning else "m"
-                text = f"told to go {name}, does {speed:.2f} of {limit} {unit}/s"
-                text += trial.expected_text(limit, ".2f")
-                yield trial.motion_fault(text, "wrong-speed-limit")
-                break
+    if not trial.stands():
+        for name in ("fast", "spin"):
+            yield from islice(_faults(trial, name), 1)
+
+
+def _at_limit(trial: Trial, stretch: Stretch) -> Fault | None:
+    name, steady = stretch.leg.name, stretch.steady
+    turning = name == "spin"
+    limit = trial.wanted.limits[turning]
+    if not limit:
+        return None
+    ahead, left, _ = displacement(steady.before, steady.poses[-1])
+    speed = (abs(steady.turned) if turning else math.hypot(ahead, left)) / steady.seconds
+    stopped = speed < limit and any(pose.blocked for pose in stretch.poses)
+    if trial.follows(speed, limit, turning=turning) or stopped:
+        return None
+    unit = "rad" if turning else "m"
+    text = f"told to go {name}, does {speed:.2f} of {limit} {unit}/s"
+    return trial.motion_fault(text + trial.expected_text(limit, ".2f"), "wrong-speed-limit")
+
+
+_LOOKS: Mapping[str, Callable[[Trial, Stretch], Fault | None]] = {
+    "idle": _standing,
+    "sideways": _standing,
+    "ahead": _straight,
+    "back": _straight,
+    "left": _turn,
+    "right": _turn,
+    "arc": _arc,
+    "fast": _at_limit,
+    "spin": _at_limit,
+}
 
 
 def again(trial: Trial) -> Iterator[Fault]:

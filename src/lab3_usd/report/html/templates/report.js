@@ -86,24 +86,6 @@
     if (target.hasAttribute("tabindex")) target.focus({ preventScroll: true });
   }
 
-  for (const picture of all(".picture")) {
-    const drawn = picture.querySelector("svg");
-    const share = picture.clientWidth / drawn.width.baseVal.value;
-    if (share >= 1) continue;
-    const button = document.createElement("button");
-    const hint = document.createElement("small");
-    button.type = "button";
-    hint.textContent = "wider than the page: scroll sideways";
-    const fit = (on) => {
-      picture.classList.toggle("fit", on);
-      button.textContent = on ? "Full size" : "Fit to width";
-      hint.hidden = on;
-    };
-    button.addEventListener("click", () => fit(!picture.classList.contains("fit")));
-    picture.parentElement.querySelector("figcaption").append(hint, button);
-    fit(share >= 0.75); // the smallest text is 11 pixels high in full size
-  }
-
   for (const code of navigator.clipboard ? all(".site code, .card dd code, .command code") : []) {
     const text = code.textContent;
     const button = document.createElement("button");
