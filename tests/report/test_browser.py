@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from browser import CONTRASTS, DESKTOP, PHONE, Browser
 from html_pages import CLOCK, DRIVE, LAB, TF, break_ten_times, judged, page, since, stages
+from invoking import invoke
 from linting import broken_robot
 from pxr import Sdf, Usd
 from report_examples import SUBMISSION, hostile
@@ -144,6 +145,16 @@ def test_the_policy_stops_what_is_slipped_in(chromium: Browser, pages: dict[str,
     refused = [message for message in chromium.logs() if "Content Security Policy" in message]
     assert len(refused) == 3
     assert chromium.run("return window.attacked") is None
+
+
+def test_only_a_page_that_was_not_graded_opens_files(
+    pages: dict[str, Path], tmp_path: Path
+) -> None:
+    (stage,) = stages(tmp_path, break_ten_times, "02")
+    checked = tmp_path / "report.html"
+    invoke("check", stage, "--format", "html", "-o", checked)
+    assert "vscode://file/" in checked.read_text(encoding="utf-8")
+    assert "vscode:" not in pages["graded"].read_text(encoding="utf-8")
 
 
 def test_every_severity_can_be_switched_off(chromium: Browser, pages: dict[str, Path]) -> None:

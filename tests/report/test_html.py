@@ -50,6 +50,7 @@ from lab3_usd.report.entries import plural, summarize
 from lab3_usd.report.formats import html as html_format
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html import pictures as html_pictures
+from lab3_usd.report.options import Options
 from lab3_usd.spec.load.loader import load_lab
 
 MARKUP = (
@@ -470,6 +471,46 @@ def test_what_can_be_repaired_has_its_command(faulty: Report) -> None:
     assert commands(replace(faulty, submissions=(whole,))) == {
         f"lab3 fix {whole.path} --select P01 --in-place"
     }
+
+
+def test_a_command_is_quoted_as_the_shells_of_windows_take_it(
+    faulty: Report, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "platform", "win32")
+    stage = next(result for result in faulty.results if result.checkpoint == "02")
+    odd = replace(stage, path=r"C:\my work\Lab3_02.usda")
+    card = card_of(read(page(Report((odd,)))), "wheelRadius")
+    (command,) = card.all("p", "command")
+    quoted = r'lab3 fix "C:\my work\Lab3_02.usda" --select P01 --in-place'
+    assert command.text.strip() == quoted
+
+
+def editor_links(report: Report, **options: Any) -> list[str]:
+    tree = read(render("html", report, RULES, Options(**options)))
+    return [link.attributes["href"] for link in tree.all("a", "editor")]
+
+
+def test_a_place_in_a_file_opens_in_the_editor(tmp_path: Path) -> None:
+    (layer,) = stages(tmp_path / "my work", break_ten_times, "02")
+    report = judged([layer])
+    links = editor_links(report, editor=True)
+    path = layer.as_posix().replace(" ", "%20")
+    (radius,) = (
+        finding for finding in report.results[0].findings if "wheelRadius" in finding.message
+    )
+    assert f"vscode://file{path}:{radius.line}:{radius.column}" in links
+    assert len(links) == len(set(links)) >= 5
+
+
+def test_a_file_that_is_gone_does_not_open(tmp_path: Path) -> None:
+    (layer,) = stages(tmp_path, break_ten_times, "02")
+    report = judged([layer])
+    layer.unlink()
+    assert editor_links(report, editor=True) == []
+
+
+def test_no_link_into_the_editor_unless_it_is_asked_for(faulty: Report) -> None:
+    assert editor_links(faulty) == []
 
 
 def test_what_cannot_be_repaired_has_no_command() -> None:

@@ -209,18 +209,27 @@ def _part(name: str, group: Sequence[Requirement]) -> Part:
     return Part(name, met, len(group), not_judged)
 
 
+class Spot(Struct, frozen=True):
+    """A place in a file: as it is shown, and the file itself with line and column."""
+
+    text: str
+    file: str
+    line: int | None = None
+    column: int | None = None
+
+
 class Fault(Struct, frozen=True):
     """A finding, and all the stages that have it.
 
     A fault that is carried along from file to file is one fault: `finding` is that of the first.
-    `places` are the files with line and column, as editors take them. `is_cause` says that other
+    `spots` are its places in the files. `is_cause` says that other
     faults follow from it: something that the stage refers to was not opened.
     """
 
     id: str
     finding: Finding
     stages: Stages
-    places: tuple[str, ...]
+    spots: tuple[Spot, ...]
     is_cause: bool = False
 
 
@@ -250,13 +259,13 @@ def faults(block: Block, *, graded: bool = False) -> list[Fault]:
         same = occurrences[key]
         first = same[0][1]
         related = max((finding.related for _, finding in same), key=len)
-        places = dict.fromkeys(_place(finding, block) for _, finding in same)
+        spots = {spot.text: spot for _, finding in same for spot in _spots(finding, block)}
         ordered.append(
             Fault(
                 id=f"{block.id}-f{len(ordered) + 1}",
                 finding=replace(first, related=related),
                 stages=tuple(dict.fromkeys(index for index, _ in same if index >= 0)),
-                places=tuple(place for place in places if place not in {"", first.prim}),
+                spots=tuple(spot for spot in spots.values() if spot.text != first.prim),
                 is_cause=key in causes,
             )
         )
@@ -274,9 +283,11 @@ def _causes(findings: Iterable[Finding]) -> Iterator[Finding]:
             yield finding
 
 
-def _place(finding: Finding, block: Block) -> str:
+def _spots(finding: Finding, block: Block) -> Iterator[Spot]:
+    """Yield where a finding stands in a file, written as editors take it, if it does."""
     if not finding.layer:
-        return ""
-    numbers = [finding.line, finding.column if finding.line else None]
-    place = short_path(finding.layer, block.path)
-    return ":".join([place, *(str(number) for number in numbers if number is not None)])
+        return
+    line, column = finding.line, finding.column if finding.line else None
+    numbers = (str(number) for number in (line, column) if number is not None)
+    text = ":".join([short_path(finding.layer, block.path), *numbers])
+    yield Spot(text, finding.layer, line, column)

@@ -34,7 +34,8 @@ class Options(Struct, frozen=True):
     heeded by text and json. `root` is the folder that paths in SARIF, GitHub and GitLab are
     relative to (None: the current one). `visibility` says when Gradescope shows the results to the
     student. `grade` is the grade of the one submission that is reported, `dry_runs` what stages do
-    in a dry run, by their paths; only HTML shows these two.
+    in a dry run, by their paths, and with `editor` a place in a file is a link that opens it there;
+    only HTML shows these three. The links name the folders of this computer.
     `changes` are the lines that the repairs of a stage's findings would change, for SARIF.
     """
 
@@ -49,6 +50,7 @@ class Options(Struct, frozen=True):
     visibility: str = "visible"
     grade: GradeSummary | None = None
     dry_runs: Mapping[str, DryRunSummary] = {}
+    editor: bool = False
     changes: Mapping[tuple[str, Site], tuple[TextChange, ...]] = {}
 
 

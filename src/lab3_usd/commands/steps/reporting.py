@@ -133,6 +133,7 @@ def rendered(report: Report, options: Mapping[str, Any]) -> str:
         points=_points(report) if options["form"] == "text" else {},
         grade=_grade(report) if options["form"] == GRADESCOPE else None,
         dry_runs=options["dry_runs"],
+        editor=True,
         changes=changes,
     )
     return render(options["form"], report, rules, render_options)

@@ -7,7 +7,14 @@ from collections.abc import Iterator
 from lab3_usd.model.finding import SEVERITIES, ChecklistItem, Report
 from lab3_usd.report.blocks import Block, blocks, faults
 from lab3_usd.report.entries import plural, summarize, summary_line
-from lab3_usd.report.html.model import BlockView, ChecklistSection, cards, ranks, read_content
+from lab3_usd.report.html.model import (
+    BlockView,
+    ChecklistSection,
+    cards,
+    editor_link,
+    ranks,
+    read_content,
+)
 from lab3_usd.report.html.pictures import gallery, topics
 from lab3_usd.report.html.templates import fill
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
@@ -45,6 +52,8 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         states=STATES,
         columns=COLUMNS,
         plural=plural,
+        editor=options.editor,
+        editor_link=editor_link,
         tool=f"{NAME} {tool_version()}",
     )
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
+from urllib.parse import quote
 
 from msgspec import Struct
 
@@ -13,8 +13,9 @@ from lab3_usd.check.ros.topics import endpoints
 from lab3_usd.check.tf.frames import published_edges, unknown_publishers, unresolved_frames
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, StageError
+from lab3_usd.installation import command_line
 from lab3_usd.model.finding import ChecklistItem, Crash, Severity, StageResult, section_key
-from lab3_usd.report.blocks import Block, Fault, Stages
+from lab3_usd.report.blocks import Block, Fault, Spot, Stages
 from lab3_usd.report.entries import coverage_line, is_repairable
 from lab3_usd.report.picture.model import Picture
 from lab3_usd.report.pictures.graph_picture import stage_pictures
@@ -256,14 +257,24 @@ def cards(
 
 
 def _fix_command(block: Block, fault: Fault, *, graded: bool) -> str:
+    """Return what repairs a fault, for the shell of this system; graded files are named as such."""
     stages = [stage for stage in block.stages if stage.index in fault.stages]
     paths = [stage.file if graded else stage.result.path for stage in stages]
     if len(paths) > 1 and block.submission is not None:
         paths = ["." if graded else block.path]
     lint = ["--lint"] if block.is_linted else []
-    return shlex.join(
-        [program(), "fix", *paths, *lint, "--select", fault.finding.rule, "--in-place"]
-    )
+    words = ["fix", *paths, *lint, "--select", fault.finding.rule, "--in-place"]
+    return command_line(program(), *words)
+
+
+def editor_link(spot: Spot) -> str:
+    """Return the address at which VS Code opens a file at its line; '' where there is none."""
+    path = Path(spot.file)
+    if spot.line is None or not path.is_file():
+        return ""
+    rooted = f"/{path.absolute().as_posix()}".replace("//", "/", 1)
+    numbers = ":".join(str(number) for number in (spot.line, spot.column) if number is not None)
+    return f"vscode://file{quote(rooted, safe='/:')}:{numbers}"
 
 
 def ranks(page_cards: Sequence[Card], lab: Lab) -> tuple[Rank, ...]:
