@@ -207,6 +207,8 @@ def _graph_drawings(
                 for box in picture.boxes
             )
             drawing = svg(picture, f"g{number}-").removesuffix("</svg>")
+            if "<a " in marks:  # what has links is no image
+                drawing = drawing.replace('role="img"', 'role="group"', 1)
             nodes = {box.key: f"g{number}-{port_id(box.key)}" for box in picture.boxes}
             yield GraphDrawing(picture.path, picture.title, f"{drawing}{marks}</svg>", nodes)
 
