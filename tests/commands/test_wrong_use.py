@@ -26,7 +26,6 @@ REFUSED = {
     "fix STAGE OTHER -o fixed.usda": "--output goes with one stage",
     "fix STAGE -o fixed.usdc": "must end in .usda",
     "fix STAGE -o STAGE": "is the stage itself",
-    "fix nowhere.usda": "there is no such file",
     "sim STAGE --topic /cmd_vel": "commands have a topic",
 }
 
