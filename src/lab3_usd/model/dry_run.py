@@ -44,7 +44,10 @@ class Affine(NamedTuple):
             (d * p + e * s + f * v, d * q + e * t + f * w, d * r + e * u + f * x),
             (g * p + h * s + i * v, g * q + h * t + i * w, g * r + h * u + i * x),
         )
-        return Affine(rows, self.point(inner.origin))
+        y, z, j = inner.origin
+        k, m, n = self.origin
+        origin = (a * y + b * z + c * j + k, d * y + e * z + f * j + m, g * y + h * z + i * j + n)
+        return Affine(rows, origin)
 
     def inverse(self) -> Affine:
         """Return the way back; a place without volume has none and gives zeros."""
@@ -91,8 +94,9 @@ HERE = Affine()
 
 def turned(rows: Rows, direction: Vector) -> Vector:
     """Return the matrix times a vector."""
+    (a, b, c), (d, e, f), (g, h, i) = rows
     x, y, z = direction
-    return tuple(a * x + b * y + c * z for a, b, c in rows)  # type: ignore[return-value]
+    return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
 
 
 def column(rows: Rows, number: int) -> Vector:

@@ -82,17 +82,17 @@ def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
         *surroundings.beside(sensor, world.machines),
     ]
     seen = sweep(beam, (*surroundings.around(at), *own))
-    ranges = [distance if distance < 0 else distance * unit for distance in seen]
+    ranges = in_unit(seen, unit)
     if writer.covered < 1.0:
         first = int((writer.rendered - 1) * writer.covered * beam.count) % beam.count
         shown = {(first + k) % beam.count for k in range(int(writer.covered * beam.count))}
-        ranges = [distance if k in shown else -1.0 for k, distance in enumerate(ranges)]
+        ranges = tuple(distance if k in shown else -1.0 for k, distance in enumerate(ranges))
     return Scan(
         seen_by.start,
         seen_by.step,
         seen_by.near,
         seen_by.far,
-        tuple(ranges),
+        ranges,
         in_metres(at, unit),
         1.0 / writer.turns if writer.turns else 0.0,
     )
@@ -233,7 +233,7 @@ def record(
             scan.range_max / unit,
         )
         seen = sweep(beam, tuple(world.surroundings.around(in_metres(at, 1.0 / unit))))
-        return tuple(distance if distance < 0 else distance * unit for distance in seen)
+        return in_unit(seen, unit)
 
     missing = scene.missing.keys() - world.assumed.keys()
     causes = RunCauses(
@@ -300,6 +300,13 @@ def unknown_in(world: World) -> dict[str, str]:
         for prim, asset in world.scene.missing.items()
         if prim not in world.assumed
     }
+
+
+def in_unit(ranges: tuple[float, ...], unit: float) -> tuple[float, ...]:
+    """Return what rays measure in another unit; a ray without return stays one."""
+    if unit == 1.0:
+        return ranges
+    return tuple(distance if distance < 0 else distance * unit for distance in ranges)
 
 
 def in_metres(place: Affine, unit: float) -> Affine:

@@ -118,13 +118,21 @@ def _shifted(best: MapFit, rays: Sequence[Ray], near: frozenset[Cell], located: 
         grid.cell(x, y)
         for x, y, _ in (place.point(ray.end) for ray, place in _in_map(rays, located))
     )
-    votes: Counter[Cell] = Counter()
-    for (right, up), count in points.most_common(_CORNERS):
-        for column, row in grid.walls:
-            votes[right - column, up - row] += count
-    tried = [
-        (_met(points, near, shift), votes[shift], shift) for shift, _ in votes.most_common(_TRIED)
-    ]
+    corners = points.most_common(_CORNERS)
+    # A shift is counted as one number, as there are millions of them.
+    rows = [row for _, row in (*grid.walls, *points)]
+    half = max(rows) - min(rows) + 1
+    walls = [column * 2 * half + row for column, row in grid.walls]
+    votes: Counter[int] = Counter()
+    for (right, up), count in corners:
+        end = right * 2 * half + up
+        for wall in walls:
+            votes[end - wall] += count
+    tried = []
+    for number, count in votes.most_common(_TRIED):
+        column, row = divmod(number + half, 2 * half)
+        shift = (column, row - half)
+        tried.append((_met(points, near, shift), count, shift))
     met, _, shift = max(tried)
     (x, y), (u, v) = grid.point(0, 0), grid.point(*shift)
     return replace(best, shift=(u - x, v - y), shifted=met / max(1, best.count))
@@ -141,11 +149,15 @@ def _is_of_the_room(trial: Trial, grid: OccupancyMap, located: Located) -> bool:
         return False
     back = trial.start.then(located[-1][1].inverse())
     reach = (trial.tolerance.cells + 0.5) * grid.resolution
-    standing = 0
-    for column, row in grid.walls:
+    standing, last = len(grid.walls), trial.room[0]
+    for column, row in sorted(grid.walls):  # so that most stand where the one before stands
         x, y, _ = back.point((*grid.point(column + 0.5, row + 0.5), 0.0))
-        standing += distance(trial.room, x, y) <= reach
-    return standing >= _OF_THIS_ROOM * len(grid.walls)
+        near = (wall for wall in (last, *trial.room) if distance((wall,), x, y) <= reach)
+        wall = next(near, None)
+        last, standing = wall or last, standing - (wall is None)
+        if standing < _OF_THIS_ROOM * len(grid.walls):
+            return False
+    return True
 
 
 def on_map(trial: Trial) -> Iterator[Fault]:

@@ -154,7 +154,7 @@ class Machine(Struct):
     base: str
     start: Affine
     rest: dict[str, Affine]
-    parents: dict[str, Joint]
+    parents: dict[str, Joint]  # which of its joints a body hangs on
     joints: dict[str, Joint]  # those that move, by name, in the order of the articulation
     held: bool
     kinematic: str = ""  # the body at a joint of it that nothing moves
@@ -178,6 +178,7 @@ class Machine(Struct):
     is_steered: bool = False  # whether joints turn what a wheel hangs on
     scrubs: bool = False  # whether wheels slide in a turn, as four that do not steer
     walls: list[Segment] = field(default_factory=list)
+    steps: dict[str, tuple[Affine, Affine]] = field(default_factory=dict)  # as kept by `_step`
 
     def link_of(self, joint: Joint) -> str:
         """Return the body that hangs on a joint."""
@@ -209,16 +210,23 @@ class Machine(Struct):
             return self.rest[body]
         inner = 1 if joint.bodies[1] == body else 0
         parent = joint.bodies[1 - inner]
-        own = self.rest[parent].inverse().then(self.rest[body])
+        own, back = self._step(body, parent, joint.frames[inner])
         if joint.position:
             way = joint.position if inner else -joint.position
             moved = Affine(about(joint.axis, way))
             if joint.kind == SLIDER:
                 x, y, z = joint.axis
                 moved = Affine(AXES, (x * way, y * way, z * way))
-            frame = joint.frames[inner]
-            own = own.then(frame).then(moved).then(frame.inverse())
+            own = own.then(joint.frames[inner]).then(moved).then(back)
         return self.offset(parent).then(own)
+
+    def _step(self, body: str, parent: str, frame: Affine) -> tuple[Affine, Affine]:
+        """Return where a body rests in its parent, and the way back from the frame of its joint."""
+        step = self.steps.get(body)
+        if step is None:
+            own = self.rest[parent].inverse().then(self.rest[body])
+            step = self.steps[body] = (own, frame.inverse())
+        return step
 
     def step(self, dt: float) -> None:
         """Move on by a step."""
