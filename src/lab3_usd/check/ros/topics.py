@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping
+from functools import cache
 from typing import Literal
 
 from msgspec import Struct
@@ -56,14 +57,22 @@ def likely_type(written: str, known: Collection[str]) -> str | None:
     same = [name for name in known if name.rpartition(".")[2].removeprefix("Ogn") == last]
     if len(same) == 1 and last and (not before or before[0] in parts):
         return same[0]
-    letters = _NUMBER.sub("", written)
-    return _near(written, [name for name in known if _NUMBER.sub("", name) != letters], _NEAR_TYPE)
+    letters = _NUMBER.sub("", written)  # of any text, which is not kept
+    return _near(written, [name for name in known if _letters(name) != letters], _NEAR_TYPE)
+
+
+@cache
+def _letters(name: str) -> str:
+    return _NUMBER.sub("", name)
 
 
 def _near(written: str, known: Collection[str], least: float) -> str | None:
     from difflib import get_close_matches
 
-    near = get_close_matches(written, known, 1, least)
+    # What two names have in common is no longer than the shorter: of a huge text nothing is near.
+    length = len(written)
+    fitting = [each for each in known if 2 * min(length, len(each)) >= least * (length + len(each))]
+    near = get_close_matches(written, fitting, 1, least) if fitting else ()
     return near[0] if near else None
 
 
