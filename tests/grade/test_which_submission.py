@@ -100,6 +100,12 @@ def handed_in(form: str, folder: Path) -> Path:
     return place
 
 
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """The row of a whole submission with nothing beside it."""
+    return graded(submission(tmp_path_factory.mktemp("alone") / "class" / "ana").parent)
+
+
 # ---- folders beside each other
 
 
@@ -134,9 +140,12 @@ def capitals(folder: Path) -> None:
     ],
 )
 def test_the_folder_with_the_most_checkpoints_is_the_submission(
-    beside: Callable[[Path], None], name: str, form: str, tmp_path: Path
+    alone: dict[str, Any],
+    beside: Callable[[Path], None],
+    name: str,
+    form: str,
+    tmp_path: Path,
 ) -> None:
-    alone = graded(submission(tmp_path / "alone" / "ana").parent)
     submission(tmp_path / "ana" / "Lab3" / "")
     beside(tmp_path / "ana")
     row = graded(handed_in(form, tmp_path / "ana"))

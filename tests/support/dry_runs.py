@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pxr import Usd
 
 from lab3_usd.model.dry_run import Check
-from lab3_usd.sim.execution.drive import fixed_drive
+from lab3_usd.sim.execution.drive import Session, drive_of, fixed_drive
 from lab3_usd.sim.judge.checks import judge
 from lab3_usd.sim.judge.trial import Interface, Trial
 from lab3_usd.sim.timeline import record
@@ -51,10 +53,13 @@ INTERFACE = Interface(
     static=frozenset({"/tf_static"}),
 )
 DRIVE = fixed_drive()
+SHORT = drive_of(
+    "0.15,0,1 0,0.8,0.5", INTERFACE.limits
+)  # where it is of no importance how it drives
 
 
-def driven(stage: Usd.Stage) -> Trial:
-    return record(read_scene(stage), load_isaac_types().catalog, DRIVE, INTERFACE)
+def driven(stage: Usd.Stage, drive: Sequence[Session] = DRIVE) -> Trial:
+    return record(read_scene(stage), load_isaac_types().catalog, drive, INTERFACE)
 
 
 def faults(trial: Trial) -> list[Check]:

@@ -43,15 +43,16 @@ class Mistake(Struct, frozen=True):
 
     def make(self, stage: Usd.Stage) -> bool:
         """Make it as far as the stage has what it is about, and return whether anything is."""
-        made = False
+        layer = stage.GetRootLayer()
+        first = before = layer.ExportToString() if self.changes else ""
         for change in self.changes:
-            before = stage.GetRootLayer().ExportToString()
             try:
                 change(stage)
-            except Exception:  # noqa: BLE001 - usd-core raises whatever it likes for what is not there
-                stage.GetRootLayer().ImportFromString(before)
-            made = made or stage.GetRootLayer().ExportToString() != before
-        return made
+            except Exception:  # noqa: BLE001, PERF203 - usd-core raises whatever it likes for what is not there
+                layer.ImportFromString(before)
+            else:
+                before = layer.ExportToString()
+        return before != first
 
 
 def _each(step: Callable[[str], list[Step]], names: tuple[str, ...]) -> tuple[Change, ...]:
