@@ -6,12 +6,16 @@ import gc
 import signal
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import patch
 
+import forking
 import pytest
 from browser import Browser, started
 from parsed_once import yaml_parsed_once
 from places import REPOSITORY, SHARED
 from starter_once import starter_made_once
+
+from lab3_usd.grade.workers import worker_process
 
 
 def pytest_configure() -> None:
@@ -51,3 +55,10 @@ def chromium() -> Iterator[Browser]:
     """One browser for all tests of pages."""
     with started() as running:
         yield running
+
+
+@pytest.fixture(scope="module")
+def forked_workers() -> Iterator[None]:
+    """Workers of grading that are processes as ever, but need no Python to start."""
+    with patch.object(worker_process, "subprocess", forking):
+        yield

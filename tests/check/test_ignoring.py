@@ -235,6 +235,7 @@ def test_lint_heeds_notes_too(wrong: Path) -> None:
     assert {each[0] for each in told(wrong, command="lint")} <= {UNUSED}
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_a_library_call_and_grading_heed_no_note(tmp_path: Path) -> None:
     work = tmp_path / "class" / "ana" / "work"
     work.mkdir(parents=True)

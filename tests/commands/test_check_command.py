@@ -10,6 +10,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import forking
 import pytest
 from in_process import lab3
 from pxr import Usd
@@ -50,7 +51,7 @@ def check(*arguments: object) -> subprocess.CompletedProcess[str]:
 def check_alone(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Check in a process of its own."""
     command = [sys.executable, "-m", "lab3_usd", "check", *map(str, arguments)]
-    return subprocess.run(command, check=False, capture_output=True, text=True)
+    return forking.run(command, check=False, capture_output=True, text=True)
 
 
 def report_of(*arguments: object) -> dict[str, object]:

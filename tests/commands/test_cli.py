@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 
 import click
+import forking
 import pytest
 from invoking import invoke as lab3
 from places import REPOSITORY
@@ -192,7 +193,7 @@ def test_the_tab_key_completes_commands_and_imports_none() -> None:
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device without room")
 def test_a_full_disk_is_no_failure_of_the_program() -> None:
     with open("/dev/full", "wb") as full:  # noqa: PTH123 - a device, not a path
-        done = subprocess.run(
+        done = forking.run(
             [sys.executable, "-c", "from lab3_usd.cli import main; main()", "rules"],
             stdout=full,
             stderr=subprocess.PIPE,
@@ -288,7 +289,7 @@ def test_a_rule_like_no_other_points_to_the_list() -> None:
 
 def left(code: str) -> tuple[int, str]:
     """Run a program that ends by leaving the command line: its exit status, and what it printed."""
-    done = subprocess.run(
+    done = forking.run(
         [sys.executable, "-c", f"import sys; from lab3_usd import cli\n{code}\ncli.run()"],
         capture_output=True,
         text=True,

@@ -293,6 +293,7 @@ def test_a_check_without_a_file_imports_no_toml(wrong: Path) -> None:
     assert {"tomllib", "tomli"}.isdisjoint(done.stderr.split())
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_grading_heeds_no_file_of_a_submission(tmp_path: Path) -> None:
     work = tmp_path / "class" / "ana" / "work"
     work.mkdir(parents=True)

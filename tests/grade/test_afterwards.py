@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -12,23 +13,31 @@ import quick_yaml
 from html_pages import read
 from mini_lab import LAB, LAST, MINI, cut_wire, stage, starter, submission
 from pxr import Gf, Usd
+from workers_here import graded_here
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.afterwards import class_of, regrade, student_in, sum_of
-from lab3_usd.grade.class_run import ClassSettings, grade_class
+from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.gradebook import HTML
 from lab3_usd.grade.rosters import PLATFORMS, write_for_platform
 from lab3_usd.grade.rubric import Rubric, load_rubric
 
 
+@pytest.fixture(scope="module")
+def graded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A class of two with its gradebook: one whole, one with a wire cut in the clock."""
+    folder = tmp_path_factory.mktemp("graded")
+    submission(folder / "class" / "jane")
+    cut_wire(submission(folder / "class" / "joe") / "work" / stage("01").name)
+    graded_here(ClassSettings(folder / "class", starter(), folder / "book"))
+    return folder
+
+
 @pytest.fixture
-def book(tmp_path: Path) -> Path:
-    """A gradebook of two: one whole, one with a wire cut in the clock."""
-    place, out = tmp_path / "class", tmp_path / "book"
-    submission(place / "jane")
-    cut_wire(submission(place / "joe") / "work" / stage("01").name)
-    grade_class(ClassSettings(place, starter(), out))
-    return out
+def book(graded: Path, tmp_path: Path) -> Path:
+    """A copy of the gradebook, beside a copy of the class."""
+    shutil.copytree(graded, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "book"
 
 
 def another(tmp_path: Path) -> Rubric:
@@ -86,7 +95,7 @@ def test_the_same_rubric_changes_nobody_and_nothing(book: Path) -> None:
 
 def test_after_another_rubric_the_class_is_judged_again(book: Path, tmp_path: Path) -> None:
     regrade(book, another(tmp_path))
-    rows = grade_class(ClassSettings(tmp_path / "class", starter(), book, resume=True))
+    rows = graded_here(ClassSettings(tmp_path / "class", starter(), book, resume=True))
     assert [row["earned"] for row in rows] == [100.0, 98.17]
 
 
@@ -256,7 +265,7 @@ def test_the_same_work_is_listed_and_not_judged(tmp_path: Path) -> None:
     for path in (place / "cem" / "work").iterdir():
         if path.name != stage("00").name:
             renamed(path)
-    rows = list(grade_class(ClassSettings(place, starter(), tmp_path / "book")))
+    rows = list(graded_here(ClassSettings(place, starter(), tmp_path / "book")))
     assert {row["earned"] for row in rows[:3]} == {100.0}
     stages = [number for number in LAB.checkpoints if number != "00"]
     assert class_of(tmp_path / "book")["alike"] == [

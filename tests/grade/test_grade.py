@@ -34,6 +34,7 @@ from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.report.options import tool_version
 from lab3_usd.spec.load.loader import load_lab
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
 REPORTS = {"report.html", "report.json", "result.json", "results.json"}
 
 
@@ -160,7 +161,7 @@ def test_neither_place_nor_workers_nor_hash_seed_change_a_byte(
         "import sys\nfrom pathlib import Path\n"
         "from lab3_usd.grade.class_run import ClassSettings, grade_class\n"
         "place, start, out = map(Path, sys.argv[1:])\n"
-        "grade_class(ClassSettings(place, start, out, jobs=3))\n"
+        "grade_class(ClassSettings(place, start, out, jobs=2))\n"
     )
     moved = shutil.copytree(place, tmp_path / "elsewhere")
     subprocess.run(

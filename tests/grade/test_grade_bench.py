@@ -10,6 +10,8 @@ import pytest
 from benchmark import load_benchmark
 from grade_files import LAB
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 
 @pytest.fixture(scope="module", autouse=True)
 def _small_lab() -> None:

@@ -27,7 +27,10 @@ from lab3_usd.grade.workers.messages import PoolSettings, Task, encode
 from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.grade.workers.worker_process import WorkerError
 
-pytestmark = pytest.mark.timeout(300)  # machines are started, waited for and lost
+pytestmark = [
+    pytest.mark.timeout(300),  # machines are started, waited for and lost
+    pytest.mark.usefixtures("forked_workers"),
+]
 
 STUDENTS = 4
 

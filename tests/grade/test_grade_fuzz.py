@@ -11,6 +11,7 @@ from fuzz_inputs import generate, written
 
 from lab3_usd.grade.workers import worker_process
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
 COUNT = 30
 
 

@@ -15,6 +15,7 @@ from pxr import Sdf
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.intake.submission_copy import Limits
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
 NAME = stage("04").name
 LIMITS = Limits(prims=300, file_size=300_000, nesting=60)
 WORLD = '#usda 1.0\ndef Xform "World"\n{\n}\n'

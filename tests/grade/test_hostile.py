@@ -17,7 +17,10 @@ from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.stage.write.builder import build_checkpoint
 
-pytestmark = pytest.mark.timeout(300)  # the first test waits for the whole class
+pytestmark = [
+    pytest.mark.timeout(300),  # the first test waits for the whole class
+    pytest.mark.usefixtures("forked_workers"),
+]
 GOOD = "a_good_one"
 # Few files are copied before their number is too large, also where the machine is busy.
 LIMITS = Limits(seconds=20, files=900)

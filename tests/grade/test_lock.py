@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import forking
 import pytest
 from grade_files import submission
 from mini_lab import starter
@@ -33,7 +34,7 @@ with locked(Path(sys.argv[1])):
 @contextmanager
 def held(out: Path) -> Iterator[subprocess.Popen[str]]:
     """Let another process hold a gradebook."""
-    with subprocess.Popen(
+    with forking.Popen(
         [sys.executable, "-c", HOLD, str(out)],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

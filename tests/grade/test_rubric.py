@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from itertools import permutations
 from pathlib import Path
 from typing import Any
 
+import forking
 import pytest
 import quick_yaml
 from hypothesis import given, settings
@@ -626,13 +625,8 @@ def test_no_text_brings_the_reading_of_a_rubric_down(tmp_path: Path, text: str, 
         "except SpecError as error:\n    print(error)\n"
     )
     # In a process of its own, which is the only one that a crash of the loader ends.
-    done = subprocess.run(
-        [sys.executable, "-c", reading, str(path)],
-        check=True,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )
+    command = [sys.executable, "-c", reading, str(path)]
+    done = forking.run(command, check=True, capture_output=True, text=True)
     assert done.stdout.startswith(f"mine.yaml: {named}")
     assert done.stdout.count("\n") == 1
     assert len(done.stdout) < 300

@@ -20,6 +20,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import click
+import forking
 import pytest
 from in_process import lab3
 from pages import blocks, inline, matches, sessions, tokens
@@ -182,7 +183,8 @@ def sandbox(program: Path, tmp_path: Path) -> Iterator[Sandbox]:
     programs.mkdir()
     installed = "lab3" in {point.name for point in entry_points(group="pytest11")}
     plugin = "" if installed else "-p lab3_usd.pytest_plugin "
-    shims = {"lab3": "-m lab3_usd ", "python": "", "pytest": f"-m pytest {plugin}"}
+    forking.shim(programs / "lab3", "lab3_usd")
+    shims = {"python": "", "pytest": f"-m pytest {plugin}"}
     for name, arguments in shims.items():
         (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" {arguments}"$@"\n')
         (programs / name).chmod(0o755)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
+import forking
 import pytest
 import yaml
 
@@ -32,7 +32,7 @@ def test_a_list_of_names_that_is_nested_deeply_crashes_nothing() -> None:
         "print(names_in(b'a: ' + b'[' * 100_000).fault)\n"
     )
     # In a process of its own, which is the only one that a crash of the loader ends.
-    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    done = forking.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert "nested" in done.stdout
 
 

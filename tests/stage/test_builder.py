@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import forking
 import pytest
 from mini_lab import LAB, LAST, in_force
 from pxr import Sdf, Tf, Usd, UsdUtils
@@ -508,7 +509,7 @@ def test_a_disk_that_fills_half_way_leaves_what_was_there(
 ) -> None:
     (tmp_path / f"{FILES[0]}{ending}").write_text("mine\n")
     command = [sys.executable, "-c", FULL_DISK, str(enough), str(tmp_path), "--format", form]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = forking.run(command, capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert f"{FILES[0]}{ending}" not in done.stderr
