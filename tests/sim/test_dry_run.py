@@ -15,26 +15,31 @@ from second_author import Style
 
 from lab3_usd.sim.execution.recording import Odometry
 from lab3_usd.sim.judge.checks import CHECKS, judge
+from lab3_usd.sim.judge.trial import Trial
 from lab3_usd.stage.write.builder import build_checkpoint
 
 WHEELS = 0.033 / 0.025  # the wheel of the model by that of the controller
 
 
-def test_the_built_stage_behaves() -> None:
-    trial = driven(correct_stage("05"))
-    verdicts = judge(trial)
+@pytest.fixture(scope="module")
+def right() -> Trial:
+    """The built stage, driven."""
+    return driven(correct_stage("05"))
+
+
+def test_the_built_stage_behaves(right: Trial) -> None:
+    verdicts = judge(right)
     assert [verdict for verdict in verdicts if verdict.verdict != "ok"] == []
     assert [verdict.name for verdict in verdicts] == list(CHECKS)
-    assert trial.recording.not_simulated == {}
+    assert right.recording.not_simulated == {}
 
 
-def test_it_goes_as_far_as_its_wheels_say() -> None:
-    trial = driven(correct_stage("05"))
-    _, before, poses = next(trial.stretches("ahead"))
+def test_it_goes_as_far_as_its_wheels_say(right: Trial) -> None:
+    _, before, poses = next(right.stretches("ahead"))
     moved = (len(poses) - 1) / 60  # a command reaches the wheels in the next frame
     assert poses[-1].x - before.x == pytest.approx(0.15 * moved * WHEELS, rel=1e-6)
     assert poses[-1].y - before.y == pytest.approx(0.0, abs=1e-6)
-    _, before, poses = next(trial.stretches("left"))
+    _, before, poses = next(right.stretches("left"))
     assert poses[-1].heading == pytest.approx(0.8 * (len(poses) - 1) / 60 * WHEELS, rel=1e-6)
 
 
@@ -69,8 +74,8 @@ def test_a_robot_whose_wheels_are_as_the_handout_says_is_held_to_what_it_is_told
     assert [each.name for each in faults(trial) if each.name in MOTION] == []
 
 
-def test_rates_and_frames_are_those_of_the_lab() -> None:
-    recording = driven(correct_stage("05")).recording
+def test_rates_and_frames_are_those_of_the_lab(right: Trial) -> None:
+    recording = right.recording
     seconds = sum(leg.seconds for leg in DRIVE[0].legs)
     assert len(recording.topic("/scan", 0)) == pytest.approx(10 * seconds, abs=1)
     assert len(recording.topic("/clock", 0)) == pytest.approx(60 * seconds, abs=2)

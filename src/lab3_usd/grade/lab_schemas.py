@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from functools import cache
 from inspect import cleandoc
 from pathlib import Path
 from typing import Any
@@ -103,6 +104,7 @@ def with_schema(file: str, text: str) -> str:
     return f"# yaml-language-server: $schema={schema_file(file)}\n{text}"
 
 
+@cache
 def _definitions() -> dict[str, dict[str, Any]]:
     """Return the schema of every record that a file holds, by its name."""
     kinds = [*FILES.values(), *(entry for entry, _ in _ENTRIES.values())]

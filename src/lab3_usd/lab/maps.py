@@ -67,8 +67,9 @@ class Grid(Struct, frozen=True):
 
     def occupied(self) -> Iterator[tuple[int, int]]:
         """Yield (column, row) of the cells that map_server calls occupied, black being 1."""
+        is_dark = [(_WHITE - value) / _WHITE > _OCCUPIED_THRESHOLD for value in range(_WHITE + 1)]
         for index, value in enumerate(self.cells):
-            if (_WHITE - value) / _WHITE > _OCCUPIED_THRESHOLD:
+            if is_dark[value]:
                 yield index % self.width, index // self.width
 
 
@@ -125,7 +126,8 @@ def read_pgm(path: Path) -> Grid:
     cells = values[: width * height]
     if max(cells) > white:
         raise MapError(f"{path}: a cell is {max(cells)}, but white is {white}")
-    return Grid(width, height, bytes(value * _WHITE // white for value in cells))
+    grey = cells if white == _WHITE else (value * _WHITE // white for value in cells)
+    return Grid(width, height, bytes(grey))
 
 
 def read_map(path: Path, *, given: bool = True) -> OccupancyMap:
