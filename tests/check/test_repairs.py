@@ -11,7 +11,7 @@ from breaking import Step, broken, correct_stage, judged
 from foreign_robots import TICK, write_graph
 from invoking import invoke
 from msgspec.structs import replace
-from pxr import Usd, UsdGeom
+from pxr import Gf, Usd, UsdGeom
 
 from lab3_usd.grade.workers.submission_grading import _without_repairs
 from lab3_usd.judge.folder import FolderResult
@@ -227,12 +227,12 @@ def test_an_asset_that_is_not_here_is_not_restored() -> None:
     assert ("L11", False) in offers(stage, "03")
 
 
-@pytest.mark.parametrize(("lowered", "is_offered"), [("", False), ("/CollisionPlane", True)])
-def test_a_ground_is_restored_where_it_was_moved_itself(lowered: str, *, is_offered: bool) -> None:
+@pytest.mark.parametrize("lowered", ["", "/GroundPlane", "/GroundPlane/CollisionPlane"])
+def test_a_ground_is_restored_where_it_or_a_prim_above_it_was_moved(lowered: str) -> None:
     stage = correct_stage("02")
-    ground = UsdGeom.Xformable(stage.GetPrimAtPath(f"/Environment/GroundPlane{lowered}"))
-    ground.AddTranslateOp().Set((0.0, 0.0, -0.1))
-    assert offers(stage, "02") == [("S19", is_offered)]
+    moved = UsdGeom.Xformable(stage.GetPrimAtPath(f"/Environment{lowered}"))
+    moved.MakeMatrixXform().Set(Gf.Matrix4d().SetTranslate((0.0, 0.0, -0.1)))
+    assert offers(stage, "02") == [("S19", True)]
 
 
 def test_notes_have_no_repair() -> None:

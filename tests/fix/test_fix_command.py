@@ -661,6 +661,16 @@ def test_with_the_starter_a_ground_that_was_lowered_is_raised(
     assert check_stage(path).verdict == "pass"
 
 
+def test_a_room_that_was_lowered_with_its_ground_is_raised(tmp_path: Path) -> None:
+    stage = correct_stage("02")
+    stage.GetAttributeAtPath("/Environment.xformOp:translate").Set((-0.2, -0.2, -0.2))
+    path = tmp_path / "Lab3_02_ros_drive.usda"
+    stage.GetRootLayer().Export(str(path))
+    assert [finding.rule for finding in check_stage(path).findings] == ["S19"]
+    assert fix(path, "--in-place").exit_code == 0
+    assert check_stage(path).verdict == "pass"
+
+
 def test_what_stands_elsewhere_than_in_the_starter_is_offered_no_repair(
     tmp_path: Path, starter: Path
 ) -> None:

@@ -375,18 +375,22 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
             handout=section,
             related=(basis,),
             severity=severity,
-            fix=() if _is_lowered(subject, body, basis) else (Restore(body), Restore(basis)),
+            fix=_moved_back(subject, body, basis),
             unmet=(AT_REST,),
             causes=tuple((path, OPERATIONS["translate"][0]) for path in _upward(basis)),
             follows=_SHAPE,
         )
 
 
-def _is_lowered(subject: StageSubject, body: str, ground: str) -> bool:
-    """Whether the ground below the whole robot is displaced by a prim above it."""
-    prim = subject.stage.prim(ground)
-    is_whole = body == subject.lab.scene.robot.path
-    return is_whole and (prim is None or ORDER not in prim.attributes)
+def _moved_back(subject: StageSubject, body: str, basis: str) -> tuple[Edit, ...]:
+    """Return the repair of a body or its ground; a ground may be displaced by a prim above it."""
+    if body != subject.lab.scene.robot.path:
+        return (Restore(body), Restore(basis))
+    prims = ((path, subject.stage.prim(path)) for path in _upward(basis))
+    placed = [path for path, prim in prims if prim is not None and ORDER in prim.attributes]
+    if placed[:1] == [basis]:
+        return (Restore(body), Restore(basis))
+    return tuple(Restore(path, ORDER) for path in placed)
 
 
 def _upward(path: str) -> Iterator[str]:
