@@ -7,7 +7,7 @@ import re
 import stat
 import tempfile
 from collections.abc import Iterable, Mapping
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from typing import NamedTuple
 
@@ -150,17 +150,37 @@ def leftover_files(folder: Path, names: Iterable[str]) -> tuple[Path, ...]:
     )
 
 
-def original_of(path: Path) -> Path:
-    """Return the name under which a file is kept that is about to be replaced.
+def keep_original(path: Path, content: bytes) -> Path:
+    """Keep what a file held before it is replaced, and return where.
 
-    `NAME.orig`, and where that is taken the next of `NAME.orig.2`, `NAME.orig.3`: the first
-    original stays.
+    That is `NAME.orig`, and where that is taken the next of `NAME.orig.2`, `NAME.orig.3`: the first
+    original stays, also one that another process keeps at the same time.
+
+    Raises:
+        UsageError: it cannot be written.
     """
-    original = path.with_name(f"{path.name}.orig")
-    numbers = count(2)
-    while os.path.lexists(original):
-        original = path.with_name(f"{path.name}.orig.{next(numbers)}")
+    endings = chain([".orig"], (f".orig.{number}" for number in count(2)))
+    originals = (path.with_name(path.name + ending) for ending in endings)
+    try:
+        original = next(filter(_claimed, originals))
+    except OSError as error:
+        raise UsageError(f"{error.filename} cannot be written ({error.strerror})") from error
+    try:
+        write_whole(original, content, force=True)
+    except UsageError:
+        original.unlink(missing_ok=True)
+        raise
+    original.chmod(path.stat().st_mode)
     return original
+
+
+def _claimed(path: Path) -> bool:
+    """Make an empty file where there is none; whether that was done."""
+    try:
+        path.touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    return True
 
 
 def is_original(name: str) -> bool:

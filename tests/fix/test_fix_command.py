@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from msgspec.structs import replace
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from lab3_usd.errors import Lab3Error
+from lab3_usd.files import keep_original
 from lab3_usd.fix.repairing import Fixed, check_result
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import against_starter, open_starter
@@ -101,6 +103,14 @@ def test_an_older_original_is_kept(tmp_path: Path) -> None:
     fix(path, "--in-place")
     assert original.read_text() == "mine"
     assert (tmp_path / f"{path.name}.orig.2").read_bytes() == old
+
+
+def test_originals_that_are_kept_at_once_have_names_of_their_own(tmp_path: Path) -> None:
+    path = saved(tmp_path)
+    contents = [str(number).encode() for number in range(40)]
+    with ThreadPoolExecutor(8) as pool:
+        kept = [*pool.map(lambda content: keep_original(path, content), contents)]
+    assert [original.read_bytes() for original in kept] == contents
 
 
 def test_a_save_by_somebody_else_is_not_overwritten(

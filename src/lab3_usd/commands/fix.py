@@ -24,8 +24,8 @@ from lab3_usd.commands.steps.reporting import selected_findings
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import (
+    keep_original,
     lines_of,
-    original_of,
     refuse_existing,
     refuse_shared,
     replace_files,
@@ -165,11 +165,10 @@ def _replace(fixed: Fixed, *, keep: bool, force: bool) -> None:
         if not force:
             refuse_shared(path)
         check_result(fixed, data, path)
-    originals = {path: original_of(path) for path in fixed.files} if keep else {}
+    originals: dict[Path, Path] = {}
     try:
-        for path, original in originals.items():
-            write_whole(original, fixed.states[path].content, force=False)
-            original.chmod(path.stat().st_mode)
+        for path in fixed.files if keep else ():
+            originals[path] = keep_original(path, fixed.states[path].content)
         replace_files(fixed.files, fixed.states)
     except Lab3Error:
         for original in originals.values():
