@@ -118,3 +118,15 @@ def test_a_missing_node_whose_name_is_taken_is_added_under_another(tmp_path: Pat
     repaired = repaired_in("text", "02", pair, tmp_path, load_lab())
     assert repaired is not None
     assert repaired.after == ()
+
+
+def test_a_prim_is_renamed_where_an_input_is_connected_at_once(tmp_path: Path) -> None:
+    faults = {fault.name: fault for fault in second_faults("02")}
+    wire = "on_playback_tick.tick -> articulation_controller.execIn"
+    pair = [
+        faults["wheel_left_joint renamed"],
+        faults[f"ROS_Drive: {wire} moved to inputs:robotPath"],
+    ]
+    repaired = repaired_in("text", "02", pair, tmp_path, load_lab())
+    assert repaired is not None
+    assert repaired.after == ()

@@ -43,7 +43,9 @@ def _fields(layer: Sdf.Layer) -> dict[Sdf.Path, dict[str, str]]:
     fields: dict[Sdf.Path, dict[str, str]] = {}
 
     def keep(path: Sdf.Path) -> None:
-        spec = layer.GetObjectAtPath(path)  # None for a target or a source
+        if path.IsTargetPath():  # is in a list of its property, and not always a spec of its own
+            return
+        spec = layer.GetObjectAtPath(path)
         names = spec.ListInfoKeys() if spec else ()
         fields[path] = {name: str(spec.GetInfo(name)) for name in names if name != _OFFSETS}
 
