@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from breaking import broken
 from invoking import invoke
 from msgspec.structs import replace
 
@@ -186,3 +187,17 @@ def test_the_command_prints_other_forms(tmp_path: Path, form: str) -> None:
     result = invoke("tf", stage, "--format", form)
     assert result.exit_code == 0
     assert result.output.startswith({"dot": "digraph", "json": "{"}[form])
+
+
+@pytest.mark.parametrize(("name", "is_marked"), [("Lab3_05.usda", True), ("robot.usda", False)])
+def test_only_a_stage_of_the_lab_leaves_a_frame_to_others(
+    tmp_path: Path, name: str, *, is_marked: bool
+) -> None:
+    steps = [{"set": ["ROS_OdomTF/ros2_publish_raw_transform_tree.inputs:parentFrameId", "world"]}]
+    steps.append(
+        {"set": ["ROS_OdomTF/ros2_publish_raw_transform_tree.inputs:childFrameId", "odom"]}
+    )
+    stage = broken("05", steps)
+    stage.GetRootLayer().Export(str(tmp_path / name))
+    shown = invoke("tf", tmp_path / name).stdout
+    assert ("may place it" in shown) == is_marked

@@ -170,8 +170,8 @@ def command(stage: Path, **options: Any) -> None:
     Isaac Sim 6.0.1; the robot moves by exact kinematics. What is asked for is that of the
     checkpoint in the file's name. A stage of none is judged by what it shows itself: each robot is
     driven by its own commands. Exit status:
-    0 all right, 1 something is wrong or not judged, 2 unreadable or wrong usage, 3 the tool itself
-    failed.
+    0 all right, or nothing to play yet, 1 something is wrong or not judged, 2 unreadable or wrong
+    usage, 3 the tool itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.commands.steps.options import checkpoint_number
@@ -224,4 +224,4 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
     else:
         click.echo(text.render(behaviour, width(), color=wants_color()), nl=False, color=True)
     exits = {"bad": EXIT_FOUND, "not judged": EXIT_FOUND, "unreadable": EXIT_USAGE}
-    return exits.get(behaviour.verdict, 0)
+    return 0 if behaviour.is_early else exits.get(behaviour.verdict, 0)

@@ -52,6 +52,7 @@ def command(
     from lab3_usd.check.tf.frames import published_edges, unknown_publishers, unresolved_frames
     from lab3_usd.commands.steps.pictures import write_picture
     from lab3_usd.judge.lint import read_ros
+    from lab3_usd.judge.stage import checkpoint_of
     from lab3_usd.report.entries import coverage_line
     from lab3_usd.report.pictures.tf_picture import published_frames_picture
     from lab3_usd.report.safe_text import printable
@@ -68,7 +69,9 @@ def command(
         write_picture(published_frames_picture(edges, hidden, rates, not_judged), picture, force)
         return
     unknown = unknown_publishers(model, lab)
-    tree = TreeReport(str(stage), edges, unknown, lab.frames.reserved, hidden, rates)
+    # What a lab leaves to others, any other stage may place.
+    reserved = lab.frames.reserved if checkpoint_of(stage.name, lab) else {}
+    tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates)
     if form == "text":
         lines = as_text(tree, verbose=verbose)
         rest = wrap(f"? {not_judged}", WIDTH, subsequent_indent="  ") if not_judged else []

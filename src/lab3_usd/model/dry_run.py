@@ -291,7 +291,8 @@ class Behaviour(Struct, frozen=True):
     """What one stage does in a dry run; without a checkpoint nothing of a lab is asked.
 
     `path` are (seconds, x, y, heading) in metres and radians; `legs` the drive of the first
-    session, `remarks` what else is known of the robot. `missing` says why it is not judged.
+    session, `remarks` what else is known of the robot. `missing` says why it is not judged, and
+    `is_early` that the lab has nothing to play yet.
     """
 
     stage: str
@@ -308,6 +309,7 @@ class Behaviour(Struct, frozen=True):
     recording: str = ""  # what was judged, where it is no dry run
     differences: tuple[Difference, ...] | None = None  # from the dry run of its stage, if played
     missing: str = ""
+    is_early: bool = False
     fit: MapFit | None = None  # of its scans on the map of localization
     robots: tuple[Driven, ...] = ()
 

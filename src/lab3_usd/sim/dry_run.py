@@ -286,7 +286,20 @@ def dry_run(
     trial = record(scene, catalog, sessions, wanted)
     if lab.checkpoints[checkpoint].localization:
         _lay_on_map(trial, path, maps, lab)
-    return DryRun(outcome(str(path), checkpoint, trial), trial)
+    behaviour = outcome(str(path), checkpoint, trial)
+    if not behaviour.checks and not lab.checkpoints[checkpoint].graphs:
+        behaviour = replace(behaviour, missing=_nothing_yet(lab, checkpoint), is_early=True)
+    return DryRun(behaviour, trial)
+
+
+def _nothing_yet(lab: Lab, checkpoint: str) -> str:
+    """Say when the graphs come, of which this checkpoint has none."""
+    numbers = list(lab.checkpoints)
+    later = numbers[numbers.index(checkpoint) :]
+    first = next((number for number in later if lab.checkpoints[number].graphs), None)
+    if first is None:
+        return "nothing to play: the lab asks for no graphs"
+    return f"nothing to play yet: the graphs come with checkpoint {first}"
 
 
 def _lay_on_map(trial: Trial, path: Path, maps: Path | None, lab: Lab) -> None:

@@ -111,6 +111,9 @@ def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
     if behaviour.verdict == "unreadable":
         lines += [f"  {printable(unknown.reason)}" for unknown in behaviour.not_simulated]
         return "\n".join(lines) + "\n"
+    if behaviour.is_early:
+        lines += textwrap.wrap(printable(behaviour.missing), max(width, 40))
+        return "\n".join(lines) + "\n"
     lines += ["", *_topics(behaviour), ""]
     looks = looks_of(behaviour)
     for check in behaviour.checks:

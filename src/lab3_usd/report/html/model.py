@@ -47,7 +47,8 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
     try:
         edges, hidden = published_edges(model, lab), unresolved_frames(model, lab)
         unknown = unknown_publishers(model, lab)
-        tree = TreeReport(result.path, edges, unknown, lab.frames.reserved, hidden)
+        reserved = lab.frames.reserved if result.checkpoint else {}
+        tree = TreeReport(result.path, edges, unknown, reserved, hidden)
         topics = TopicReport(result.path, endpoints(model, lab), edges, hidden)
         return StageContent(
             pictures=tuple(stage_pictures(lab, checkpoint, model, result.findings)),
