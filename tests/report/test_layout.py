@@ -220,6 +220,28 @@ def test_a_wire_passes_around_a_box_in_its_way() -> None:
     assert geometry.loose_ends(*drawn) == []
 
 
+def direction(start: Point, *ahead: Point) -> Point:
+    """The way from a point to the first of the others that is elsewhere."""
+    x, y = next(point for point in ahead if point != start)
+    return x - start[0], y - start[1]
+
+
+@pytest.mark.parametrize("down", [160.0, -160.0, 400.0])
+@pytest.mark.parametrize("gap", [-300.0, -20.0, 0.0, 1.0, 15.0, 35.0, 45.0, 60.0])
+def test_no_wire_turns_on_the_spot_where_columns_overlap(gap: float, down: float) -> None:
+    one = box("one", (0.0, 0.0))
+    two = box("two", (one.w + gap, down))
+    placed = at_editor_positions([one, two], [wire("one", "two"), wire("two", "one")])
+    assert placed is not None
+    for curve in placed[1]:
+        for piece, following in pairwise(curve.path):
+            (x, y), (next_x, next_y) = (
+                direction(*reversed(piece)),
+                direction(*following),
+            )
+            assert -x * next_x - y * next_y > 0
+
+
 def test_a_wire_to_a_box_on_the_left_passes_around_both() -> None:
     drawn = at_editor_positions([box("a", (800, 0)), box("b", (0, 0))], [wire("a", "b")])
     assert drawn is not None

@@ -24,18 +24,24 @@ def through(points: Sequence[Point]) -> tuple[Bezier, ...]:
 
 
 def around(start: Point, end: Point, lane: float, bulge: float) -> tuple[Bezier, ...]:
-    """Return the way back from `start` to an `end` on its left, along the height `lane`.
+    """Return the way from `start` to `end` that goes to the left along the height `lane`.
 
-    It keeps within `bulge` right of `start` and left of `end`.
+    It keeps within `bulge` right and left of both.
     """
     reach = bulge / 0.75  # a cubic curve goes three quarters of the way to its control points
-    right = (start[0], lane)
-    left = (end[0], lane)
+    right = (max(start[0], end[0]), lane)
+    left = (min(start[0], end[0]), lane)
+    along = (right, _part(right, left, 1 / 3), _part(right, left, 2 / 3), left)
     return (
-        (start, (start[0] + reach, start[1]), (right[0] + reach, lane), right),
-        (right, _part(right, left, 1 / 3), _part(right, left, 2 / 3), left),
-        (left, (left[0] - reach, lane), (end[0] - reach, end[1]), end),
+        (start, (right[0] + reach, start[1]), (right[0] + reach, lane), right),
+        *((along,) if right != left else ()),
+        (left, (left[0] - reach, lane), (left[0] - reach, end[1]), end),
     )
+
+
+def bent(start: Point, end: Point, reach: float) -> tuple[Bezier, ...]:
+    """Return the curve between two points that are nearly above each other, as an S."""
+    return ((start, (start[0] + reach, start[1]), (end[0] - reach, end[1]), end),)
 
 
 def points(path: Sequence[Bezier], steps: int = STEPS) -> Iterator[Point]:
@@ -82,7 +88,7 @@ ROUTING_STEPS = (0.0, 11.0, 22.0)  # lanes beside each other
 TURNS = (28.0, 44.0, 60.0, 80.0, 100.0)  # lengths of the bend between a port and a lane
 STEEP = 0.3  # the length that suits a bend, as a share of its height
 BULGE = 26.0
-NEAREST = 36.0  # a wire this short bends sharply and takes the way around
+NEAREST = 36.0  # a wire between ports nearer than this is bent as an S
 
 Path = tuple[Bezier, ...]
 
@@ -150,8 +156,9 @@ def _near(piece: Bezier, boxes: Mapping[str, Box]) -> list[Box]:
 def _route(curve: Curve, boxes: Mapping[str, Box], lanes: Lanes) -> Path | None:
     start = port_point(boxes[curve.source.key], curve.source.port, leaving=True)
     end = port_point(boxes[curve.target.key], curve.target.port, leaving=False)
-    if end[0] - start[0] >= NEAREST:
-        direct = through([start, end])
+    if end[0] > start[0]:
+        is_near = end[0] - start[0] < NEAREST
+        direct = bent(start, end, NEAREST) if is_near else through([start, end])
         if not crosses(direct, curve, boxes):
             return direct
     for height in _heights(start, end, boxes):
