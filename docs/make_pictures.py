@@ -6,6 +6,7 @@ The picture of the HTML report is taken with chromium, and stays as it is where 
 
 from __future__ import annotations
 
+import re
 import shutil
 import struct
 import subprocess
@@ -21,6 +22,8 @@ DRAWN = {  # what `lab3 draw` names a picture, and its name here
     "TF.svg": "tf.svg",
     "Lab3_02_ros_drive-ROS_Drive.svg": "faults.svg",
 }
+# The part of the picture of faults that README shows, as it is 830 pixels wide there.
+HERO, HERO_VIEW = "hero.svg", (700, 155, 1030, 400)
 MAP_ZOOM = 3
 WINDOW = "960,860"
 BROWSER = (
@@ -42,6 +45,8 @@ def make_pictures(target: Path) -> None:
             _lab3("draw", drawn, "--out", folder)
         for drawn, kept in DRAWN.items():
             shutil.copyfile(folder / drawn, target / kept)
+        faults = (target / "faults.svg").read_text(encoding="utf-8")
+        (target / HERO).write_text(cropped(faults, HERO_VIEW), encoding="utf-8")
         image = (folder / "ana" / "maps" / "turtlebot3_map.pgm").read_bytes()
         (target / "map.png").write_bytes(png_of_pgm(image, MAP_ZOOM))
 
@@ -63,6 +68,12 @@ def make_drive_picture(target: Path) -> None:
         _lab3("build", "--out", name, "--only", "05")
         _lab3("sim", Path(name) / "Lab3_05_odometry_tf.usda", "--page", page)
         picture = target / "sim.png"
+        # The drive is what there is to see; the checks above it are text.
+        whole = page.read_text(encoding="utf-8")
+        drive = re.sub(
+            r'<section aria-labelledby="checks">.*?</section>', "", whole, flags=re.DOTALL
+        )
+        page.write_text(drive, encoding="utf-8")
         subprocess.run([*BROWSER, f"--screenshot={picture}", page.as_uri()], check=True)
 
 
@@ -86,6 +97,13 @@ def _lab3(*arguments: str | Path) -> None:
 
 def _run(*arguments: str | Path) -> None:
     subprocess.run([sys.executable, *map(str, arguments)], check=True, stdout=subprocess.DEVNULL)
+
+
+def cropped(picture: str, view: tuple[int, int, int, int]) -> str:
+    """Return a picture as SVG that shows only a part of another: left, top, width, height."""
+    left, top, width, height = view
+    size = f'width="{width}" height="{height}" viewBox="{left} {top} {width} {height}"'
+    return re.sub(r'width="\d+" height="\d+" viewBox="[\d. ]+"', size, picture, count=1)
 
 
 def png_of_pgm(image: bytes, zoom: int) -> bytes:
