@@ -1,4 +1,4 @@
-"""Writes `lab-files.md`, the reference of every key of a lab, from the records of its files.
+"""Writes `lab-files.md`, every key of a lab, and schemas, from the records of its files.
 
 Run `python docs/make_lab_files.py` after a record has changed; a test compares the two. Examples
 are the first values in the bundled lab and in the second one.
@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from lab3_usd.grade.lab_schemas import FILES, GRAPH, schema_of
+from lab3_usd.grade.lab_schemas import FILES, GRAPH, schema_of, schema_texts
 from lab3_usd.spec.yaml_file import read_yaml
 
 PAGE = Path(__file__).with_name("lab-files.md")
@@ -22,10 +22,13 @@ INTRODUCTION = """\
 
 <!-- Written by docs/make_lab_files.py from the records of the files: change those, not this. -->
 
-Every key of every file, with its type, its default and an example. A key without a default must be
-there. `lab3 lab schema FILE` prints the same as a JSON schema; [the guide](authors.md) shows how a
-lab is made. Lengths are metres, angles degrees, masses kilograms. `<name>` stands for
-names of yours.
+Every key of every file. `key` = `default`: its type; an example. A **key** in bold has no default
+and must be there. `<name>` stands for names of yours. Lengths are metres, angles degrees, masses
+kilograms. `lab3 lab schema FILE` prints the same as a JSON schema; [the guide](authors.md) shows
+how a lab is made.
+
+In [`lab3.toml`](configuration.md), `lab` is the path of the folder of a lab, from that file on;
+`"our-lab"`. Without it, `--lab` and `LAB3_LAB`, the bundled lab is in force.
 """
 _LONG = 60  # characters of an example
 _Examples = dict[tuple[str, str], str]
@@ -64,23 +67,19 @@ def _shown(name: str) -> str:
 
 
 def _record(name: str, record: Mapping[str, Any], examples: _Examples) -> Iterator[str]:
-    """Yield what a record is, and a table of its keys."""
+    """Yield what a record is, and a line for each of its keys."""
     if record.get("description"):
         yield f"{record['description'].strip()}\n"
-    yield "| key | type | default | example |"
-    yield "|---|---|---|---|"
     for key, value in record["properties"].items():
         example = examples.get((name, key), "")
-        default = ""
+        line = f"- **`{key}`**"
         if key not in record.get("required", ()):
-            default = _code(json.dumps(value["default"])) if "default" in value else "none"
-        cells = (f"`{key}`", _type(value), default, _code(example) if example else "")
-        yield f"| {' | '.join(cells)} |"
+            default = "" if value.get("default") is None else json.dumps(value["default"])
+            example = "" if example == default else example
+            is_record = "$ref" in value or "$ref" in str(value.get("anyOf", ()))
+            line = f"- `{key}`" + (f" = `{default}`" if default and not is_record else "")
+        yield f"{line}: {_type(value)}" + (f"; `{example}`" if example else "")
     yield ""
-
-
-def _code(text: str) -> str:
-    return f"`{text}`".replace("|", "\\|")
 
 
 _NAMES = {
@@ -97,15 +96,18 @@ def _type(schema: Mapping[str, Any]) -> str:
         name = _shown(schema["$ref"].rpartition("/")[2])
         return f"[{name}](#{name.lower()})"
     if "anyOf" in schema:
-        kinds = (_type(option) for option in schema["anyOf"] if option.get("type") != "null")
-        return " or ".join(dict.fromkeys(kinds))
+        options = [option for option in schema["anyOf"] if option.get("type") != "null"]
+        kinds = map(_type, sorted(options, key=lambda option: option.get("type") == "object"))
+        return ", or ".join(dict.fromkeys(kinds))
     if "enum" in schema:
         return "one of " + ", ".join(f"`{value}`" for value in schema["enum"] if value)
     kind = schema.get("type")
     if kind == "array":
         inner = schema.get("items")
-        length = len(schema.get("prefixItems", ()))
-        return f"list of {_type(inner) if isinstance(inner, dict) else length}"
+        fixed = schema.get("prefixItems", ())
+        inner = fixed[0] if fixed else inner
+        number = f"{len(fixed)}: " if fixed else ""
+        return f"list of {number}{_type(inner)}" if isinstance(inner, dict) else "list"
     if kind == "object":
         inner = schema.get("additionalProperties")
         return f"`<name>`: {_type(inner)}" if isinstance(inner, dict) else "mapping"
@@ -143,8 +145,10 @@ def _example(value: Any) -> str:
 
 
 def main() -> None:
-    """Write the page."""
+    """Write the page, and the schemas of the second lab."""
     PAGE.write_text(page(), encoding="utf-8")
+    for name, text in schema_texts().items():
+        (LABS[1] / name).write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

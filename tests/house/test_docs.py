@@ -42,7 +42,7 @@ PAGES = sorted(
     ]
 )
 # A command that needs no shell, and what a page may ask of it afterwards.
-ALONE = re.compile(r"""lab3 ([^$&*;<>?`|~\\\n]+)(; echo "exit code \$\?")?""")
+ALONE = re.compile(r"""(lab3|usdlab) ([^$&*;<>?`|~\\\n]+)(; echo "exit code \$\?")?""")
 SCRIPT = re.compile(r"""python ([\w./]+\.py [\w ./-]+)(; echo "exit code \$\?")?""")
 RUN = re.compile(r"(?m)^\s*```(console|python)\b")
 RULE = re.compile(r"`([A-Z]{1,2}\d\d)`|\b([A-Z]{1,2}\d\d) [a-z]+-[a-z-]+\b")
@@ -124,8 +124,8 @@ class Sandbox:
             return self.bash(command)
         own = data_in(self.folder) if self.has_own_lab else nullcontext()
         with self.entered(), own:
-            done = lab3(*shlex.split(alone[1]))
-        code = f"exit code {done.returncode}\n" if alone[2] else ""
+            done = lab3(*shlex.split(alone[2]), typed=alone[1])
+        code = f"exit code {done.returncode}\n" if alone[3] else ""
         return done.stderr + done.stdout + code
 
     def script(self, words: list[str]) -> str:
@@ -184,7 +184,8 @@ def sandbox(program: Path, tmp_path: Path) -> Iterator[Sandbox]:
     installed = "lab3" in {point.name for point in entry_points(group="pytest11")}
     plugin = "" if installed else "-p lab3_usd.pytest_plugin "
     forking.shim(programs / "lab3", "lab3_usd")
-    shims = {"python": "", "pytest": f"-m pytest {plugin}"}
+    second = "import sys; sys.argv[0] = 'usdlab'; from lab3_usd.cli import run; run()"
+    shims = {"usdlab": f'-c "{second}" ', "python": "", "pytest": f"-m pytest {plugin}"}
     for name, arguments in shims.items():
         (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" {arguments}"$@"\n')
         (programs / name).chmod(0o755)
@@ -203,7 +204,7 @@ def sandbox(program: Path, tmp_path: Path) -> Iterator[Sandbox]:
 
 
 def changes_the_lab(page: Path) -> bool:
-    return any(block.extra.lstrip("+").startswith("graphs/") for block in blocks(page))
+    return any(block.extra.endswith(".yaml") for block in blocks(page))
 
 
 def run_blocks(page: Path, sandbox: Sandbox) -> None:

@@ -11,9 +11,12 @@ from unittest.mock import patch
 from lab3_usd import cli
 
 
-def lab3(*arguments: object) -> CompletedProcess[str]:
-    """Run `lab3` with these arguments, and return its exit code and what it prints."""
-    words = ["lab3", *map(str, arguments)]
+def lab3(*arguments: object, typed: str = "lab3") -> CompletedProcess[str]:
+    """Run the program with these arguments, and return its exit code and what it prints.
+
+    `typed` is the name by which it is called.
+    """
+    words = [typed, *map(str, arguments)]
     out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8", newline="") for _ in range(2))
     status: object = 0
     with patch.object(sys, "argv", words), redirect_stdout(out), redirect_stderr(err):

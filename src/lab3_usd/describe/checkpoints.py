@@ -233,7 +233,8 @@ def checkpoints_text(
     )
     tick = events.most_common(1)[0][0] if events else lab.policy.tick
     policy = _policy().replace(lab.policy.tick, tick)
-    data = {"frames": frames, "checkpoints": {step.id: step.data for step in steps}}
+    tree = {"frames": frames} if frames["edges"] else {}
+    data = {**tree, "checkpoints": {step.id: step.data for step in steps}}
     notes = {
         "frames": "The TF tree of the stage; a checkpoint asks for it with `frames: true`.",
         "checkpoints": "What each adds to the one before; move graphs and sensors between them.\n"

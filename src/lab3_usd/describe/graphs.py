@@ -80,9 +80,6 @@ def catalog_text(used: Mapping[str, str], known: Catalog, unknown: Mapping[str, 
     return document(_HEAD, data, _NOTES) if data else ""
 
 
-_COLUMN, _ROW = 350, 200  # between nodes that have no place in the editor
-
-
 class GraphText(Struct, frozen=True):
     """One graph: its data in the form of its file, the spec that this gives, and what it lacks."""
 
@@ -142,8 +139,8 @@ def _describe_graph(name: str, graph: GraphModel, part: str, lab: Lab) -> GraphT
     roles = {node.path: node.path[below:].replace("/", "_") for node in graph.nodes}
     left_out: list[str] = []
     nodes = {
-        roles[node.path]: _node(node, number, lab.policy, left_out)
-        for number, node in enumerate(graph.nodes)
+        roles[node.path]: _node(node, lab.policy, left_out)
+        for node in graph.nodes
         if node.type is not None
     }
     wires = list(_wires(graph, roles, left_out))
@@ -158,11 +155,11 @@ def _describe_graph(name: str, graph: GraphModel, part: str, lab: Lab) -> GraphT
     return GraphText(data, parse_graph(data, lab.catalog, f"{name}.yaml"), tuple(left_out))
 
 
-def _node(node: Node, number: int, policy: Policy, left_out: list[str]) -> dict[str, Any]:
+def _node(node: Node, policy: Policy, left_out: list[str]) -> dict[str, Any]:
     kind = node.type
     assert kind is not None  # noqa: S101 - only nodes of a known type are described
-    x, y = node.position or (float(_COLUMN * (number % 4)), float(_ROW * (number // 4)))
-    data: dict[str, Any] = {"type": kind.type, "at": [_plain(x), _plain(y)]}
+    place = {"at": list(map(_plain, node.position))} if node.position else {}
+    data: dict[str, Any] = {"type": kind.type, **place}
     values = dict(_values(node, kind, policy, left_out))
     ports = {name: port for name in node.ports if (port := kind.port(name)) is not None}
     targets = {

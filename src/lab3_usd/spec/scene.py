@@ -218,6 +218,8 @@ class ScanSpec(Struct, frozen=True, forbid_unknown_fields=True):
 class SensorSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """A sensor of any kind; a lidar may have a `scan`, a camera where it `looks`.
 
+    The `kind` decides the rules: L for `lidar`, C for `camera`, D for any other word, such as
+    `imu`. One that is `recognised` `anywhere` is every prim of the type, also off the robot.
     `apis` are the schemas that are written, `rate_api` the one that brings a rate. `keep_default`
     and `plain_image` have what USD takes where nothing is written.
     """

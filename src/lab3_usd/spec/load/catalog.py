@@ -73,6 +73,13 @@ class _ProductEntry(Struct, forbid_unknown_fields=True):
 
 
 class _TypeEntry(Struct, forbid_unknown_fields=True):
+    """A node type, as its `.ogn` file or a stage that was saved with it has it.
+
+    A port is written `name: type = default`. `execution` ports carry signals, `target` ports name
+    prims, `union` ports take the type of their connection. A type that publishes has a `role`, its
+    ports with `topics` and `frames`, and a `message`.
+    """
+
     version: int
     name: str
     prim: str

@@ -61,8 +61,8 @@ class CheckpointsFile(Struct, forbid_unknown_fields=True):
     title: str
     files: str
     policy: Policy
-    frames: FrameSpec
     checkpoints: dict[str, Any]  # one by one, so that a missing one is said first
+    frames: FrameSpec = FrameSpec("")
     handout: Handout = Handout()
 
 
