@@ -4,6 +4,8 @@ Each function writes one submission into an empty folder. `Kit` says where a com
 lies that none of them may profit from, and a folder outside that none of them may write to.
 """
 
+# ruff: noqa: ARG001, ARG005 - most have no use for the kit
+
 from __future__ import annotations
 
 import gzip
@@ -77,14 +79,12 @@ def crate(folder: Path, name: str = f"{NAME}.usd") -> Path:
 
 @hostile
 def nested_prims(folder: Path, kit: Kit) -> None:
-    del kit
     depth = 60_000
     text(folder, "#usda 1.0\n" + 'def "a" {\n' * depth + "}\n" * depth)
 
 
 @hostile
 def nested_prims_in_a_crate(folder: Path, kit: Kit) -> None:
-    del kit
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     Sdf.CreatePrimInLayer(layer, "/" + "/".join(["a"] * 1500))
     layer.Export(str(folder / f"{NAME}.usd"))
@@ -92,28 +92,19 @@ def nested_prims_in_a_crate(folder: Path, kit: Kit) -> None:
 
 @hostile
 def nested_dictionaries(folder: Path, kit: Kit) -> None:
-    del kit
     depth = 20_000
     inner = "dictionary d = {\n" * depth + "}\n" * depth
     text(folder, f"#usda 1.0\n(\n customLayerData = {{\n{inner}}}\n)\n")
 
 
 @hostile
-def nested_tuples(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, 'def "a" {\n double3 x = ' + "(" * 100_000 + ")" * 100_000 + "\n}\n")
-
-
-@hostile
 def nested_lists(folder: Path, kit: Kit) -> None:
-    del kit
     inner = "[1, " * 50_000 + "]" * 50_000
     text(folder, f'#usda 1.0\ndef "a" {{\n int[] x = {inner}\n}}\n')
 
 
 @hostile
 def nested_variants(folder: Path, kit: Kit) -> None:
-    del kit
     depth = 3000
     opened = 'variantSet "v" = {\n"x" {\n' * depth
     text(folder, '#usda 1.0\ndef "a" {\n' + opened + "}\n}\n" * depth + "}\n")
@@ -121,46 +112,24 @@ def nested_variants(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_million_prims(folder: Path, kit: Kit) -> None:
-    del kit
     body = "".join(f'def "p{index}" {{\n}}\n' for index in range(1_000_000))
     text(folder, "#usda 1.0\n" + body)
 
 
 @hostile
 def a_huge_array(folder: Path, kit: Kit) -> None:
-    del kit
     numbers = ", ".join(["1"] * 1_000_000)
     text(folder, f'#usda 1.0\ndef "World" {{\n int[] x = [{numbers}]\n}}\n')
 
 
 @hostile
-def an_enormous_string(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, '#usda 1.0\ndef "World" {\n string s = "' + "x" * 10_000_000 + '"\n}\n')
-
-
-@hostile
-def an_enormous_prim_name(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, f'#usda 1.0\ndef "{"n" * 3_000_000}" {{\n}}\n')
-
-
-@hostile
 def a_file_beyond_the_limit(folder: Path, kit: Kit) -> None:
-    del kit
     text(folder, WORLD)
     os.truncate(folder / f"{NAME}.usda", 100_000_000)
 
 
 @hostile
-def ten_thousand_missing_sublayers(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, sublayers(*(f"@./gone_{index}.usda@" for index in range(10_000))))
-
-
-@hostile
 def a_long_chain_of_sublayers(folder: Path, kit: Kit) -> None:
-    del kit
     for index in range(800):
         text(folder, sublayers(f"@./chain_{index + 1}.usda@"), f"chain_{index}.usda")
     text(folder, sublayers("@./chain_0.usda@"))
@@ -168,7 +137,6 @@ def a_long_chain_of_sublayers(folder: Path, kit: Kit) -> None:
 
 @hostile
 def two_thousand_files(folder: Path, kit: Kit) -> None:
-    del kit
     text(folder, WORLD)
     for index in range(2_000):
         (folder / f"f{index}.txt").touch()
@@ -176,7 +144,6 @@ def two_thousand_files(folder: Path, kit: Kit) -> None:
 
 @hostile
 def folders_in_folders(folder: Path, kit: Kit) -> None:
-    del kit
     deep = folder
     for _ in range(60):
         deep /= "d"
@@ -189,7 +156,6 @@ def folders_in_folders(folder: Path, kit: Kit) -> None:
 
 @hostile
 def an_instancing_bomb(folder: Path, kit: Kit) -> None:
-    del kit
     levels = ['def Xform "L0" {\n}\n']
     for level in range(1, 12):
         inner = "".join(
@@ -202,7 +168,6 @@ def an_instancing_bomb(folder: Path, kit: Kit) -> None:
 
 @hostile
 def instances_of_instances(folder: Path, kit: Kit) -> None:
-    del kit
     levels = ['def Xform "L0" {\n}\n']
     for level in range(1, 14):
         inner = "".join(
@@ -216,7 +181,6 @@ def instances_of_instances(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_variant_explosion(folder: Path, kit: Kit) -> None:
-    del kit
     sets = [f"s{index}" for index in range(40)]
     body = "".join(
         f'variantSet "{name}" = {{\n'
@@ -229,57 +193,13 @@ def a_variant_explosion(folder: Path, kit: Kit) -> None:
 
 
 @hostile
-def a_prim_that_refers_to_itself(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, arc("references", "", "/World"))
-
-
-@hostile
-def prims_that_inherit_from_each_other(folder: Path, kit: Kit) -> None:
-    del kit
-    text(
-        folder,
-        '#usda 1.0\ndef "A" (\n inherits = </B>\n) {\n}\ndef "B" (\n specializes = </A>\n) {\n}\n',
-    )
-
-
-@hostile
-def a_child_that_refers_to_its_parent(folder: Path, kit: Kit) -> None:
-    del kit
-    text(
-        folder,
-        '#usda 1.0\ndef "World" {\n def "c" (\n prepend references = </World>\n ) {\n }\n}\n',
-    )
-
-
-@hostile
-def a_file_that_refers_to_itself(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, arc("references", f"@./{NAME}.usda@"))
-
-
-@hostile
-def a_payload_of_itself(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, arc("payload", f"@{NAME}.usda@", "/World"))
-
-
-@hostile
 def files_that_refer_to_each_other(folder: Path, kit: Kit) -> None:
-    del kit
     text(folder, arc("references", "@./other.usda@", "/World"))
     text(folder, arc("references", f"@./{NAME}.usda@", "/World"), "other.usda")
 
 
 @hostile
-def a_sublayer_of_itself(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, sublayers(f"@./{NAME}.usda@"))
-
-
-@hostile
 def sublayers_of_each_other(folder: Path, kit: Kit) -> None:
-    del kit
     text(folder, sublayers("@./other.usda@"))
     text(folder, sublayers(f"@./{NAME}.usda@"), "other.usda")
 
@@ -289,21 +209,18 @@ def sublayers_of_each_other(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_reference_to_a_pipe(folder: Path, kit: Kit) -> None:
-    del kit
     os.mkfifo(folder / "pipe.usda")
     text(folder, arc("references", "@./pipe.usda@"))
 
 
 @hostile
 def a_pipe_as_sublayer(folder: Path, kit: Kit) -> None:
-    del kit
     os.mkfifo(folder / "pipe.usda")
     text(folder, sublayers("@pipe.usda@"))
 
 
 @hostile
 def a_pipe_as_stage(folder: Path, kit: Kit) -> None:
-    del kit
     os.mkfifo(folder / f"{NAME}.usda")
 
 
@@ -317,61 +234,7 @@ def a_pipe_outside(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_link_to_a_device(folder: Path, kit: Kit) -> None:
-    del kit
     (folder / f"{NAME}.usda").symlink_to("/dev/zero")
-
-
-@hostile
-def a_reference_to_a_device(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, arc("references", "@/dev/zero@"))
-
-
-@hostile
-def a_reference_to_standard_input(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, arc("references", "@/dev/stdin@"))
-
-
-@hostile
-def a_reference_to_a_system_file(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, arc("references", "@../../../../../../../etc/passwd@"))
-
-
-@hostile
-def the_solution_as_reference(folder: Path, kit: Kit) -> None:
-    text(folder, arc("references", f"@{kit.stage}@", "/World"))
-
-
-@hostile
-def the_solution_as_sublayer(folder: Path, kit: Kit) -> None:
-    text(folder, sublayers(f"@{kit.stage}@"))
-
-
-@hostile
-def the_solution_as_relative_sublayer(folder: Path, kit: Kit) -> None:
-    text(folder, sublayers(f"@{os.path.relpath(kit.stage, folder)}@"))
-
-
-@hostile
-def the_solution_far_above(folder: Path, kit: Kit) -> None:
-    text(folder, sublayers("@" + "../" * 40 + f"{str(kit.stage).lstrip('/')}@"))
-
-
-@hostile
-def the_solution_as_payload(folder: Path, kit: Kit) -> None:
-    text(folder, arc("payload", f"@{kit.stage}@", "/World"))
-
-
-@hostile
-def the_solution_in_a_variant(folder: Path, kit: Kit) -> None:
-    text(
-        folder,
-        '#usda 1.0\ndef "World" (\n variants = {\n string v = "x"\n }\n prepend variantSets = "v"\n'
-        ') {\n variantSet "v" = {\n "x" (\n'
-        f" prepend references = @{kit.stage}@</World>\n ) {{\n }}\n }}\n}}\n",
-    )
 
 
 @hostile
@@ -387,36 +250,6 @@ def the_solution_twice_in_two_arcs(folder: Path, kit: Kit) -> None:
         folder,
         f"#usda 1.0\n(\n subLayers = [{asset}]\n)\n"
         f'def "World" (\n prepend payload = {asset}</World>\n) {{\n}}\n',
-    )
-
-
-@hostile
-def the_solution_by_address(folder: Path, kit: Kit) -> None:
-    text(folder, sublayers(f"@file://{kit.stage}@"))
-
-
-@hostile
-def the_solution_by_expression(folder: Path, kit: Kit) -> None:
-    text(
-        folder,
-        f'#usda 1.0\n(\n expressionVariables = {{\n string S = "{kit.stage}"\n }}\n'
-        ' subLayers = [@`"${S}"`@]\n)\n',
-    )
-
-
-@hostile
-def the_solution_with_arguments(folder: Path, kit: Kit) -> None:
-    text(folder, sublayers(f"@{kit.stage}:SDF_FORMAT_ARGS:target=usd@"))
-
-
-@hostile
-def the_solution_as_value_clips(folder: Path, kit: Kit) -> None:
-    text(
-        folder,
-        '#usda 1.0\ndef "World" (\n clips = {\n dictionary default = {\n'
-        f" asset[] assetPaths = [@{kit.stage}@]\n asset manifestAssetPath = @{kit.stage}@\n"
-        ' string primPath = "/World"\n double2[] active = [(0, 0)]\n }\n }\n) {\n'
-        " custom double x\n}\n",
     )
 
 
@@ -443,53 +276,12 @@ def the_solution_over_a_linked_folder(folder: Path, kit: Kit) -> None:
 
 
 @hostile
-def the_solution_at_home(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, sublayers(f"@~/{NAME}.usda@", f"@$HOME/{NAME}.usda@"))
-
-
-@hostile
 def a_link_in_a_circle(folder: Path, kit: Kit) -> None:
-    del kit
     (folder / f"{NAME}.usda").symlink_to(f"{NAME}.usda")
 
 
 @hostile
-def a_graph_on_a_server(folder: Path, kit: Kit) -> None:
-    del kit
-    text(
-        folder,
-        HEAD + 'def Xform "World" {\n def OmniGraph "ROS_Clock" (\n'
-        " prepend references = @https://example.invalid/clock.usda@</ROS_Clock>\n ) {\n }\n}\n",
-    )
-
-
-@hostile
-def a_reference_to_a_nucleus_server(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, arc("references", "@omniverse://localhost/NVIDIA/solution.usd@"))
-
-
-@hostile
-def a_reference_to_a_share(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, arc("references", r"@\\server\share\solution.usd@"))
-
-
-@hostile
-def a_reference_to_a_drive(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, arc("references", "@C:/Users/grader/solution.usd@"))
-
-
-@hostile
-def a_search_path(folder: Path, kit: Kit) -> None:
-    text(folder, sublayers(f"@{kit.solution.name}/{NAME}.usda@"))
-
-
-@hostile
 def a_material_that_includes_a_file(folder: Path, kit: Kit) -> None:
-    del kit
     text(folder, arc("references", "@./look.mtlx@"))
     (folder / "look.mtlx").write_text(
         '<?xml version="1.0"?><materialx version="1.38" '
@@ -499,24 +291,11 @@ def a_material_that_includes_a_file(folder: Path, kit: Kit) -> None:
 
 @hostile
 def own_file_with_format_arguments(folder: Path, kit: Kit) -> None:
-    del kit
     text(folder, sublayers("@./own.usda:SDF_FORMAT_ARGS:a=b@"))
     text(folder, WORLD, "own.usda")
 
 
 # -- bytes
-
-
-@hostile
-def an_empty_file(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, b"")
-
-
-@hostile
-def only_the_first_line(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, "#usda 1.0")
 
 
 @hostile
@@ -527,7 +306,6 @@ def a_cut_text(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_cut_crate(folder: Path, kit: Kit) -> None:
-    del kit
     path = crate(folder)
     data = path.read_bytes()
     path.write_bytes(data[: len(data) // 2])
@@ -535,7 +313,6 @@ def a_cut_crate(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_crate_with_flipped_bits(folder: Path, kit: Kit) -> None:
-    del kit
     path = crate(folder)
     data = bytearray(path.read_bytes())
     chance = random.Random(7)  # noqa: S311 - the same bits every time
@@ -546,7 +323,6 @@ def a_crate_with_flipped_bits(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_crate_whose_counts_lie(folder: Path, kit: Kit) -> None:
-    del kit
     path = crate(folder)
     data = bytearray(path.read_bytes())
     (start,) = struct.unpack_from("<q", data, 16)
@@ -558,7 +334,6 @@ def a_crate_whose_counts_lie(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_crate_whose_contents_lie_outside(folder: Path, kit: Kit) -> None:
-    del kit
     path = crate(folder)
     data = bytearray(path.read_bytes())
     struct.pack_into("<q", data, 16, 1 << 50)
@@ -567,15 +342,8 @@ def a_crate_whose_contents_lie_outside(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_crate_called_text(folder: Path, kit: Kit) -> None:
-    del kit
     path = crate(folder)
     path.rename(folder / f"{NAME}.usda")
-
-
-@hostile
-def bytes_that_are_no_text(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, WORLD.encode() + b'def "\xff\xfe\x80" {\n}\n')
 
 
 @hostile
@@ -591,60 +359,12 @@ def line_ends_of_windows_cut_short(folder: Path, kit: Kit) -> None:
 
 
 @hostile
-def line_ends_of_old_macs(folder: Path, kit: Kit) -> None:
-    text(folder, kit.stage.read_bytes().replace(b"\n", b"\r"))
-
-
-@hostile
-def a_byte_order_mark(folder: Path, kit: Kit) -> None:
-    text(folder, b"\xef\xbb\xbf" + kit.stage.read_bytes())
-
-
-@hostile
-def two_bytes_a_letter(folder: Path, kit: Kit) -> None:
-    text(folder, kit.stage.read_text().encode("utf-16"))
-
-
-@hostile
-def random_bytes(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, random.Random(1).randbytes(50_000))  # noqa: S311 - the same every time
-
-
-@hostile
-def a_web_page(folder: Path, kit: Kit) -> None:
-    del kit
-    text(folder, "<!DOCTYPE html><html><body>Please log in</body></html>")
-
-
-@hostile
-def a_packed_stage(folder: Path, kit: Kit) -> None:
-    text(folder, gzip.compress(kit.stage.read_bytes()))
-
-
-@hostile
-def a_version_from_the_future(folder: Path, kit: Kit) -> None:
-    text(folder, kit.stage.read_bytes().replace(b"#usda 1.0", b"#usda 99.0", 1))
-
-
-@hostile
 def markup_in_names_and_values(folder: Path, kit: Kit) -> None:
-    del kit
     evil = "<script>alert(1)</script>{{ 7*7 }}=cmd|' /C calc'!A0"
     text(
         folder,
         HEAD + 'def Xform "World" {\n def OmniGraph "ROS_Clock" {\n def OmniGraphNode "n" {\n'
         f' custom string inputs:topicName = "{evil}"\n token node:type = "{evil}"\n }}\n }}\n}}\n',
-    )
-
-
-@hostile
-def codes_for_the_terminal(folder: Path, kit: Kit) -> None:
-    del kit
-    text(
-        folder,
-        HEAD + 'def Xform "World" {\n def OmniGraph "ROS_Clock" {\n def OmniGraphNode "n" {\n'
-        ' token node:type = "\x1b]0;owned\x07\x1b[2J\u202e"\n }\n }\n}\n',
     )
 
 
@@ -687,7 +407,6 @@ def a_squeezed_package(folder: Path, kit: Kit) -> None:
 
 @hostile
 def nested_prims_in_a_package(folder: Path, kit: Kit) -> None:
-    del kit
     depth = 60_000
     package(folder, {"a.usda": ("#usda 1.0\n" + 'def "a" {\n' * depth + "}\n" * depth).encode()})
 
@@ -714,7 +433,6 @@ def modules_of_python(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_plugin_of_usd(folder: Path, kit: Kit) -> None:
-    del kit
     text(folder, WORLD)
     (folder / "plugInfo.json").write_text(
         '{"Plugins": [{"Name": "evil", "Type": "python", "Root": ".", "Info": {}}]}'
@@ -737,7 +455,6 @@ def a_script_node(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_map_that_unfolds(folder: Path, kit: Kit) -> None:
-    del kit
     (folder / "work").mkdir()
     (folder / "maps").mkdir()
     text(folder / "work", WORLD)
@@ -748,7 +465,6 @@ def a_map_that_unfolds(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_map_of_brackets(folder: Path, kit: Kit) -> None:
-    del kit
     (folder / "work").mkdir()
     (folder / "maps").mkdir()
     text(folder / "work", WORLD)
@@ -757,7 +473,6 @@ def a_map_of_brackets(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_gigantic_map(folder: Path, kit: Kit) -> None:
-    del kit
     (folder / "work").mkdir()
     (folder / "maps").mkdir()
     text(folder / "work", WORLD)
@@ -770,7 +485,6 @@ def a_gigantic_map(folder: Path, kit: Kit) -> None:
 
 @hostile
 def evidence_without_end(folder: Path, kit: Kit) -> None:
-    del kit
     (folder / "work").mkdir()
     (folder / "results").mkdir()
     text(folder / "work", WORLD)
@@ -780,7 +494,6 @@ def evidence_without_end(folder: Path, kit: Kit) -> None:
 
 @hostile
 def names_that_do_not_print(folder: Path, kit: Kit) -> None:
-    del kit
     text(folder, WORLD)
     for name in (b"line\nend.usda", b"\xff\xfe.usda", b"\x1b[2J.usda", b"=1+1.usda"):
         (folder / os.fsdecode(name)).write_bytes(WORLD.encode())
@@ -815,13 +528,11 @@ def a_zip_with_a_link(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_zip_bomb(folder: Path, kit: Kit) -> None:
-    del kit
     zipped(folder, [(f"{NAME}.usda", b"#usda 1.0\n" + b"\n" * 60_000_000)])
 
 
 @hostile
 def a_zip_bomb_in_a_zip(folder: Path, kit: Kit) -> None:
-    del kit
     inner = io.BytesIO()
     with zipfile.ZipFile(inner, "w", zipfile.ZIP_DEFLATED) as packed:
         packed.writestr(f"{NAME}.usda", b"#usda 1.0\n" + b"\n" * 30_000_000)
@@ -830,7 +541,6 @@ def a_zip_bomb_in_a_zip(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_zip_of_ten_thousand_files(folder: Path, kit: Kit) -> None:
-    del kit
     zipped(folder, [(f"f{index}", b"") for index in range(10_000)])
 
 
@@ -859,19 +569,16 @@ def a_cut_zip(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_zip_that_is_none(folder: Path, kit: Kit) -> None:
-    del kit
     folder.with_name(f"{folder.name}.zip").write_text("Rar!")
 
 
 @hostile
 def an_archive_of_another_kind(folder: Path, kit: Kit) -> None:
-    del kit
     folder.with_name(f"{folder.name}.rar").write_bytes(b"Rar!\x1a\x07\x01\x00")
 
 
 @hostile
 def a_pipe_called_zip(folder: Path, kit: Kit) -> None:
-    del kit
     os.mkfifo(folder.with_name(f"{folder.name}.zip"))
 
 
@@ -908,7 +615,6 @@ def a_tar_with_names_that_lead_out(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_tar_bomb(folder: Path, kit: Kit) -> None:
-    del kit
     data = b"\n" * 60_000_000
     tarred(folder, iter([(tarfile.TarInfo(f"{NAME}.usda"), data)]), ".tar.gz")
 
@@ -928,6 +634,104 @@ def make_kit(folder: Path, build: Callable[[str, Path], Path]) -> Kit:
     build("04", solution / f"{NAME}.usda")
     Usd.Stage.Open(str(solution / f"{NAME}.usda"))
     return Kit(solution, outside)
+
+
+# What is one text, in the file of a stage.
+TEXTS: dict[str, Callable[[Path, Kit], str | bytes]] = {
+    "nested_tuples": lambda folder, kit: (
+        'def "a" {\n double3 x = ' + "(" * 100_000 + ")" * 100_000 + "\n}\n"
+    ),
+    "an_enormous_string": lambda folder, kit: (
+        '#usda 1.0\ndef "World" {\n string s = "' + "x" * 10_000_000 + '"\n}\n'
+    ),
+    "an_enormous_prim_name": lambda folder, kit: f'#usda 1.0\ndef "{"n" * 3_000_000}" {{\n}}\n',
+    "ten_thousand_missing_sublayers": lambda folder, kit: sublayers(
+        *(f"@./gone_{index}.usda@" for index in range(10_000))
+    ),
+    "a_prim_that_refers_to_itself": lambda folder, kit: arc("references", "", "/World"),
+    "prims_that_inherit_from_each_other": lambda folder, kit: (
+        '#usda 1.0\ndef "A" (\n inherits = </B>\n) {\n}\ndef "B" (\n specializes = </A>\n) {\n}\n'
+    ),
+    "a_child_that_refers_to_its_parent": lambda folder, kit: (
+        '#usda 1.0\ndef "World" {\n def "c" (\n prepend references = </World>\n ) {\n }\n}\n'
+    ),
+    "a_file_that_refers_to_itself": lambda folder, kit: arc("references", f"@./{NAME}.usda@"),
+    "a_payload_of_itself": lambda folder, kit: arc("payload", f"@{NAME}.usda@", "/World"),
+    "a_sublayer_of_itself": lambda folder, kit: sublayers(f"@./{NAME}.usda@"),
+    "a_reference_to_a_device": lambda folder, kit: arc("references", "@/dev/zero@"),
+    "a_reference_to_standard_input": lambda folder, kit: arc("references", "@/dev/stdin@"),
+    "a_reference_to_a_system_file": lambda folder, kit: arc(
+        "references", "@../../../../../../../etc/passwd@"
+    ),
+    "the_solution_as_reference": lambda folder, kit: arc("references", f"@{kit.stage}@", "/World"),
+    "the_solution_as_sublayer": lambda folder, kit: sublayers(f"@{kit.stage}@"),
+    "the_solution_as_relative_sublayer": lambda folder, kit: sublayers(
+        f"@{os.path.relpath(kit.stage, folder)}@"
+    ),
+    "the_solution_far_above": lambda folder, kit: sublayers(
+        "@" + "../" * 40 + f"{str(kit.stage).lstrip('/')}@"
+    ),
+    "the_solution_as_payload": lambda folder, kit: arc("payload", f"@{kit.stage}@", "/World"),
+    "the_solution_in_a_variant": lambda folder, kit: (
+        '#usda 1.0\ndef "World" (\n variants = {\n string v = "x"\n }\n prepend variantSets = "v"\n'
+        ') {\n variantSet "v" = {\n "x" (\n'
+        f" prepend references = @{kit.stage}@</World>\n ) {{\n }}\n }}\n}}\n"
+    ),
+    "the_solution_by_address": lambda folder, kit: sublayers(f"@file://{kit.stage}@"),
+    "the_solution_by_expression": lambda folder, kit: (
+        f'#usda 1.0\n(\n expressionVariables = {{\n string S = "{kit.stage}"\n }}\n'
+        ' subLayers = [@`"${S}"`@]\n)\n'
+    ),
+    "the_solution_with_arguments": lambda folder, kit: sublayers(
+        f"@{kit.stage}:SDF_FORMAT_ARGS:target=usd@"
+    ),
+    "the_solution_as_value_clips": lambda folder, kit: (
+        '#usda 1.0\ndef "World" (\n clips = {\n dictionary default = {\n'
+        f" asset[] assetPaths = [@{kit.stage}@]\n asset manifestAssetPath = @{kit.stage}@\n"
+        ' string primPath = "/World"\n double2[] active = [(0, 0)]\n }\n }\n) {\n'
+        " custom double x\n}\n"
+    ),
+    "the_solution_at_home": lambda folder, kit: sublayers(
+        f"@~/{NAME}.usda@", f"@$HOME/{NAME}.usda@"
+    ),
+    "a_graph_on_a_server": lambda folder, kit: (
+        HEAD + 'def Xform "World" {\n def OmniGraph "ROS_Clock" (\n'
+        " prepend references = @https://example.invalid/clock.usda@</ROS_Clock>\n ) {\n }\n}\n"
+    ),
+    "a_reference_to_a_nucleus_server": lambda folder, kit: arc(
+        "references", "@omniverse://localhost/NVIDIA/solution.usd@"
+    ),
+    "a_reference_to_a_share": lambda folder, kit: arc(
+        "references", r"@\\server\share\solution.usd@"
+    ),
+    "a_reference_to_a_drive": lambda folder, kit: arc(
+        "references", "@C:/Users/grader/solution.usd@"
+    ),
+    "a_search_path": lambda folder, kit: sublayers(f"@{kit.solution.name}/{NAME}.usda@"),
+    "an_empty_file": lambda folder, kit: b"",
+    "only_the_first_line": lambda folder, kit: "#usda 1.0",
+    "bytes_that_are_no_text": lambda folder, kit: WORLD.encode() + b'def "\xff\xfe\x80" {\n}\n',
+    "line_ends_of_old_macs": lambda folder, kit: kit.stage.read_bytes().replace(b"\n", b"\r"),
+    "a_byte_order_mark": lambda folder, kit: b"\xef\xbb\xbf" + kit.stage.read_bytes(),
+    "two_bytes_a_letter": lambda folder, kit: kit.stage.read_text().encode("utf-16"),
+    "random_bytes": lambda folder, kit: random.Random(1).randbytes(50_000),  # noqa: S311 - no secret
+    "a_web_page": lambda folder, kit: "<!DOCTYPE html><html><body>Please log in</body></html>",
+    "a_packed_stage": lambda folder, kit: gzip.compress(kit.stage.read_bytes()),
+    "a_version_from_the_future": lambda folder, kit: kit.stage.read_bytes().replace(
+        b"#usda 1.0", b"#usda 99.0", 1
+    ),
+    "codes_for_the_terminal": lambda folder, kit: (
+        HEAD + 'def Xform "World" {\n def OmniGraph "ROS_Clock" {\n def OmniGraphNode "n" {\n'
+        ' token node:type = "\x1b]0;owned\x07\x1b[2J\u202e"\n }\n }\n}\n'
+    ),
+}
+
+
+def _writing(content: Callable[[Path, Kit], str | bytes]) -> Write:
+    return lambda folder, kit: text(folder, content(folder, kit))
+
+
+INPUTS |= {name: _writing(content) for name, content in TEXTS.items()}
 
 
 def write_all(place: Path, kit: Kit) -> list[str]:
