@@ -140,6 +140,16 @@ BOTH = 2  # segments that meet at a point
 IN_LINE = 1e-9
 
 
+def straddling(surface: Sequence[Triangle], at: Affine) -> Iterator[Triangle]:
+    """Yield the triangles of a surface that stands at `at` of which z = 0 cuts something out."""
+    _, _, (g, h, i) = at.rows
+    _, _, w = at.origin
+    for (x, y, z), (p, q, r), (s, t, u) in surface:
+        above = g * x + h * y + i * z + w > 0
+        if (g * p + h * q + i * r + w > 0) != above or (g * s + h * t + i * u + w > 0) != above:
+            yield at.point((x, y, z)), at.point((p, q, r)), at.point((s, t, u))
+
+
 def cut(surface: Sequence[Triangle], height: float) -> list[Segment]:
     """Return what the plane z = height cuts out of triangles."""
     segments = []

@@ -8,7 +8,7 @@ from functools import cache, lru_cache
 from msgspec import Struct, field
 
 from lab3_usd.model.dry_run import Affine, Scene, Segment
-from lab3_usd.sim.geometry import Triangle, cut, joined, placed
+from lab3_usd.sim.geometry import Triangle, cut, joined, placed, straddling
 from lab3_usd.sim.robot.machines import Machines
 
 _MOST_KEPT = 128  # sweeps: a lidar that stands, or comes there again, sees the same
@@ -98,8 +98,7 @@ class Surroundings(Struct):
         back = at.inverse()
         (_, _, lean), (_, _, tilt), (_, _, up) = at.rows
         if abs(lean) + abs(tilt) > LEVEL or up < 0:
-            inside = [(back.point(a), back.point(b), back.point(c)) for a, b, c in self.still]
-            return cut(inside, 0.0)
+            return cut(list(straddling(self.still, back)), 0.0)
         level = self.level(at.origin[2])
         (c, s, _), (d, e, _), _ = back.rows
         x, y, _ = back.origin
@@ -122,8 +121,7 @@ class Surroundings(Struct):
         shapes: list[Triangle] = []
         for body, surface in self.moving.items():
             if machines.member[body] is not own:
-                place = back.then(machines.place(body))
-                shapes += [(place.point(a), place.point(b), place.point(c)) for a, b, c in surface]
+                shapes += straddling(surface, back.then(machines.place(body)))
         return joined(cut(shapes, 0.0)) if shapes else []
 
     def carried(self, sensor: str, machines: Machines) -> list[Segment]:
@@ -134,7 +132,6 @@ class Surroundings(Struct):
             surface: list[Triangle] = []
             for body in machine.rest if machine is not None else ():
                 place = back.then(machines.place(body))
-                for a, b, c in self.moving.get(body, ()):
-                    surface.append((place.point(a), place.point(b), place.point(c)))
+                surface += straddling(self.moving.get(body, ()), place)
             self.own[sensor] = joined(cut(surface, 0.0))
         return self.own[sensor]
