@@ -14,6 +14,7 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
+import forking
 import pytest
 from mini_lab import starter, submission
 from pxr import Sdf, Tf
@@ -101,6 +102,7 @@ for line in sys.stdin:
         continue
     time.sleep(600)
 """
+Run = Callable[..., subprocess.CompletedProcess[Any]]
 STUDENT = Limits(seconds=0.6, answer_size=MEGABYTE)
 
 
@@ -402,7 +404,7 @@ def running(temporary: Path, where: str) -> subprocess.Popen[bytes]:
     """Start a run in a process of its own, and wait for its first answer."""
     odd = temporary.parent / "odd.py"
     odd.write_text(ODD.replace("{", "{{").replace("}", "}}"))
-    process = subprocess.Popen(
+    process = forking.Popen(
         [sys.executable, "-c", RUN, where, str(odd)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -612,21 +614,15 @@ def test_a_worker_without_enough_memory_says_so(tmp_path: Path) -> None:
     assert "ran out of memory" in answer["reason"]
 
 
-def confined(code: str, *arguments: Path) -> str:
+def confined(code: str, *arguments: Path, run: Run = forking.run) -> str:
     """What a process prints that has put a fence around `arguments[0]` before it runs `code`."""
     opening = (
         "import sys\nfrom pathlib import Path\n"
         "from lab3_usd.grade.workers.sandbox import *\n"
         "place = Path(sys.argv[1])\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", opening + code, *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        timeout=60,
-    )
+    command = [sys.executable, "-c", opening + code, *map(str, arguments)]
+    done = run(command, capture_output=True, text=True, check=False, timeout=60)
     return done.stdout.strip() or done.stderr
 
 
@@ -735,7 +731,7 @@ def test_a_worker_has_limits(tmp_path: Path, code: str, outcome: str) -> None:
         f"try:\n    {code}\n    print('fine')\n"
         "except (MemoryError, OSError) as error:\n    print(type(error).__name__)\n"
     )
-    assert confined(script, file) == outcome
+    assert confined(script, file, run=subprocess.run) == outcome
 
 
 def test_where_there_is_no_landlock_nothing_is_fenced(monkeypatch: pytest.MonkeyPatch) -> None:

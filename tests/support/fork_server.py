@@ -19,6 +19,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 import traceback
 from types import ModuleType
 from typing import NamedTuple, NoReturn
@@ -73,7 +74,8 @@ def _run_for_process(asked: socket.socket) -> bool:
     made, known = os.pipe()
     between = os.fork()
     if not between:
-        child = os.fork() or _run(message, files)
+        own = os.getpid()
+        child = os.fork() or _run(message, files, between=own)
         os.write(known, str(child).encode())
         os._exit(0)
     os.waitpid(between, 0)  # from here on the child is of whoever asked
@@ -95,7 +97,9 @@ def _run_for_shell(shell: socket.socket) -> None:
         os._exit(0)
 
 
-def _run(message: bytes, files: list[int]) -> NoReturn:
+def _run(message: bytes, files: list[int], between: int = 0) -> NoReturn:
+    while os.getppid() == between:  # a worker dies with its parent, which is to be whoever asked
+        time.sleep(0.0005)
     program = Program(*marshal.loads(message))  # noqa: S302 - from the tests
     for standard, number in enumerate(files):
         os.dup2(number, standard)
@@ -145,6 +149,8 @@ def _status_of(program: Program) -> int:
             return (leaving.code or 0) & 255
         sys.stderr.write(f"{leaving.code}\n")
     except KeyboardInterrupt:
+        traceback.print_exc()
+        sys.stderr.flush()
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         os.kill(os.getpid(), signal.SIGINT)
     except BaseException:  # noqa: BLE001 - as Python ends
