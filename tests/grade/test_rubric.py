@@ -80,6 +80,13 @@ def test_everything_right_earns_everything() -> None:
     assert graded.lost == ()
 
 
+def test_the_lab_knows_what_its_checkpoints_are_worth() -> None:
+    points = dict.fromkeys((item.checkpoint for item in RUBRIC.items), 0.0)
+    for item in RUBRIC.items:
+        points[item.checkpoint] += item.points
+    assert points == LAB.points
+
+
 def test_nothing_handed_in_earns_nothing_of_everything() -> None:
     graded = grade(RUBRIC, [])
     assert (graded.earned, graded.possible, graded.percent) == (0.0, 100.0, 0.0)
@@ -171,6 +178,17 @@ def test_an_error_that_fails_no_requirement_costs_the_item_of_its_part() -> None
     stages[2] = replace(stages[2], findings=(script,))
     (lost,) = grade(RUBRIC, stages).lost
     assert (lost.item, lost.points, lost.rule) == ("drive", 2.0, "N08")
+
+
+def test_an_error_about_another_part_takes_the_item_that_names_it(tmp_path: Path) -> None:
+    named = {"breaks": ["Scene/error/S05"]}
+    rubric = made(tmp_path, lambda data: data["items"]["drive"].update(named))
+    stages = class_of()
+    stages[2] = replace(stages[2], findings=(replace(finding("S05"), costs=("Scene",)),))
+    assert item(grade(rubric, stages), "drive").earned == 0
+    assert item(grade(RUBRIC, stages), "drive").earned > 19
+    with pytest.raises(SpecError, match="Scene/error/S99"):
+        made(tmp_path, lambda data: data["items"]["drive"].update(breaks=["Scene/error/S99"]))
 
 
 def test_an_error_of_no_part_costs_the_items_of_its_stage() -> None:

@@ -191,7 +191,7 @@ class Lab(Struct, frozen=True, eq=False):
     """Everything that `graphs/` says, loaded once.
 
     `scene` is what a stage holds beside its graphs; `ros` what the running system must show,
-    `submission` what is handed in.
+    `submission` what is handed in. `points` are what each checkpoint is worth by the lab's rubric.
     """
 
     folder: Path
@@ -205,6 +205,7 @@ class Lab(Struct, frozen=True, eq=False):
     submission: SubmissionSpec
     handout: Handout
     scene: SceneSpec
+    points: Mapping[str, float] = {}
 
     @property
     def first(self) -> str:

@@ -14,7 +14,7 @@ from lab3_usd.errors import SpecError
 from lab3_usd.spec import ros
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, SCENE, SUBMISSION, Lab
+from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab
 from lab3_usd.spec.load.catalog import parse_catalog
 from lab3_usd.spec.load.checkpoints import accumulate, by_ids, read_checkpoint_file
 from lab3_usd.spec.load.compiled import load_isaac_types
@@ -187,7 +187,23 @@ def _assembled(folder: Path) -> Lab:
         handout=content.handout,
         scene=scene,
     )
-    return by_ids(_with_starter(lab))
+    lab = by_ids(_with_starter(lab))
+    return replace(lab, points=_points(folder / RUBRIC, lab))
+
+
+def _points(rubric: Path, lab: Lab) -> dict[str, float]:
+    """Return what each checkpoint is worth by a rubric, which grading reads, and may refuse."""
+    try:
+        items = read_yaml(rubric).get("items") if rubric.is_file() else None
+    except SpecError:
+        items = None
+    points: dict[str, float] = {}
+    for item in items.values() if isinstance(items, dict) else ():
+        if isinstance(item, dict) and isinstance(item.get("points"), int | float):
+            checkpoint = str(item.get("checkpoint", ""))
+            checkpoint = lab.ids.get(checkpoint, checkpoint)
+            points[checkpoint] = points.get(checkpoint, 0.0) + item["points"]
+    return points
 
 
 def _with_starter(lab: Lab) -> Lab:
