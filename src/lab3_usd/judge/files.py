@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 
@@ -202,8 +203,11 @@ def _wall_agreements(
     for about, (x, y) in guesses.items():
         corner = (facts.origin_x + x, facts.origin_y + y)
         frame = MapFrame(facts.resolution, corner, facts.width, facts.height)
-        drawn = draw_map(frame, cut.segments, cut.robot)
+        drawn = _drawn(frame, cut.segments, cut.robot)
         yield Agreement(agreement(grid, drawn.grid), f"with the origin at {about}")
+
+
+_drawn = lru_cache(maxsize=4)(draw_map)  # the stages of a class have the same walls
 
 
 def judge_parameters(contents: FolderContents) -> RuleResults:
