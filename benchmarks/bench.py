@@ -27,9 +27,11 @@ from lab3_usd import build_checkpoint, build_starter, check_stage
 RUNS = 15
 WARM_UPS = 2
 MANY = 1000  # stages of a folder
+FURTHER, FEW = 100, 20  # stages beyond a few
 VENDOR = Path(__file__).resolve().parents[1] / "docs" / "examples" / "carter.usda"
 
 OPEN_STAGE = "import sys; from pxr import Usd; Usd.Stage.Open(sys.argv[1])"
+OPEN_ALL = "import sys; from pxr import Usd; [Usd.Stage.Open(path) for path in sys.argv[1:]]"
 EXPORT_NINE = """
 import sys
 from pxr import Usd
@@ -153,6 +155,23 @@ def bench_folder(folder: Path, _runs: int) -> Iterator[Ratio]:
     yield in_turn(f"check of {MANY} stages, --jobs 2 against 1", two, one, 1, 0.55)
 
 
+def bench_further(folder: Path, runs: int) -> Iterator[Ratio]:
+    """Time what a further stage costs in one process, against opening it there."""
+    files = [folder / f"Lab3_05_{number:04}.usda" for number in range(FURTHER + FEW)]
+    stage = lab_stage(folder)
+    for file in files:
+        shutil.copyfile(stage, file)
+    opened = [process("-c", OPEN_ALL, *map(str, some)) for some in (files, files[:FEW])]
+    times: list[Ratio] = []
+    for many, few in ((check(*files), check(*files[:FEW])), opened):
+        times.append(in_turn("", many, few, max(runs // 3, 3), 0.0))
+    ours, other = (
+        [(many - few) / FURTHER for many, few in zip(ratio.ours, ratio.other, strict=True)]
+        for ratio in times
+    )
+    yield Ratio("check of a further stage, against opening it", ours, other, 3.3)
+
+
 def bench_build(folder: Path, runs: int) -> Iterator[Ratio]:
     """Time `lab3 build` against opening the starter and exporting it nine times."""
     starter = build_checkpoint(None, "00", folder / "Lab3_00_bench.usda")
@@ -169,6 +188,7 @@ BENCHES: dict[str, Callable[[Path, int], Iterator[Ratio]]] = {
     "starter": bench_starter,
     "html": bench_html,
     "folder": bench_folder,
+    "further": bench_further,
     "build": bench_build,
 }
 
