@@ -19,6 +19,7 @@ from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter, open_starter
 
 LONGEST = 4
+TRIED = 60  # mistakes for one chain
 
 
 @cache
@@ -41,13 +42,13 @@ def chain(number: int, checkpoint: str) -> Iterator[tuple[str, Grade]]:
 
     The same ones for the same number; first without any. What is no fault by itself is left out.
     So is what changes the same as another, which it could repair, and what leaves nothing of
-    another: the mistakes of a stage are then not one more.
+    another: the mistakes of a stage are then not one more. Where little is left to break, a chain
+    is shorter.
     """
     chance = random.Random(f"{number} {checkpoint}")  # noqa: S311 - no secret
     made: list[Mistake] = []
     yield "right", _graded_alone(None, checkpoint)
-    while len(made) < LONGEST:
-        mistake = chance.choice(_known())
+    for mistake in chance.sample(_known(), TRIED):
         layer = stage_with(checkpoint, *made, mistake)
         if not made and _is_fault(mistake, checkpoint):
             yield mistake.name, _graded_alone(mistake, checkpoint)
@@ -56,6 +57,8 @@ def chain(number: int, checkpoint: str) -> Iterator[tuple[str, Grade]]:
         else:
             continue
         made.append(mistake)
+        if len(made) == LONGEST:
+            return
 
 
 def _stands_beside(
