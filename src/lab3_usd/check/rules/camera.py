@@ -101,9 +101,9 @@ def camera_position(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("C05", "camera-view", scope="stage")
 def camera_view(subject: StageSubject) -> Iterator[Problem]:
-    """The robot's camera does not look ahead with the sky on top.
+    """The camera does not look where the lab asks, or is rolled.
 
-    Why: the image shows the side, the back or the floor. The viewing direction is judged, not the
+    Why: the image shows something else. The viewing direction is judged, not the
     way in which the rotation is written. A USD camera looks along its own -Z.
 
     Fix: set the rotation to the value expected here. The Orient field of the Property panel turns

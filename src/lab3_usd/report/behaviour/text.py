@@ -33,7 +33,7 @@ LOOKS = {
     "mounted": "lidar and camera go with the robot",
     "scan": "scans come at their rate and show the walls where they are",
     "map": "the scan lies at the walls of the map",
-    "camera": "image and info belong together, in the frame of an upright camera that looks ahead",
+    "camera": "image and info belong together, in the frame of a camera that looks where it should",
     "again": "drives again after Stop and Play, whatever ROS_DOMAIN_ID says",
 }
 
@@ -121,7 +121,8 @@ def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
     legs = "; ".join(map(leg_text, behaviour.legs)) or (
         "joints were told where to go" if behaviour.robots else "no command was sent"
     )
-    remarks = (f"drive: {behaviour.seconds:.1f} s; {legs}", *map(printable, _remarks(behaviour)))
+    motion = "drive" if behaviour.legs else "run"
+    remarks = (f"{motion}: {behaviour.seconds:.1f} s; {legs}", *map(printable, _remarks(behaviour)))
     for robot in behaviour.robots:
         told = f"{robot.prim}: commands on {robot.topic} in domain {robot.domain}"
         remarks = (*remarks, printable(told))

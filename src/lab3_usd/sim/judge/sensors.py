@@ -80,7 +80,7 @@ def _lasts(trial: Trial, *streams: Sequence[Message]) -> bool:
 
 
 def camera(trial: Trial) -> Iterator[Fault]:
-    """Image and info belong together, in the frame of the camera, upright and looking ahead."""
+    """Image and info belong together, in the frame of the camera, which looks as the lab asks."""
     wanted = trial.wanted
     images, infos = (trial.recording.topic(topic, 0) for topic in (wanted.image, wanted.info))
     if images and infos:
@@ -123,6 +123,6 @@ def _view(trial: Trial, image: Message) -> Iterator[Fault]:
     if base is not None and any(wanted.looks):
         view = base.inverse().then(actual)
         if length(minus(view.turn((0.0, 0.0, 1.0)), wanted.looks)) > AHEAD:
-            yield Fault("the camera does not look ahead", "camera-not-ahead", image.node)
+            yield Fault("the camera does not look where it should", "camera-not-ahead", image.node)
         elif length(minus(view.turn((0.0, -1.0, 0.0)), wanted.upward)) > AHEAD:
             yield Fault("the camera is not upright", "camera-not-upright", image.node)
