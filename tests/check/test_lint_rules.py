@@ -74,7 +74,7 @@ def test_what_is_only_alike_does_not_trigger_the_rule(
 def test_a_wire_from_a_prim_is_not_said_to_come_from_nowhere() -> None:
     wire = ["/World/Clock/clock.inputs:timeStamp", "/World/Clock/time"]
     (found,) = linted(broken_robot("rover", [{"connect": wire}])).findings
-    assert found.message == "inputs:timeStamp is wired from time, which is a prim, not a port"
+    assert found.message == "inputs:timeStamp is connected to time, which is a prim, not a port"
 
 
 def test_a_single_command_was_for_all_joints_before() -> None:

@@ -109,7 +109,7 @@ CASES: dict[str, tuple[Step, tuple[Edit, ...], bool]] = {
         (ClearValue("/turtlebot3_burger", "isaac:namespace"),),
         True,
     ),
-    "a ground that falls is no rigid body any more": (
+    "a ground that falls is not a rigid body any more": (
         {"schema": ["/Environment/GroundPlane", "PhysicsRigidBodyAPI"]},
         (RemoveSchema("/Environment/GroundPlane", "PhysicsRigidBodyAPI"),),
         True,

@@ -461,7 +461,7 @@ def test_a_stage_without_topics_says_so(tmp_path: Path) -> None:
     built = build_checkpoint(None, "00", tmp_path / "stage.usda")
     assert text_of("topics", str(built)).splitlines() == [
         "no topics are published or subscribed",
-        "no node of a graph is there to be judged",
+        "there are no graph nodes to judge",
     ]
 
 

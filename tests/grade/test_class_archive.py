@@ -133,7 +133,9 @@ def test_what_is_nobodys_is_said(tmp_path: Path) -> None:
     )
     found, said = found_in(archive)
     assert list(found) == ["ana"]
-    assert said == [f"{archive}: passed over, as nobody's submission: .bob, notes.txt, odd.txt"]
+    assert said == [
+        f"{archive}: ignored, since they belong to no student: .bob, notes.txt, odd.txt"
+    ]
 
 
 def test_a_name_that_no_file_system_takes_is_still_a_row(tmp_path: Path) -> None:

@@ -101,7 +101,7 @@ def test_extra_points_and_all_or_nothing_are_said() -> None:
     items = (ItemGrade("clock", "none", 0.0, 10.0), *GRADE.items[1:])
     sheet = grade_sheet(rubric, replace(GRADE, items=items), "1", "")
     assert sheet.items[0].why == (
-        "extra points: nothing is lost where they are missing",
+        "extra points: nothing is lost without them",
         "all or nothing",
     )
 

@@ -67,7 +67,7 @@ def test_a_line_of_jsonl_has_the_gap() -> None:
     ("coverage", "line"),
     [
         (NodeCoverage(nodes=4), ""),
-        (NodeCoverage(), "no node of a graph is there to be judged"),
+        (NodeCoverage(), "there are no graph nodes to judge"),
         (
             NodeCoverage(nodes=4, waiting={"a.usd": 1}),
             "1 of 4 nodes not judged (1 waits for a.usd)",

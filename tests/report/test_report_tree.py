@@ -74,8 +74,8 @@ def test_a_frame_with_two_parents_is_marked_below_both_and_drawn_once() -> None:
 def test_a_ring_is_drawn_once_and_marked() -> None:
     assert text("a b", "b a") == [
         "a",
-        "└── b  ! part of a ring",
-        "    └── a  ! part of a ring",
+        "└── b  ! part of a cycle",
+        "    └── a  ! part of a cycle",
     ]
 
 
@@ -115,7 +115,7 @@ def test_nothing_published_says_so() -> None:
 
 
 def test_unknown_publishers_are_named() -> None:
-    assert text(unknown=("/g/any",)) == ["! /g/any publishes frames that the stage does not tell"]
+    assert text(unknown=("/g/any",)) == ["! /g/any publishes frames that the stage does not define"]
 
 
 LINKS = UnresolvedFrames("/robot", True, "robot.usd", "base", "/g/p", "/g/c", "/tf")  # noqa: FBT003

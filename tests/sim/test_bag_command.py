@@ -377,7 +377,7 @@ def test_what_comes_after_the_part_that_is_kept_is_no_part_of_the_drive(
     plain: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = judged(plain)
-    monkeypatch.setattr(reader, "MOST_KEPT", 560)  # ends while the robot is told to turn
+    monkeypatch.setattr(reader, "MOST_KEPT", 560)  # ends while the robot is commanded to turn
     cut = judged(plain)
     assert cut["verdict"] == "ok"
     assert "the first 2 s were judged message by message" in bag(plain).stdout

@@ -129,7 +129,9 @@ def _gaps(lab: Lab, stage: StageModel, left_open: Iterable[NotJudged]) -> Iterat
         count = sum(entry.asset == name for entry in left_open)
         if count:
             left = (
-                "1 thing of the robot waits" if count == 1 else f"{count} things of the robot wait"
+                "1 requirement of the robot waits"
+                if count == 1
+                else f"{count} requirements of the robot wait"
             )
             yield f"{left} for {name}, which cannot be found"
 

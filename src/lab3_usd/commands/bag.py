@@ -22,7 +22,7 @@ EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
     "--checkpoint",
     metavar="NN",
     shell_complete=complete_checkpoints,
-    help="Ask for what this checkpoint has.",
+    help="Judge at this checkpoint.",
 )
 @click.option(
     "--stage",
@@ -32,7 +32,7 @@ EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
 @click.option(
     "--maps",
     type=click.Path(path_type=Path),
-    help="The map, or its folder, that the scan is laid on instead of the recorded one.",
+    help="The map, or its folder, to compare the scan with, instead of the recorded one.",
 )
 @text_or_json
 @color_option
@@ -41,11 +41,11 @@ def command(
 ) -> None:
     """Judge a recording of the running system by the checks of `lab3 sim`.
 
-    RECORDING is what `ros2 bag record -a` writes, MCAP or sqlite3, or one file of it. What is
-    asked for is that of the checkpoint in its name or in that of the stage, else of the last; of
-    localization and navigation only what was recorded, unless --checkpoint names one. Nothing of
-    it counts in a score. Exit status: 0 all right, 1 something is wrong or not judged, 2 unreadable
-    or wrong usage, 3 the tool itself failed.
+    RECORDING is the output of `ros2 bag record -a`, MCAP or sqlite3, or one file of it. The
+    checkpoint in its name, or in that of the stage, decides what is required, else the last
+    checkpoint; localization and navigation are required only if they were recorded, or if
+    --checkpoint is given. It affects no score. Exit status: 0 all right, 1 a fault or not judged, 2
+    unreadable or wrong usage, 3 the program itself failed.
     """
     # The specs are slow to import, and `lab3 --help` does not need them.
     from lab3_usd.commands.steps.options import (

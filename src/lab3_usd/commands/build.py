@@ -20,7 +20,7 @@ from lab3_usd.errors import EXIT_FOUND
     "folder",
     required=True,
     type=click.Path(path_type=Path),
-    help="Folder for the checkpoint files; made where it does not exist.",
+    help="Folder for the checkpoint files; created if it does not exist.",
 )
 @click.option(
     "--through",
@@ -29,21 +29,21 @@ from lab3_usd.errors import EXIT_FOUND
     help="Stop after this checkpoint.",
 )
 @click.option(
-    "--only", metavar="NN", shell_complete=complete_checkpoints, help="Build this checkpoint alone."
+    "--only", metavar="NN", shell_complete=complete_checkpoints, help="Build only this checkpoint."
 )
 @click.option(
     "--format",
     "form",
     type=click.Choice(["usda", "usdc"]),
     default=None,
-    help="Text (.usda) or binary (.usd); as the lab's stages end, where it is not given.",
+    help="Text (.usda) or binary (.usd); by default as in the lab.",
 )
 @click.option(
     "--lidar-asset",
     metavar="URL",
     help="Reference this lidar asset, as the Create menu does, instead of describing one.",
 )
-@click.option("--force", is_flag=True, help="Replace checkpoint files that exist.")
+@click.option("--force", is_flag=True, help="Replace existing checkpoint files.")
 def command(
     starter: Path | None,
     folder: Path,
@@ -53,9 +53,9 @@ def command(
     lidar_asset: str | None,
     force: bool,  # noqa: FBT001 - click passes it by name
 ) -> None:
-    """Build the stage of each checkpoint, holding all that the lab asks for by then.
+    """Build the stage of each checkpoint, with everything that the lab requires up to it.
 
-    STARTER is the supplied scene; without it that of the lab is used. It is opened read-only.
+    STARTER is the supplied scene, by default that of the lab. It is opened read-only.
     """
     from lab3_usd.spec.load.loader import load_lab
     from lab3_usd.stage.write.builder import BuildOptions, StarterError, build_files, plan_files

@@ -33,24 +33,24 @@ if TYPE_CHECKING:
     "--checkpoint",
     metavar="NN",
     shell_complete=complete_checkpoints,
-    help="Judge at this checkpoint, whatever the name.",
+    help="Judge at this checkpoint, regardless of the name.",
 )
 @click.option("--starter", type=click.Path(), help="The supplied starter, to compare with.")
 @click.option("--maps", type=click.Path(), help="Folder that holds the map files.")
-@click.option("--sim", is_flag=True, help="Also play each stage, and note what goes wrong.")
+@click.option("--sim", is_flag=True, help="Also play each stage, and note its faults.")
 @assets_option
 @native_option
 @report_options
 @click.option(
     "--submission",
     is_flag=True,
-    help="Judge folders as handed in: missing stages and deliverables count, and the checklist.",
+    help="Judge folders as submissions: missing stages, deliverables and checklists count.",
 )
 @click.option("--require-evidence", is_flag=True, help="Missing evidence is an error.")
 @click.option(
     "--untrusted",
     is_flag=True,
-    help="Judge strangers' submissions as `lab3 grade` does: fenced, with --starter alone.",
+    help="Judge untrusted submissions as `lab3 grade` does; needs --starter.",
 )
 @config_options
 @view_options
@@ -58,11 +58,10 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     """Check stages and submissions against the lab.
 
     PATHS are stage files, folders of stages, or submission folders. The checkpoint is read from
-    each file's name. Of a folder without a report or a video, what is missing is still to come,
-    unless --submission is given. With --untrusted, they are submissions of strangers: folders or
-    archives.
-    Exit status: 0 nothing found, 1 findings or not judged, 2 wrong usage or no such path, 3 the
-    tool itself failed.
+    each file name. In a folder without a report or a video, missing files are not yet faults,
+    unless --submission is given. With --untrusted, PATHS are untrusted submissions: folders or
+    archives. Exit status: 0 no findings, 1 findings or not judged, 2 wrong usage or no such path, 3
+    the program itself failed.
     """
     if options["untrusted"]:
         options = {**options, "isolated": True}

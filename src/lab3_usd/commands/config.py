@@ -15,8 +15,8 @@ _DEFAULTS = {
     "select": "all rules",
     "ignore": "no rules",
     "per-file-ignores": "none",
-    "severity": "as each rule has it",
-    "checkpoints": "by the names of files",
+    "severity": "as in each rule",
+    "checkpoints": "from file names",
     "starter": "none",
     "maps": "none",
     "lab": "the bundled one",
@@ -30,7 +30,7 @@ _DEFAULTS = {
 @click.argument("path", default=".", type=click.Path(path_type=Path))
 @config_options
 def command(path: Path, config_file: str | None, *, isolated: bool) -> None:
-    """Print the configuration with which PATH is checked, and where each value comes from.
+    """Print the configuration with which PATH is checked, and the source of each value.
 
     It is the nearest .lab3.toml, lab3.toml, or pyproject.toml with a table [tool.lab3], in the
     folder of PATH or above it.

@@ -45,8 +45,8 @@ class Demo(Struct, frozen=True):
 def command(folder: Path, *, force: bool) -> None:
     """Make stages to try the program on.
 
-    DIR/tour gets the first correct stages of the lab, DIR/mine a copy of the last of them with
-    four mistakes that are easily made, and DIR itself a robot that is of no lab.
+    DIR/tour gets the first correct stages of the lab, DIR/mine a copy of the last of them with four
+    common mistakes, and DIR itself a robot that belongs to no lab.
     """
     from lab3_usd.spec.load.loader import load_lab
     from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files

@@ -40,12 +40,13 @@ def command(
     *,
     force: bool,
 ) -> None:
-    """Say what differs between two stages: nodes, values, wires, targets, robot, topics, frames.
+    """List the differences between two stages.
 
-    What counts is the composed scene as Isaac Sim opens it: order of properties, layout of the
-    text, comments, and defaults that are written out make no difference; nor do places in the
-    graph editor. Exit status: 0 equal, 1 different, 2 unreadable or wrong usage, 3 the tool itself
-    failed.
+    Nodes, values, wires, targets, the robot and scene, topics and frames are compared.
+
+    The composed scenes are compared, as Isaac Sim opens them: order of properties, layout of the
+    text, comments, explicit defaults and positions in the graph editor make no difference. Exit
+    status: 0 equal, 1 different, 2 unreadable or wrong usage, 3 the program itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.diff import compare_stages

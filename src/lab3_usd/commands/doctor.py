@@ -43,9 +43,9 @@ class Check(Struct, frozen=True):
 
 @click.command("doctor")
 def command() -> None:
-    """Say what works on this computer: versions, checking, extras, browser, sandbox.
+    """Report what works on this computer: versions, checking, extras, browser, sandbox.
 
-    Of an extra that is missing, the command is printed that adds it to this installation.
+    For a missing extra, the command is printed that adds it to this installation.
 
     Exit status: 0 all that is needed works (extras may be missing), 1 something does not.
     """

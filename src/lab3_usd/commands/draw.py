@@ -39,7 +39,7 @@ TREE = "TF"
     "folder",
     required=True,
     type=click.Path(path_type=Path),
-    help="Folder for the pictures; made where it does not exist.",
+    help="Folder for the pictures; created if it does not exist.",
 )
 @click.option(
     "--format",
@@ -55,14 +55,14 @@ TREE = "TF"
     shell_complete=complete_checkpoints,
     help="Judge the stage at this checkpoint.",
 )
-@click.option("--lint", is_flag=True, help="Mark what lab3 lint finds in any stage.")
+@click.option("--lint", is_flag=True, help="Mark the findings of lab3 lint.")
 @click.option("--isaac", "release", metavar="RELEASE", help="With --lint: as for lab3 lint.")
 @click.option(
     "--theme",
     type=click.Choice(THEMES),
     default="auto",
     show_default=True,
-    help="Colours of svg and png; auto follows the reader's system, and is light in a png.",
+    help="Colours of svg and png; auto follows the reader's system (png: light).",
 )
 @click.option("--all-ports", is_flag=True, help="Draw unused ports as well.")
 @click.option("--force", is_flag=True, help="Replace pictures that exist.")
@@ -70,10 +70,9 @@ TREE = "TF"
 def command(target: str, folder: Path, **options: Any) -> None:
     """Draw each Action Graph and the TF tree of a stage, with its faults marked.
 
-    FILE is a stage; its checkpoint is read from its name unless --checkpoint says it, and a stage
-    without one is drawn as it is. With --lint no lab is asked: what is marked is what lab3 lint
-    finds. GRAPH is the name of a graph of the lab, or TF, and draws what
-    the lab asks for.
+    FILE is a stage; its checkpoint is read from its name, or given with --checkpoint. A stage
+    without one is drawn as it is. With --lint, the findings of lab3 lint are marked. GRAPH is the
+    name of a graph of the lab, or TF, and draws the correct one.
     """
     from lab3_usd.spec.load.loader import load_lab
 

@@ -230,22 +230,22 @@ def _line(finding: Finding) -> str:
     "--checkpoint",
     metavar="NN",
     shell_complete=complete_checkpoints,
-    help="Judge at this checkpoint, whatever the name.",
+    help="Judge at this checkpoint, regardless of the name.",
 )
-@click.option("--starter", type=click.Path(), help="Take what is missing from this starter.")
-@click.option("--lint", is_flag=True, help="Repair what lab3 lint finds, without a spec.")
+@click.option("--starter", type=click.Path(), help="Restore missing parts from this starter.")
+@click.option("--lint", is_flag=True, help="Repair the findings of lab3 lint.")
 @click.option("--isaac", "release", metavar="RELEASE", help="With --lint: as for lab3 lint.")
-@click.option("--diff", is_flag=True, help="Print what would change, and write nothing.")
+@click.option("--diff", is_flag=True, help="Print the changes, and write nothing.")
 @click.option("--unsafe", is_flag=True, help="Also add, remove and move prims.")
 @click.option(
     "--output", "-o", type=click.Path(path_type=Path), help="Write the repaired stage here."
 )
-@click.option("--in-place", is_flag=True, help="Replace the file; the old one stays, as NAME.orig.")
+@click.option("--in-place", is_flag=True, help="Replace the file; keep the old one as NAME.orig.")
 @click.option("--no-orig", is_flag=True, help="With --in-place: keep no NAME.orig.")
 @click.option(
     "--force",
     is_flag=True,
-    help="Replace an output that exists, or a read-only, linked or foreign file.",
+    help="Replace an existing output, or a file that is read-only, hard-linked or another user's.",
 )
 @rules_options
 @assets_option
@@ -253,10 +253,10 @@ def _line(finding: Finding) -> str:
 def command(paths: tuple[str, ...], **options: Any) -> None:
     """Repair stages.
 
-    Values, connections, targets, types and schemas are repaired; prims are added, removed and
-    moved with --unsafe only. In a text stage no other line changes. Of a folder all stages are
-    repaired whose names give a checkpoint; with --lint, all. Without --diff, --output or
-    --in-place the repairs are only listed. Exit status: 0 nothing is left, 1 errors or repairs
-    are left, or would be made, 2 wrong usage; with --diff 1 where something would change.
+    Values, connections, targets, types and schemas are repaired; --unsafe also adds, removes and
+    moves prims. In a text stage no other line changes. In a folder all stages with a checkpoint in
+    their names are repaired; with --lint, all stages. Without --diff, --output or --in-place the
+    repairs are only listed. Exit status: 0 nothing is left, 1 errors or repairs are left, or would
+    be made, 2 wrong usage; with --diff 1 if something would change.
     """
     sys.exit(run(paths, with_config(paths, options)))

@@ -99,13 +99,13 @@ def _refuse_empty(
     "--rubric",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Points, in place of those of the handout's check-off list.",
+    help="Rubric with the points; by default the handout's check-off list.",
 )
 @click.option(
     "--jobs",
     type=click.IntRange(1, 256),
     metavar="N",
-    help="Worker processes; as many as there are processors when not given.",
+    help="Worker processes; by default the number of processors.",
 )
 @click.option(
     "--timeout",
@@ -124,7 +124,7 @@ def _refuse_empty(
     help="Memory that a worker may use.",
 )
 @assets_option
-@click.option("--resume", is_flag=True, help="Go on with a gradebook; what is finished is kept.")
+@click.option("--resume", is_flag=True, help="Continue a gradebook; keep its finished results.")
 @click.option("--force", is_flag=True, help="Take the gradebook of a run that was killed.")
 @click.option(
     "--merge-uploads",
@@ -132,18 +132,18 @@ def _refuse_empty(
     help="Complete a student's last upload with files of the earlier ones.",
 )
 @click.option(
-    "--explain", metavar="STUDENT", help="Print the whole sum of a student of the gradebook -o."
+    "--explain", metavar="STUDENT", help="Print all points of one student of the gradebook -o."
 )
 @click.option(
     "--regrade",
     type=click.Path(path_type=Path),
     metavar="FOLDER",
-    help="Give this gradebook the points of --rubric, without opening a submission.",
+    help="Count the points of this gradebook again by --rubric, without submissions.",
 )
 @click.option(
     "--gradebook",
     metavar="PLATFORM",
-    help="Write the points as canvas, moodle, gradescope, brightspace or blackboard takes them.",
+    help="Write the points for canvas, moodle, gradescope, brightspace or blackboard.",
 )
 @click.option(
     "--roster",
@@ -151,19 +151,19 @@ def _refuse_empty(
     metavar="FILE",
     help="The platform's own export of its gradebook, for --gradebook.",
 )
-@click.option("--column", default="", metavar="NAME", help="The column of it for the points.")
+@click.option("--column", default="", metavar="NAME", help="Its column for the points.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tcp://host:port.")
 def command(submissions: str | None, **options: Any) -> None:
     """Grade a class: a folder for each student, archives, or single stages.
 
-    SUBMISSIONS is a folder or an archive as a learning platform exports it, or the address
-    of a folder in object storage. The gradebook has grades.csv, grades.json, index.html and a
-    report folder for each student. With --format gradescope it is one submission, whatever lies in
-    it, and the result of a Gradescope autograder is written. Exit status: 0 every submission has a
-    grade or a status, 2 wrong usage or rubric, 3 the tool itself failed, 130 interrupted: go on
+    SUBMISSIONS is a folder or an archive in the form that a learning platform exports, or the
+    address of a folder in object storage. The gradebook has grades.csv, grades.json, index.html and
+    a report folder for each student. With --format gradescope, SUBMISSIONS is one submission, and
+    the result for a Gradescope autograder is written. Exit status: 0 every submission has a grade
+    or a status, 2 wrong usage or rubric, 3 the program itself failed, 130 interrupted: continue
     with --resume.
 
-    With --explain, --regrade or --gradebook alone, a gradebook that is there is read.
+    With --explain, --regrade or --gradebook alone, an existing gradebook is read.
     """
     _check(submissions, options)
     if options["form"] is not None:

@@ -137,7 +137,7 @@ def _judge(stage: Path, step: Step, lab: Lab) -> bool:
 
 @click.group("lab")
 def command() -> None:
-    """Check the description of a lab, or start one after a stage."""
+    """Check the description of a lab, or write one from its stages."""
 
 
 @command.command("check")
@@ -151,7 +151,7 @@ def command() -> None:
     help="A stage of the lab: a target that neither a stage nor the starter has is an error.",
 )
 def check(folder: Path | None, stages: tuple[Path, ...]) -> None:
-    """Hold the files of a lab against each other, and against stages.
+    """Find contradictions between the files of a lab, and with stages.
 
     DIR is a folder in the form of graphs/, by default that of --lab, else the bundled one. Each
     finding names file, key, and the place that it contradicts. Exit status: 0 nothing found, 1
@@ -173,15 +173,15 @@ def check(folder: Path | None, stages: tuple[Path, ...]) -> None:
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="STAGE",
-    help="A stage that works: what it holds is what the lab asks for. One for each checkpoint, in "
+    help="A working stage: its content defines the lab. One for each checkpoint, in "
     "their order, or one with everything.",
 )
 def new(folder: Path, stages: tuple[Path, ...]) -> None:
-    """Read a first description of a lab off its solution stages.
+    """Write a first description of a lab from its solution stages.
 
     DIR is a new folder in the form of graphs/: graphs with the values that the stages set, robot,
     sensors, the TF tree, topics, points, and a checkpoint for each STAGE, with what it adds to the
-    one before. Of a single STAGE, which has the name of the last checkpoint, each graph is one. The
+    one before. For a single STAGE, named after the last checkpoint, each graph is one. The
     lab is then checked, and each STAGE checked and played by it. Exit status: 0 all of it passes, 1
     something does not, 2 a stage or the folder cannot be used.
     """

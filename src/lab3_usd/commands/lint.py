@@ -34,10 +34,10 @@ _AS_FIX = {
     "--isaac",
     "release",
     metavar="RELEASE",
-    help="Judge by this release of Isaac Sim (5.0 to 6.2), where defaults and ports differ.",
+    help="Use the types, ports and defaults of this release of Isaac Sim (5.0 to 6.2).",
 )
 @click.option("--fix", is_flag=True, help="List the repairs that lab3 fix --lint would make.")
-@click.option("--diff", is_flag=True, help="With --fix: print what would change.")
+@click.option("--diff", is_flag=True, help="With --fix: print the changes.")
 @click.option("--in-place", is_flag=True, help="With --fix: make the repairs.")
 @assets_option
 @native_option
@@ -47,12 +47,11 @@ _AS_FIX = {
 def command(paths: tuple[str, ...], **options: Any) -> None:
     """Judge any stage of Isaac Sim by what its graphs do.
 
-    PATHS are stage files, or folders with stages in them or below. Stages only have to work: what
-    is found are nodes that never compute or compute on zeros, dead wires, topics, frames, robots
-    and sensors that do not fit together. With --fix what has one right repair is listed, and
-    nothing is written but with --output, or with --in-place, which keeps NAME.orig. Exit status: 0
-    nothing found, 1 findings or not judged, 2 wrong usage or no such path, 3 the tool itself
-    failed.
+    PATHS are stage files, or folders with stages in them or below. Findings are nodes that never
+    compute or use unset inputs, dead wires, and topics, frames, robots and sensors that do not fit
+    together. --fix lists the findings that have one possible repair, and writes it with --output,
+    or with --in-place, which keeps NAME.orig. Exit status: 0 no findings, 1 findings or not judged,
+    2 wrong usage or no such path, 3 the program itself failed.
     """
     options = with_config(paths, options)
     if options["fix"]:

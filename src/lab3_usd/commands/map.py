@@ -53,14 +53,18 @@ PLACE = Metres(-FARTHEST, FARTHEST)
 @click.option("--resolution", type=Metres(0.001, 100.0), metavar="M", help="Metres per cell.")
 @click.option("--origin", type=(PLACE, PLACE), metavar="X Y", help="Lower left corner, metres.")
 @click.option("--size", type=(CELLS, CELLS), metavar="W H", help="Cells across and up.")
-@click.option("--height", metavar="Z", type=PLACE, help="Where to cut, metres; else as the lidar.")
-@click.option("--start", type=(PLACE, PLACE), metavar="X Y", help="A free place; else the robot's.")
+@click.option(
+    "--height", metavar="Z", type=PLACE, help="Height of the cut, metres; by default the lidar's."
+)
+@click.option(
+    "--start", type=(PLACE, PLACE), metavar="X Y", help="A free position; by default the robot's."
+)
 @click.option("--force", is_flag=True, help="Replace files that exist.")
 def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
     """Make an occupancy map from the walls of a stage.
 
-    Cuts the collision geometry of STAGE at the height of the lidar and fills what the robot can
-    reach. Without options the map has the frame and the values of the handout (4.2). The map
+    Cuts the collision geometry of STAGE at the height of the lidar and fills the area that the
+    robot can reach. By default the map has the frame and the values of the handout (4.2). The map
     frame is the world of the stage.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
@@ -105,10 +109,12 @@ def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
         raise UsageError(f"{lab.title} has no lidar to take the height from, give --height")
     cut = slice_stage(open_stage(stage), SliceOptions(robot, lab.lidar_link, height))
     if cut.missing:
-        message = f"warning: not on the map is what {cut.missing} unresolved asset paths would hold"
+        message = (
+            f"warning: the map lacks the content of {cut.missing} asset paths that were not found"
+        )
         click.echo(message, err=True)
     for path in cut.not_cut:
-        click.echo(f"warning: not on the map is {path}, a shape that cannot be cut", err=True)
+        click.echo(f"warning: the map lacks {path}, a shape that cannot be cut", err=True)
     if not cut.segments:
         raise UsageError(
             f"{stage}: has nothing that collides at a height of {cut.height:g} m, give --height"

@@ -57,9 +57,9 @@ def _leg_text(leg: Leg) -> str:
 @click.command("play")
 @script_options
 def command(script: Path, *, force: bool) -> None:
-    """Write the script that plays the stages in Isaac Sim itself, and records what they do.
+    """Write the script that plays the stages in Isaac Sim itself, and records them.
 
-    For Isaac Sim 6.0.1's own Python, on a computer that also has ROS 2: it opens each stage of the
+    For the Python of Isaac Sim 6.0.1, on a computer that also has ROS 2: it opens each stage of the
     lab without a window, drives the robot as `lab3 sim` does, and records bags for `lab3 bag`. It
     has not been run in Isaac Sim.
     """

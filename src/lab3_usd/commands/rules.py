@@ -15,7 +15,7 @@ from lab3_usd.spec.load.loader import load_lab
 @click.command("rules")
 @click.option("--all", "whole", is_flag=True, help="Also those of lab3 lint and of other labs.")
 def command(*, whole: bool) -> None:
-    """List the rules that the lab can need: id, severity, name and what each is about.
+    """List the rules that apply to the lab: id, severity, name and fault.
 
     `lab3 rule ID` explains one.
     """

@@ -137,18 +137,18 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
     "--checkpoint",
     metavar="NN",
     shell_complete=complete_checkpoints,
-    help="Ask for what this checkpoint has.",
+    help="Judge at this checkpoint.",
 )
 @click.option(
     "--drive",
     metavar="FILE|LEGS",
-    help='What to drive instead: a file, or legs "v,w,s ..." (m/s, rad/s, seconds).',
+    help='The drive: a file, or legs "v,w,s ..." (m/s, rad/s, seconds).',
 )
-@click.option("--topic", metavar="NAME", help="Drive the robots that listen to this topic only.")
+@click.option("--topic", metavar="NAME", help="Drive only the robots that subscribe to this topic.")
 @click.option(
     "--maps",
     type=click.Path(path_type=Path),
-    help="The map, or its folder, that the scan is laid on (localization).",
+    help="The map, or its folder, to compare the scan with (localization).",
 )
 @text_or_json
 @color_option
@@ -162,16 +162,15 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
     is_flag=True,
     help="Run in real time over DDS, driven by the topic of commands (extra live).",
 )
-@click.option("--seconds", type=float, metavar="S", help="End --live after so many seconds.")
+@click.option("--seconds", type=float, metavar="S", help="End --live after this many seconds.")
 def command(stage: Path, **options: Any) -> None:
-    """Play a stage without Isaac Sim, drive its robot, and say what comes over ROS.
+    """Play a stage without Isaac Sim, drive its robot, and judge the messages of ROS.
 
-    The graphs of STAGE run as they are wired, by functions written from the published source of
-    Isaac Sim 6.0.1; the robot moves by exact kinematics. What is asked for is that of the
-    checkpoint in the file's name. A stage of none is judged by what it shows itself: each robot is
-    driven by its own commands. Exit status:
-    0 all right, or nothing to play yet, 1 something is wrong or not judged, 2 unreadable or wrong
-    usage, 3 the tool itself failed.
+    The graphs of STAGE are executed as they are wired, by functions written from the published
+    source of Isaac Sim 6.0.1; the robot moves by exact kinematics. The checkpoint in the file name
+    decides what is required. A stage without one is judged by its own content: each robot is driven
+    by its own commands. Exit status: 0 all right, or nothing to play yet, 1 a fault or not judged,
+    2 unreadable or wrong usage, 3 the program itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.commands.steps.options import checkpoint_number

@@ -7,13 +7,13 @@ from __future__ import annotations
 GROUPS = {
     "students": {
         "check": "Check stages or whole submissions against the lab.",
-        "fix": "Repair what the check finds in a stage.",
-        "sim": "Play a stage without Isaac Sim, and say what it does.",
+        "fix": "Repair the findings of a check.",
+        "sim": "Play a stage without Isaac Sim, and judge its messages.",
         "bag": "Judge a recording of the running system.",
         "draw": "Draw Action Graphs and the TF tree.",
         "tf": "Print the TF tree that a stage publishes.",
         "topics": "Print the topics that a stage publishes and subscribes to.",
-        "diff": "Say what differs between two stages, in words of the lab.",
+        "diff": "List the differences between two stages.",
         "map": "Make an occupancy map from the walls of a stage.",
         "nav2": "Write launch, parameter and RViz files for localization and navigation.",
         "collect": "Write the script that collects evidence from the running system.",
@@ -21,17 +21,17 @@ GROUPS = {
     },
     "graders": {"grade": "Grade a whole class of submissions."},
     "course authors": {
-        "lab": "Check the description of a lab, or start one after a stage.",
+        "lab": "Check the description of a lab, or write one from its stages.",
         "build": "Build the stages of the checkpoints from a starter scene.",
         "starter": "Write the starter scene of the lab.",
     },
     "everyone": {
         "demo": "Make stages to try the program on.",
-        "lint": "Judge any stage of Isaac Sim, without a spec.",
+        "lint": "Judge any stage of Isaac Sim, without a lab.",
         "rules": "List all rules.",
         "rule": "Explain one rule.",
-        "config": "Print which configuration is in force, and where it comes from.",
-        "doctor": "Say what works on this computer.",
+        "config": "Print the effective configuration and its sources.",
+        "doctor": "Report what works on this computer.",
         "completion": "Print the shell completion script.",
     },
 }

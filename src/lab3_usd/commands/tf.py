@@ -17,7 +17,7 @@ from lab3_usd.commands.steps.options import assets_option, use_config
     type=click.Choice(["text", "dot", "json"]),
     default="text",
     show_default=True,
-    help="How to write the tree.",
+    help="Format of the tree.",
 )
 @click.option(
     "--graph",
@@ -39,11 +39,10 @@ def command(
 ) -> None:
     """Print the TF tree that a stage publishes.
 
-    The transforms are those that Isaac Sim 6.0.1 would send while STAGE plays, from all its
-    graphs, on /tf and /tf_static. What tf2 cannot make a tree of is marked with an exclamation
-    mark; `lab3 check` and `lab3 lint` say what to do about it. Frames that only an asset could
-    tell which cannot be found stand below the tree, with a question mark. Nodes of which nothing
-    is known are counted.
+    The transforms are those that Isaac Sim 6.0.1 would send during Play, from all graphs of STAGE,
+    on /tf and /tf_static. An exclamation mark shows where they do not form a tree; `lab3 check` and
+    `lab3 lint` give the repair. Frames that only a missing asset could define are below the tree,
+    with a question mark. Nodes of unknown types are counted.
     """
     from textwrap import wrap
 

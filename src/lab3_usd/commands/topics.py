@@ -17,7 +17,7 @@ from lab3_usd.commands.steps.options import assets_option, use_config
     type=click.Choice(["text", "json", "csv"]),
     default="text",
     show_default=True,
-    help="How to write the table.",
+    help="Format of the table.",
 )
 @click.option(
     "--graph",
@@ -39,9 +39,9 @@ def command(
 ) -> None:
     """Print the topics that a stage publishes and subscribes to.
 
-    For each topic: its name as ROS 2 will see it, message type and node; with -v also frames,
-    queue size, the QoS profile that Isaac Sim 6.0.1 would use, and what sets the pace. A node that
-    nothing triggers publishes never. Nodes of which nothing is known are counted.
+    For each topic: its name as ROS 2 resolves it, message type and node; with -v also frames, queue
+    size, the QoS profile that Isaac Sim 6.0.1 would use, and the source of its rate. A node that
+    nothing triggers never publishes. Nodes of unknown types are counted.
     """
     from textwrap import wrap
 

@@ -224,7 +224,7 @@ def _notify_unconfined(answer: Json, notified: set[str], notify: Callable[[str],
     if not notified.issuperset(missing):
         notified.update(missing)
         walls = ", ".join(f"{name} ({WALLS[name]})" for name in missing)
-        notify(f"workers run without every wall, see SECURITY.md; not held: {walls}")
+        notify(f"workers lack walls, see SECURITY.md: {walls}")
 
 
 def _record(

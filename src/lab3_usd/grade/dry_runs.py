@@ -85,4 +85,4 @@ def _silent(trial: Trial) -> Iterator[tuple[str, Fault]]:
         if not any(message.type == kind for message in trial.recording.topic(topic, 0)):
             cause = trial.causes.of_silence(topic, kind) if trial.causes is not None else None
             prim, because, _ = cause or ("", "", None)
-            yield topic, Fault(f"nothing comes on {topic}", "silent-topic", prim, because)
+            yield topic, Fault(f"nothing is received on {topic}", "silent-topic", prim, because)

@@ -80,7 +80,7 @@ def grade_sheet(
 def _reasons(item: Item, state: State) -> Iterator[str]:
     """Yield what is to be known of an item beside what it lost."""
     if item.optional:
-        yield "extra points: nothing is lost where they are missing"
+        yield "extra points: nothing is lost without them"
     if state == "open":
         yield f"for a person to judge: {item.checklist}"
     elif state == "none" and not item.checklist and not item.partial:

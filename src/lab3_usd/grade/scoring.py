@@ -254,17 +254,17 @@ def _blocking(
     """Yield what takes the whole item: an item it needs, or nothing of the checkpoint's own."""
     for name in item.needs:
         if not grades[name].earned:
-            yield _Loss(1.0, f"stands on {name}, which earned nothing")
+            yield _Loss(1.0, f"depends on {name}, which earned nothing")
     added = rubric.added[item.checkpoint]
     if added and added.issubset(stage.unmet):
-        yield _Loss(1.0, "nothing is there of what was added last")
+        yield _Loss(1.0, "nothing of the last addition exists")
     elif not rubric.asked[item.id]:
         earlier = rubric.earlier[item.id]
         latest = [known for known in earlier if known.checkpoint == earlier[-1].checkpoint]
         losses = {known.title: [*_own_losses(rubric, known, stage)] for known in latest}
         if latest and not any(_kept(known, losses[known.title]) for known in latest):
             first = losses[latest[0].title][0]
-            title = f"nothing works of what came last: {', '.join(losses)}: {first.title}"
+            title = f"the last addition does not work: {', '.join(losses)}: {first.title}"
             yield first._replace(share=1.0, title=title, requirement="")
 
 

@@ -218,7 +218,7 @@ def plural(count: int, noun: str) -> str:
 def coverage_line(coverage: NodeCoverage) -> str:
     """Say how many nodes were not judged, or only in part, and what they wait for; '' for none."""
     if not coverage.nodes:
-        return "no node of a graph is there to be judged"
+        return "there are no graph nodes to judge"
     parts = []
     if coverage.judged < coverage.nodes:
         left_out = coverage.nodes - coverage.judged

@@ -53,7 +53,7 @@ def as_text(report: TreeReport, *, verbose: bool = False) -> Iterator[str]:
     if len(tops) > 1 and not report.hidden:
         yield f"! {len(tops)} roots, where there must be one: {', '.join(map(printable, tops))}"
     for path in report.unknown:
-        yield f"! {printable(path)} publishes frames that the stage does not tell"
+        yield f"! {printable(path)} publishes frames that the stage does not define"
     for hidden in report.hidden:
         by = report.how(hidden.publisher, hidden.topic) if verbose else ""
         yield f"? {printable(hidden.what)}: asset not found: {printable(hidden.asset)}{by}"

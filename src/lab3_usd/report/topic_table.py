@@ -21,7 +21,7 @@ WIDTH = 80
 NOTHING = "-"
 _MOST_FRAMES = 2
 _REFUSED = "not valid: the node does not work"
-_UNKNOWN = "not known: it comes by a wire"
+_UNKNOWN = "not known: it comes over a wire"
 
 
 class TopicReport(Struct, frozen=True):

@@ -240,7 +240,7 @@ def _that_way(trial: Trial) -> Iterator[Fault]:
         # To which side it turns, is up to the angles that its wheels are given.
         is_right = along > LEAST * size and off < 0.1 * along if size else bool(stretch.turned)
         if not is_right:
-            text = f"told to go {leg.name}, went {ahead:.2f} m ahead, {left:.2f} m to the left"
+            text = f"commanded to go {leg.name}, went {ahead:.2f} m ahead, {left:.2f} m to the left"
             text += f" and turned {math.degrees(stretch.turned):.0f} degrees"
             yield trial.motion_fault(text, "wrong-distance" if size else "wrong-turn")
             return

@@ -20,7 +20,7 @@ from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robot.machine import SLIDER, Joint, Machine
 
 JOINTS, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
-TURN, WAY = 0.2, 0.05  # radians and metres that a joint is told to go
+TURN, WAY = 0.2, 0.05  # radians and metres that a joint is commanded to go
 SETTLED, LEAST, LONGEST = 5.0, 1.0, 20.0  # times as long as a drive takes; seconds
 OFF = (0.05, 2e-3)  # part of the way, and radians or metres, by which a joint may be off
 
@@ -43,7 +43,7 @@ def joint_drive(machine: Machine, unit: float) -> tuple[Session, ...]:
 
 
 def _target(joint: Joint, unit: float) -> float:
-    """Return where a joint is told to go, within its limits."""
+    """Return where a joint is commanded to go, within its limits."""
     low, high = joint.limits
     far = WAY / unit if joint.kind == SLIDER else TURN
     return min(far, high / 2) if high > 0 else max(-far, low / 2)
@@ -83,7 +83,7 @@ def joints(trial: Trial, session: int) -> Iterator[Fault]:
             most = max(abs(other.commanded[name]) for other in trial.recording.held)
             if not math.isnan(told) and not abs(stands - told) <= OFF[0] * most + OFF[1]:
                 cause = trial.causes.of_joints() if isinstance(trial.causes, RunCauses) else None
-                text = f"{name} is told to go to {told:.3f} and stands at {stands:.3f}"
+                text = f"{name} is commanded to {told:.3f} and stands at {stands:.3f}"
                 text += trial.when([session])
                 if cause is None:
                     yield Fault(text, "joint-off-target")

@@ -215,12 +215,12 @@ def _remarks(trial: Trial, checks: Sequence[Check]) -> Iterator[str]:
     """Yield what else is known of the robot."""
     blocked = next((pose for pose in trial.recording.path if pose.blocked), None)
     if blocked is not None:
-        yield f"a wall stops the robot while it is told to go {blocked.leg}"
+        yield f"a wall stops the robot while it is commanded to go {blocked.leg}"
     if trial.fit is not None:
         yield trial.fit.text
     yield from trial.recording.remarks
     if trial.recording.not_simulated and any(check.verdict == "not judged" for check in checks):
-        yield "what looks wrong may come from what is not simulated, and is no fault"
+        yield "apparent faults may come from parts that are not simulated, and are not counted"
 
 
 _MOMENTS = 48

@@ -200,7 +200,7 @@ def _stand_ins(
 ) -> dict[str, str]:
     """Map each unmatched node that does the same as a matched one to that one's role.
 
-    What is wired from a stand-in counts as wired from the node that it stands in for.
+    What is connected to a stand-in counts as wired from the node that it stands in for.
     """
     role_of: dict[str, str] = {}
     before = -1

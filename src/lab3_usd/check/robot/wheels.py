@@ -226,7 +226,7 @@ def _commands_wheels(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> bo
     ports = _drives(node)
     if ports is None:
         return False
-    # What comes by a wire is a command; a list without entries is none.
+    # What comes over a wire is a command; a list without entries is none.
     commands = (effective_value(node, port, live) for port in ports.commands)
     if not any(value is None or value != () for value in commands):
         return False
@@ -259,7 +259,7 @@ def _array_of(maker: Node, live: Nodes) -> Value | None:
     dynamic = None if maker.type is None else maker.type.dynamic
     count = None if dynamic is None else effective_value(maker, INPUT + dynamic.count, live)
     if dynamic is None or not isinstance(count, int):
-        return None  # how many they are comes by a wire
+        return None  # how many they are comes over a wire
     names = [f"{INPUT}{dynamic.prefix}{number}" for number in range(min(count, len(maker.ports)))]
     items = [effective_value(maker, name, live) for name in names]
     return None if None in items else tuple(item for item in items if item is not None)

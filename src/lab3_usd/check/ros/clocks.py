@@ -56,7 +56,7 @@ def _stamp_of_helper(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
 
 
 def _stamp_by_wire(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
-    """Return the clock of a node whose time comes by a wire."""
+    """Return the clock of a node whose time comes over a wire."""
     node = endpoint.node
     sources = list(live_sources(node, STAMP, subject.live))
     if not sources:

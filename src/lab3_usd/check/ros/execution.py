@@ -198,7 +198,7 @@ def has_side_effects(node: Node) -> bool:
 
 
 def feeds(node: Node, subject: LintSubject) -> list[Node]:
-    """Return the nodes into which something is wired from this one."""
+    """Return the nodes into which something is connected to this one."""
     prefix = f"{node.path}."
     return [
         target

@@ -94,7 +94,7 @@ def why_dead(wire: Connection, subject: LintSubject) -> str | None:
     if stage.unknown_node(path) or subject.catalog.graph.ignores(path):
         return None
     if any(node.path == path for node in stage.orphans):
-        return "stands outside every graph"
+        return "is outside every graph"
     for graph in stage.graphs:
         if not graph.active and any(node.path == path for node in graph.nodes):
             return f"is in the graph {graph.path}, which is not in the scene"

@@ -169,8 +169,8 @@ def _left_alone(subject: StageSubject, camera: PresentSensor) -> Iterator[Proble
         if entry.required is not True and name not in prim.attributes:
             expected = display(entry.value)
             message = (
-                f"{name} is not set, expected {expected}; {spec.rate_api} takes 0 then, which "
-                "is an image for every rendered frame"
+                f"{name} is not set, expected {expected}; {spec.rate_api} has the default 0, "
+                "an image for every rendered frame"
             )
             yield Problem(
                 prim.path,

@@ -20,7 +20,7 @@ from lab3_usd.model.folder import (
 )
 from lab3_usd.spec.ros import MapFacts, TopicSpec
 
-_PLAY = "press Play, and look that the node which publishes it has its execution wire and context"
+_PLAY = "press Play, and check the execution wire and the context of the node that publishes it"
 _DURABILITIES = ("volatile", "transient_local")
 
 

@@ -54,8 +54,8 @@ def not_verifiable(subject: ModelSubject) -> Iterator[Problem]:
     for (asset, of), (first, *others) in users.items():
         what = f"the sublayer {asset} of {of}" if of else asset
         message = (
-            f"not verifiable: {what} cannot be found from here, so what it would bring to {first} "
-            "is neither passed nor failed"
+            f"not verifiable: {what} cannot be found, so its content at {first} neither passes "
+            "nor fails"
         )
         yield Problem(first, message, actual=asset, related=tuple(others), unopened="asset")
 

@@ -169,7 +169,7 @@ def ring_of_frames(view: TfView) -> Iterator[Problem]:
         severity: Severity | None = None if frames_in_cycles(certain_edges(edges)) else "warning"
         yield Problem(
             site.cause,
-            f"{site.parent} -> {site.child} closes a ring of the frames {', '.join(ring)}",
+            f"{site.parent} -> {site.child} closes a cycle of the frames {', '.join(ring)}",
             actual=f"{site.parent} -> {site.child}",
             handout=view.subject.lab.frames.handout,
             related=_others(inside, site),

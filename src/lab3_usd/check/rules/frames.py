@@ -110,7 +110,7 @@ def _why_not_all(maker: FrameSource, missing: list[str], view: TfView) -> str:
     homes = [maker.prims[frame] for frame in missing]
     if not expands(robot, maker.node, view.subject.stage):
         lack = "links of Isaac Sim's robot schema" if ROBOT_API in prim.apis else ROBOT_API
-        return f"; {robot} stands for itself, not for its links, for it has no {lack}"
+        return f"; {robot} gives only its own frame, because it has no {lack}"
     bodies = {body.path for body in view.subject.stage.with_api(BODY_API) if body.present}
     links = [home for home in homes if is_at_or_below(home, robot) and home in bodies]
     return f"; {robot} does not give {', '.join(links)} without {LINK_API}" if links else ""
@@ -211,7 +211,7 @@ def lost_frames(outcome: Outcome) -> Iterator[Problem]:
         and not any(is_at_or_below(finding.prim, path) for path in others)
         for finding in faults
     )
-    because = "through other faults, " if has_cause else ""
+    because = "because of other faults, " if has_cause else ""
     for path in publishers:
         sites = [finding.prim for finding in faults if is_at_or_below(finding.prim, path)]
         yield Problem(
@@ -306,6 +306,6 @@ def unknown_frames(view: TfView) -> Iterator[Problem]:
         if path not in subject.faulty_prims:
             yield Problem(
                 path,
-                "publishes transforms between frames that the stage does not tell",
+                "publishes transforms between frames that the stage does not define",
                 handout=subject.lab.frames.handout,
             )

@@ -156,7 +156,7 @@ def _obstacles(
         return
     if body is None:
         side = BODIES[ends(joint).index(wheel)]
-        yield joint.path, side, f"moves {wheel}, which is no rigid body"
+        yield joint.path, side, f"moves {wheel}, which is not a rigid body"
         return
     if is_switched_off(body, BODY_ENABLED):
         yield body.path, BODY_ENABLED, "is switched off as a rigid body"
@@ -241,7 +241,7 @@ def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(
                 pair[0].path,
                 f"turns its wheel against that of {pair[1].path}: {controller.path} turns the "
-                "robot where it should drive ahead",
+                "robot when it should drive ahead",
                 related=(pair[1].path, command.node.path),
                 rests_on=subject.stage.unknown(pair[0].path, pair[1].path),
             )

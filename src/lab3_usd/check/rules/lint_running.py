@@ -36,7 +36,7 @@ from lab3_usd.spec.catalog import INPUT
 
 _REASONS = {
     "unwired": "{port} is not connected",
-    "once": "its only signal comes once, from {cause}, which opens its topic and no more",
+    "once": "its only signal comes once, from {cause}, and only opens its topic",
     "off": "{cause}, which triggers it, is switched off",
 }
 
@@ -47,8 +47,8 @@ _REASONS = {
     scope="lint",
     formerly="never-computes",
     counted=(
-        "node switched off with what is behind it",
-        "nodes switched off with what is behind them",
+        "node that waits for a switched-off node",
+        "nodes that wait for a switched-off node",
     ),
 )
 def never_computes(subject: LintSubject) -> Iterator[Problem]:

@@ -242,7 +242,7 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     "unused-camera",
     scope="lint",
     severity="note",
-    counted=("camera nobody reads", "cameras nobody reads"),
+    counted=("unused camera", "unused cameras"),
 )
 def unused_camera(subject: LintSubject) -> Iterator[Problem]:
     """No render product uses a camera on a robot.

@@ -290,7 +290,7 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
         if name.resolved is None:
             yield Problem(
                 name.node.path,
-                f"{name.port} is {display(name.written)}, which ROS 2 refuses"
+                f"{name.port} is {display(name.written)}, which ROS 2 rejects"
                 if name.written
                 else f"{name.port} is empty: there is no topic",
                 property=name.port,
@@ -309,7 +309,7 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
     for node, namespace in refused_namespaces(subject):
         yield Problem(
             node.path,
-            f"the namespace of its topics is {display(namespace)}, which ROS 2 refuses",
+            f"the namespace of its topics is {display(namespace)}, which ROS 2 rejects",
             expected="letters, digits, underscores and slashes, a letter first",
             actual=namespace,
         )

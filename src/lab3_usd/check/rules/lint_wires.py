@@ -27,7 +27,7 @@ from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType, Port, can_connect
     "dangling-wire",
     scope="lint",
     formerly="wire-from-nowhere",
-    counted=("wire of unknown source", "wires of unknown source"),
+    counted=("wire with an unknown source", "wires with unknown sources"),
 )
 def dead_source(subject: LintSubject) -> Iterator[Problem]:
     """The source node of a wire does not exist.
@@ -62,7 +62,7 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
         sublayer = sublayer_with_source(wire, subject)
         yield Problem(
             wire.node.path,
-            f"{wire.port} is wired from {name}, which {reason}"
+            f"{wire.port} is connected to {name}, which {reason}"
             f"{'; another source feeds it' if is_fed else ''}"
             f"{f', unless {sublayer} has it' if sublayer else ''}",
             property=wire.port,
@@ -105,7 +105,7 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
             fits = near and port and can_connect(source.type.ports[near], port)
             yield Problem(
                 wire.node.path,
-                f"{wire.port} is wired from {source.name}.{wire.source_port}, a port that "
+                f"{wire.port} is connected to {source.name}.{wire.source_port}, a port that "
                 f"{source.type.ui_name} does not have{_known_of_old(wire, subject)}"
                 f"{did_you_mean(near)}",
                 property=wire.port,
@@ -241,7 +241,7 @@ def two_sources(subject: LintSubject) -> Iterator[Problem]:
     scope="lint",
     severity="note",
     formerly="value-under-a-wire",
-    counted=("value under a wire", "values under wires"),
+    counted=("value overridden by a wire", "values overridden by wires"),
 )
 def value_under_a_wire(subject: LintSubject) -> Iterator[Problem]:
     """An input is connected and also has a value.

@@ -64,7 +64,7 @@ def parameters_refused(subject: NavigationSubject) -> Iterator[Problem]:
     Example: `max_velocity: [0.22, 0, 1.0]` mixes an integer with floating-point numbers.
     """
     for refusal in subject.refusals:
-        message = f"line {refusal.line}: {refusal.why}, which ROS 2 refuses"
+        message = f"line {refusal.line}: {refusal.why}, which ROS 2 rejects"
         yield Problem(subject.file, message, refusal.name)
 
 

@@ -380,7 +380,7 @@ def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
     }
     for node in nodes_outside_graphs(stage):
         if node.path not in missed and not lab.catalog.scripts.runs(node.type_name):
-            message = f"{node_title(node)} stands outside every graph, where it is never evaluated"
+            message = f"{node_title(node)} is outside every graph, where it is never evaluated"
             yield Problem(node.path, message, actual=node.type_name, fix=(RemovePrim(node.path),))
 
 

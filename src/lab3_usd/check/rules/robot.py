@@ -90,7 +90,7 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
         message = f"mass is {actual_text}, expected {expected_text}"
         fix: Edit = Restore(prim.path, MASS)
         if actual is not None and not has_api:
-            message, expected_text = f"mass counts for nothing: {MASS_API} was removed", MASS_API
+            message, expected_text = f"mass has no effect: {MASS_API} was removed", MASS_API
             fix = ApplySchema(prim.path, MASS_API)
         yield Problem(
             prim.path,
@@ -126,7 +126,7 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
         if BODY_API not in prim.apis:
             yield Problem(
                 path,
-                f"{prim.name} is no rigid body",
+                f"{prim.name} is not a rigid body",
                 name,
                 BODY_API,
                 handout=handout,

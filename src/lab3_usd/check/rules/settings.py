@@ -127,7 +127,7 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
             continue
         actual = display(found.value)
         if found.value is None:
-            actual = f"wired from {short_source(node.sources(port)[0])}"
+            actual = f"connected to {short_source(node.sources(port)[0])}"
         message = f"{port} is {actual}, expected {display(found.setting.value)}"
         message += with_setting(subject, found.spec.role, found.setting, found.value)
         yield setting_problem(subject, found, message)
@@ -232,7 +232,7 @@ def kept_default_changed(subject: GraphSubject) -> Iterator[Problem]:
         wired = spec.type.port(fault.port)
         if wired is not None and fault.kind == "unasked" and _is_kept_from_wires(subject, wired):
             source = short_source(fault.actual)
-            problem = _kept_problem(subject, fault.node, spec, wired, f"wired from {source}")
+            problem = _kept_problem(subject, fault.node, spec, wired, f"connected to {source}")
             yield replace(problem, hint=f"delete the wire from {source}")
 
 

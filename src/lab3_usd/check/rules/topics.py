@@ -174,7 +174,7 @@ def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
         if sources and path in played:
             yield Problem(
                 path,
-                f"the QoS profile of {endpoint.topic} comes by a wire",
+                f"the QoS profile of {endpoint.topic} comes over a wire",
                 property=PROFILE,
                 expected="the default",
                 actual="a profile Isaac Sim refuses" if endpoint.qos is None else str(endpoint.qos),
@@ -205,7 +205,7 @@ def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
         if endpoint.runs and endpoint.topic in taken and path.rpartition("/")[0] not in lab_graphs:
             yield Problem(
                 path,
-                f"takes {endpoint.topic}, which another node takes for the lab",
+                f"takes {endpoint.topic}, as a node of the lab does",
                 property=endpoint.port,
                 actual=endpoint.topic,
                 related=(taken[endpoint.topic],),

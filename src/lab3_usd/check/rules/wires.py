@@ -71,7 +71,7 @@ def missing_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: `ros2_publish_clock.inputs:timeStamp` not connected: /clock stays at 0.
     """
     for fault in _faults(subject, "missing", "moved"):
-        message = f"{fault.port} is not wired, expected {short_source(fault.expected)}"
+        message = f"{fault.port} is not connected, expected {short_source(fault.expected)}"
         if fault.elsewhere is not None:
             message += f"; that wire goes into {short_source(fault.elsewhere)} instead"
         yield _problem(
@@ -81,7 +81,7 @@ def missing_wire(subject: GraphSubject) -> Iterator[Problem]:
 
 def _explain(fault: WireFault, subject: GraphSubject) -> str:
     expected, actual = short_source(fault.expected), _source_shown(fault)
-    message = f"{fault.port} is wired from {actual}, expected {expected}"
+    message = f"{fault.port} is connected to {actual}, expected {expected}"
     if fault.kind == "bypass":
         message += f"; the wire goes past {expected.partition('.')[0]}"
     return message + _told_once(fault, subject)
@@ -133,8 +133,8 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
     """
     for fault in _faults(subject, "dead"):
         expected, actual = short_source(fault.expected), _source_shown(fault)
-        why = "does not exist" if "." in str(fault.actual) else "is a prim and no port"
-        message = f"{fault.port} is wired from {actual}, which {why}, expected {expected}"
+        why = "does not exist" if "." in str(fault.actual) else "is a prim, not a port"
+        message = f"{fault.port} is connected to {actual}, which {why}, expected {expected}"
         yield _problem(
             subject, fault, message + without_wire(subject, fault.wire), _connect_hint(fault)
         )
@@ -152,7 +152,7 @@ def second_source(subject: GraphSubject) -> Iterator[Problem]:
     Example: `ros2_publish_clock.inputs:timeStamp` connected to two Isaac Read Simulation Time
     nodes.
     """
-    yield from _to_delete(subject, "second", "is also wired from {}, expected one source")
+    yield from _to_delete(subject, "second", "is also connected to {}, expected one source")
 
 
 @rule("W05", "unasked-wire", scope="graph", severity="warning")
@@ -178,9 +178,8 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
         if (fault.node.path, fault.port) not in reported and fault.port.partition(":")[
             2
         ] not in kept:
-            message = (
-                f"{fault.port} is wired from {_source_shown(fault)}, which the handout does not ask"
-            )
+            source = _source_shown(fault)
+            message = f"{fault.port} is connected to {source}, which the handout does not ask for"
             yield _problem(subject, fault, message)
 
 
@@ -199,8 +198,8 @@ def swapped_wires(subject: GraphSubject) -> Iterator[Problem]:
     for fault in _faults(subject, "swapped"):
         other = short_source(fault.elsewhere)
         message = (
-            f"{fault.port} and {other} are wired the wrong way round: "
-            f"{fault.port} is wired from {_source_shown(fault)}, "
+            f"{fault.port} and {other} are exchanged: "
+            f"{fault.port} is connected to {_source_shown(fault)}, "
             f"expected {short_source(fault.expected)}"
         )
         yield _problem(
@@ -222,7 +221,7 @@ def cross_graph_wire(subject: GraphSubject) -> Iterator[Problem]:
     """
     for fault in _faults(subject, "foreign"):
         message = (
-            f"{fault.port} is wired from {fault.actual}, which is not in this graph, "
+            f"{fault.port} is connected to {fault.actual}, which is not in this graph, "
             f"expected {short_source(fault.expected)}"
         )
         yield _problem(subject, fault, message, _connect_hint(fault))
@@ -239,7 +238,7 @@ def execution_cycle(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: the execOut of a publisher connected back to the node that triggers it.
     """
-    yield from _to_delete(subject, "cycle", "is wired from {}, which this node itself triggers")
+    yield from _to_delete(subject, "cycle", "is connected to {}, which this node itself triggers")
 
 
 @rule("W09", "incompatible-wire", scope="graph")
@@ -269,7 +268,7 @@ def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
     for fault in _faults(subject, "forbidden"):
         actual = _source_shown(fault)
         expected = "" if fault.expected is None else f", expected {short_source(fault.expected)}"
-        message = f"{fault.port} is wired from {actual}, which the handout forbids{expected}"
+        message = f"{fault.port} is connected to {actual}, which the handout forbids{expected}"
         yield _problem(subject, fault, message, _connect_hint(fault) if fault.expected else None)
 
 

@@ -135,7 +135,7 @@ def published_edges(stage: StageModel, lab: Lab) -> tuple[Edge, ...]:
 
 
 def unknown_publishers(stage: StageModel, lab: Lab) -> tuple[str, ...]:
-    """Return the nodes that publish transforms between frames that the stage does not tell."""
+    """Return the nodes that publish transforms between frames that the stage does not define."""
     return tuple(
         sent.publisher.path for sent in published_transforms(stage, lab) if sent.edges is None
     )

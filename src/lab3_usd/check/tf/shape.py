@@ -44,7 +44,7 @@ def tree_faults(edges: Sequence[Edge], reserved: Mapping[str, str] = _NONE) -> l
         if any(edge.parent == frame for edge in above):
             faults.append(TreeFault(frame, "own parent", "its own parent"))
         elif frame in ring:
-            faults.append(TreeFault(frame, "ring", "part of a ring"))
+            faults.append(TreeFault(frame, "ring", "part of a cycle"))
     return faults
 
 

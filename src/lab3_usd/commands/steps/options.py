@@ -104,7 +104,7 @@ report_options = all_of(
         metavar="NAME",
         shell_complete=complete_formats,
         show_default=True,
-        help="How to report: text, json, sarif, ... (a wrong name lists them all).",
+        help="Format: text, json, sarif, ... (a wrong name lists them all).",
     ),
     click.option("--output", "-o", type=click.Path(), help="Write the report to this file."),
     rules_options,
@@ -115,18 +115,18 @@ report_options = all_of(
         show_default=True,
         help="Exit 1 from this severity on.",
     ),
-    click.option("--exit-zero", is_flag=True, help="Exit 0 whatever is found."),
+    click.option("--exit-zero", is_flag=True, help="Exit 0 regardless of findings."),
     click.option(
         "--baseline",
         type=click.Path(path_type=Path),
         metavar="FILE",
-        help="Leave out what this file knows.",
+        help="Hide the findings in this file.",
     ),
     click.option(
         "--write-baseline",
         type=click.Path(path_type=Path),
         metavar="FILE",
-        help="Write all findings to this file, as known from now on.",
+        help="Write all findings to this file, for --baseline.",
     ),
 )
 
@@ -140,7 +140,7 @@ assets_option = click.option(
     "--assets",
     multiple=True,
     metavar="URL=FOLDER",
-    help="Where the assets of a server lie on this computer; may be repeated.",
+    help="Folder with the assets of a server; may be repeated.",
 )
 
 
@@ -155,7 +155,7 @@ color_option: Option = click.option(
     show_default=True,
     expose_value=False,
     callback=_set_color,
-    help="Colour the text; auto: on a terminal, as NO_COLOR and FORCE_COLOR say.",
+    help="Colour the text; auto: on a terminal, subject to NO_COLOR and FORCE_COLOR.",
 )
 
 
@@ -171,7 +171,7 @@ view_options = all_of(
         help="Judge N files or submissions at once, each in a process of its own.",
     ),
     click.option(
-        "--watch", is_flag=True, help="Judge again whatever is saved, until Ctrl-C (extra watch)."
+        "--watch", is_flag=True, help="Judge again after each save, until Ctrl-C (extra watch)."
     ),
     click.option("--quiet", "-q", is_flag=True, help="Only the summary lines."),
     click.option("--verbose", "-v", is_flag=True, help="Also why each rule matters."),
@@ -193,7 +193,7 @@ text_or_json: Option = click.option(
     type=click.Choice(["text", "json"]),
     default="text",
     show_default=True,
-    help="How to report.",
+    help="Format of the report.",
 )
 
 

@@ -103,7 +103,7 @@ def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
         )
     compared = without_known(report, written or given, options)
     if compared.gone:
-        click.echo(f"{program()}: {len(compared.gone)} of {given} found no longer:", err=True)
+        click.echo(f"{program()}: {len(compared.gone)} of {given} no longer found:", err=True)
     for finding in compared.gone:
         click.echo(f"  {finding.file}: {finding.rule} {finding.site}", err=True)
     return compared.report

@@ -286,7 +286,7 @@ def _parts(
     ]
     if passed_over:
         listed = _listed(passed_over)
-        notify(f"{location.given}: passed over, as nobody's submission: {listed}")
+        notify(f"{location.given}: ignored, since they belong to no student: {listed}")
     ours = (entry for entry in sorted(all_entries) if is_submission_part(entry))
     parts = list(parts_of(ours, names.by_folder))
     for part in parts:

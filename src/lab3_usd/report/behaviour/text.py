@@ -20,49 +20,49 @@ from lab3_usd.report.safe_text import paint, printable, truncated_values
 WHAT_IT_IS = "a dry run from published node source, not Isaac Sim"
 WHAT_A_RECORDING_IS = "a recording of the running system"
 LOOKS = {
-    "graphs": "every graph can run, and every wire joins ports that are there",
-    "topics": "every topic comes, of its type, from one node, in the lab's domain",
-    "rest": "stands still without a command, after one, and when told to go sideways",
-    "follows": "follows commands in sense and size",
+    "graphs": "every graph can run, and every wire joins existing ports",
+    "topics": "every topic is received, of its type, from one node, in the lab's domain",
+    "rest": "stands still without a command, after one, and when commanded sideways",
+    "follows": "follows commands in direction and size",
     "limits": "commands beyond the limits are cut down to them",
     "odometry": "odometry starts at 0 and agrees with the motion",
     "clock": "the clock runs at the speed of the simulation",
-    "stamps": "all stamps are of the clock",
+    "stamps": "all stamps agree with the clock",
     "tree": "TF is one tree, with one parent and one publisher for each frame",
     "moving frames": "TF moves the base as odometry does",
-    "mounted": "lidar and camera go with the robot",
+    "mounted": "lidar and camera move with the robot",
     "scan": "scans come at their rate and show the walls where they are",
-    "map": "the scan lies at the walls of the map",
+    "map": "the scan agrees with the walls of the map",
     "camera": "image and info belong together, in the frame of a camera that looks where it should",
-    "again": "drives again after Stop and Play, whatever ROS_DOMAIN_ID says",
+    "again": "drives again after Stop and Play, with any ROS_DOMAIN_ID",
 }
 
 
 LOOKS_OF_ANY_STAGE = {
     **LOOKS,
-    "topics": "every publisher that is switched on sends",
+    "topics": "every enabled publisher sends",
     "rest": "stands still without a command, and after one",
     "moving frames": "TF moves the base as the robot moves",
-    "mounted": "the lidar goes with the robot",
+    "mounted": "the lidar moves with the robot",
     "scan": "scans show the walls where TF has the lidar",
     "again": "drives again after Stop and Play",
-    "joints": "each joint goes where it is told",
-    "links": "TF has the links where the joints put them",
-    "joint states": "joint states are those of the joints",
+    "joints": "each joint moves as commanded",
+    "links": "TF agrees with the links",
+    "joint states": "joint states agree with the joints",
 }
 LOOKS_OF_A_RECORDING = {
     **LOOKS,
-    "topics": "every topic comes, of its type",
-    "odometry": "the speeds of odometry are those of its way",
+    "topics": "every topic is received, of its type",
+    "odometry": "the speeds of odometry agree with its path",
     "tree": "TF is one tree, with one parent for each frame",
     "scan": "scans come at their rate, and rays come back",
-    "map": "the scan lies about at the walls of the map",
-    "messages": "every message is of the type that its topic says",
-    "QoS": "each topic is offered as it is asked for",
-    "rates": "what is to stream streams, and its stamps go on",
-    "headers": "the headers name the frames that are asked for",
+    "map": "the scan roughly agrees with the walls of the map",
+    "messages": "every message has the type of its topic",
+    "QoS": "each topic is offered with the required QoS",
+    "rates": "streams continue, with advancing stamps",
+    "headers": "the headers name the required frames",
     "frames": "each frame keeps its parent, and its transforms come without gaps",
-    "way": "all in all the robot goes as far as it is told",
+    "way": "in total, the robot goes as far as commanded",
     "localization": "localization ties the map to odometry",
     "goal": "the last goal was reached",
 }
@@ -119,7 +119,7 @@ def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
     for check in behaviour.checks:
         lines += _check(check, looks, width, color=color)
     legs = "; ".join(map(leg_text, behaviour.legs)) or (
-        "joints were told where to go" if behaviour.robots else "no command was sent"
+        "joints received commands" if behaviour.robots else "no command was sent"
     )
     motion = "drive" if behaviour.legs else "run"
     remarks = (f"{motion}: {behaviour.seconds:.1f} s; {legs}", *map(printable, _remarks(behaviour)))

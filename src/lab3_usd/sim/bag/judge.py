@@ -163,7 +163,7 @@ def odometry(recorded: Recorded) -> Iterator[Fault]:
             pairs.append((angular, turned / leg.seconds))
         if any(abs(a - b) > TWIST[0] + TWIST[1] * abs(b) for a, b in pairs):
             yield Fault(
-                f"the speeds of odometry are not those of its way {leg.name}",
+                f"the speeds of odometry do not agree with its path {leg.name}",
                 "wrong-odometry-velocity",
             )
             return
@@ -177,7 +177,9 @@ def way(recorded: Recorded) -> Iterator[Fault]:
     poses = trial.recording.path
     driven = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(poses))
     if commanded > LEAST and not is_about(driven, commanded):
-        yield Fault(f"told to go {commanded:.1f} m in all, went {driven:.1f} m", "wrong-distance")
+        yield Fault(
+            f"commanded to go {commanded:.1f} m in all, went {driven:.1f} m", "wrong-distance"
+        )
 
 
 def localization(recorded: Recorded) -> Iterator[Fault]:
@@ -269,7 +271,7 @@ _Command = tuple[float, float, float]  # forward, to the left, turning
 
 _TOPIC = re.compile(r"/[A-Za-z0-9_/]+")
 _TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv|action)/[A-Za-z0-9_]+")
-_NO_CONTENT = "not sent, as a dry run makes no pictures and no points"
+_NO_CONTENT = "not sent, since a dry run makes no images and no point clouds"
 _MOVED = ("rest", "follows", "limits", "way")
 
 

@@ -119,8 +119,8 @@ class RunCauses(Struct, frozen=True):
         }
         if len(radii) == len(sizes) == 1 and radii != sizes and all(sizes):
             wheel, size = radii.pop() * self.unit, sizes.pop() * self.unit
-            text = f"the wheels measure {wheel:g} m and the controller is told {size:g} m"
-            yield f"{text}: the robot goes {wheel / size:.2f} times as far as it is told"
+            text = f"the wheels measure {wheel:g} m and the controller has {size:g} m"
+            yield f"{text}: the robot goes {wheel / size:.2f} times as far as commanded"
 
     def _elsewhere(self, node: Running, topic: str) -> Cause | None:
         own = [message for message in self.sent if message.node == node.path]

@@ -79,4 +79,4 @@ def whole_verdict(checks: Sequence[Check]) -> tuple[Literal["ok", "bad", "not ju
             return "not judged", check.text
     if any(check.verdict == "ok" for check in checks):
         return "ok", ""
-    return "not judged", "nothing was asked for, or nothing came, that a check looks at"
+    return "not judged", "no check applies: nothing was required, or nothing was received"

@@ -53,7 +53,7 @@ def _standing(trial: Trial, stretch: Stretch) -> Fault | None:
     if not _moves(trial, displacement(before, poses[-1])):
         return None
     kind: FaultKind = "moves-uncommanded" if leg.name == "idle" else "moves-sideways"
-    return trial.motion_fault(f"moves while told {leg.name}", kind)
+    return trial.motion_fault(f"moves while commanded {leg.name}", kind)
 
 
 def _moves(trial: Trial, way: tuple[float, float, float]) -> bool:
@@ -80,13 +80,13 @@ def _straight(trial: Trial, stretch: Stretch) -> Fault | None:
     part, _, _ = displacement(steady.before, steady.poses[-1])
     if not trial.follows(part, leg.forward * steady.seconds):
         if any(pose.blocked for pose in poses) and 0 <= ahead / commanded < trial.factor:
-            text = f"told to go {commanded:.2f} m, a wall stops it after {ahead:.2f} m"
+            text = f"commanded to go {commanded:.2f} m, a wall stops it after {ahead:.2f} m"
             return Fault(text, "wall-ahead", sure=False)
-        text = f"told to go {commanded:.2f} m, went {ahead:.2f}"
+        text = f"commanded to go {commanded:.2f} m, went {ahead:.2f}"
         text += trial.expected_text(commanded, ".2f")
         return trial.motion_fault(text, "wrong-distance")
     if abs(left) > trial.tolerance.slip[0] or abs(turned) > trial.tolerance.slip[1]:
-        return trial.motion_fault(f"told to go {leg.name}, went aside", "sideways-drift")
+        return trial.motion_fault(f"commanded to go {leg.name}, went aside", "sideways-drift")
     return None
 
 
@@ -96,11 +96,11 @@ def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
     steady = stretch.steady
     if not trial.follows(steady.turned, leg.turn * steady.seconds, turning=True):
         told, sense = math.degrees(abs(leg.turn * leg.seconds)), -1.0 if leg.turn < 0 else 1.0
-        text = f"told {told:.0f} degrees {leg.name}, turned"
+        text = f"commanded {told:.0f} degrees {leg.name}, turned"
         text += f" {math.degrees(sense * stretch.turned):.1f}{trial.expected_text(told, '.1f')}"
         return trial.motion_fault(text, "wrong-turn")
     if math.hypot(ahead, left) > trial.tolerance.slip[0]:
-        return trial.motion_fault("told to turn, went away", "turn-off-centre")
+        return trial.motion_fault("commanded to turn, went away", "turn-off-centre")
     return None
 
 
@@ -110,7 +110,7 @@ def _arc(trial: Trial, stretch: Stretch) -> Fault | None:
     if trial.follows(steady.way, length) and trial.follows(steady.turned, turn, turning=True):
         return None
     told = f"{abs(leg.forward) * leg.seconds:.2f} m"
-    text = f"told to go {told} and turn {math.degrees(leg.turn * leg.seconds):.0f} degrees,"
+    text = f"commanded to go {told} and turn {math.degrees(leg.turn * leg.seconds):.0f} degrees,"
     text += f" did {stretch.way:.2f} m and {math.degrees(stretch.turned):.0f}"
     return trial.motion_fault(text, "wrong-arc")
 
@@ -134,7 +134,7 @@ def _at_limit(trial: Trial, stretch: Stretch) -> Fault | None:
     if trial.follows(speed, limit, turning=turning) or stopped:
         return None
     unit = "rad" if turning else "m"
-    text = f"told to go {name}, does {speed:.2f} of {limit} {unit}/s"
+    text = f"commanded to go {name}, does {speed:.2f} of {limit} {unit}/s"
     return trial.motion_fault(text + trial.expected_text(limit, ".2f"), "wrong-speed-limit")
 
 

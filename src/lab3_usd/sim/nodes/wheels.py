@@ -159,12 +159,12 @@ def _columns(node: Running, world: World) -> list[tuple[Vector, float]] | None:
         for name in ("wheelRadius", "wheelPositions", "wheelOrientations", "mecanumAngles")
     )
     if not (radii and places and turns and angles):
-        node.fails("it is not told of its wheels", "invalid-wheel-size")
+        node.fails("its wheels are not set", "invalid-wheel-size")
         return None
     count = len(places)
     radii, angles = (a * count if len(a) == 1 else a for a in (radii, angles))
     if not len(radii) == len(turns) == len(angles) == count:
-        node.fails("it is told of more wheels in one way than in another", "invalid-wheel-size")
+        node.fails("its settings name different numbers of wheels", "invalid-wheel-size")
         return None
     up = node.vector("upAxis", world)
     norm = math.hypot(*radii) or 1.0

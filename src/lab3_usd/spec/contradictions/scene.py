@@ -14,7 +14,7 @@ from lab3_usd.spec.yaml_file import read_yaml
 
 
 class KnownScene(Struct, frozen=True):
-    """A scene by the paths of its prims; nothing is known of what is below `open_below`."""
+    """A scene by the paths of its prims; unknown: what is below `open_below`."""
 
     name: str
     prims: frozenset[str]
