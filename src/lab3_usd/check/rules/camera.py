@@ -224,7 +224,7 @@ def camera_image(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("C11", "camera-enclosed", scope="stage", severity="warning")
 def camera_enclosed(subject: StageSubject) -> Iterator[Problem]:
-    """A shape stands right around the robot's camera.
+    """A shape encloses the robot's camera.
 
     Why: the image shows the inside of the shape.
 

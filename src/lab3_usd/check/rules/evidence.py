@@ -217,7 +217,7 @@ def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     """The saved TF tree lacks a required frame, or the frame has another parent.
 
     Why: a component that needs the transform{localization?} from `{above}`{/} to `{lidar_link}`
-    waits for ever. {localization?}A tree that only lacks `{above} -> {root}` may have been saved
+    waits forever. {localization?}A tree that only lacks `{above} -> {root}` may have been saved
     before localization, with the stage: a note, or an error if evidence is required, because it
     does not show the final tree.{/}
 
@@ -330,9 +330,9 @@ def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
     """A recording shows that the running system does something wrong.
 
     Why: a recording of `ros2 bag record` holds what the other commands print, and how the robot
-    moved. What an evidence rule would say of an output is an error; what is measured (motion,
-    stamps, ranges) is a warning, as its tolerances are those of `lab3 bag`. What was not recorded
-    is no fault, and neither is what another recording shows to be right.
+    moved. A fault that an evidence rule would report is an error; a measured one (motion, stamps,
+    ranges) is a warning, since its tolerances are those of `lab3 bag`. Missing topics are no fault,
+    nor is a fault that another recording refutes.
 
     Fix: run `lab3 bag` on the recording, which shows all of it. Repair the graph that it names and
     record again.
@@ -367,10 +367,11 @@ def _reached(subject: EvidenceSubject, check: str) -> bool:
 
 @rule("E19", "recording-not-read", scope="evidence", severity="warning")
 def recording_not_read(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A recording could not be read, or not all of it was.
+    """A recording could not be read, or only partly.
 
-    Why: it shows nothing then. One that was not ended by Ctrl-C lacks its end, and large ones are
-    not opened. Where the checking computer lacks the extra `sim`, it is a note.
+    Why: an unread recording shows nothing. A recording that was not ended with Ctrl-C is
+    incomplete, and large ones are not opened. If the checking computer lacks the extra `sim`, it is
+    a note.
 
     Fix: end `ros2 bag record` with Ctrl-C{camera?}, leave images out (`collect.sh --bag` does){/},
     and hand in the whole folder.

@@ -164,8 +164,8 @@ def reference_left_out(asset: str, reason: str) -> Iterator[Problem]:
 def folder_left_aside(path: str, choice: str) -> Iterator[Problem]:
     """The upload holds more than one folder that may be the submission.
 
-    Why: only one of them is judged: the one with the most checkpoints that can be read, then the
-    newest, then the one that lies least deep. Stages in the others earn nothing.
+    Why: only one of them is judged: the one with the most readable checkpoints, then the newest,
+    then the shallowest. Stages in the others earn nothing.
 
     Fix: hand in one folder, without backups and copies. If the wrong one was judged, hand in the
     right one alone, or tell your instructor.
@@ -177,11 +177,11 @@ def folder_left_aside(path: str, choice: str) -> Iterator[Problem]:
 
 @rule("Z04", "upload-left-aside", scope="file", severity="warning")
 def upload_left_aside(path: str, uploads: str) -> Iterator[Problem]:
-    """The submission was uploaded more than once, and an earlier upload counts for something.
+    """The submission was uploaded more than once, and an earlier upload matters.
 
     Why: the last upload is the submission. If an earlier one holds more checkpoints, work may have
-    been forgotten in the last one. If the grader merges uploads, it is said which file is from
-    which.
+    been forgotten in the last one. If the grader merges uploads, the finding names the upload of
+    each file.
 
     Fix: upload all files again, together.
 
@@ -192,11 +192,11 @@ def upload_left_aside(path: str, uploads: str) -> Iterator[Problem]:
 
 @rule("Z05", "file-passed-over", scope="file", severity="note")
 def file_passed_over(path: str, reason: str) -> Iterator[Problem]:
-    """A file or folder of the upload is no part of the submission that is judged.
+    """A file or folder of the upload is not part of the judged submission.
 
     Why: folders that version control, environments and builds fill (`.git`, `venv`, `build`,
     `install`, `log`, `__pycache__`) hold nothing of the lab, unless stages lie in them. Files
-    outside of the folder that is judged are not looked at.
+    outside of the judged folder are not examined.
 
     Fix: nothing, if the file or folder does not matter. Else put it into the folder of the lab,
     under another name.

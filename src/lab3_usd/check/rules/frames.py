@@ -47,8 +47,8 @@ def missing_frame(view: TfView) -> Iterator[Problem]:
     Why: whoever receives data cannot place it without a transform: without the frame of a sensor
     its data is dropped, or has no place. The robot root as a target gives only the prims below it
     with IsaacLinkAPI, IsaacSiteAPI or IsaacReferencePointAPI. The links in its robot schema do not
-    matter. A target with the articulation root gives the bodies at and below it. Where the links
-    are beside that body, it is only itself.
+    matter. A target with the articulation root gives the bodies at and below it. If the links are
+    beside that body, it gives only itself.
 
     Fix: select the Isaac Compute Transform Tree node and add the prim of the frame to Target Prims.
     If the prim has a name override, clear it.
@@ -246,7 +246,7 @@ def _graphs(outcome: Outcome, *, publish: bool) -> Iterator[str]:
 def frame_id_outside_the_tree(view: TfView) -> Iterator[Problem]:
     """A message names a frame that is not in the TF tree of the stage.
 
-    Why: a subscriber asks tf2 for the frame and waits for ever. Isaac Sim reports no error.
+    Why: a subscriber asks tf2 for the frame and waits forever. Isaac Sim reports no error.
 
     Fix: set the frame id of the publisher to a frame that the stage publishes, or publish that
     frame.

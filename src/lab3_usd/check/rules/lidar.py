@@ -382,7 +382,7 @@ def lidar_asset(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("L12", "lidar-enclosed", scope="stage", severity="warning")
 def lidar_enclosed(subject: StageSubject) -> Iterator[Problem]:
-    """A shape stands right around the lidar.
+    """A shape encloses the lidar.
 
     Why: the beams end at the inside of the shape. The scan shows it and no walls.
 

@@ -60,7 +60,7 @@ _DEFAULTS = {"mode": "trinary"}  # what map_server takes where the file says not
 def map_file_unreadable(subject: MapSubject) -> Iterator[Problem]:
     """The YAML file of the map is missing, or is not a map file.
 
-    Why: map_server fails to configure, so there is no map. AMCL waits for ever, and `{above} ->
+    Why: map_server fails to configure, so there is no map. AMCL waits forever, and `{above} ->
     {root}` never appears.
 
     Fix: copy the supplied `{map}` into `{maps}/` again, without editing it.
@@ -226,7 +226,7 @@ def map_size(subject: MapSubject) -> Iterator[Problem]:
 
 @rule("M09", "map-agreement", scope="maps", severity="note")
 def map_agreement(subject: MapSubject) -> Iterator[Problem]:
-    """How well the occupied cells of the map match the walls of the stage.
+    """The occupied cells of the map were compared with the walls of the stage.
 
     Why: a low figure may mean that the map belongs to another scene, and that AMCL cannot find the
     robot. The handout does not say where in the scene the origin of the map is, so this figure is

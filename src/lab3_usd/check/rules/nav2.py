@@ -114,7 +114,7 @@ def parameters_unreadable(subject: NavigationSubject) -> Iterator[Problem]:
 
 @rule("V02", "not-simulation-time", scope="navigation")
 def not_simulation_time(subject: NavigationSubject) -> Iterator[Problem]:
-    """A node of localization or navigation cannot be told to use the simulation time.
+    """A node of localization or navigation cannot use simulation time.
 
     Why: the `use_sim_time:=true` of Humble's launch files replaces the value of an existing key,
     and never adds the key. A node without the key uses a clock that is decades ahead of Isaac
@@ -211,7 +211,7 @@ def wrong_scan_topic(subject: NavigationSubject) -> Iterator[Problem]:
 
 @rule("V06", "wrong-map-topic", scope="navigation")
 def wrong_map_topic(subject: NavigationSubject) -> Iterator[Problem]:
-    """AMCL or the static layer listens to another map than the map server's.
+    """AMCL or the static layer subscribes to another map than that of the map server.
 
     Why: the map server publishes `{map_topic}`; without it AMCL waits and the global costmap is
     empty.

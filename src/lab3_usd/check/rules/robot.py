@@ -107,7 +107,7 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("S05", "rigid-body", scope="stage", demands=link_bodies)
 def rigid_body(subject: StageSubject) -> Iterator[Problem]:
-    """A link of the robot is not a rigid body, or is one that cannot move; or the root is one.
+    """A link of the robot is not a movable rigid body, or the root is a rigid body.
 
     Why: a prim that is not a rigid body has no mass and no joints. {wheels?}The wheel does not
     turn, or the{else}The{/} robot falls apart or hangs in the air. A robot root that is a rigid

@@ -176,8 +176,8 @@ def _robot_pose(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 def robot_pose(subject: StageSubject) -> Iterator[Problem]:
     """The robot root is not at the pose of the starter.
 
-    Why: whatever the handout says of places assumes this pose. In later checkpoints it is a
-    warning, because the stage may have been saved after a run.
+    Why: all places in the handout assume this pose. In later checkpoints it is a warning, because
+    the stage may have been saved after a run.
 
     Fix: select the robot root and set Translate, Rotate and Scale to the values expected here in
     the Property panel.
@@ -221,10 +221,10 @@ def _link_offsets(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 def scan_offset(subject: StageSubject) -> Iterator[Problem]:
     """A link that a sensor needs is not at its place on the robot.
 
-    Why: what a sensor measures is taken at its link and published in that frame. At another place
-    it sees parts of the robot, or what it sees lies elsewhere. The link's own transform is judged
-    in the first checkpoint only, because a later stage may have been saved during a run. At Play
-    the link goes where its joint holds it.
+    Why: a sensor measures at its link and publishes in that frame. At another place it sees parts
+    of the robot, or its data is displaced. The link's own transform is judged in the first
+    checkpoint only, because a later stage may have been saved during a run. At Play the link goes
+    where its joint holds it.
 
     Fix: select the link and set Translate to the value expected here in the Property panel, or
     restore the local positions of its joint, or start again from the supplied file.

@@ -348,9 +348,9 @@ def sensor_type(subject: StageSubject) -> Iterator[Problem]:
 def sensor_pose(subject: StageSubject) -> Iterator[Problem]:
     """A sensor is not at the handout's pose on its link, or does not move with it.
 
-    Why: what the sensor measures is published in the frame of its link, and belongs to another
-    place or direction. With `!resetXformStack!` the sensor ignores its link and stays where it is
-    while the robot moves away. As a separate rigid body it falls.
+    Why: the data is published in the frame of its link, but belongs to another place or direction.
+    With `!resetXformStack!` the sensor ignores its link and stays where it is while the robot moves
+    away. As a separate rigid body it falls.
 
     Fix: select the sensor and set Translate, Orient and Scale to the values of the handout. Remove
     `!resetXformStack!` from `xformOpOrder`, and remove Rigid Body.

@@ -113,7 +113,7 @@ def starter_prim_moved(subject: StarterSubject) -> Iterator[Problem]:
 
 @rule("U06", "starter-look-changed", scope="starter", severity="warning")
 def starter_look_changed(subject: StarterSubject) -> Iterator[Problem]:
-    """What the supplied scene looks like was changed.
+    """The appearance of the supplied scene was changed.
 
     Why: the robot's sensors see visible prims. The screenshots differ from the expected ones.
 

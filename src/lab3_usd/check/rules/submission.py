@@ -121,7 +121,7 @@ def file_not_opened(subject: SubmissionSubject) -> Iterator[Problem]:
     """A file is a link out of the submission, a pipe or device, or cannot be read.
 
     Why: such files are never opened. A link shows another file on every computer, and reading a
-    pipe waits for ever.
+    pipe can wait forever.
 
     Fix: put the file itself into the submission, readable for everybody.
 
@@ -208,8 +208,8 @@ def lost_work(subject: SubmissionSubject) -> Iterator[Problem]:
     """A checkpoint lacks something that the previous checkpoint had.
 
     Why: each part builds on the previous one. If a stage was saved from an older file, or something
-    was deleted by accident, all later stages lack it too. Before the folder is handed in, this is
-    said of many things at once only: each is a finding of its own.
+    was deleted by accident, all later stages lack it too. Before the folder is submitted, only many
+    losses at once are reported, since each has a finding of its own.
 
     Fix: open the previous checkpoint, repeat the last part there, and save it under this name.
 

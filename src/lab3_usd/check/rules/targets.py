@@ -153,8 +153,8 @@ def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
 def named_render_product(subject: GraphSubject) -> Iterator[Problem]:
     """A node names a render product of another sensor, or of another size.
 
-    Why: Isaac Create Render Product uses the product that it names as it is. Its own sensor
-    and size count for nothing then: the topic shows what another sensor sees.
+    Why: Isaac Create Render Product uses the product that it names as it is. Its own sensor and
+    size then have no effect: the topic shows the view of another sensor.
 
     Fix: select the node and clear Render Product Prim in the Property panel.
 

@@ -44,8 +44,8 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
 
     Why: velocity commands act through damping. Without damping, or with a largest force of 0, the
     wheel ignores them. With stiffness it is pulled back to its start position. A drive of type
-    acceleration reckons with the inertia of the wheel alone: with the damping of a drive of type
-    force it hardly moves the robot, and neither does a force or damping too small for its weight.
+    acceleration considers only the inertia of the wheel: with the damping of a drive of type force
+    it hardly moves the robot, and neither does a force or damping too small for its weight.
 
     Fix: select the joint, and under Drive > Angular set Stiffness to 0, Type to Force, and Damping
     and Max Force to the values in the supplied file. If the drive is missing, choose Add > Physics
@@ -155,9 +155,9 @@ def _weak_drive(joint: WheelJoint, subject: StageSubject, handout: str) -> Itera
 def wheel_grip(subject: StageSubject) -> Iterator[Problem]:
     """A wheel has no friction on the ground.
 
-    Why: the wheels turn, and the robot stands or slides. Two materials are combined as the Friction
-    Combine Mode of the stronger one says, by default to the mean of the two: one without friction
-    alone does not matter. A friction that is not written is 0.
+    Why: the wheels turn, and the robot stands or slides. The Friction Combine Mode combines the two
+    materials, by default to their mean, so a single frictionless material does no harm. An
+    unauthored friction is 0.
 
     Fix: select the material and set Static Friction and Dynamic Friction to the values in the
     supplied file.

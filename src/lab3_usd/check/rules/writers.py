@@ -30,9 +30,9 @@ from lab3_usd.spec.catalog import INPUT, WriterPorts
 def scene_written(subject: StageSubject) -> Iterator[Problem]:
     """A node changes the scene, or commands the robot, while the simulation runs.
 
-    Why: what it writes is no longer what was saved. An error if it moves, switches off or commands
-    the robot or its ground, or changes a node of the lab. Other nodes that write are a warning: the
-    lab needs none.
+    Why: the written values replace the saved ones. It is an error if the node moves, disables or
+    commands the robot or its ground, or changes a node of the lab. Any other node that writes is a
+    warning: the lab needs none.
 
     Fix: delete the node, or aim it at a prim that is not part of the lab.
 
