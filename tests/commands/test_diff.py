@@ -31,7 +31,6 @@ from lab3_usd.data import data_folder
 from lab3_usd.diff import compare_stages
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.model.changes import PARTS
-from lab3_usd.report.diff import TITLES
 from lab3_usd.report.options import tool_version
 
 Told = tuple[str, str, str, str]
@@ -400,16 +399,6 @@ CHANGES: list[Step] = [
 def changed(tmp_path: Path) -> Path:
     """A stage with a changed value, a removed node, a removed wire and a new graph."""
     return saved(broken("05", CHANGES), tmp_path)
-
-
-def test_the_report_names_each_part_once(right: Path, changed: Path) -> None:
-    result = diff(right, changed)
-    assert result.exit_code == 1
-    titles = [line for line in result.stdout.splitlines()[1:] if line and line[0] != " "]
-    assert titles == [TITLES[part] for part in PARTS if TITLES[part] in titles]
-    assert f"  ~ {place(DRIVE)}.inputs:wheelRadius: 0.025 -> 0.033\n" in result.stdout
-    assert f"  - {place('ROS_Drive/scale_linear_velocity')}: " in result.stdout
-    assert re.search(r"  \+ /World/Clock2: \d nodes, \d wires\n", result.stdout)
 
 
 def test_all_changes_at_once_are_told_as_they_were(right: Path, tmp_path: Path) -> None:

@@ -815,12 +815,6 @@ def test_mermaid_has_a_line_per_node_and_wire() -> None:
     assert sum("topicName = /clock" in line for line in lines) == 1
 
 
-def test_mermaid_marks_faults() -> None:
-    text = mermaid(drawn(without(clock(), CONTEXT)))
-    assert "  class n1 missing" in text
-    assert re.search(r"^  linkStyle 0 ", text, flags=re.MULTILINE)
-
-
 @pytest.mark.parametrize("sign", list("<>\"'`[]{}|;&#%\\"))
 def test_mermaid_codes_what_could_end_a_label(sign: str) -> None:
     assert coded(f"a{sign}b") == f"a#{ord(sign)};b"
@@ -837,12 +831,6 @@ def test_dot_has_a_cell_per_port_and_a_line_per_wire() -> None:
     assert '  n1:p0 -> n3:p1 [color="#4a5663"];' in lines
     assert '  n0:p0 -> n3:p0 [color="#4a5663", style=dashed];' in lines
     assert lines[0] == 'digraph "ROS_Clock" {'
-
-
-def test_dot_marks_faults() -> None:
-    text = dot(drawn(without(clock(), CONTEXT)))
-    assert 'style=dotted, penwidth=2, label="missing"' in text
-    assert 'style="dashed"' in text
 
 
 @pytest.mark.parametrize("sign", list('{}|<>"'))

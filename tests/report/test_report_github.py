@@ -34,24 +34,6 @@ def parse(line: str) -> tuple[str, dict[str, str], str]:
     return name, properties, unescape(message, UNESCAPE_DATA)
 
 
-def test_an_annotation_names_file_line_column_and_rule() -> None:
-    name, properties, message = parse(render("github", REPORT).splitlines()[0])
-    assert name == "error"
-    assert properties == {"file": LAYER, "line": "9", "col": "26", "title": "W01 missing-wire"}
-    assert MISSING_WIRE.message in message.split("\n")
-
-
-def test_each_severity_has_its_command() -> None:
-    names = [parse(line)[0] for line in render("github", REPORT).splitlines()]
-    assert names == ["error", "warning", "notice", "error", "error"]
-
-
-def test_a_finding_without_a_line_annotates_the_file() -> None:
-    properties = parse(render("github", REPORT).splitlines()[1])[1]
-    assert "line" not in properties
-    assert properties["file"] == LAYER
-
-
 def test_a_column_may_be_unknown() -> None:
     report = Report((replace(FAILED, findings=(replace(MISSING_WIRE, column=None),)),))
     properties = parse(render("github", report).splitlines()[0])[1]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import json
 import subprocess
 import sys
 from typing import Any
@@ -11,11 +10,11 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 from msgspec.structs import replace
-from report_examples import CRASHED, EMPTY, FAILED, HOSTILE, MISSING_WIRE, REPORT, hostile
+from report_examples import CRASHED, EMPTY, FAILED, HOSTILE, REPORT, hostile
 from report_schema import assert_valid, problems_of, validator
 
 from lab3_usd.model.finding import Report, Requirement, Score, StageResult
-from lab3_usd.report.formats.json_report import dump, error_report, finding_json, report_json
+from lab3_usd.report.formats.json_report import dump, error_report, report_json
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.options import Options
 
@@ -32,45 +31,10 @@ def test_an_empty_report_is_valid() -> None:
     assert assert_valid(render("json", EMPTY))["results"] == []
 
 
-def test_crashes_are_told_apart_from_findings() -> None:
-    result = assert_valid(render("json", Report((CRASHED,))))["results"][0]
-    assert result["crashes"] == [{"rule": "T03", "error": "KeyError: 'odom'"}]
-    assert result["findings"] == []
-
-
 @pytest.mark.parametrize("kind", ["usage", "crash"])
 def test_a_run_that_failed_is_a_report_too(kind: Any) -> None:
     report = assert_valid(dump(error_report("no such file: x.usda", kind)))
     assert report["error"] == {"kind": kind, "message": "no such file: x.usda"}
-
-
-def test_a_finding_has_every_field_in_order() -> None:
-    found = report_json(Report((FAILED,)))["results"][0]["findings"][0]
-    assert list(found.items()) == [
-        ("rule", "W01"),
-        ("name", "missing-wire"),
-        ("severity", "error"),
-        ("prim", MISSING_WIRE.prim),
-        ("property", "inputs:input0"),
-        ("message", MISSING_WIRE.message),
-        ("expected", MISSING_WIRE.expected),
-        ("actual", "nothing"),
-        ("layer", MISSING_WIRE.layer),
-        ("line", 9),
-        ("column", 26),
-        ("handout", "C9"),
-        ("hint", MISSING_WIRE.hint),
-        ("related", list(MISSING_WIRE.related)),
-        ("fault", finding_json(MISSING_WIRE)["fault"]),
-    ]
-
-
-def test_scores_are_floats() -> None:
-    text = render("json", Report((FAILED,)))
-    assert json.loads(text, parse_int=str)["results"][0]["score"] == {
-        "earned": 3.0,
-        "possible": 4.0,
-    }
 
 
 def test_what_was_not_judged_is_counted_and_told_apart() -> None:
