@@ -6,12 +6,13 @@ import sys
 from io import StringIO
 from pathlib import Path
 
+import click
 import pytest
 from click.testing import CliRunner
 from invoking import invoke
 
 from lab3_usd import build_checkpoint, cli
-from lab3_usd.commands.steps.options import split_rules, wants_color
+from lab3_usd.commands.steps.options import complete_rules, split_rules, wants_color
 from lab3_usd.errors import Lab3Error, UsageError
 
 
@@ -24,6 +25,13 @@ def clock(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def test_rules_and_families_may_be_repeated_or_joined_by_commas() -> None:
     assert split_rules(["W, p01", "s"]) == ("W", "P01", "S")
+
+
+def test_rules_are_completed_behind_the_last_comma_with_their_names() -> None:
+    context = click.Context(click.Command("check"))
+    items = complete_rules(context, click.Argument(["rules"]), "K01,w0")
+    assert (items[0].value, items[0].help) == ("K01,W01", "missing-wire")
+    assert {item.value[:6] for item in items} == {"K01,W0"}
 
 
 @pytest.mark.parametrize("wrong", ["W1", "Y", "missing-wires", "W011"])
