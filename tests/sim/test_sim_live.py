@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 from breaking import broken, correct_stage, the_lab
 from dry_runs import INTERFACE, driven
+from foreign_robots import arm, rover
 from invoking import invoke
 from pxr import Usd
 
@@ -271,6 +272,19 @@ def test_a_computer_that_does_not_keep_up_is_told(took: float, slow: bool) -> No
     assert ("at 0.50 times real time" in said) is slow
 
 
+def test_what_is_left_out_and_lost_is_told() -> None:
+    lost = Lived(
+        1.0, 1.0, 3, {("/clock", "Clock"): 60}, 2, (("/odom", 7),), {"/World/x": "unknown"}
+    )
+    assert [line for line in closing_lines(lost) if line] == [
+        "/clock               Clock                       60 sent",
+        "not sent: /odom, as it is in domain 7",
+        "not simulated: /World/x: unknown",
+        "2 messages were lost, as a program that listens does not keep up",
+        "1.0 s played; 3 commands heard",
+    ]
+
+
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     path = tmp_path / "Lab3_05.usda"
@@ -294,6 +308,21 @@ def test_the_command_says_what_it_sent(
     assert second == "live in domain 0 on 127.0.0.1, commands from /cmd_vel; Ctrl-C ends"
     assert "/clock               rosgraph_msgs/msg/Clock     29 sent" in done.stdout
     assert last.startswith("0.5 s played")
+
+
+@pytest.mark.parametrize(("made", "commands"), [(rover, "/cmd_vel"), (arm, "nowhere")])
+def test_a_stage_of_no_checkpoint_is_driven_by_its_own_commands(
+    made: Callable[[], Usd.Stage],
+    commands: str,
+    tmp_path: Path,
+    domain: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(link_module, "Link", lambda _, commands: Link(domain, commands))
+    stage = made()
+    stage.GetRootLayer().Export(str(tmp_path / "robot.usda"))
+    done = sim(tmp_path / "robot.usda", "--live", "--seconds", "0.1")
+    assert f"commands from {commands};" in done.stdout
 
 
 @pytest.mark.parametrize(
