@@ -331,6 +331,14 @@ def test_an_edit_of_what_only_a_missing_asset_holds_is_told(edit: str, tmp_path:
     assert told(before, over_an_asset(tmp_path, "after.usda", content)) == [change]
 
 
+def test_an_over_at_the_root_that_comes_or_goes_is_told(tmp_path: Path) -> None:
+    plain, over = tmp_path / "plain.usda", tmp_path / "over.usda"
+    plain.write_text('#usda 1.0\ndef "World" { }\n')
+    over.write_text('#usda 1.0\ndef "World" { }\nover "leg" { }\n')
+    assert told(plain, over) == [("scene", "added", "/leg", "")]
+    assert told(over, plain) == [("scene", "removed", "/leg", "")]
+
+
 @pytest.mark.parametrize(
     "metadata", ["defaultPrim = 'World'", "timeCodesPerSecond = 60", "startTimeCode = 3"]
 )

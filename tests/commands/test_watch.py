@@ -365,6 +365,22 @@ def test_a_report_in_a_file_is_written_anew(watch: Callable[..., Result], stage:
     assert "1 new" in result.stdout
 
 
+@pytest.mark.parametrize(("words", "times"), [((), 2), (("-o", "report.txt"), 0)])
+def test_a_terminal_is_cleared_before_each_report(
+    words: tuple[str, ...],
+    times: int,
+    watch: Callable[..., Result],
+    stage: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cleared: list[None] = []
+    monkeypatch.chdir(stage.parent)
+    monkeypatch.setattr(watching, "understands_ansi", lambda _stream: True)
+    monkeypatch.setattr(watching.click, "clear", lambda: cleared.append(None))
+    watch([write(stage, WRONG)], stage, *words)
+    assert len(cleared) == times
+
+
 def test_a_page_reloads_itself_while_it_is_watched_and_is_plain_afterwards(
     watch: Callable[..., Result], stage: Path
 ) -> None:
