@@ -791,3 +791,9 @@ def test_after_twelve_files_that_end_a_worker_the_rest_is_not_tried(
     task = Task("jane", "jane", (), broken={f"{number}.usda": "x" for number in range(broken)})
     task, answer = _after(task, WorkerDiedError("crashed", "next.usda"))
     assert (answer is None, "next.usda" in task.broken) == (goes_on, goes_on)
+
+
+def test_the_memory_of_a_process_that_was_waited_for_is_not_known() -> None:
+    process = subprocess.Popen([sys.executable, "-c", "raise SystemExit(3)"])
+    process.wait()
+    assert worker_process._figures(process) == (3, 0)
