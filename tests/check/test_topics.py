@@ -471,3 +471,14 @@ def test_a_node_of_the_stage_cannot_write_to_the_terminal() -> None:
     evil: Node = m.node("/World/ROS_Clock/any", m.PUBLISHER_TYPE, topicName="=1+\x1b[2J")
     report = TopicReport("x", endpoints(m.with_node(m.stage(), evil), m.lab()), ())
     assert "\x1b" not in "\n".join(as_table(report)) + as_csv(report)
+
+
+def test_every_column_is_there_where_the_terminal_is_narrow() -> None:
+    from lab3_usd.report.topic_table import TopicReport, as_table, cells
+
+    report = TopicReport("x", endpoints(m.stage(), m.lab()), ())
+    lines = list(as_table(report, 100, verbose=True))
+    assert max(map(len, lines)) <= 100
+    for endpoint in report.endpoints:
+        told = [cell for cell in cells(endpoint, report) if cell != "-"]
+        assert [cell for cell in told if cell not in "\n".join(lines)] == []

@@ -30,7 +30,8 @@ from scene_changes import (
 from lab3_usd.data import data_folder
 from lab3_usd.diff import compare_stages
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.model.changes import PARTS
+from lab3_usd.model.changes import PARTS, StageChange, StageDiff
+from lab3_usd.report.diff import lines
 from lab3_usd.report.options import tool_version
 
 Told = tuple[str, str, str, str]
@@ -419,6 +420,12 @@ def test_all_changes_at_once_are_told_as_they_were(right: Path, tmp_path: Path) 
         for path in (right, after):
             shown = shown.replace(str(path), path.name)
         assert_golden_text(f"diff.{form}", shown)
+
+
+def test_what_does_not_fit_stands_below_its_place() -> None:
+    change = StageChange("value", "changed", "/Robot/wheel", "radius", "0.025", "0.033")
+    shown = list(lines(StageDiff("a", "b", (change,)), 24))
+    assert shown[-2:] == ["  ~ /Robot/wheel.radius:", "      0.025 -> 0.033"]
 
 
 def test_json_is_as_the_schema_says(right: Path, changed: Path) -> None:

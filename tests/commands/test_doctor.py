@@ -25,7 +25,8 @@ def all_right(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_here_everything_that_is_needed_works() -> None:
     result = invoke("doctor")
-    states = {line.split()[1]: line.split()[0] for line in result.stdout.splitlines()[1:]}
+    firsts = [line for line in result.stdout.splitlines()[1:] if line[0] != " "]
+    states = {line.split()[1]: line.split()[0] for line in firsts}
     assert result.exit_code == 0
     assert states["packages"] == states["checking"] == "ok"
     assert set(states) == {"packages", "checking", *doctor.EXTRAS, "browser", "sandbox"}
@@ -64,7 +65,16 @@ def test_a_missing_extra_is_named_with_what_installs_it(monkeypatch: pytest.Monk
     monkeypatch.setattr(doctor, "EXTRAS", {"png": ("no-such-package", "pictures")})
     result = invoke("doctor")
     assert result.exit_code == 0
-    assert f"missing  png        pictures: {install_command('png')}" in result.stdout
+    head = "missing  png        pictures"
+    assert f"{head}\n{' ' * 20}{install_command('png')}\n" in result.stdout
+
+
+def test_lines_fit_the_terminal_but_for_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = list(doctor.lines_of(Check("png", "missing", "a word " * 40, "one command " * 20)))
+    assert max(map(len, lines[:-1])) <= 80
+    assert all(line.startswith(" " * 20) for line in lines[1:])
+    assert lines[-1].strip() == ("one command " * 20).strip()
 
 
 def test_every_extra_of_users_is_looked_for() -> None:

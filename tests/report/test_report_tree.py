@@ -201,3 +201,15 @@ def test_only_a_stage_of_the_lab_leaves_a_frame_to_others(
     stage.GetRootLayer().Export(str(tmp_path / name))
     shown = invoke("tf", tmp_path / name).stdout
     assert ("may place it" in shown) == is_marked
+
+
+def test_a_publisher_that_does_not_fit_stands_below_its_frame() -> None:
+    report = TreeReport("x.usda", edges("odom base /World/TF/publish", "base link /World/TF/more"))
+    lines = list(as_text(report, 30, verbose=True))
+    assert lines == [
+        "odom",
+        "└── base",
+        "      <- /World/TF/publish (/tf)",
+        "    └── link",
+        "          <- /World/TF/more (/tf)",
+    ]

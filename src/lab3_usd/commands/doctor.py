@@ -11,11 +11,14 @@ import time
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
+from textwrap import wrap
 from typing import Literal
 
 import click
 from msgspec import Struct
 
+from lab3_usd.commands.rules import LEAST
+from lab3_usd.commands.steps.options import width
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_FOUND
 from lab3_usd.installation import NAME, install_command
@@ -34,11 +37,15 @@ State = Literal["ok", "missing", "bad"]
 
 
 class Check(Struct, frozen=True):
-    """What was looked at and found: `missing` is optional, `bad` is needed."""
+    """What was looked at and found: `missing` is optional, `bad` is needed.
+
+    `command` adds what is missing.
+    """
 
     name: str
     state: State
     text: str
+    command: str = ""
 
 
 @click.command("doctor")
@@ -54,9 +61,26 @@ def command() -> None:
     states = []
     for check in _checks():
         states.append(check.state)
-        click.echo(f"{check.state:<8} {check.name:<10} {check.text}")
+        click.echo("\n".join(lines_of(check)))
     if "bad" in states:
         sys.exit(EXIT_FOUND)
+
+
+def lines_of(check: Check) -> Iterator[str]:
+    """Yield the lines of a check; a command is one line, however long, so that it can be copied."""
+    head = f"{check.state:<8} {check.name:<10} "
+    hanging = " " * len(head)
+    lines = wrap(
+        check.text,
+        max(width(), LEAST),
+        initial_indent=head,
+        subsequent_indent=hanging,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    yield from lines or [head.rstrip()]
+    if check.command:
+        yield hanging + check.command
 
 
 def _checks() -> Iterator[Check]:
@@ -116,7 +140,7 @@ def extra(name: str, package: str, purpose: str) -> Check:
     try:
         version = metadata.version(package)
     except metadata.PackageNotFoundError:
-        return Check(name, "missing", f"{purpose}: {install_command(name)}")
+        return Check(name, "missing", purpose, install_command(name))
     return Check(name, "ok", f"{purpose} ({package} {version})")
 
 

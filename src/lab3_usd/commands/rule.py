@@ -11,11 +11,12 @@ import click
 from lab3_usd.check.manual import rules_in
 from lab3_usd.check.registry import FAMILIES, Rule
 from lab3_usd.commands.rules import first_sentence, rule_lines
-from lab3_usd.commands.steps.options import complete_rules
+from lab3_usd.commands.steps.options import complete_rules, width
 from lab3_usd.data import program
+from lab3_usd.report.text import NARROWEST
 from lab3_usd.spec.load.loader import load_lab
 
-WIDTH = 100
+WIDTH = 100  # at most
 SUGGESTED = 3
 SHORTEST = 3  # letters of a word that is searched
 SECTIONS = ("Why", "Fix", "Example", "Basis")
@@ -89,13 +90,14 @@ def manual_lines(rule: Rule, handout: str) -> Iterator[str]:
 
     `handout` is the section of the handout behind the rule, where the lab names one.
     """
+    columns = max(min(width(), WIDTH), NARROWEST)
     yield f"{rule.id} {rule.name} ({rule.severity}, {FAMILIES[rule.family]})"
     yield ""
-    yield from textwrap.wrap(rule.manual.split("\n\n")[0], WIDTH)
+    yield from textwrap.wrap(rule.manual.split("\n\n")[0], columns)
     for title in SECTIONS:
         if text := rule.section(title):
             yield ""
-            yield from textwrap.wrap(f"{title}: {text}", WIDTH, subsequent_indent="  ")
+            yield from textwrap.wrap(f"{title}: {text}", columns, subsequent_indent="  ")
     if handout:
         yield ""
         yield f"Handout: {handout}"

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import groupby
+from textwrap import wrap
 
 import click
 
 from lab3_usd.check.manual import rules_in, rules_of_lab
 from lab3_usd.check.registry import FAMILIES, Rule
+from lab3_usd.commands.steps.options import terminal_width
 from lab3_usd.spec.load.loader import load_lab
+
+LEAST = 72  # columns that a list is wrapped to
 
 
 @click.command("rules")
@@ -25,14 +29,24 @@ def command(*, whole: bool) -> None:
 
 
 def rule_lines(rules: list[Rule]) -> Iterator[str]:
-    """Yield the lines of the list: one family after the other, columns aligned."""
-    width = max((len(rule.name) for rule in rules), default=0)
+    """Yield the lines of the list: one family after the other, columns aligned.
+
+    On a terminal a long sentence goes on below its beginning; else each rule has one line.
+    """
+    name_width = max((len(rule.name) for rule in rules), default=0)
+    columns = max(terminal_width(), LEAST)
     families = list(FAMILIES)
     ordered = sorted(rules, key=lambda rule: (families.index(rule.family), rule.id))
     for family, members in groupby(ordered, key=lambda rule: rule.family):
         yield f"{family:<2} {FAMILIES[family]}"
         for rule in members:
-            yield f"  {rule.id}  {rule.severity:<7}  {rule.name:<{width}}  {first_sentence(rule)}"
+            head = f"  {rule.id}  {rule.severity:<7}  {rule.name:<{name_width}}  "
+            yield from wrap(
+                first_sentence(rule),
+                columns,
+                initial_indent=head,
+                subsequent_indent=" " * len(head),
+            )
 
 
 def first_sentence(rule: Rule) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import assets_option, use_config
+from lab3_usd.commands.steps.options import assets_option, terminal_width, use_config
 
 
 @click.command("tf")
@@ -72,7 +72,7 @@ def command(
     reserved = lab.frames.reserved if checkpoint_of(stage.name, lab) else {}
     tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates)
     if form == "text":
-        lines = as_text(tree, verbose=verbose)
+        lines = as_text(tree, terminal_width(), verbose=verbose)
         rest = wrap(f"? {not_judged}", WIDTH, subsequent_indent="  ") if not_judged else []
         click.echo("\n".join([*lines, *rest]))
     else:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import assets_option, use_config
+from lab3_usd.commands.steps.options import assets_option, terminal_width, use_config
 
 
 @click.command("topics")
@@ -69,4 +69,6 @@ def command(
     elif form == "json":
         click.echo(as_json(table))
     else:
-        click.echo("\n".join([*as_table(table, verbose=verbose), *wrap(not_judged, WIDTH)]))
+        columns = terminal_width() if verbose else WIDTH
+        lines = as_table(table, columns, verbose=verbose)
+        click.echo("\n".join([*lines, *wrap(not_judged, WIDTH)]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator
 from itertools import groupby
 
@@ -25,11 +26,15 @@ TITLES: dict[Part, str] = {
     "frame": "frames",
 }
 SIGNS: dict[ChangeKind, str] = {"added": "+", "removed": "-", "changed": "~"}
+_BELOW = " " * 6
 _OF_WHOLES = ("node", "topic")  # whose properties are facts about them
 
 
-def lines(diff: StageDiff) -> Iterator[str]:
-    """Yield the lines of the report: a heading, then each part with its changes."""
+def lines(diff: StageDiff, width: int = sys.maxsize) -> Iterator[str]:
+    """Yield the lines of the report: a heading, then each part with its changes.
+
+    Where a line is wider, the place and what changed there stand below each other.
+    """
     count = len(diff.changes)
     counted = "no differences" if not count else f"{count} change{'s' * (count > 1)}"
     yield printable(f"{diff.before} -> {diff.after}: {counted}")
@@ -37,21 +42,35 @@ def lines(diff: StageDiff) -> Iterator[str]:
         yield ""
         yield TITLES[part]
         for change in changes:
-            yield printable(f"  {SIGNS[change.edit]} {_change_text(change)}")
+            sign, parts = SIGNS[change.edit], [*map(printable, _change_parts(change))]
+            line = f"  {sign} {' '.join(parts)}"
+            if len(line) <= width:
+                yield line
+            else:
+                yield f"  {sign} {parts[0]}"
+                rest = " ".join(parts[1:])
+                below = [rest] if len(rest) + len(_BELOW) <= width else parts[1:]
+                yield from (_BELOW + part for part in below)
 
 
-def _change_text(change: StageChange) -> str:
+def _change_parts(change: StageChange) -> Iterator[str]:
+    """Yield the parts of a line: where, and what was and is there."""
     if change.part == "wire":
-        return f"{change.was or change.now} -> {change.path}.{change.property}"
+        yield f"{change.was or change.now}"
+        yield f"-> {change.path}.{change.property}"
+        return
     if change.part == "frame":
-        return change.was or change.now
+        yield change.was or change.now
+        return
     separator = " " if change.part in _OF_WHOLES or change.property == "schema" else "."
-    place = f"{change.path}{separator}{change.property}" if change.property else change.path
+    yield f"{change.path}{separator}{change.property}:" if change.property else f"{change.path}:"
     if change.edit == "changed":
-        return f"{place}: {change.was} -> {change.now}"
-    if change.edit == "removed" and change.now:
-        return f"{place}: {change.was} is {change.now}"
-    return f"{place}: {change.was or change.now}"
+        yield change.was
+        yield f"-> {change.now}"
+    elif change.edit == "removed" and change.now:
+        yield f"{change.was} is {change.now}"
+    else:
+        yield change.was or change.now
 
 
 def render(diff: StageDiff) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator, Mapping
 
 from msgspec import Struct, field
@@ -37,8 +38,12 @@ class TreeReport(Struct, frozen=True):
         return f"  <- {printable(publisher)} ({topic}{f', {printable(rate)}' if rate else ''})"
 
 
-def as_text(report: TreeReport, *, verbose: bool = False) -> Iterator[str]:
+def as_text(
+    report: TreeReport, width: int = sys.maxsize, *, verbose: bool = False
+) -> Iterator[str]:
     """Yield the lines of the tree; `verbose` names publisher and rate of each transform.
+
+    A publisher that does not fit stands below its frame.
 
     A frame with two parents stands below both, its own children below the first; what tf2 cannot
     take is marked with `!`, what cannot be known with `?`. Unknown frames may join the roots.
@@ -49,7 +54,7 @@ def as_text(report: TreeReport, *, verbose: bool = False) -> Iterator[str]:
     drawn: set[str] = set()
     for top in tops:
         yield printable(top)
-        yield from _branches(top, report, drawn, verbose=verbose)
+        yield from _branches(top, report, drawn, width, verbose=verbose)
     if len(tops) > 1 and not report.hidden:
         yield f"! {len(tops)} roots, where there must be one: {', '.join(map(printable, tops))}"
     for path in report.unknown:
@@ -59,7 +64,9 @@ def as_text(report: TreeReport, *, verbose: bool = False) -> Iterator[str]:
         yield f"? {printable(hidden.what)}: asset not found: {printable(hidden.asset)}{by}"
 
 
-def _branches(top: str, report: TreeReport, drawn: set[str], *, verbose: bool) -> Iterator[str]:
+def _branches(
+    top: str, report: TreeReport, drawn: set[str], width: int, *, verbose: bool
+) -> Iterator[str]:
     """Yield the lines below one root; `drawn` are the frames whose children stand already."""
     children = by_parent(report.edges)
     marks: dict[str, list[str]] = {}
@@ -72,8 +79,13 @@ def _branches(top: str, report: TreeReport, drawn: set[str], *, verbose: bool) -
         line = lead + ("└── " if is_last else "├── ") + printable(edge.child)
         line += "  (static)" if edge.static else ""
         line += "" if edge.sure else "  (perhaps)"
-        line += report.how(edge.publisher, edge.topic) if verbose else ""
-        yield line + "".join(_MARK + printable(mark) for mark in marks.get(edge.child, ()))
+        how = report.how(edge.publisher, edge.topic) if verbose else ""
+        said = "".join(_MARK + printable(mark) for mark in marks.get(edge.child, ()))
+        if len(line + how + said) <= width:
+            yield line + how + said
+        else:
+            yield line + said
+            yield lead + ("    " if is_last else "│   ") + how
         if edge.child not in drawn:
             drawn.add(edge.child)
             ahead += _rows(edge.child, lead + ("    " if is_last else "│   "), children)

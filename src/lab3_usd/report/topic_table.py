@@ -48,11 +48,11 @@ class TopicReport(Struct, frozen=True):
         return tuple(message.what for message in sent)
 
 
-def as_table(report: TopicReport, *, verbose: bool = False) -> Iterator[str]:
-    """Yield the lines of the table, columns aligned: all of them where it is verbose.
+def as_table(report: TopicReport, width: int = 80, *, verbose: bool = False) -> Iterator[str]:
+    """Yield the lines of the table, columns aligned: name, type, direction and node.
 
-    Else they are name, type, direction and node, in 80 columns: a node that does not fit stands in
-    a line of its own.
+    A node that does not fit stands in a line of its own. The verbose table has all columns; where
+    they do not fit, what is beyond the direction stands below it.
     """
     if not report.endpoints:
         yield "no topics are published or subscribed"
@@ -63,14 +63,23 @@ def as_table(report: TopicReport, *, verbose: bool = False) -> Iterator[str]:
     ]
     shown = [row if verbose else row[: len(_FIRST)] for row in rows]
     widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
-    is_broken = not verbose and sum(widths) + 2 * len(widths[1:]) > WIDTH
+    is_broken = sum(widths) + 2 * len(widths[1:]) > width
     for row in shown:
-        cut = row[:-1] if is_broken else row
-        yield "  ".join(
-            cell.ljust(width) for cell, width in zip(cut, widths, strict=False)
-        ).rstrip()
+        cut = row[: len(_FIRST) - 1] if is_broken else row
+        yield "  ".join(cell.ljust(wide) for cell, wide in zip(cut, widths, strict=False)).rstrip()
         if is_broken:
-            yield f"    {row[-1]}"
+            yield f"    {row[len(_FIRST) - 1]}"
+        if is_broken and verbose:
+            yield f"    {'; '.join(_details(row))}"
+
+
+def _details(row: Sequence[str]) -> Iterator[str]:
+    """Yield what the columns behind the node say, each with its name; the heading says it all."""
+    for name, cell in zip(COLUMNS[len(_FIRST) :], row[len(_FIRST) :], strict=True):
+        if cell == name.upper():
+            yield cell
+        elif cell != NOTHING:
+            yield cell if name == "qos" else f"{name} {cell}"
 
 
 def as_csv(report: TopicReport) -> str:

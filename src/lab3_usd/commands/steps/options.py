@@ -275,6 +275,13 @@ def width() -> int:
     return shutil.get_terminal_size((100, 24)).columns
 
 
+def terminal_width() -> int:
+    """Return the columns of the terminal; no end of them where lines go to another program."""
+    import sys
+
+    return width() if sys.stdout.isatty() else sys.maxsize
+
+
 config_options = all_of(
     click.option(
         "--config",

@@ -172,9 +172,12 @@ def _check(check: Check, looks: Mapping[str, str], width: int, *, color: bool) -
     yield from (lead + line for line in more)
     rule = explaining_rule(check)
     if check.verdict != "ok" and (check.prim or rule):
-        see = f" ({program()} rule {rule})" if rule else ""
+        see = f"({program()} rule {rule})" if rule else ""
         named = ": ".join(printable(part) for part in (check.prim, check.cause) if part)
-        yield f"{lead}{named}{see}".rstrip()
+        parts = [part for part in (named, see) if part]
+        if len(lead + " ".join(parts)) <= width:
+            parts = [" ".join(parts)]
+        yield from (lead + part for part in parts)
 
 
 def _remarks(behaviour: Behaviour) -> Iterator[str]:
