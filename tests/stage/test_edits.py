@@ -31,7 +31,6 @@ BASE = f"{ROBOT}/base_link"
 JOINT = f"{ROBOT}/joints/wheel_left_joint"
 SUN = "/Environment/Lights/Sun"
 COLLIDER = f"{ROBOT}/wheel_left_link/collisions/tyre"
-MATERIAL = "/Environment/PhysicsMaterials/Tyre"
 
 # What is referred to says a value, a connection and targets, each in the way that is added to.
 ASSET = """#usda 1.0

@@ -14,7 +14,6 @@ from lab3_usd.spec.values import Value
 # The most likely slip for a type: what a student might pick from the node list instead.
 OTHER_TYPE = "omni.graph.nodes.ConstantToken"
 ELSE_TYPE = "isaacsim.core.nodes.IsaacReadSimulationTime"
-TOLD_AS_FRAMES = "as frames"
 
 
 @dataclass(frozen=True, slots=True)
