@@ -161,8 +161,12 @@ def test_the_result_is_written_where_gradescope_looks(tmp_path: Path) -> None:
 def test_a_failure_of_the_program_is_no_grade(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    students: set[str] = set()
+
     def fail(tasks: list[Task], _settings: object) -> Generator[Answer]:
-        yield from ((task, {"failed": f"{TOOL_FAILED}: ours"}) for task in tasks)
+        for task in tasks:
+            students.add(task.student)
+            yield task, {"failed": f"{TOOL_FAILED}: ours"}
 
     folder, out = submission(tmp_path / "ana", "00"), tmp_path / "results.json"
     monkeypatch.setattr("lab3_usd.grade.class_run.run_tasks", fail)
@@ -171,6 +175,7 @@ def test_a_failure_of_the_program_is_no_grade(
     )  # fmt: skip
     assert (ran.exit_code, out.exists()) == (3, False)
     assert run("check", "--untrusted", "--starter", starter(), folder).exit_code == 3
+    assert students == {"ana"}
 
 
 def refused(*arguments: str | Path) -> str:

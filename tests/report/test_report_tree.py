@@ -167,7 +167,7 @@ def test_dot_marks_faults_and_quotes_names() -> None:
 
 def test_json_has_transforms_roots_and_problems() -> None:
     data = json.loads(as_json(TreeReport("x", edges("a b", "c b"), ("/g/any",))))
-    assert data["roots"] == ["a", "c"]
+    assert (data["file"], data["roots"]) == ("x", ["a", "c"])
     assert [t["child"] for t in data["transforms"]] == ["b", "b"]
     assert [p["kind"] for p in data["problems"]] == ["two parents"]
     assert data["unknown_publishers"] == ["/g/any"]
