@@ -186,8 +186,12 @@ def summary(measured: Mapping[str, Any]) -> Iterator[str]:
     for name, cells in faults.items():
         if others := [title for title in cells if title != LINT]:
             yield f"- {_fault(name)}: {', '.join(others)}"
-    yield from ("", "Found by `lab3 lint` alone:", "")
-    yield from (f"- {_fault(name)}" for name, cells in faults.items() if list(cells) == [LINT])
+    alone = [name for name, cells in faults.items() if list(cells) == [LINT]]
+    reported = [name for name in alone if name in ISSUES]
+    more = len(alone) - len(reported)
+    yield from ("", "Found by `lab3 lint` alone, and reported by users:", "")
+    yield from (f"- {_fault(name)}" for name in reported)
+    yield f"- [{more} more](../tests/{MEASURED.name})"
     yield from ("", "Missed by `lab3 lint` in some or all robots:", "")
     for name, cells in faults.items():
         seen, _, robots = cells.get(LINT, "").partition(" of ")

@@ -97,6 +97,7 @@ def elsewhere(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="the console blocks are those of a POSIX shell")
+@pytest.mark.timeout(300)  # a dozen processes of a new environment, which compile what they import
 def test_the_first_ten_minutes_of_the_readme(
     elsewhere: Path, repository: Path, tmp_path: Path
 ) -> None:
