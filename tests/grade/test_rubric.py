@@ -659,7 +659,7 @@ def test_a_value_that_unfolds_without_end_is_refused_in_one_short_line(tmp_path:
     )
     with pytest.raises(SpecError, match=r"^mine\.yaml: late: 'students'") as error:
         load_rubric(path, LAB)
-    assert len(str(error.value)) < 300
+    assert len(str(error.value).rpartition(", at ")[0]) < 300
 
 
 def test_a_rubric_may_only_be_a_file(tmp_path: Path) -> None:

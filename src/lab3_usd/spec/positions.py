@@ -94,11 +94,17 @@ def _value(node: Any, name: str) -> Any:
 
 
 def _texts(node: Any) -> Iterator[tuple[int, bool, tuple[Any, Any, Any]]]:
-    """Yield the keys and texts in a node, the outer ones first: mark, text, and what is there."""
-    level, depth = [node], 0
+    """Yield the keys and texts in a node, the outer ones first: mark, text, and what is there.
+
+    What aliases repeat is entered once: aliases of aliases unfold without end.
+    """
+    level, depth, entered = [node], 0, set[int]()
     while level:
         depth, below = depth + 1, []
         for inner in level:
+            if id(inner) in entered:
+                continue
+            entered.add(id(inner))
             if isinstance(inner, yaml.MappingNode):
                 for key, value in inner.value:
                     yield depth, True, (key.start_mark, key.value, value)
