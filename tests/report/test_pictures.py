@@ -884,3 +884,10 @@ def test_the_same_graph_gives_the_same_bytes_for_every_hash_seed() -> None:
         for seed in ("1", "2")
     }
     assert len(outputs) == 1
+
+
+def test_of_two_findings_at_one_port_the_graver_is_told_first() -> None:
+    port = (PUBLISHER, "inputs:topicName")
+    found = [finding(*port, severity, message=severity) for severity in ("note", "error")]
+    row = row_of(drawn(clock(), *found), *port)
+    assert (row.state, row.note.find("error") < row.note.find("note")) == ("wrong", True)
