@@ -9,6 +9,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import forking
+import hypothesis
 import pytest
 from browser import Browser, started
 from parsed_once import yaml_parsed_once
@@ -19,7 +20,9 @@ from lab3_usd.grade.workers import worker_process
 
 
 def pytest_configure() -> None:
-    """Let Ctrl-C end what tests start: a job in the background ignores it, and so would they."""
+    """Time no example, and let Ctrl-C end what tests start, which background jobs ignore."""
+    hypothesis.settings.register_profile("untimed", deadline=None)
+    hypothesis.settings.load_profile("untimed")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 

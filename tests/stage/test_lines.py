@@ -110,7 +110,6 @@ def prims(draw: st.DrawFn, parent: str, name: str, depth: int) -> str:
     return f'{blank}«{path}»{head} "{name}" {data} {{ {inside} }}\n'
 
 
-@settings(deadline=None)
 @given(prims("", "A", 3))
 def test_any_mixture_of_statements_and_blanks_is_found(body: str) -> None:
     text, spots = unmarked(f"#usda 1.0\n{body}")
@@ -119,7 +118,7 @@ def test_any_mixture_of_statements_and_blanks_is_found(body: str) -> None:
     assert usda_scanner.scan(text) == spots
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(prims("", "A", 2), prims("", "B", 2))
 def test_what_is_asked_for_alone_is_found_where_it_is_among_all(one: str, other: str) -> None:
     text, spots = unmarked(f"#usda 1.0\n{one}{other}")
@@ -140,7 +139,6 @@ def test_text_that_ends_too_early_keeps_what_comes_before_the_end(cut: str) -> N
     assert scan_text(f"#usda 1.0\ndef {cut}")["/A"] == len("#usda 1.0\n")
 
 
-@settings(deadline=None)
 @given(st.text(st.sampled_from("()[]{}\"'@#/<>;=.:\\*, \n\rab"), max_size=60))
 def test_damaged_text_keeps_what_comes_before_the_damage(text: str) -> None:
     assert scan_text(f'#usda 1.0\ndef "A" {{ {text}')["/A"] == len("#usda 1.0\n")
