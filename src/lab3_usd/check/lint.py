@@ -104,8 +104,8 @@ def _gaps(
             assets = sorted({waiting[path] for path in paths if path in waiting})
             types = sorted({unknown[path] for path in paths if path in unknown})
             reasons = [f"{asset} cannot be found" for asset in assets]
-            reasons += ["unknown types: " + ", ".join(types)] if types else []
-            yield f"no node of {graph} could be judged ({'; '.join(reasons)})"
+            reasons += ["unknown types " + ", ".join(types)] if types else []
+            yield f"no node of {graph} could be judged: {'; '.join(reasons)}"
     missing_parts = [missing for missing in stage.unresolved if missing.kind != "sublayer"]
     if not graphs and missing_parts and not any(graph.active for graph in subject.graphs()):
         assets = sorted({missing.asset for missing in missing_parts})
