@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fixing import STRUCTURES, repaired_in, second_faults
+from fixing import STRUCTURES, has_errors, repaired_in, second_faults
 from layerings import LAYERINGS
 from pxr import Sdf, Usd, UsdGeom
 from sabotage import Fault
@@ -130,3 +130,14 @@ def test_a_prim_is_renamed_where_an_input_is_connected_at_once(tmp_path: Path) -
     repaired = repaired_in("text", "02", pair, tmp_path, load_lab())
     assert repaired is not None
     assert repaired.after == ()
+
+
+def test_what_is_moved_is_restored_where_it_is_moved_to(tmp_path: Path) -> None:
+    faults = {fault.name: fault for fault in second_faults("05")}
+    pair = [
+        faults["omni:sensor:Core:farRangeM 0.2, within which is nothing"],
+        faults["lidar renamed"],
+    ]
+    repaired = repaired_in("variants", "05", pair, tmp_path, load_lab(), drive=True)
+    assert repaired is not None
+    assert (has_errors(repaired.after), repaired.wrong) == (False, ())

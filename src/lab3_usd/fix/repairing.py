@@ -21,7 +21,7 @@ from lab3_usd.judge.lint import lint_lab
 from lab3_usd.judge.results import without_noted
 from lab3_usd.judge.stage import checkpoint_of
 from lab3_usd.judge.starter import open_against_starter, open_starter
-from lab3_usd.model.changes import MovePrim, RemovePrim, Repair, TextChange
+from lab3_usd.model.changes import MovePrim, RemovePrim, Repair, Restore, TextChange
 from lab3_usd.model.finding import Finding, Report, Score, Site, StageResult, ordered, site_of
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -227,6 +227,7 @@ def _attempt(
                 repair
                 for repair in repairs
                 if not deletes_what_waits(repair, after, repairs, session)
+                and not _restores_what_moves(repair, repairs)
             ]
             _make_edits(session, repairs)
             made.update(dict.fromkeys(repairs))
@@ -265,6 +266,21 @@ def deletes_what_waits(
         for parent in parents
         for finding in findings
         if finding.severity == "error" and finding.prim != "/" and finding.fix != repair
+    )
+
+
+def _restores_what_moves(repair: Repair, repairs: Iterable[Repair]) -> bool:
+    """Whether a repair restores a prim that another one moves: only there does the lab know it."""
+    moved = [
+        edit.prim
+        for other in repairs
+        if other != repair
+        for edit in other.edits
+        if isinstance(edit, MovePrim)
+    ]
+    return any(
+        isinstance(edit, Restore) and any(is_at_or_below(edit.prim, prim) for prim in moved)
+        for edit in repair.edits
     )
 
 
