@@ -50,7 +50,7 @@ def test_reversed_inputs_of_the_array() -> None:
     finding = the_only({"swap": [f"{array}.inputs:input0", f"{array}.inputs:input1"]})
     assert (finding.rule, finding.prim, finding.property) == ("W06", place(array), "inputs:input0")
     assert finding.related == (f"{place(array)}.inputs:input1",)
-    assert_words(finding, "the wrong way round")
+    assert_words(finding, "are exchanged")
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_linear_for_angular_velocity() -> None:
         {"swap": [f"{CONTROLLER}.inputs:linearVelocity", f"{CONTROLLER}.inputs:angularVelocity"]}
     )
     assert finding.rule == "W06"
-    assert_words(finding, "the wrong way round")
+    assert_words(finding, "are exchanged")
 
 
 @pytest.mark.parametrize("is_left_hanging", [False, True])

@@ -578,7 +578,7 @@ def test_a_robot_without_any_link_of_the_schema_stands_for_itself() -> None:
     for name in m.LINKS:
         stage = m.with_prim(stage, f"{m.ROBOT}/{name}", apis=(BODY,))
     (problem,) = problems(stage)["T01"]
-    assert "stands for itself" in problem.message
+    assert "gives only its own frame" in problem.message
     assert len(str(problem.expected).split(", ")) == len(m.LINKS) - 1
 
 

@@ -134,7 +134,7 @@ def lab(request: pytest.FixtureRequest, repository: Path, tmp_path: Path) -> Pat
 def _drop_target(folder: Path) -> None:
     path = folder / "Odometry.yaml"
     data = quick_yaml.load(path.read_text())
-    data["nodes"]["links"]["targets"]["F3"]["targetPrims"].remove("/World/Jetbot/chassis/Imu")
+    data["nodes"]["links"]["targets"]["targetPrims"].remove("/World/Jetbot/chassis/Imu")
     path.write_text(quick_yaml.dump(data))
 
 

@@ -287,7 +287,7 @@ def test_what_is_passed_over_is_said_in_one_line(tmp_path: Path) -> None:
     handed(tmp_path, "jane/", *names, *(f"note{number}.txt" for number in range(9)))
     (line,) = said_of(tmp_path)
     begins, _, named = line.rpartition(": ")
-    assert begins == f"{tmp_path}: passed over, as nobody's submission"
+    assert begins == f"{tmp_path}: ignored, since they belong to no student"
     assert named == "..x, bob.pdf, note0.txt, note1.txt, note2.txt and 6 more"
 
 

@@ -150,7 +150,7 @@ def test_what_stands_on_an_item_that_earned_nothing_stays_in_the_total() -> None
     tree = item(blocked, "tree")
     assert (tree.state, tree.earned, tree.possible) == ("none", 0.0, 10.0)
     assert [each.title for each in blocked.lost if each.item == "tree"] == [
-        "stands on odometry, which earned nothing"
+        "depends on odometry, which earned nothing"
     ]
     one_left = grade(RUBRIC, class_of({"04": odometry[:1]}))
     assert item(one_left, "tree").state == "full"

@@ -354,7 +354,7 @@ def test_what_is_not_on_the_map_is_said(starter: Path, tmp_path: Path) -> None:
     assert result.exit_code == 0
     told = [line for line in result.stderr.splitlines() if line.startswith("warning: ")]
     assert len(told) == 2
-    assert "1 unresolved" in told[0]
+    assert "content of 1 missing asset" in told[0]
     assert "/Environment/Curved" in told[1]
 
 

@@ -95,7 +95,7 @@ def halved() -> Usd.Stage:
 
 def test_numbers_go_through_arithmetic(tmp_path: Path) -> None:
     found = by_name(played(halved(), tmp_path))["follows"]
-    assert (found.kind, found.message.startswith("told 92 degrees left, turned 45")) == (
+    assert (found.kind, found.message.startswith("commanded 92 degrees left, turned 45")) == (
         "wrong-turn",
         True,
     )

@@ -101,6 +101,7 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
 
 def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
     """Cut the stage, and say what is not on the map."""
+    from lab3_usd.report.entries import plural
     from lab3_usd.stage.read.opening import open_stage
     from lab3_usd.stage.slices import SliceOptions, slice_stage
 
@@ -109,10 +110,8 @@ def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
         raise UsageError(f"{lab.title} has no lidar to take the height from, give --height")
     cut = slice_stage(open_stage(stage), SliceOptions(robot, lab.lidar_link, height))
     if cut.missing:
-        message = (
-            f"warning: the map lacks the content of {cut.missing} asset paths that were not found"
-        )
-        click.echo(message, err=True)
+        assets = plural(cut.missing, "missing asset")
+        click.echo(f"warning: the map lacks the content of {assets}", err=True)
     for path in cut.not_cut:
         click.echo(f"warning: the map lacks {path}, a shape that cannot be cut", err=True)
     if not cut.segments:
