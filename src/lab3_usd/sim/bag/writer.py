@@ -41,7 +41,7 @@ TWIST, JOINTS = "geometry_msgs/msg/Twist", "sensor_msgs/msg/JointState"
 _NANOSECONDS = 1_000_000_000
 
 
-def _new(name: str, *values: object) -> object:
+def _new(name: str, *values: Any) -> object:
     """Return a message of a type with its fields in the order of the definition."""
     return STORE.types[name](*values)
 
