@@ -73,9 +73,9 @@ def _shapes_on_robot(subject: StageSubject) -> tuple[tuple[Prim, Collider], ...]
     """Return the shapes on the robot that are no part of how it looks, and no room, with boxes."""
     robot, stage = subject.lab.scene.robot, subject.stage
     looks, shapes = frozenset(robot.looks_below), []
-    for prim in stage.of_type(lambda name: name in _SOLID):
-        is_of_robot = is_at_or_below(prim.path, robot.path)
-        if not (is_of_robot and prim.present and looks.isdisjoint(prim.path.split("/"))):
+    for prim in stage.below(robot.path):
+        is_own = not looks.isdisjoint(prim.path.split("/"))
+        if prim.type not in _SOLID or is_own or not prim.present:
             continue
         box = stage.colliders.shape(prim.path)
         if box is not None and all(
