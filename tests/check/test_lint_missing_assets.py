@@ -322,3 +322,12 @@ def test_what_a_missing_asset_has_is_never_an_error(
             take_away(layer, place)
 
         assert errors(changed(stage, change, tmp_path / "stage.usda")) == set(), place
+
+
+def test_nodes_of_one_unknown_type_are_one_note_that_names_the_others(tmp_path: Path) -> None:
+    stage = rover()
+    for name in ("one", "two"):
+        node = stage.DefinePrim(f"/World/Clock/{name}", "OmniGraphNode")
+        node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set("somebody.elses.One")
+    (note,) = [note for note in result_of(stage, tmp_path).findings if note.rule == "K32"]
+    assert (note.prim, note.related) == ("/World/Clock/one", ("/World/Clock/two",))
