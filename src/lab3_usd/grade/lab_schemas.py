@@ -132,7 +132,20 @@ def _definitions() -> dict[str, dict[str, Any]]:
     for definition in definitions.values():
         if "description" in definition:  # which Pythons before 3.13 indent as the source is
             definition["description"] = cleandoc(definition["description"])
+        _put_null_last(definition)
     return definitions
+
+
+def _put_null_last(schema: Any) -> None:
+    """Order the options of every `anyOf`, which releases of msgspec order differently."""
+    if isinstance(schema, dict):
+        if "anyOf" in schema:
+            schema["anyOf"].sort(key=lambda option: option.get("type") == "null")
+        for part in schema.values():
+            _put_null_last(part)
+    elif isinstance(schema, list):
+        for part in schema:
+            _put_null_last(part)
 
 
 def _hook(kind: type) -> dict[str, Any]:
