@@ -180,6 +180,6 @@ def _paths(drawing: Drawing, folder: Path, ending: str) -> Iterator[Path]:
     for picture in drawing.pictures:
         name = drawing.stem + re.sub(r"[^\w-]", "_", picture.title)
         names = (name, *(f"{name}-{number}" for number in range(2, len(drawing.pictures) + 1)))
-        free = next(each for each in names if each.casefold() not in seen)
+        free = next(choice for choice in names if choice.casefold() not in seen)
         seen.add(free.casefold())
         yield folder / f"{free}.{ending}"

@@ -374,14 +374,14 @@ def _capped(
 def _in_cents(item: Item, graded: ItemGrade, losses: Sequence[_Loss]) -> Iterator[Deduction]:
     """Yield the deductions of an item, which add up to what it lost, to the cent."""
     lost = round(100 * (graded.possible - graded.earned))
-    share, told = 0.0, 0
+    share, start = 0.0, 0
     for number, loss in enumerate(losses, start=1):
         share = min(1.0, share + loss.share)
         until = min(lost, round(100 * item.points * share))
         if number == len(losses) or not item.partial:
             until = lost
-        points = (until - told) / 100
-        told = until
+        points = (until - start) / 100
+        start = until
         yield Deduction(item.id, loss.requirement, loss.title, points, loss.rule, loss.place)
 
 

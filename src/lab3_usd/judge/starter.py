@@ -185,8 +185,8 @@ def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
     demands = demands_of(lab, lab.checkpoints[beside.checkpoint])
     subject = replace(
         comparison,
-        shaped={each.prim: each.id for each in demands if each.id.startswith(_SHAPED)},
-        placed={each.prim: each.id for each in demands if each.id.startswith(_PLACED)},
+        shaped={demand.prim: demand.id for demand in demands if demand.id.startswith(_SHAPED)},
+        placed={demand.prim: demand.id for demand in demands if demand.id.startswith(_PLACED)},
         faulty_sites=reported.faulty_sites,
         related_prims=reported.related_prims,
         supplied=frozenset(

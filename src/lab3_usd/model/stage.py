@@ -299,7 +299,7 @@ class StageModel(Struct, frozen=True, eq=False):
                     asset for asset in self.unresolved if is_at_or_below(asset.prim, graph.path)
                 )
                 overs = (prim.path for prim in graph.absent if prim.reason == OVER)
-                may_be = path in overs or any(is_at_or_below(path, each.prim) for each in inside)
+                may_be = path in overs or any(is_at_or_below(path, gap.prim) for gap in inside)
                 return self.unknown(path) if may_be else None
         return self.unknown(path)
 

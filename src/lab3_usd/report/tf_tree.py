@@ -80,11 +80,11 @@ def _branches(
         line += "  (static)" if edge.static else ""
         line += "" if edge.sure else "  (perhaps)"
         how = report.how(edge.publisher, edge.topic) if verbose else ""
-        said = "".join(_MARK + printable(mark) for mark in marks.get(edge.child, ()))
-        if len(line + how + said) <= width:
-            yield line + how + said
+        ending = "".join(_MARK + printable(mark) for mark in marks.get(edge.child, ()))
+        if len(line + how + ending) <= width:
+            yield line + how + ending
         else:
-            yield line + said
+            yield line + ending
             yield lead + ("    " if is_last else "│   ") + how
         if edge.child not in drawn:
             drawn.add(edge.child)

@@ -103,7 +103,7 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
         else:
             count = sum(robot.commands.domain == domain for robot in robots)
             check = verdict("tree", list(one_tree(seen, count)), seen)
-        several = sum(each[0] == kind for each in topics) > 1
+        several = sum(topic[0] == kind for topic in topics) > 1
         yield replace(check, of=f"{topic} in domain {domain}" if several else "")
 
 

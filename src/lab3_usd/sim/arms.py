@@ -50,7 +50,7 @@ def _target(joint: Joint, unit: float) -> float:
 
 
 def arm_checks(trial: Trial, scene: Scene) -> Iterator[Check]:
-    """Yield what joints show: whether they go where they are told, and what TF and states say."""
+    """Yield what joints show: whether they follow their commands, and what TF and states say."""
     if not trial.recording.held:
         text = "no joint of the robot is driven to a position"
         yield Check("joints", "not judged", text)
@@ -76,14 +76,14 @@ def _held(trial: Trial, session: int) -> list[Held]:
 
 
 def joints(trial: Trial, session: int) -> Iterator[Fault]:
-    """Each joint goes where it is told."""
+    """Each joint goes where it is commanded to."""
     for held in _held(trial, session):
-        for name, told in held.commanded.items():
+        for name, commanded in held.commanded.items():
             stands = held.positions.get(name, math.nan)
             most = max(abs(other.commanded[name]) for other in trial.recording.held)
-            if not math.isnan(told) and not abs(stands - told) <= OFF[0] * most + OFF[1]:
+            if not math.isnan(commanded) and not abs(stands - commanded) <= OFF[0] * most + OFF[1]:
                 cause = trial.causes.of_joints() if isinstance(trial.causes, RunCauses) else None
-                text = f"{name} is commanded to {told:.3f} and stands at {stands:.3f}"
+                text = f"{name} is commanded to {commanded:.3f} and stands at {stands:.3f}"
                 text += trial.when([session])
                 if cause is None:
                     yield Fault(text, "joint-off-target")
@@ -115,12 +115,12 @@ def links(trial: Trial, scene: Scene) -> Iterator[Fault]:
         first: tuple[Affine, Affine] | None = None
         for link, place in held.links.items():
             frame = frame_name(scene.prims[link])
-            told = in_root(trial, Message("", held.at, frame, at=held.at, session=0))
-            if told is None:
+            published = in_root(trial, Message("", held.at, frame, at=held.at, session=0))
+            if published is None:
                 continue
             if first is None:
-                first = (told, place)
-            elif not agree(first[0].inverse().then(told), first[1].inverse().then(place)):
+                first = (published, place)
+            elif not agree(first[0].inverse().then(published), first[1].inverse().then(place)):
                 yield Fault(f"TF does not have {frame} where its link is", "link-off-frame")
                 return
 
@@ -135,9 +135,12 @@ def joint_states(trial: Trial, scene: Scene) -> Iterator[Fault]:
             if isinstance(data, JointStates) and not message.session and message.at <= held.at:
                 pairs = zip(data.names, data.positions, strict=False)
                 last.update((name, (place, message.node)) for name, place in pairs)
-        for name, (told, node) in last.items():
+        for name, (published, node) in last.items():
             actual = held.positions.get(name)
-            if actual is not None and min(abs(told - actual), abs(told - actual * unit)) > OFF[1]:
-                text = f"joint states have {name} at {told:.3f}, it stands at {actual:.3f}"
+            if (
+                actual is not None
+                and min(abs(published - actual), abs(published - actual * unit)) > OFF[1]
+            ):
+                text = f"joint states have {name} at {published:.3f}, it stands at {actual:.3f}"
                 yield Fault(text, "wrong-joint-state", node)
                 return

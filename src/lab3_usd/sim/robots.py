@@ -1,4 +1,4 @@
-"""The robots of a stage that commands over ROS move: what each is told, and how it is driven."""
+"""The robots of a stage that commands over ROS move: the commands of each, and how it is driven."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ class Robot(Struct, frozen=True):
     body: str = ""
     start: Affine = HERE
     speeds: tuple[float, float] = (AHEAD, TURN)  # that its controllers let through
-    ramp: float = 0.0  # seconds until it goes as told
+    ramp: float = 0.0  # seconds until it moves as commanded
     wheel_base: float = 0.0  # metres, of a car
-    wheel_radius: float = 0.0  # metres, that its controller is told
+    wheel_radius: float = 0.0  # metres, as its controller states it
     has_rollers: bool = False  # on its wheels, which let it go to any side
     odometry: str = ""
     scan: str = ""
@@ -107,8 +107,8 @@ def _listening(player: Player) -> Iterator[Robot]:
                     kind,
                     speeds=speeds,
                     ramp=ramp,
-                    wheel_base=_told_size(WHEEL_BASE, behind, world),
-                    wheel_radius=_told_size(WHEEL_RADIUS, behind, world),
+                    wheel_base=_stated_size(WHEEL_BASE, behind, world),
+                    wheel_radius=_stated_size(WHEEL_RADIUS, behind, world),
                     has_rollers=any(ROLLERS in node.values for node in behind),
                 )
                 yield robot if machine is None else _watched(robot, machine, player)
@@ -128,10 +128,10 @@ def _behind(scene: Scene, start: str) -> list[str]:
     return [*found][1:]
 
 
-def _told_size(name: str, nodes: Sequence[Running], world: World) -> float:
-    """Return a size that a controller is told, in metres; 0 where none is."""
-    told = (node.number(name, world) for node in nodes if name in node.values)
-    return next(told, 0.0) * world.scene.meters_per_unit
+def _stated_size(name: str, nodes: Sequence[Running], world: World) -> float:
+    """Return the size that a controller states, in metres; 0 where none is."""
+    values = (node.number(name, world) for node in nodes if name in node.values)
+    return next(values, 0.0) * world.scene.meters_per_unit
 
 
 def _allowed(nodes: Sequence[Running], world: World) -> tuple[tuple[float, float], float]:

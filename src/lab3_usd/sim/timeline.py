@@ -266,15 +266,15 @@ def record(
     )
 
 
-def _rolled(robot: Machine, told: float) -> float:
-    """Return how far the wheels roll for each metre of wheels of the radius that is told.
+def _rolled(robot: Machine, stated: float) -> float:
+    """Return how far the wheels roll for each metre of wheels of the stated radius.
 
     Wheels of a size that is not about that radius are not the robot's own: they change nothing.
     """
     radii = [wheel.radius for wheel in robot.wheels]
-    if not radii or not told:
+    if not radii or not stated:
         return 1.0
-    factor = sum(radii) / len(radii) / told
+    factor = sum(radii) / len(radii) / stated
     return factor if SIZE[0] <= factor <= SIZE[1] else 1.0
 
 

@@ -42,8 +42,8 @@ def _lines(layer: Sdf.Layer) -> Iterator[str]:
         for attribute in prim.attributes:
             if not attribute.name.startswith(_OF_THE_EDITOR):
                 sources = attribute.connectionPathList.GetAddedOrExplicitItems()
-                told = sorted(_renamed(str(source), names) for source in sources)
-                yield f"{place}.{attribute.name} {attribute.typeName} {attribute.default} {told}"
+                renamed = sorted(_renamed(str(source), names) for source in sources)
+                yield f"{place}.{attribute.name} {attribute.typeName} {attribute.default} {renamed}"
         for relationship in prim.relationships:
             targets = relationship.targetPathList.GetAddedOrExplicitItems()
             yield f"{place}.{relationship.name} {sorted(map(str, targets))}"

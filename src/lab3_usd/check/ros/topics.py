@@ -71,7 +71,7 @@ def _near(written: str, known: Collection[str], least: float) -> str | None:
 
     # What two names have in common is no longer than the shorter: of a huge text nothing is near.
     length = len(written)
-    fitting = [each for each in known if 2 * min(length, len(each)) >= least * (length + len(each))]
+    fitting = [name for name in known if 2 * min(length, len(name)) >= least * (length + len(name))]
     near = get_close_matches(written, fitting, 1, least) if fitting else ()
     return near[0] if near else None
 

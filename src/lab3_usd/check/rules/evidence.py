@@ -345,7 +345,7 @@ def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
             by_name.setdefault(check.name, []).append((recording, check))
     for name, results in by_name.items():
         recording, check = results[-1]
-        if any(each.verdict != "bad" for _, each in results) or _reached(subject, name):
+        if any(result.verdict != "bad" for _, result in results) or _reached(subject, name):
             continue
         explained_by = explaining_rule(check)
         yield Problem(

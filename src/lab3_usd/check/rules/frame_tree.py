@@ -152,7 +152,7 @@ def _same_transforms(view: TfView) -> dict[tuple[str, str], list[Edge]]:
 
 
 @rule("T05", "frame-cycle", scope="frames", formerly="ring-of-frames")
-def ring_of_frames(view: TfView) -> Iterator[Problem]:
+def tf_cycle(view: TfView) -> Iterator[Problem]:
     """The transforms form a cycle.
 
     Why: tf2 needs a tree. In a cycle it finds no root and refuses every lookup that reaches it.

@@ -115,7 +115,7 @@ def frames_in_a_ring(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K53", "disconnected-trees", scope="lint", severity="warning", formerly="trees-apart")
-def trees_apart(subject: LintSubject) -> Iterator[Problem]:
+def disconnected_trees(subject: LintSubject) -> Iterator[Problem]:
     """The transforms of the stage form several disconnected trees.
 
     Why: no transform leads from one tree to the other, so sensor data cannot be placed on the map.
@@ -208,7 +208,7 @@ def transform_of_two_publishers(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K55", "unpublished-frame", scope="lint", severity="warning", formerly="frame-of-nobody")
-def frame_of_nobody(subject: LintSubject) -> Iterator[Problem]:
+def unpublished_frame(subject: LintSubject) -> Iterator[Problem]:
     """A message names a frame that the stage does not publish.
 
     Why: without a transform no node can place the message, unless another node, such as a robot

@@ -358,7 +358,7 @@ def graph_in_instance(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K10", "unset-input", scope="lint", formerly="works-on-zeros")
-def works_on_zeros(subject: LintSubject) -> Iterator[Problem]:
+def unset_input(subject: LintSubject) -> Iterator[Problem]:
     """An input that a node needs is neither connected nor set.
 
     Why: an input without a wire and a value is 0 or empty. A publisher without a time stamps every

@@ -181,7 +181,7 @@ def incompatible_wire(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K23", "wire-cycle", scope="lint", formerly="ring-of-wires")
-def ring_of_wires(subject: LintSubject) -> Iterator[Problem]:
+def wire_cycle(subject: LintSubject) -> Iterator[Problem]:
     """Wires of one kind form a cycle.
 
     Why: an execution cycle never ends, and data that depends on itself is never computed: OmniGraph

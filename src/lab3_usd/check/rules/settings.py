@@ -403,7 +403,7 @@ def _with_value(
     subject: StageSubject, ports: Sequence[str], *, value: bool
 ) -> Iterator[tuple[str, str]]:
     """Yield node and input of the lab's graphs where one of some inputs has a value."""
-    for node in (each for roles in subject.roles.values() for each in roles.node_of.values()):
+    for node in (node for roles in subject.roles.values() for node in roles.node_of.values()):
         if node is None or node.type is None:
             continue
         for name in (f"{INPUT}{short}" for short in ports):

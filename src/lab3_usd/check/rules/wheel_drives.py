@@ -175,10 +175,13 @@ def wheel_grip(subject: StageSubject) -> Iterator[Problem]:
         link = f"{robot.path}/{name}"
         shapes = [part for part in stage.with_api(COLLISION_API) if is_at_or_below(part.path, link)]
         materials = [_material(stage, shape.path) for shape in shapes if collides(shape)]
-        surfaces = [surface_of(None if each is None else each.attributes) for each in materials]
+        surfaces = [
+            surface_of(None if material is None else material.attributes) for material in materials
+        ]
         if surfaces and not any(surface.grips(floor) for surface in surfaces):
             of_wheel = next(
-                (each for each in (*materials, floor_material) if each is not None), None
+                (material for material in (*materials, floor_material) if material is not None),
+                None,
             )
             slick.setdefault(of_wheel.path if of_wheel is not None else link, []).append(name)
     for site, names in slick.items():

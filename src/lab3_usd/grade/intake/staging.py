@@ -265,8 +265,8 @@ def _stage_upload(
         replace(file, path=file.path.removeprefix(f"{choice.path}/"))
         for file in (*copy.refused, *choice.beside)
     )
-    told = "\0".join((choice.path, *(remark.text for remark in choice.remarks)))
-    digest = hashlib.sha256(f"{copy.digest()}\0{told}".encode("utf-8", "backslashreplace"))
+    texts = "\0".join((choice.path, *(remark.text for remark in choice.remarks)))
+    digest = hashlib.sha256(f"{copy.digest()}\0{texts}".encode("utf-8", "backslashreplace"))
     staged = StagedSubmission(folder, digest.hexdigest(), refused, digests, choice.remarks)
     return staged, copy
 

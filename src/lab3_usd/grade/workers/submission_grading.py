@@ -108,12 +108,12 @@ def grade_submission(
         report = Report(judged.results, (judged.submission,))
         remarks = tuple(remark.text for remark in staged.remarks)
         reports = write_reports(report, setup.rubric, points, task.name, remarks)
-    told: Json = {}
+    fields: Json = {}
     if setup.with_report:
         place = staged.folder.relative_to(scratch).as_posix()
-        told = {"report": to_builtins(report), "place": place}
+        fields = {"report": to_builtins(report), "place": place}
     return {
-        **told,
+        **fields,
         **_record(points, facts, _status(judged, facts, task.broken, staged)),
         "remarks": list(remarks),
         "work": work,

@@ -124,8 +124,8 @@ def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
     motion = "drive" if behaviour.legs else "run"
     remarks = (f"{motion}: {behaviour.seconds:.1f} s; {legs}", *map(printable, _remarks(behaviour)))
     for robot in behaviour.robots:
-        told = f"{robot.prim}: commands on {robot.topic} in domain {robot.domain}"
-        remarks = (*remarks, printable(told))
+        drive = f"{robot.prim}: commands on {robot.topic} in domain {robot.domain}"
+        remarks = (*remarks, printable(drive))
     lines.append("")
     for remark in remarks:
         lines += textwrap.wrap(remark, max(width, 40), subsequent_indent="  ")

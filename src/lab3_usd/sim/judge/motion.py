@@ -95,9 +95,11 @@ def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
     ahead, left, _ = displacement(before, poses[-1])
     steady = stretch.steady
     if not trial.follows(steady.turned, leg.turn * steady.seconds, turning=True):
-        told, sense = math.degrees(abs(leg.turn * leg.seconds)), -1.0 if leg.turn < 0 else 1.0
-        text = f"commanded {told:.0f} degrees {leg.name}, turned"
-        text += f" {math.degrees(sense * stretch.turned):.1f}{trial.expected_text(told, '.1f')}"
+        commanded, sense = math.degrees(abs(leg.turn * leg.seconds)), -1.0 if leg.turn < 0 else 1.0
+        text = f"commanded {commanded:.0f} degrees {leg.name}, turned"
+        text += (
+            f" {math.degrees(sense * stretch.turned):.1f}{trial.expected_text(commanded, '.1f')}"
+        )
         return trial.motion_fault(text, "wrong-turn")
     if math.hypot(ahead, left) > trial.tolerance.slip[0]:
         return trial.motion_fault("commanded to turn, went away", "turn-off-centre")
@@ -109,8 +111,10 @@ def _arc(trial: Trial, stretch: Stretch) -> Fault | None:
     length, turn = abs(leg.forward) * steady.seconds, leg.turn * steady.seconds
     if trial.follows(steady.way, length) and trial.follows(steady.turned, turn, turning=True):
         return None
-    told = f"{abs(leg.forward) * leg.seconds:.2f} m"
-    text = f"commanded to go {told} and turn {math.degrees(leg.turn * leg.seconds):.0f} degrees,"
+    commanded = f"{abs(leg.forward) * leg.seconds:.2f} m"
+    text = (
+        f"commanded to go {commanded} and turn {math.degrees(leg.turn * leg.seconds):.0f} degrees,"
+    )
     text += f" did {stretch.way:.2f} m and {math.degrees(stretch.turned):.0f}"
     return trial.motion_fault(text, "wrong-arc")
 
@@ -163,8 +167,8 @@ def again(trial: Trial) -> Iterator[Fault]:
             continue
         steady = Stretch(leg, poses[0], poses[1:]).steady
         ahead, left, _ = displacement(steady.before, steady.poses[-1])
-        is_told = trial.follows(ahead, leg.forward * steady.seconds)
-        if not is_told or abs(left) > trial.tolerance.slip[0]:
+        follows = trial.follows(ahead, leg.forward * steady.seconds)
+        if not follows or abs(left) > trial.tolerance.slip[0]:
             text = f"does not follow {trial.wanted.commands}{trial.when([number])}"
             yield trial.motion_fault(text, "no-drive-after-restart")
 

@@ -142,7 +142,7 @@ def _rate(sensor: SensorSpec | None, name: str) -> float:
 
 
 def _drive_settings(lab: Lab, *names: str) -> tuple[float, ...]:
-    """Return what controllers are to be told, by the names of inputs; 0 where nothing is asked."""
+    """Return the values that the lab asks of controllers, by input; 0 where it asks for none."""
     settings: dict[str, Any] = {
         setting.port.rpartition(":")[2]: setting.value
         for graph in lab.graphs.values()

@@ -65,7 +65,7 @@ class Interface(Struct, frozen=True):
     upward: tuple[float, float, float]
     turn_rate: float = 0.0  # of the lidar, a second
     frames: tuple[str, ...] = ()  # that the tree is to have below its root
-    wheel_radius: float = 0.0  # that controllers are to be told, metres
+    wheel_radius: float = 0.0  # that the lab asks of controllers, metres
     profile: dict[str, Any] = {}  # of a lidar whose own cannot be read
     static: frozenset[str] = frozenset()  # topics of transforms that are kept
     restarts: bool = False  # whether the clock begins anew after Stop
@@ -125,7 +125,7 @@ class Stretch(NamedTuple):
 
     @property
     def steady(self) -> Stretch:
-        """The part in which the wheels turn as told; all of it where it is too short."""
+        """The part in which the wheels turn as commanded; all of it where it is too short."""
         if len(self.poses) <= 2 * STARTED:
             return self
         return Stretch(self.leg, self.poses[STARTED - 1], self.poses[STARTED:])
@@ -155,13 +155,13 @@ class Trial(Struct):
     room: tuple[Segment, ...] = ()  # what stands still, cut at the height of the lidar
     radius: float = 0.0  # of the robot
     tolerance: Tolerance = EXACT
-    factor: float = 1.0  # how far the wheels roll a metre that controllers are told
+    factor: float = 1.0  # metres that the wheels roll for each metre commanded
     map: OccupancyMap | None = None  # what it is localized in
     map_fault: str = ""  # why that cannot be read
     # Where the map has the root of TF, from when on; more than one where nobody says.
     located: tuple[Sequence[tuple[float, Affine]], ...] = ()
     fit: MapFit | None = None  # of its scans on the map
-    scrubs: bool = False  # whether its wheels slide in a turn, so that it turns about as told
+    scrubs: bool = False  # whether its wheels slide in a turn, so that it turns about as commanded
 
     def stretches(self, *names: str) -> Iterator[Stretch]:
         """Yield the legs of the first session that have one of these names."""
@@ -185,14 +185,14 @@ class Trial(Struct):
             return Fault(message, kind)
         return Fault(message, cause.kind or kind, cause.prim, cause.reason)
 
-    def follows(self, driven: float, told: float, *, turning: bool = False) -> bool:
-        """Whether the robot does what it is told, by the wheels that it has."""
+    def follows(self, driven: float, commanded: float, *, turning: bool = False) -> bool:
+        """Whether the robot does what it is commanded, by the wheels that it has."""
         least, most = SIZE if turning and self.scrubs else self.tolerance.size
-        return least <= driven / (told * self.factor) <= most
+        return least <= driven / (commanded * self.factor) <= most
 
-    def expected_text(self, told: float, unit: str) -> str:
+    def expected_text(self, commanded: float, unit: str) -> str:
         """Say what the wheels make of a command, where that is something else."""
-        return f", expected {told * self.factor:{unit}}" if self.factor != 1.0 else ""
+        return f", expected {commanded * self.factor:{unit}}" if self.factor != 1.0 else ""
 
     def when(self, sessions: Sequence[int]) -> str:
         """Say in which sessions, if not in all from the first on."""

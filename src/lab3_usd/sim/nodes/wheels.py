@@ -138,13 +138,13 @@ def holonomic_controller(node: Running, world: World) -> bool:
     size = math.hypot(x, y)
     if size > limits[0]:
         x, y = x / size * limits[0], y / size * limits[0]
-    told = (x, y, _within(limits[1], turn))
+    command = (x, y, _within(limits[1], turn))
     weights = [weight for _, weight in columns]
     matrix = [
         [sum(c[i] * c[j] / k for (c, _), k in zip(columns, weights, strict=True)) for j in range(3)]
         for i in range(3)
     ]
-    part = Affine(tuple(map(tuple, matrix))).inverse().turn(told)  # type: ignore[arg-type]
+    part = Affine(tuple(map(tuple, matrix))).inverse().turn(command)  # type: ignore[arg-type]
     speeds = [sum(a * b for a, b in zip(c, part, strict=True)) / k for c, k in columns]
     most = max(map(abs, speeds))
     scale = limits[2] / most if most > limits[2] else 1.0

@@ -403,17 +403,17 @@ def _with_roles(types: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 def _release(entry: _ReleaseEntry, usd_types: Mapping[str, str], where: str) -> Release:
     changes = {
         name: TypeChanges(
-            version=said.version,
+            version=node.version,
             ports={
                 full: _port(full, port, usd_types, f"{where}: {name}")
-                for full, port in said.ports.items()
+                for full, port in node.ports.items()
             },
-            lacks=said.lacks,
-            defaults=_tuples(said.defaults),
-            allowed=said.allowed,
-            message=said.message,
+            lacks=node.lacks,
+            defaults=_tuples(node.defaults),
+            allowed=node.allowed,
+            message=node.message,
         )
-        for name, said in entry.types.items()
+        for name, node in entry.types.items()
     }
     return Release(parse_types(entry.has, usd_types, where), entry.lacks, changes)
 
