@@ -22,22 +22,20 @@ INTRODUCTION = """\
 
 <!-- Written by docs/make_lab_files.py from the records of the files: change those, not this. -->
 
-Every key of every file. `key` = `default`: its type; an example. A **key** in bold has no default
-and must be there. `<name>` stands for names of yours. Lengths are metres, angles degrees, masses
-kilograms. `lab3 lab schema FILE` prints the same as a JSON schema; [the guide](authors.md) shows
-how a lab is made.
-
-In [`lab3.toml`](configuration.md), `lab` is the path of the folder of a lab, from that file on;
-`"our-lab"`. Without it, `--lab` and `LAB3_LAB`, the bundled lab is in force.
+Every key of every file, with an example, or its type where no example exists: `[text]` is a list,
+`{name: number}` a mapping with names of yours, `|` separates alternatives. A **key** in bold is
+required. Another one has its default after `=`, else it is empty or off. Lengths are metres, angles
+degrees, masses kilograms. `lab3 lab schema FILE` prints the same as a JSON schema.
+[The guide](authors.md) shows how to make a lab.
 """
-_LONG = 60  # characters of an example
+_LONG = 40  # characters of an example
 _Examples = dict[tuple[str, str], str]
 
 
 def page() -> str:
     """Return the whole page."""
     lines = [INTRODUCTION]
-    told: set[str] = set()
+    shown: set[str] = set()
     for file in FILES:
         schema = schema_of(file)
         examples: _Examples = {}
@@ -46,8 +44,8 @@ def page() -> str:
         title = "the file of a graph" if file == GRAPH else f"`{file}`"
         lines += [f"## {title[:1].upper()}{title[1:]}\n", *_record("", schema, examples)]
         for name, record in schema["$defs"].items():
-            if _shown(name) not in told and record.get("properties"):
-                told.add(_shown(name))
+            if _shown(name) not in shown and record.get("properties"):
+                shown.add(_shown(name))
                 lines += [f"### {_shown(name)}\n", *_record(name, record, examples)]
     return "\n".join(lines)
 
@@ -72,22 +70,23 @@ def _record(name: str, record: Mapping[str, Any], examples: _Examples) -> Iterat
         yield f"{record['description'].strip()}\n"
     for key, value in record["properties"].items():
         example = examples.get((name, key), "")
-        line = f"- **`{key}`**"
-        if key not in record.get("required", ()):
-            default = "" if value.get("default") is None else json.dumps(value["default"])
+        parts = [f"- **`{key}`**" if key in record.get("required", ()) else f"- `{key}`"]
+        has_record = "$ref" in str(value)
+        if value.get("default") and not has_record:
+            default = json.dumps(value["default"])
+            parts.append(f"= `{default}`")
             example = "" if example == default else example
-            is_record = "$ref" in value or "$ref" in str(value.get("anyOf", ()))
-            line = f"- `{key}`" + (f" = `{default}`" if default and not is_record else "")
-        yield f"{line}: {_type(value)}" + (f"; `{example}`" if example else "")
+        shows_type = bool(example) and example not in _EMPTY and "anyOf" not in value
+        if has_record or not (shows_type or value.get("default")):
+            parts.append(_type(value) if has_record else f"`{_type(value)}`")
+        if shows_type and not has_record:
+            parts.append(f"`{example}`")
+        yield " ".join(parts)
     yield ""
 
 
-_NAMES = {
-    "string": "text",
-    "integer": "whole number",
-    "number": "number",
-    "boolean": "true or false",
-}
+_EMPTY = ("{}", "[]")
+_NAMES = {"integer": "number", "number": "number", "boolean": "bool", "string": "text"}
 
 
 def _type(schema: Mapping[str, Any]) -> str:
@@ -98,20 +97,19 @@ def _type(schema: Mapping[str, Any]) -> str:
     if "anyOf" in schema:
         options = [option for option in schema["anyOf"] if option.get("type") != "null"]
         kinds = map(_type, sorted(options, key=lambda option: option.get("type") == "object"))
-        return ", or ".join(dict.fromkeys(kinds))
+        return "|".join(dict.fromkeys(kinds))
     if "enum" in schema:
-        return "one of " + ", ".join(f"`{value}`" for value in schema["enum"] if value)
+        return "|".join(str(value) for value in schema["enum"] if value)
     kind = schema.get("type")
     if kind == "array":
-        inner = schema.get("items")
         fixed = schema.get("prefixItems", ())
-        inner = fixed[0] if fixed else inner
-        number = f"{len(fixed)}: " if fixed else ""
-        return f"list of {number}{_type(inner)}" if isinstance(inner, dict) else "list"
+        parts = [_type(part) for part in fixed or (schema.get("items") or {},)]
+        return f"[{', '.join(parts)}]" if "](" not in parts[0] else f"list of {parts[0]}"
     if kind == "object":
         inner = schema.get("additionalProperties")
-        return f"`<name>`: {_type(inner)}" if isinstance(inner, dict) else "mapping"
-    return _NAMES.get(str(kind), "any value")
+        held = _type(inner) if isinstance(inner, dict) else "any"
+        return f"{{name: {held}}}" if "](" not in held else f"`name`: {held}"
+    return _NAMES.get(str(kind), "any")
 
 
 def _collect(

@@ -36,17 +36,7 @@ _ERROR = "/error/"  # between a part and a rule
 
 
 class Item(Struct, frozen=True, forbid_unknown_fields=True):
-    """One line of the gradebook: points for requirements of a checkpoint, or for a checklist line.
-
-    `groups` and `requirements` are patterns of requirement groups and ids; `checklist` is the
-    text of a line of the handout's checklists; without `title` an item is called as these are.
-    `needs` names the items that this one stands on.
-
-    What contradicts the title takes the whole item: `breaks` are patterns of requirement ids, rules
-    whose errors are about one of the groups, and `PART/error/RULE` of another part. `dry_run` names
-    topics and checks that must be right in a dry run, and kinds of faults that it must not show.
-    `files` are the rules about files beside the stages whose errors are this item's.
-    """
+    """A line of the gradebook; the guide for graders explains its keys."""
 
     id: str
     points: Points
@@ -76,10 +66,9 @@ def is_named(name: str, patterns: Collection[str]) -> bool:
 
 
 class Cap(Struct, frozen=True, forbid_unknown_fields=True):
-    """An error of one of `rules`, or families, limits `items` (all where none is named) to a share.
+    """An error of `rules` (or families) limits `items`, or all of them, to a share.
 
-    `checkpoints` are patterns of those in whose stages an error counts; where there are none it
-    is the item's own, and any for an item of the handout's checklists.
+    `checkpoints` are patterns of the stages in which it counts; without them, that of the item.
     """
 
     rules: tuple[str, ...]
@@ -96,7 +85,7 @@ class Cap(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Late(Struct, frozen=True, forbid_unknown_fields=True):
-    """What a late submission may earn, and who was late beside those that the names tell."""
+    """The share that a late submission may earn, and further late students."""
 
     at_most: Share = 1.0
     students: tuple[str, ...] = ()
@@ -312,7 +301,7 @@ def _check_requirements(
 
 
 class RubricFile(Struct, forbid_unknown_fields=True):
-    """What `rubric.yaml` holds: items in their order, and what holds for all of them."""
+    """The items of the gradebook, in order."""
 
     title: str
     items: dict[str, dict[str, Any]]

@@ -31,12 +31,12 @@ class GraphAttribute(Struct, frozen=True):
 
 
 class Evaluation(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which graphs Isaac Sim evaluates while it plays, and which of their nodes compute.
+    """The graphs that Isaac Sim evaluates, and the nodes that compute.
 
-    `mode`, `stage` and `evaluator` are attributes of a graph prim, the lists hold values of theirs.
-    A graph whose mode is `by_reference` needs a prim whose relationship `reference` names it; one
-    whose stage is `on_demand` needs an event of that stage. In a graph whose evaluator is one of
-    `all_nodes` every node computes, in another those that a signal reaches.
+    `mode`, `stage` and `evaluator` are attributes of a graph. A graph whose mode is in
+    `by_reference` needs a prim whose relationship `reference` names it; one whose stage is in
+    `on_demand` needs an event of that stage. With an evaluator of `all_nodes` every node computes,
+    otherwise those that a signal reaches.
     """
 
     mode: str
@@ -80,7 +80,7 @@ class _AttributeEntry(Struct, forbid_unknown_fields=True):
 
 
 class GraphEntry(Struct, forbid_unknown_fields=True):
-    """The form of graphs as the file describes it."""
+    """The attributes of a graph."""
 
     type: str
     node_type: str
@@ -281,7 +281,7 @@ class NodeType(Struct, frozen=True, dict=True):
 
 
 class Scripts(Struct, frozen=True, forbid_unknown_fields=True):
-    """What runs code out of a file: patterns of node types, and schemas that prims carry."""
+    """Node types (patterns) and schemas that run code from the file."""
 
     types: tuple[str, ...]
     apis: tuple[str, ...]
@@ -296,18 +296,18 @@ class Scripts(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SingleSignal(Struct, frozen=True, forbid_unknown_fields=True):
-    """The outputs of a type that signal a single time, unless something is wired into `again`."""
+    """Outputs that signal once, unless a wire reaches `again`."""
 
     outputs: tuple[str, ...]
     again: str = ""
 
 
 class WriterPorts(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which inputs of a type say what it changes in the scene.
+    """The inputs of a type that say what it changes in the scene.
 
-    `prims` are relationships, `paths` texts or lists of texts, and `wires` lead to the node whose
-    work is changed. `property` names what is written, '' where the prims themselves are. A prim
-    without one of the `schemas` is left as it is.
+    `prims` are relationships, `paths` texts; `wires` lead to the node whose work is changed.
+    `property` is what is written, '' for the prims themselves. A prim without one of the `schemas`
+    does not change.
     """
 
     prims: tuple[str, ...] = ()
@@ -355,9 +355,9 @@ class Catalog(Struct, frozen=True):
 
 
 class Dynamic(Struct, frozen=True, forbid_unknown_fields=True):
-    """Ports that exist only once asked for: `prefix` + number, as many as `count` says.
+    """Ports that exist on request: `prefix` + number, as many as `count` says.
 
-    `type` is OGN's own word for their type, `metadata` how a file lists the types they take.
+    `type` is OGN's word for their type, `metadata` the types that a file lists.
     """
 
     prefix: str
@@ -367,10 +367,10 @@ class Dynamic(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TfPorts(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which ports of a type carry TF frames.
+    """The ports of a type that carry TF frames.
 
-    `names`: parent and child frame ids. `arrays`: parents and children that come by wire.
-    `prims`: parent prim and target prims. `gives`: the outputs that carry the frames on.
+    `names`: parent and child frame ids. `arrays`: parents and children by wire. `prims`: parent
+    prim and target prims. `gives`: outputs that pass frames on.
     """
 
     names: tuple[str, ...] = ()

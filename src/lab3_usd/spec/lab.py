@@ -27,10 +27,10 @@ SUBMISSION = "submission.yaml"
 
 
 class Handout(Struct, frozen=True, forbid_unknown_fields=True):
-    """The sections of the handout: how many each part has, and those that ask for nothing here.
+    """The number of sections in each part, and the sections that ask for nothing in a stage.
 
-    They are called A1 of a part A, 4.1 of a part 4, and Ex 4.1 of a part Ex 4.
-    `rules` names the section behind a rule, for findings about what no item of the lab names.
+    Sections are called A1 in a part A, 4.1 in a part 4, Ex 4.1 in a part Ex 4. `rules` gives the
+    section of findings that concern no item of the lab.
     """
 
     sections: Mapping[str, int] = {}
@@ -78,17 +78,17 @@ class Checkpoint(Struct, frozen=True):
 
 
 class StampReset(Struct, frozen=True, forbid_unknown_fields=True, rename={"agree": "with"}):
-    """The inputs that decide when time stamps start again, and the node that all agree with."""
+    """The inputs that decide when time stamps restart, and the input that they must agree with."""
 
     ports: tuple[str, ...]
     agree: str
 
 
 class Policy(Struct, frozen=True, forbid_unknown_fields=True):
-    """What holds for every graph: inputs that stay at their defaults, topics that may be shared.
+    """Rules for every graph.
 
-    `namespace` and `namespace_attribute` are the input and the attribute that change topics,
-    `tree_topics` those with several publishers, `tick` is the event that graphs begin with.
+    `namespace` and `namespace_attribute` change topics, `tree_topics` may have several publishers,
+    `tick` is the event of every graph.
     """
 
     handout: str
@@ -118,7 +118,7 @@ class FrameEdge(tuple[str, str]):
 
 
 class ForbiddenTransform(Struct, frozen=True, forbid_unknown_fields=True):
-    """A transform that nothing may publish, and the usual names of nodes that do."""
+    """A transform that no node may publish, and the usual names of nodes that do."""
 
     parent: str
     child: str
@@ -132,7 +132,7 @@ class ForbiddenTransform(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class LocalizationSpec(Struct, frozen=True, forbid_unknown_fields=True, rename={"since": "from"}):
-    """The transform that localization adds, and the chain of frames that it completes."""
+    """The transform of localization, and the chain of frames that it completes."""
 
     edge: FrameEdge
     by: str
@@ -142,9 +142,9 @@ class LocalizationSpec(Struct, frozen=True, forbid_unknown_fields=True, rename={
 
 
 class FrameSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The TF tree: its edges, what is forbidden, and what localization adds.
+    """The TF tree.
 
-    Frames may hang deeper below `deeper_under` than the edges say, as a joint tree has them.
+    Frames may also be deeper below `deeper_under` than the edges say, as in a joint tree.
     """
 
     handout: str

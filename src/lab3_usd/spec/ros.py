@@ -11,7 +11,7 @@ FROM_THE_FIRST = ""  # what names no checkpoint holds from the first on
 
 
 class MapFacts(Struct, frozen=True, forbid_unknown_fields=True):
-    """The map that the handout asks for; lengths in metres, the size in cells."""
+    """The map of the lab."""
 
     yaml: str
     image: str
@@ -37,11 +37,11 @@ class MapFacts(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TopicSpec(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
-    """A topic of the running system; None where the handout asks for nothing.
+    """A topic of the running system.
 
-    `rate` is the section that asks for a rate above zero, `fields` what one message must say,
-    `map_fields` the fields that repeat facts of the map. `source` says how to make it exist, where
-    no graph publishes it; `subscribed`: the lab listens to it, and a publisher comes and goes.
+    `rate` is the section that asks for a rate above zero, `fields` are required values of a
+    message, `map_fields` those that repeat facts of the map. `source` says how to start a publisher
+    that is no graph. A publisher of a `subscribed` topic is outside the stage.
     """
 
     name: str
@@ -59,16 +59,16 @@ class TopicSpec(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
 
 
 class HandoutReference(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
-    """Where the handout asks for something, and from which checkpoint on."""
+    """A section of the handout, and its first checkpoint."""
 
     handout: str
     since: str = FROM_THE_FIRST
 
 
 class EvidenceKind(Struct, frozen=True, forbid_unknown_fields=True):
-    """One kind of diagnostic command: its words, the name of its output, its limit in seconds.
+    """A kind of command: its words, its output file, its time limit.
 
-    Options of `narrowed_by` make it print something else than is read here.
+    With an option of `narrowed_by` the output is not judged.
     """
 
     name: str
@@ -79,7 +79,7 @@ class EvidenceKind(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Command(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
-    """One diagnostic command; `extra` ones are recorded although the handout does not ask."""
+    """A diagnostic command; the handout does not ask for `extra` ones."""
 
     kind: EvidenceKind
     handout: str
@@ -105,9 +105,9 @@ class Command(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
 
 
 class GoalSpec(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
-    """How a navigation goal shows: its topics, and what its status numbers and log lines mean.
+    """A navigation goal: its topics, status numbers and log lines.
 
-    `names` are the names of the status numbers from 0 on.
+    `names` are the names of the status numbers, from 0.
     """
 
     handout: str
@@ -126,7 +126,7 @@ class GoalSpec(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
 
 
 class ParameterNames(Struct, frozen=True, forbid_unknown_fields=True):
-    """The names by which Nav2 calls the parameters that are judged."""
+    """Nav2's names of the parameters that are judged."""
 
     sim_time: str
     base_frame: tuple[str, ...]
@@ -151,11 +151,10 @@ class FrameParameter(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class NavigationSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """What Nav2 is told; metres, metres and radians per second, and per second squared.
+    """Nav2's parameters, in metres, radians and seconds.
 
-    `behaviors` are plugins by name, `rviz` topics by display.
-    `timed` are the nodes whose clock their own parameters decide, `types` the parameters' last
-    names by what they are declared as, `plugins` all that the distribution has.
+    `behaviors` are plugins by name, `rviz` topics by display, `timed` nodes with a clock of their
+    own; `types` lists the last names of parameters by type, `plugins` all of the distribution.
     """
 
     handout: str
@@ -181,9 +180,9 @@ class NavigationSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SystemSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The software of 4.1 and where it lies; `packages` maps ROS packages to their usual names.
+    """The software; `packages` maps ROS packages to their usual names.
 
-    `topics` are those that every ROS 2 system has.
+    `topics` exist in every ROS 2 system.
     """
 
     handout: str
@@ -196,14 +195,14 @@ class SystemSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class LifecycleSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The lifecycle nodes, and the state in which they must be."""
+    """Lifecycle nodes, and their required state."""
 
     state: str
     nodes: Mapping[str, HandoutReference]
 
 
 class ForbiddenNodes(Struct, frozen=True, forbid_unknown_fields=True):
-    """How the names of nodes end that must not run."""
+    """Ends of the names of nodes that must not run."""
 
     endings: tuple[str, ...]
     handout: str

@@ -16,7 +16,7 @@ ANYWHERE = "anywhere"  # recognised off the robot as well
 
 
 class StageUnits(Struct, frozen=True, forbid_unknown_fields=True):
-    """The axis that is up, and the units of a stage."""
+    """Up axis and units of a stage."""
 
     handout: str
     up_axis: str
@@ -25,7 +25,7 @@ class StageUnits(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
-    """How exactly numbers must be met: metres, degrees, factors; `mass` and `number` relative."""
+    """Metres, degrees and factors; `mass` and `number` are relative."""
 
     mass: Number
     root_position: Number
@@ -40,7 +40,7 @@ class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class PoseSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a prim stands in its parent: metres, degrees about X then Y then Z, factors."""
+    """The pose in the parent: metres, degrees about X then Y then Z, factors."""
 
     translate: Number3
     rotate: Number3
@@ -49,7 +49,7 @@ class PoseSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ArticulationSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The prim with the articulation root ('' for none), its schema, and what switches it off."""
+    """The prim with the articulation root ('' for none)."""
 
     target: str
     handout: str
@@ -58,9 +58,9 @@ class ArticulationSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class LinkSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """A link of the robot; None where nothing is asked of its mass or its place on the robot.
+    """A link of the robot.
 
-    One with a place, and one that is `held`, must not move on the robot.
+    With an `offset`, or if it is `held`, it must not move on the robot.
     """
 
     handout: str
@@ -71,9 +71,9 @@ class LinkSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The wheels by joint, where their joints are shown, the axle that drives forward, the left.
+    """The wheels: by joint, the link that it turns.
 
-    The joints stand at `joints_below`, a path below the robot's; `distance` is between the wheels.
+    `axle` is the direction about which they drive forward.
     """
 
     handout: str
@@ -85,11 +85,10 @@ class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The robot; from the checkpoint after `pose_is_error_until` on it may have driven.
+    """The robot; after the checkpoint `pose_is_error_until` it may have driven.
 
-    `base_frame` is the link that stands for the robot: its name is the frame that odometry moves.
-    `links` are the bodies right below `path`, by their names. What lies below prims of the names in
-    `looks_below` is how it looks, or collides.
+    `base_frame` is the link whose frame odometry moves. `links` are the bodies directly below
+    `path`. Prims below the names in `looks_below` are appearance or colliders.
     """
 
     path: str
@@ -118,14 +117,14 @@ class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class GraphParent(Struct, frozen=True, forbid_unknown_fields=True):
-    """The prim of the world below which graphs stand."""
+    """The prim of the world that contains graphs."""
 
     path: str
     handout: str
 
 
 class WorldPart(Struct, frozen=True, forbid_unknown_fields=True):
-    """A part of the world, recognised by its type; `usual` is where the handout shows it."""
+    """A part of the world, recognised by its type; `usual` is its path in the handout."""
 
     handout: str
     usual: str
@@ -138,7 +137,7 @@ class ObservationCamera(WorldPart, frozen=True, forbid_unknown_fields=True):
 
 
 class WorldSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The world around the robot; None for what is not asked for."""
+    """The world around the robot; omit the parts that are not required."""
 
     graph_parent: GraphParent
     ground: WorldPart | None = None
@@ -148,7 +147,7 @@ class WorldSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Unwanted(Struct, frozen=True, forbid_unknown_fields=True):
-    """The names and paths of prims that must not be there."""
+    """Names and paths of prims that must be absent."""
 
     handout: str = ""
     names: tuple[str, ...] = ()
@@ -156,14 +155,14 @@ class Unwanted(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ForbiddenPrims(Struct, frozen=True, forbid_unknown_fields=True):
-    """What a starter must not hold, and what would be a second lidar."""
+    """Prims that a starter must not contain, and those that would be a second lidar."""
 
     starter: Unwanted = Unwanted()
     lidar: Unwanted = Unwanted()
 
 
 class SensorAttribute(Struct, frozen=True, forbid_unknown_fields=True):
-    """A value that is written at a sensor; one that is `required` is checked."""
+    """A value of a sensor; the checker requires it if it is `required`."""
 
     type: str
     value: Any
@@ -174,33 +173,33 @@ class SensorAttribute(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ViewSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a camera looks and what is up in its image, in the frame of its link."""
+    """The direction of view and of up in the image, in the frame of the link."""
 
     along: Number3
     up: Number3
 
 
 class SlipSpec(ViewSpec, frozen=True, forbid_unknown_fields=True):
-    """A view that tells which mistake was made."""
+    """A view that reveals a certain mistake."""
 
     message: str
     hint: str
 
 
 class KeptValue(Struct, frozen=True, forbid_unknown_fields=True):
-    """A value that nobody should change, and what happens otherwise."""
+    """A value that must not change, and the effect of another one."""
 
     value: Plain
     otherwise: str
 
 
 class ScanSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The values by which a lidar gives no scan or another one.
+    """Values with which a lidar gives no scan, or another one.
 
-    Of a pair in `rising` the first is less than the second. `circle` has the limits of the azimuth,
-    `whole` the degrees from which on they are a circle. `emitters` opens the names of the lists
-    with an entry for each emitter; `elevation` ends that of the angles, `level` is their limit.
-    `ranges` are the near and the far range, in metres.
+    In a pair of `rising` the first is the smaller one. `circle` limits the azimuth, which is a full
+    circle from `whole` on. `emitters` begins the names of lists with an entry for each emitter;
+    `elevation` ends the name of their angles, whose limit is `level`. `ranges` are the near and far
+    range.
     """
 
     handout: str
@@ -216,12 +215,11 @@ class ScanSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SensorSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """A sensor of any kind; a lidar may have a `scan`, a camera where it `looks`.
+    """A sensor.
 
-    The `kind` decides the rules: L for `lidar`, C for `camera`, D for any other word, such as
-    `imu`. One that is `recognised` `anywhere` is every prim of the type, also off the robot.
-    `apis` are the schemas that are written, `rate_api` the one that brings a rate. `keep_default`
-    and `plain_image` have what USD takes where nothing is written.
+    The `kind` selects the rules: L for `lidar`, C for `camera`, D for any other. With `recognised:
+    anywhere` every prim of the type counts, also off the robot. `apis` are written, `rate_api`
+    brings a rate; `keep_default` and `plain_image` are USD's defaults.
     """
 
     kind: str
@@ -257,7 +255,7 @@ class SensorSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SceneSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """Everything that `scene.yaml` says."""
+    """The scene: units, robot, sensors, world and map."""
 
     stage: StageUnits
     tolerance: Tolerances

@@ -10,7 +10,7 @@ from msgspec import Struct
 
 
 class FolderNames(Struct, frozen=True, forbid_unknown_fields=True):
-    """The folders of a submission by what lies in them (4.3); `shown` holds saved output."""
+    """The folders of a submission; `shown` contain saved output."""
 
     handout: str
     stages: str
@@ -20,11 +20,11 @@ class FolderNames(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class StageFiles(Struct, frozen=True, forbid_unknown_fields=True):
-    """How stage files are named.
+    """Names of stage files.
 
-    `endings` are the handout's, the first preferred; `openable` ones USD opens as well; `slips`
-    are no endings of USD. No two files of the checkpoints in `differ` may be the same. `starter`
-    is the name of the supplied scene; without it, that of the first stage.
+    `endings` are the handout's, the preferred one first; USD also opens `openable` ones, and
+    `slips` are mistakes. The files of the checkpoints in `differ` must differ. `starter` is the
+    name of the supplied scene, else that of the first stage.
     """
 
     handout: str
@@ -36,11 +36,10 @@ class StageFiles(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Deliverable(Struct, frozen=True, forbid_unknown_fields=True):
-    """Something to hand in beside the stages.
+    """A file to hand in beside the stages.
 
-    A file counts by its ending; where `names` and `links` are given, also by its name when it
-    holds one of the links, and never by the names `never`. `folder` limits the search to the
-    folders of saved output. With `concludes`, it is made when all else is done.
+    It counts by its ending, or by a name of `names` if it contains one of `links`; never by a name
+    of `never`. `folder` limits the search. One that `concludes` is made last.
     """
 
     name: str
@@ -57,13 +56,13 @@ class Deliverable(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class StarterRules(Struct, frozen=True, forbid_unknown_fields=True):
-    """Which properties of the starter are compared, and what a change of them is.
+    """The properties of the starter that are compared, as patterns with `*`.
 
-    Patterns have `*`. `never` ones are not compared, `physics` and `shapes` of collisions are
-    errors, `looks` count on lights and cameras only. Prims of the types `anywhere` are recognised
-    by their type, those named in `library` through the links that refer to them. Schemas that
-    begin as one of `acting` change how a prim moves as soon as they are added; a property added
-    with its value of `neutral` changes nothing.
+    `never` are not compared; changes of `physics`, and of `shapes` of collisions, are errors;
+    `looks` count on lights and cameras only. Prims of a type of `anywhere` are recognised by type,
+    those in `library` by the references to them. An added schema that begins with an entry of
+    `acting` changes how a prim moves; an added property with its value in `neutral` changes
+    nothing.
     """
 
     handout: str
@@ -86,11 +85,11 @@ class StarterRules(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ChecklistSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """One line of the handout's checklists, and what decides it.
+    """A line of a checklist; it is met when all of its parts are.
 
-    `requirements` are patterns of requirement ids and `rules` rule ids, both of the last stage;
-    `shown` names saved output as `kind target`; `deliverables` are names of those. `person` says
-    what a person has to look at. A line is met when all of it is.
+    `requirements` are patterns of ids and `rules` rule ids, in the last stage; `shown` is saved
+    output as `kind target`; the stages in `stages` (a checkpoint, `last`, `all`) can be opened; a
+    `person` must look at the rest.
     """
 
     section: str

@@ -48,7 +48,7 @@ _Fact = TypeVar("_Fact")
 
 
 class _PortEntry(Struct, forbid_unknown_fields=True):
-    """A port in its long form; most are written `TYPE = DEFAULT`."""
+    """The long form of a port; most are written `TYPE = DEFAULT`."""
 
     type: str
     default: Any = None
@@ -73,11 +73,11 @@ class _ProductEntry(Struct, forbid_unknown_fields=True):
 
 
 class _TypeEntry(Struct, forbid_unknown_fields=True):
-    """A node type, as its `.ogn` file or a stage that was saved with it has it.
+    """A node type, as in its `.ogn` file or a saved stage.
 
     A port is written `name: type = default`. `execution` ports carry signals, `target` ports name
-    prims, `union` ports take the type of their connection. A type that publishes has a `role`, its
-    ports with `topics` and `frames`, and a `message`.
+    prims, `union` ports take the type of their connection. A publisher has a `role`, a `message`,
+    and ports with `topics` and `frames`.
     """
 
     version: int
@@ -112,7 +112,7 @@ class _EventEntry(Struct, forbid_unknown_fields=True):
 
 
 class CatalogFile(Struct, forbid_unknown_fields=True):
-    """What `node_types.yaml` holds: node types, and how Isaac Sim saves and runs graphs."""
+    """Node types, and the way in which Isaac Sim saves and runs graphs."""
 
     usd_types: dict[str, str]
     prefixes: dict[str, str]

@@ -33,7 +33,7 @@ def is_checkpoint_id(text: str) -> bool:
 
 
 class _Additions(Struct, forbid_unknown_fields=True):
-    """What a checkpoint adds to the one before."""
+    """The difference from the previous checkpoint."""
 
     graphs: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
@@ -43,9 +43,9 @@ class _Additions(Struct, forbid_unknown_fields=True):
 
 
 class CheckpointEntry(Struct, forbid_unknown_fields=True):
-    """A checkpoint as the file describes it; its key is how all other places refer to it.
+    """A checkpoint; the other files refer to its key.
 
-    `id` and `name` are what stands for {id} and {name} in `files`; without `id` it is the key.
+    `files` inserts `id` and `name` for {id} and {name}; `id` is the key unless given.
     """
 
     name: str
@@ -56,7 +56,7 @@ class CheckpointEntry(Struct, forbid_unknown_fields=True):
 
 
 class CheckpointsFile(Struct, forbid_unknown_fields=True):
-    """What `checkpoints.yaml` holds: the checkpoints in order, and what holds for all of them."""
+    """The checkpoints in order, and the rules for all of them."""
 
     title: str
     files: str

@@ -25,12 +25,12 @@ _Targets = dict[str, tuple[str, ...]]
 
 
 class NodeEntry(Struct, forbid_unknown_fields=True):
-    """A node as the file describes it.
+    """A node, by its role.
 
     `set` are values, `targets` prims, `keep` inputs that stay at their defaults, `ports` inputs
-    that are there once they were added, `frames_from` targets that are judged by the TF frames that
-    they give. Without `handout` it is in the section of its graph, without `at` it is placed by its
-    wires. `set`, `targets` and `keep` may name sections of their own: `set: {B3: {domain_id: 0}}`.
+    that must be added, `frames_from` targets that are judged by the TF frames that they give.
+    `handout` is that of the graph unless given; a node without `at` is placed by its wires. `set`,
+    `targets` and `keep` may name sections: `set: {B3: {domain_id: 0}}`.
     """
 
     type: str
@@ -54,7 +54,7 @@ class NodeEntry(Struct, forbid_unknown_fields=True):
 
 
 class GraphFile(Struct, forbid_unknown_fields=True):
-    """What the file of a graph holds; wires may name sections: `wires: {B4: [...]}`."""
+    """An Action Graph. Wires may name sections of the handout: `wires: {B4: [...]}`."""
 
     graph: str
     path: str

@@ -36,7 +36,7 @@ _ByName = dict[str, dict[str, Any]]
 
 
 class RosFile(Struct, forbid_unknown_fields=True):
-    """What `ros.yaml` holds: what the running system shows, and the commands that show it."""
+    """The running system, and the commands that show it."""
 
     system: ros.SystemSpec
     topics: _ByName = {}
@@ -119,7 +119,7 @@ def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
 
 
 class SubmissionFile(Struct, forbid_unknown_fields=True):
-    """What `submission.yaml` holds: the files of a submission, and the checklists."""
+    """The files of a submission, and the checklists."""
 
     folders: FolderNames
     stages: StageFiles

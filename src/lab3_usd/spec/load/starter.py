@@ -21,7 +21,7 @@ _Data = dict[str, Any]
 
 
 class PoseSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a prim stands in its parent: metres, degrees about X then Y then Z, factors."""
+    """The pose in the parent: metres, degrees about X then Y then Z, factors."""
 
     translate: Number3 = (0.0, 0.0, 0.0)
     rotate: Number3 = (0.0, 0.0, 0.0)
@@ -51,7 +51,7 @@ class PrimSpec(Struct, frozen=True):
 
 
 class PrimEntry(Struct, forbid_unknown_fields=True):
-    """A prim as `starter.yaml` writes it."""
+    """A prim; `like` names a kind whose keys it takes over."""
 
     like: str = ""
     type: str = ""
@@ -71,7 +71,7 @@ class _Attribute(Struct, forbid_unknown_fields=True):
 
 
 class StarterFile(Struct, forbid_unknown_fields=True):
-    """What `starter.yaml` holds: the prims of the starter scene, which may be like a kind."""
+    """The prims of the starter scene."""
 
     default_prim: str
     prims: dict[str, _Data]
