@@ -46,18 +46,18 @@ JOINTS = {
 MARK = "<!-- Below: written by docs/make_validators.py. -->\n"
 NVIDIA = "usd_validation_nvidia"
 LINT = "lab3 lint"
-Said = Counter[tuple[str, str]]  # the rules that speak, and the prims that they speak of
+Reports = Counter[tuple[str, str]]  # rule and prim of each report
 
 
 class Validator(NamedTuple):
-    """A column: its title, the package that it is measured with, and what it says of a file."""
+    """A column: its title, the package that it is measured with, and its reports about a file."""
 
     title: str
     package: str
-    said: Callable[[Path], Said]
+    reports: Callable[[Path], Reports]
 
 
-def by_lint(path: Path) -> Said:
+def by_lint(path: Path) -> Reports:
     """Return the errors and warnings of the linter; its notes do not count."""
     findings = lint_stage(path).findings
     return Counter(
@@ -65,7 +65,7 @@ def by_lint(path: Path) -> Said:
     )
 
 
-def by_openusd(path: Path) -> Said:
+def by_openusd(path: Path) -> Reports:
     """Return what the validators of usd-core say, of any severity."""
     errors = native_errors(Usd.Stage.Open(str(path)), path.name)
     return Counter((error.validator, error.prim) for error in errors)
@@ -85,22 +85,22 @@ def _engine(package: str) -> Any:
     return engine
 
 
-def by_nvidia(path: Path) -> Said:
+def by_nvidia(path: Path) -> Reports:
     """Return what NVIDIA's own rules say, of any severity."""
     return _by_engine(NVIDIA, path)
 
 
-def by_simready(path: Path) -> Said:
+def by_simready(path: Path) -> Reports:
     """Return what the rules of SimReady say, of any severity."""
     return _by_engine("simready", path)
 
 
-def _by_engine(package: str, path: Path) -> Said:
+def _by_engine(package: str, path: Path) -> Reports:
     issues = _engine(package).validate(str(path)).issues()
     return Counter((issue.rule.__name__, str(getattr(issue.at, "path", "/"))) for issue in issues)
 
 
-def by_rep(path: Path) -> Said:
+def by_rep(path: Path) -> Reports:
     """Return what the checker of REP-0158 says, of any severity."""
     from compliance_checker import ComplianceChecker
 
@@ -125,34 +125,34 @@ def column(validator: Validator, faults: Iterable[str] = FAULTS) -> dict[str, st
     The linter finds a fault by an error or warning at its place; any other validator by anything
     that it does not report for the sound robot.
     """
-    sound = {each: said_of(validator, each, []) for each in ROBOTS}
+    sound = {robot: reports_of(validator, robot, []) for robot in ROBOTS}
     cells = {}
     for name in faults:
         seen = 0
         for robot, seed in FAULTS[name].items():
-            new = said_of(validator, robot, seed["break"]) - sound[robot]
+            new = reports_of(validator, robot, seed["break"]) - sound[robot]
             at = [seed["at"]] if isinstance(seed["at"], str) else seed["at"]
-            seen += any(validator.said is not by_lint or prim in at for _, prim in new)
+            seen += any(validator.reports is not by_lint or prim in at for _, prim in new)
         if seen:
             cells[name] = f"{seen} of {len(FAULTS[name])}"
     return cells
 
 
-def said_of(validator: Validator, robot: str, steps: list[dict[str, Any]]) -> Said:
-    """Return what a validator says of a robot after these steps, saved as a file of its own."""
+def reports_of(validator: Validator, robot: str, steps: list[dict[str, Any]]) -> Reports:
+    """Return the reports about a robot after these steps, saved as a file of its own."""
     stage = broken_robot(robot, steps)
     stage.SetDefaultPrim(next(iter(stage.GetPseudoRoot().GetChildren())))
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"{robot}.usda"
         stage.GetRootLayer().Export(str(path))
-        return validator.said(path)
+        return validator.reports(path)
 
 
 def control(validator: Validator) -> str:
     """Return in how many robots a validator finds the control, '' for none."""
     seen = [
-        said_of(validator, robot, [{"targets": [f"{joint}.physics:body1", "/gone"]}])
-        - said_of(validator, robot, [])
+        reports_of(validator, robot, [{"targets": [f"{joint}.physics:body1", "/gone"]}])
+        - reports_of(validator, robot, [])
         for robot, joint in JOINTS.items()
     ]
     return f"{sum(map(bool, seen))} of {len(seen)}" if any(seen) else ""
@@ -173,7 +173,7 @@ def measure() -> dict[str, Any]:
 
 
 def summary(measured: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the generated part of the page: totals, and who finds which fault."""
+    """Yield the generated part of the page: totals, reported and missed faults."""
     faults: Mapping[str, Mapping[str, str]] = measured["faults"]
     titles = [validator.title for validator in VALIDATORS]
     yield _row("", titles)
@@ -182,21 +182,21 @@ def summary(measured: Mapping[str, Any]) -> Iterator[str]:
     yield _row(f"faults found, of {len(faults)}", [f"**{found[title]}**" for title in titles])
     yield _row("control", [measured["control"].get(title, "-") for title in titles])
     yield _row("version", [measured["versions"][title] for title in titles])
-    yield from ("", "Found by other validators as well:", "")
+    yield from ("", "Faults that users reported:", "")
+    for name in (name for name in faults if name in ISSUES):
+        others = ", ".join(title for title in faults[name] if title != LINT)
+        yield f"- {_fault(name)}" + (f", also {others}" if others else "") + _missed(faults[name])
+    yield from ("", "Others that `lab3 lint` misses in some or all robots:", "")
     for name, cells in faults.items():
-        if others := [title for title in cells if title != LINT]:
-            yield f"- {_fault(name)}: {', '.join(others)}"
-    alone = [name for name, cells in faults.items() if list(cells) == [LINT]]
-    reported = [name for name in alone if name in ISSUES]
-    more = len(alone) - len(reported)
-    yield from ("", "Found by `lab3 lint` alone, and reported by users:", "")
-    yield from (f"- {_fault(name)}" for name in reported)
-    yield f"- [{more} more](../tests/{MEASURED.name})"
-    yield from ("", "Missed by `lab3 lint` in some or all robots:", "")
-    for name, cells in faults.items():
-        seen, _, robots = cells.get(LINT, "").partition(" of ")
-        if not seen or seen != robots:
-            yield f"- {_fault(name)}: found in {cells.get(LINT, 'none')}"
+        if name not in ISSUES and (missed := _missed(cells)):
+            yield f"- {name}{missed}"
+    yield from ("", f"[All faults](../tests/{MEASURED.name}), and who finds them.")
+
+
+def _missed(cells: Mapping[str, str]) -> str:
+    """Return in how many robots the linter finds a fault, '' for all."""
+    seen, _, robots = cells.get(LINT, "").partition(" of ")
+    return "" if seen and seen == robots else f": found in {cells.get(LINT, 'none')}"
 
 
 def _fault(name: str) -> str:
