@@ -496,6 +496,7 @@ FULL_DISK = """
 import resource, sys
 from lab3_usd.cli import main
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), int(sys.argv[1])))
+sys.dont_write_bytecode = True  # a file of bytecode that is cut off would stay
 sys.argv = ["lab3", "build", "--force", "--out", *sys.argv[2:]]
 main()
 """
