@@ -41,6 +41,7 @@ from lab3_usd.spec.load.loader import load_lab
 CORE = "omni:sensor:Core:"
 ELEVATION = f"{CORE}emitterState:s001:elevationDeg"
 API = "OmniSensorGenericLidarCoreAPI"
+EMITTERS = ("azimuthDeg", "elevationDeg", "channelId", "fireTimeNs")
 ELSEWHERE = "/World/Example_Rotary_2D"
 OWN_API = "OmniSensorGenericLidarCoreEmitterStateAPI:s001"
 
@@ -61,10 +62,10 @@ EQUALS: dict[str, Change] = {
     "the sensor's own frame": author(LIDAR, f"{CORE}outputFrameOfReference", "Token", "SENSOR"),
     "nothing said of accumulation": clear(LIDAR, f"{CORE}accumulateOutputs"),
     "two beams a turn": put(LIDAR, f"{CORE}patternFiringRateHz", 20),
-    "no emitters of its own": several(
-        clear(LIDAR, f"{CORE}emitterState:s001:azimuthDeg"),
-        clear(LIDAR, ELEVATION),
-        clear(LIDAR, f"{CORE}numberOfEmitters"),
+    "rates and ranges of the schema": several(
+        clear(LIDAR, f"{CORE}patternFiringRateHz"),
+        clear(LIDAR, f"{CORE}nearRangeM"),
+        clear(LIDAR, f"{CORE}farRangeM"),
     ),
     "deactivated leftover": lambda stage: (
         define("/World/Lidar_01", "OmniLidar")(stage),
@@ -278,6 +279,10 @@ OTHERS: dict[str, tuple[Change, str]] = {
     "up in a second state": (
         author(LIDAR, f"{CORE}emitterState:s002:elevationDeg", "FloatArray", [0.0, 15.0]),
         f"{CORE}emitterState:s002:elevationDeg",
+    ),
+    "emitters of the schema": (
+        several(*(clear(LIDAR, f"{CORE}emitterState:s001:{name}") for name in EMITTERS)),
+        ELEVATION,
     ),
     "solid state": (put(LIDAR, f"{CORE}scanType", "SOLID_STATE"), f"{CORE}scanType"),
     "parts": (switch(LIDAR, f"{CORE}accumulateOutputs"), f"{CORE}accumulateOutputs"),

@@ -141,3 +141,14 @@ def test_what_is_moved_is_restored_where_it_is_moved_to(tmp_path: Path) -> None:
     repaired = repaired_in("variants", "05", pair, tmp_path, load_lab(), drive=True)
     assert repaired is not None
     assert (has_errors(repaired.after), repaired.wrong) == (False, ())
+
+
+def test_a_bare_lidar_in_place_of_a_missing_one_gets_all_that_makes_a_flat_scan(
+    tmp_path: Path,
+) -> None:
+    faults = {fault.name: fault for fault in second_faults("05")}
+    pair = [faults["no lidar"], faults["second lidar"]]
+    repaired = repaired_in("text", "05", pair, tmp_path, load_lab(), drive=True)
+    assert repaired is not None
+    assert [finding.rule for finding in repaired.after if finding.severity != "note"] == []
+    assert repaired.wrong == ()

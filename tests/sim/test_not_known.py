@@ -8,6 +8,7 @@ import pytest
 from breaking import Step, broken, correct_stage
 from dry_runs import driven
 from pxr import Sdf, Usd
+from scene_changes import LIDAR
 
 from lab3_usd.model.dry_run import Check
 from lab3_usd.sim.judge.checks import judge
@@ -113,3 +114,23 @@ def test_a_robot_that_cannot_be_found_is_not_judged() -> None:
     stage.GetPrimAtPath("/turtlebot3_burger").GetReferences().AddReference(NOWHERE)
     assert checks(stage)["follows"].verdict == "not judged"
     assert faulty(stage) == set()
+
+
+CORE = "omni:sensor:Core:"
+
+
+@pytest.mark.parametrize(
+    "name", ["scanRateBaseHz", "patternFiringRateHz", "farRangeM", "emitterState:s001:azimuthDeg"]
+)
+def test_a_lidar_scans_with_what_it_leaves_to_the_schema(name: str) -> None:
+    stage = correct_stage("05")
+    stage.GetPrimAtPath(LIDAR).RemoveProperty(f"{CORE}{name}")
+    assert checks(stage)["topics"].verdict == "ok"
+    assert checks(stage)["scan"].verdict == "ok"
+    assert name.rpartition(":")[2] in driven(stage).recording.assumed[LIDAR]
+
+
+def test_a_rate_of_zero_is_not_left_to_the_schema() -> None:
+    stage = correct_stage("05")
+    stage.GetPrimAtPath(LIDAR).GetAttribute(f"{CORE}patternFiringRateHz").Set(0)
+    assert checks(stage)["topics"].verdict == "bad"

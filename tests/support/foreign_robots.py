@@ -187,6 +187,7 @@ def _rover_sensors(stage: Usd.Stage, base: str) -> None:
         ("omni:sensor:Core:patternFiringRateHz", "uint", 7200),
         ("omni:sensor:Core:nearRangeM", "float", 0.2),
         ("omni:sensor:Core:farRangeM", "float", 30.0),
+        ("omni:sensor:Core:emitterState:s001:azimuthDeg", "float[]", [0.0]),
     ):
         lidar.CreateAttribute(name, Sdf.ValueTypeNames.Find(usd_type), custom=False).Set(value)
     UsdGeom.Camera.Define(stage, f"{base}/eye")

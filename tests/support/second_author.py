@@ -51,6 +51,8 @@ def author_sensors(stage: Usd.Stage, checkpoint: str) -> None:
         _set(lidar, "omni:sensor:Core:patternFiringRateHz", "uint", 3600)
         _set(lidar, "omni:sensor:Core:nearRangeM", "float", 0.1)
         _set(lidar, "omni:sensor:Core:farRangeM", "float", 20.0)
+        for name in ("azimuthDeg", "elevationDeg"):
+            _set(lidar, f"omni:sensor:Core:emitterState:s001:{name}", "float[]", [0.0])
         _place(lidar, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     if int(checkpoint) >= 4:
         camera = stage.DefinePrim(CAMERA, "Camera")

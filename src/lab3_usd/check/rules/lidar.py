@@ -302,20 +302,44 @@ def _silencing_values(
 
 @rule("L10", "other-scan", scope="stage", severity="warning")
 def other_scan(subject: StageSubject) -> Iterator[Problem]:
-    """The lidar scans part of the circle, is tilted, or publishes points in another form.
+    """The lidar scans part of the circle, is not flat, or publishes points in another form.
 
     Why: {map?}the map and AMCL assume{else}who receives it expects{/} a full circle at the height
     of the lidar. Walls outside the scanned part are missing. What the lidar sees above or below
-    appears as a wall in its plane.
+    appears as a wall in its plane. A lidar without emitters of its own has those of the schema: 128
+    that look up and down.
 
     Fix: select the lidar, search the Property panel for the name given here and type the expected
-    value, or reset it with the blue square beside it.
+    value, or reset it with the blue square beside it. Delete a lidar without emitters, and create
+    it with Create > Sensors > RTX Lidar{lidar_menu}.
 
     Example: `omni:sensor:Core:validEndAzimuthDeg` 180.
+
+    Basis: NVIDIA's documentation of the schema, and `LidarConfigHelper.cpp:143`, for the emitters.
     """
     for lidar, scan in _scanning(subject):
         for fault in _unusual_values(lidar.prim, scan):
             yield _problem(lidar, scan, fault)
+        yield from _without_emitters(lidar, scan, subject)
+
+
+def _without_emitters(
+    lidar: PresentSensor, scan: ScanSpec, subject: StageSubject
+) -> Iterator[Problem]:
+    """Yield a lidar that leaves its emitters to the schema; L06 reports one without the schema."""
+    prim, profile = lidar.prim, lidar.spec.attributes
+    named = [name for name in profile if name.startswith(scan.emitters)]
+    is_own = any(name.startswith(scan.emitters) for name in prim.attributes)
+    if named and not is_own and lidar.spec.required_api in prim.apis:
+        name = next((name for name in named if _short(name) == scan.elevation), named[0])
+        message = f"{name} is not set: the emitters of the schema look up and down"
+        fault = (name, message, display(profile[name].value))
+        missing = [name for name in profile if name not in prim.attributes]
+        yield replace(
+            _problem(lidar, scan, fault),
+            fix=tuple(Restore(prim.path, name) for name in missing),
+            rests_on=subject.stage.unknown(prim.path),
+        )
 
 
 def _unusual_values(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:

@@ -150,6 +150,13 @@ def camera_info_helper(node: Running, world: World) -> bool:
 
 
 CORE = "omni:sensor:Core:"
+USUAL = {  # LidarConfigHelper.h:145-158; the emitters of the schema are not public
+    f"{CORE}scanRateBaseHz": 10,
+    f"{CORE}patternFiringRateHz": 36000,
+    f"{CORE}nearRangeM": 0.3,
+    f"{CORE}farRangeM": 200.0,
+    f"{CORE}emitterState:s001:azimuthDeg": (0.0,),
+}
 RATE = "omni:sensor:tickRate"
 LIDAR_API = "OmniSensorGenericLidarCoreAPI"
 LIDAR_RATE = 10.0  # of the schema (test_lidar.py:68, 107)
@@ -192,12 +199,17 @@ def _publish(node: Running, world: World, prim: Prim, product: Product) -> bool:
 
 
 def _with_profile(prim: Prim, world: World) -> Prim:
-    """Return a lidar; one whose asset cannot be found gets the profile that is to be assumed."""
+    """Return a lidar; what its asset or its schema would say is assumed."""
     missing = world.scene.missing.get(prim.path)
-    if missing is None or prim.type != "OmniLidar":
+    if prim.type != "OmniLidar":
         return prim
-    world.assumed[prim.path] = f"{missing} cannot be found; a plain 2D profile is assumed"
-    return replace(prim, values={**world.profile, **prim.values}, apis=prim.apis | {LIDAR_API})
+    if missing is not None:
+        world.assumed[prim.path] = f"{missing} cannot be found; a plain 2D profile is assumed"
+        return replace(prim, values={**world.profile, **prim.values}, apis=prim.apis | {LIDAR_API})
+    unset = [name.rpartition(":")[2] for name in USUAL if name not in prim.values]
+    if unset and LIDAR_API in prim.apis:
+        world.assumed[prim.path] = f"{', '.join(unset)} not set; a level scan is assumed"
+    return replace(prim, values={**USUAL, **prim.values})
 
 
 def _beam(prim: Prim) -> Beam | None:
