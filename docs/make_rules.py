@@ -17,42 +17,39 @@ from lab3_usd.spec.load.loader import load_lab
 PAGE = Path(__file__).with_name("rules.md")
 USUAL = "error"
 FAMILY_TITLES = {
-    "files": "files and layers",
-    "graphs": "Action Graphs: existence, path, kind",
-    "nodes": "the nodes of a graph",
+    "files": "layers and assets",
+    "graphs": "existence, path and kind of Action Graphs",
+    "nodes": "existence and type",
     "settings": "values of inputs",
     "targets": "relationships to prims",
     "wires": "connections between ports",
     "scene": "robot, physics and world",
-    "lidar": "the lidar prim",
-    "camera": "the camera prim",
-    "sensors": "other sensors, such as an IMU",
+    "lidar": "prim, pose and values",
+    "camera": "prim, pose and image",
+    "sensors": "others, such as an IMU",
     "frames": "the TF tree of the stage",
-    "topics": "topics and their QoS",
-    "starter": "changes to the supplied scene (with `--starter`)",
-    "maps": "map files (with `--maps`, or in a submission)",
-    "navigation": "Nav2 parameter files in a submission",
-    "evidence": "saved output of the running system in a submission",
+    "topics": "publishers, types, QoS",
+    "starter": "changes to the supplied scene, with `--starter`",
+    "maps": "map files, with `--maps` or in a submission",
+    "navigation": "Nav2 parameters in a submission",
+    "evidence": "saved output of the running system",
     "submission": "the folder as a whole",
     "fence": "files that a grader leaves unopened",
     "lint": "any stage, without a lab (`lab3 lint`)",
-    "native": "OpenUSD's own validators (with `--native`)",
+    "native": "OpenUSD's own validators, with `--native`",
 }
 INTRODUCTION = """\
 # Rules
 
 <!-- Written by docs/make_rules.py from the docstrings of the rules: change those, not this. -->
 
-Each finding names its rule. `lab3 rule W01` prints the manual of a rule: the cause, the effect, the
-repair and an example. `lab3 rule --all` prints all manuals, `lab3 rule wire` lists the rules about
-a word. `--select W,P01` reports only these rules or families; `--ignore P09` omits some.
+`lab3 rule W01` prints the manual of a rule: the fault, its effect on the robot, the repair, an
+example. `lab3 rule --all` prints all manuals, `lab3 rule wire` lists the rules about a word.
+`--select W,P01` reports only these rules or families; `--ignore P09` omits some.
 
-- An **error** contradicts the handout or, in `lab3 lint`, does not work.
-- A **warning** is unusual and often harmless.
-- A **note** is information and never counts.
-
-Rules are errors unless marked. A single finding can be milder or more severe than its rule. Ids are
-never reused.
+An **error** contradicts the handout or, in `lab3 lint`, does not work; rules are errors unless
+marked. A **warning** is unusual and often harmless. A **note** is information and never counts. A
+single finding can be milder or more severe than its rule. Ids are never reused.
 """
 
 
@@ -71,9 +68,7 @@ def _families() -> Iterator[tuple[str, list[Rule]]]:
 
 
 def _contents(families: list[tuple[str, list[Rule]]]) -> Iterator[str]:
-    yield " · ".join(
-        f"[{family} {FAMILIES[family]}](#{anchor(family)})" for family, _members in families
-    )
+    yield ", ".join(f"[{FAMILIES[family]}](#{anchor(family)})" for family, _members in families)
     yield ""
 
 

@@ -34,7 +34,7 @@ from lab3_usd.spec.scene import Plain, SensorSpec
 
 @rule("C01", "missing-camera", scope="stage", demands=sensor_demands(CAMERA, sensor_prim))
 def missing_camera(subject: StageSubject) -> Iterator[Problem]:
-    """The robot's camera is missing, deactivated, or only an over.
+    """The robot has no active camera.
 
     Why: the camera graph renders nothing, and no image is published.
 
@@ -48,7 +48,7 @@ def missing_camera(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("C02", "misplaced-camera", scope="stage")
 def misplaced_camera(subject: StageSubject) -> Iterator[Problem]:
-    """The robot's camera has another name or parent than the handout asks for.
+    """The robot's camera has another name or parent.
 
     Why: the camera graph and the TF tree refer to it by its path. Below a prim that does not move,
     the image does not change while the robot drives. Its settings are still judged.
@@ -62,7 +62,7 @@ def misplaced_camera(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("C03", "camera-type", scope="stage")
 def camera_type(subject: StageSubject) -> Iterator[Problem]:
-    """The prim at the camera's path is not a camera.
+    """The prim at the camera's path is no camera.
 
     Why: a render product needs a camera. Nothing is published on the image topic.
 
@@ -82,7 +82,7 @@ def _wrong(subject: StageSubject) -> Iterator[tuple[PresentSensor, PoseError | V
 
 @rule("C04", "camera-position", scope="stage", demands=sensor_demands(CAMERA, sensor_place))
 def camera_position(subject: StageSubject) -> Iterator[Problem]:
-    """The robot's camera has another position, is scaled, or does not move with the robot.
+    """The robot's camera is at another position, scaled, or does not follow the robot.
 
     Why: inside the robot it sees the inside of a part. At another position the image does not match
     its TF frame. With `!resetXformStack!` the camera ignores its link and stays where it is while
@@ -101,7 +101,7 @@ def camera_position(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("C05", "camera-view", scope="stage")
 def camera_view(subject: StageSubject) -> Iterator[Problem]:
-    """The camera does not look where the lab asks, or is rolled.
+    """The camera looks the wrong way, or is rolled.
 
     Why: the image shows something else. The viewing direction is judged, not the
     way in which the rotation is written. A USD camera looks along its own -Z.
@@ -131,7 +131,7 @@ def camera_view(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("C06", "camera-lens", scope="stage", demands=sensor_demands(CAMERA, sensor_values))
 def camera_lens(subject: StageSubject) -> Iterator[Problem]:
-    """Focal length or clipping range of the robot's camera is not that of the handout.
+    """Focal length or clipping range of the camera is wrong.
 
     Why: the field of view and the camera info depend on the lens. USD's default near plane of 1 m
     hides everything close to the robot.
@@ -145,7 +145,7 @@ def camera_lens(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("C07", "camera-rate", scope="stage")
 def camera_rate(subject: StageSubject) -> Iterator[Problem]:
-    """The sensor rate of the robot's camera is set to another value than the handout's.
+    """The camera has another sensor rate.
 
     Why: the rate sets how often an image is published. Create > Camera applies no sensor schema, so
     a missing rate is right. If the camera has `OmniSensorAPI` without a rate, the default 0 gives
@@ -196,7 +196,7 @@ def _attributes(subject: StageSubject, is_asked: Callable[[bool | str], bool]) -
 
 @rule("C08", "camera-aperture", scope="stage", severity="warning")
 def camera_aperture(subject: StageSubject) -> Iterator[Problem]:
-    """The aperture of the robot's camera was changed, but the handout asks for the default.
+    """The camera's aperture was changed.
 
     Why: aperture and focal length determine the field of view.
 
@@ -209,7 +209,7 @@ def camera_aperture(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("C10", "camera-image", scope="stage", severity="warning")
 def camera_image(subject: StageSubject) -> Iterator[Problem]:
-    """The image of the robot's camera is not a plain perspective one.
+    """The image of the camera is not a plain perspective one.
 
     Why: the camera info describes a pinhole camera with focal length and aperture. An orthographic,
     shifted or fisheye image does not match it, and clipping planes hide parts of the world. Another
@@ -224,7 +224,7 @@ def camera_image(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("C11", "camera-enclosed", scope="stage", severity="warning")
 def camera_enclosed(subject: StageSubject) -> Iterator[Problem]:
-    """A shape encloses the robot's camera.
+    """A shape encloses the camera.
 
     Why: the image shows the inside of the shape.
 

@@ -29,7 +29,7 @@ from lab3_usd.spec.ros import Command
 
 @rule("E01", "evidence-not-shown", scope="evidence", severity="note")
 def evidence_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
-    """The results lack the output of a diagnostic command that the handout asks for.
+    """The output of a diagnostic command is missing.
 
     Why: without the output nothing can be judged. The stage alone does not show whether messages
     arrived.
@@ -101,7 +101,7 @@ def lifecycle_not_active(subject: EvidenceSubject) -> Iterator[Problem]:
 
 @rule("E09", "node-not-running", scope="evidence", severity="warning", needs="localization")
 def node_not_running(subject: EvidenceSubject) -> Iterator[Problem]:
-    """Nodes of localization or navigation are missing from all saved node lists.
+    """A node of localization or navigation is in no saved node list.
 
     Why: without its lifecycle manager nothing is configured. Without the behaviour server a goal
     fails at the first recovery.
@@ -178,7 +178,7 @@ def goal_not_reached(subject: EvidenceSubject) -> Iterator[Problem]:
 
 @rule("E17", "software-missing", scope="evidence", severity="warning")
 def software_missing(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A required software package is missing from the list of installed packages.
+    """The list of installed packages lacks a required one.
 
     Why: the handout asks for it, and a part of the lab cannot be shown without it.
 
@@ -214,7 +214,7 @@ def forbidden_transform_shown(subject: EvidenceSubject) -> Iterator[Problem]:
 
 @rule("E11", "transform-not-shown", scope="evidence")
 def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
-    """The saved TF tree lacks a required frame, or the frame has another parent.
+    """The saved TF tree lacks a required frame, or parents it elsewhere.
 
     Why: a component that needs the transform{localization?} from `{above}`{/} to `{lidar_link}`
     waits forever. {localization?}A tree that only lacks `{above} -> {root}` may have been saved
@@ -277,7 +277,7 @@ def _ancestors(frame: str, parents: Mapping[str, str]) -> list[str]:
 
 @rule("E12", "frame-with-two-parents", scope="evidence")
 def frame_with_two_parents(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A frame has two parents in one saved TF tree, or different parents in two trees.
+    """A frame has two parents in the saved TF trees.
 
     Why: tf2 keeps the latest parent. The tree, and everything placed in it, jumps.
 
@@ -327,7 +327,7 @@ _OF_EVIDENCE = "E"
 
 @rule("E18", "recording-shows-fault", scope="evidence")
 def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A recording shows that the running system does something wrong.
+    """A recording shows a fault of the running system.
 
     Why: a recording of `ros2 bag record` holds what the other commands print, and how the robot
     moved. A fault that an evidence rule would report is an error; a measured one (motion, stamps,
@@ -367,7 +367,7 @@ def _reached(subject: EvidenceSubject, check: str) -> bool:
 
 @rule("E19", "recording-not-read", scope="evidence", severity="warning")
 def recording_not_read(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A recording could not be read, or only partly.
+    """A recording could not be read completely.
 
     Why: an unread recording shows nothing. A recording that was not ended with Ctrl-C is
     incomplete, and large ones are not opened. If the checking computer lacks the extra `sim`, it is

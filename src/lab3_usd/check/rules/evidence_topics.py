@@ -49,7 +49,7 @@ def _judged(
 
 @rule("E02", "topic-type-shown", scope="evidence")
 def topic_type_shown(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A topic has another message type than the handout's table, or did not exist.
+    """A topic has another message type, or did not exist.
 
     Why: a subscriber never receives messages from a publisher of another type. Neither reports an
     error.
@@ -71,7 +71,7 @@ def _wrong_type(shown: Observation[tuple[str, ...]], topic: TopicSpec) -> Iterat
 
 @rule("E03", "topic-not-listed", scope="evidence", severity="warning")
 def topic_not_listed(subject: EvidenceSubject) -> Iterator[Problem]:
-    """Topics of the lab are missing from all saved topic lists.
+    """A topic of the lab is in no saved topic list.
 
     Why: the final list is saved while everything runs. A topic that is not in it was not published.
 
@@ -98,7 +98,7 @@ def topic_not_listed(subject: EvidenceSubject) -> Iterator[Problem]:
 
 @rule("E04", "topic-rate", scope="evidence")
 def topic_rate(subject: EvidenceSubject) -> Iterator[Problem]:
-    """`ros2 topic hz` shows no rate above zero for a live topic.
+    """`ros2 topic hz` shows no rate above zero.
 
     Why: the topic exists but no message arrives: Isaac Sim is stopped, or the execution connection
     of the publisher is missing.
@@ -119,7 +119,7 @@ def _without_rate(shown: Observation[float], topic: TopicSpec) -> Iterator[Probl
 
 @rule("E05", "message-shown", scope="evidence")
 def message_shown(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A message has another frame than the handout asks for, or no message arrived.
+    """A message has another frame, or no message arrived.
 
     Why: {navigation?}RViz and Nav2 look{else}a subscriber looks{/} up the frame in the TF tree. A
     message in a frame that is not in the tree is dropped.
@@ -141,7 +141,7 @@ def _wrong_message(shown: Observation[Message], topic: TopicSpec) -> Iterator[Pr
 
 @rule("E06", "map-message", scope="evidence", needs="map")
 def map_message(subject: EvidenceSubject) -> Iterator[Problem]:
-    """The published map has another resolution, size or origin than the handout's.
+    """The published map has another resolution, size or origin.
 
     Why: map_server loaded another file than the one handed in, or a changed one, and AMCL matches
     the scan with it.
@@ -175,7 +175,7 @@ def _differing(
 
 @rule("E07", "qos-durability", scope="evidence")
 def qos_durability(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A publisher has another durability than the handout's table.
+    """A publisher has another durability.
 
     Why: a subscriber that requests transient local receives nothing from a volatile publisher.
     {map?}A volatile map never reaches an RViz that was started later.{/}

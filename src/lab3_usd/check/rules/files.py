@@ -35,7 +35,7 @@ def unreadable_file(reason: str) -> Iterator[Problem]:
     counted=("asset not found", "assets not found"),
 )
 def not_verifiable(subject: ModelSubject) -> Iterator[Problem]:
-    """The stage refers to an asset that cannot be found, or an asset lacks a sublayer.
+    """An asset that the stage refers to cannot be found.
 
     Why: the asset may exist on the computer where the stage was made. What it holds is neither
     passed nor failed. Graphs, nodes and connections must be in the stage itself.
@@ -101,7 +101,7 @@ def muted_sublayer(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("F06", "unused-ignore", scope="file", severity="warning")
 def unused_ignore(unused: tuple[IgnoreNote, str]) -> Iterator[Problem]:
-    """A note in the stage ignores a finding that is not there.
+    """A note ignores a finding that does not exist.
 
     Why: the fault is repaired, or the note is at another place or misspelt. A note that stays
     hides the next fault of this kind.
@@ -133,7 +133,7 @@ def _lab_parts(subject: StageSubject, prims: Iterable[str]) -> tuple[str, ...]:
 
 @rule("Z01", "file-left-out", scope="file")
 def file_left_out(path: str, reason: str) -> Iterator[Problem]:
-    """A file of the submission was not opened.
+    """A file was not opened.
 
     Why: links, pipes and devices reach out of a submission, and damaged, encrypted or very large
     files cannot be judged. The rest of the submission is still judged.
@@ -162,7 +162,7 @@ def reference_left_out(asset: str, reason: str) -> Iterator[Problem]:
 
 @rule("Z03", "folder-left-aside", scope="file", severity="warning")
 def folder_left_aside(path: str, choice: str) -> Iterator[Problem]:
-    """The upload holds more than one folder that may be the submission.
+    """The upload contains several possible submissions.
 
     Why: only one of them is judged: the one with the most readable checkpoints, then the newest,
     then the shallowest. Stages in the others earn nothing.
@@ -177,7 +177,7 @@ def folder_left_aside(path: str, choice: str) -> Iterator[Problem]:
 
 @rule("Z04", "upload-left-aside", scope="file", severity="warning")
 def upload_left_aside(path: str, uploads: str) -> Iterator[Problem]:
-    """The submission was uploaded more than once, and an earlier upload matters.
+    """An earlier upload has more.
 
     Why: the last upload is the submission. If an earlier one holds more checkpoints, work may have
     been forgotten in the last one. If the grader merges uploads, the finding names the upload of
@@ -192,7 +192,7 @@ def upload_left_aside(path: str, uploads: str) -> Iterator[Problem]:
 
 @rule("Z05", "file-passed-over", scope="file", severity="note")
 def file_passed_over(path: str, reason: str) -> Iterator[Problem]:
-    """A file or folder of the upload is not part of the judged submission.
+    """A file or folder is not part of the judged submission.
 
     Why: folders that version control, environments and builds fill (`.git`, `venv`, `build`,
     `install`, `log`, `__pycache__`) hold nothing of the lab, unless stages lie in them. Files

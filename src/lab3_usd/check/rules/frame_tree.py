@@ -88,7 +88,7 @@ def _has_parents(edges: list[Edge]) -> bool:
 
 @rule("T04", "transform-published-twice", scope="frames")
 def transform_published_twice(view: TfView) -> Iterator[Problem]:
-    """The same transform is published twice: by two nodes, or for two prims of one name.
+    """A transform is published twice.
 
     Why: tf2 mixes the two streams. If their times differ, it warns of old data continuously, and
     the frame jitters between two poses.
@@ -180,7 +180,7 @@ def tf_cycle(view: TfView) -> Iterator[Problem]:
 
 @rule("T06", "disconnected-frames", scope="frames", formerly="frames-not-connected")
 def frames_not_connected(view: TfView) -> Iterator[Problem]:
-    """A transform is not connected to the tree of the robot.
+    """A transform is not connected to the robot's tree.
 
     Why: tf2 cannot transform between two trees. {localization?}From localization on, the one tree
     begins at the frame of the map.{/}
@@ -249,7 +249,7 @@ class _Placement(Struct, frozen=True):
 
 @rule("T07", "odom-below-another-frame", scope="frames", needs="guarded root")
 def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
-    """A publisher places `odom` below another frame, as `world -> odom` does.
+    """A publisher places `odom` below another frame.
 
     Why: AMCL publishes `map -> odom`. With a second parent the frame jumps between the two, and
     navigation loses the robot. A publisher that nothing triggers is reported too: one connection
@@ -380,7 +380,7 @@ def _note(path: str, subject: StageSubject) -> Problem:
 
 @rule("T08", "competes-with-localization", scope="frames", needs="localization")
 def competes_with_localization(view: TfView) -> Iterator[Problem]:
-    """The stage publishes `map -> odom`, which localization publishes.
+    """The stage publishes `map -> odom`, as localization does.
 
     Why: AMCL corrects the robot's pose by moving `odom` in `map`. A second publisher of the same
     transform resets it in every frame, and the robot jumps.

@@ -42,7 +42,7 @@ from lab3_usd.spec.graph import frame_ports
 
 @rule("T01", "missing-frame", scope="frames")
 def missing_frame(view: TfView) -> Iterator[Problem]:
-    """A frame of the required TF tree is not published.
+    """A required frame is not published.
 
     Why: whoever receives data cannot place it without a transform: without the frame of a sensor
     its data is dropped, or has no place. The robot root as a target gives only the prims below it
@@ -118,7 +118,7 @@ def _why_not_all(maker: FrameSource, missing: list[str], view: TfView) -> str:
 
 @rule("T02", "wrong-parent-frame", scope="frames")
 def wrong_parent_frame(view: TfView) -> Iterator[Problem]:
-    """A required frame has another parent than the lab asks for.
+    """A required frame has another parent.
 
     Why: the robot's frames must come together in `{base}`. A frame with another parent stays behind
     when the robot moves.
@@ -184,7 +184,7 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
 
 @rule("T20", "lost-frames", scope="outcome", severity="note")
 def lost_frames(outcome: Outcome) -> Iterator[Problem]:
-    """Frames of the required TF tree are not published.
+    """Required frames are not published.
 
     Why: every frame is a requirement, so one deleted connection can cost all of them. This note
     lists the frames that no other finding names. Where no other error explains their absence, it
@@ -244,7 +244,7 @@ def _graphs(outcome: Outcome, *, publish: bool) -> Iterator[str]:
 
 @rule("T11", "frame-id-not-in-tree", scope="frames", formerly="frame-id-outside-the-tree")
 def frame_id_outside_the_tree(view: TfView) -> Iterator[Problem]:
-    """A message names a frame that is not in the TF tree of the stage.
+    """A message names a frame outside the TF tree.
 
     Why: a subscriber asks tf2 for the frame and waits forever. Isaac Sim reports no error.
 
@@ -290,7 +290,7 @@ def _foreign_frames(node: Node, topic: str, view: TfView) -> Iterator[Problem]:
 
 @rule("T12", "unknown-frames", scope="frames", severity="warning")
 def unknown_frames(view: TfView) -> Iterator[Problem]:
-    """A node publishes transforms whose frame names are not in the stage.
+    """A node publishes frames that are not in the stage.
 
     Why: the names are computed while the simulation runs. They may include a frame of the lab,
     which then has two publishers and jumps between them.

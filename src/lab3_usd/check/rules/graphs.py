@@ -32,7 +32,7 @@ def _inactive(subject: GraphSubject) -> GraphModel | None:
 
 @rule("G01", "missing-graph", scope="graph")
 def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
-    """An Action Graph of the handout is missing or deactivated.
+    """A required Action Graph is missing or deactivated.
 
     Why: nothing of what the graph publishes or commands exists. Its nodes are not reported one by
     one.
@@ -90,7 +90,7 @@ def _instance_above(path: str, stage: StageModel) -> str | None:
 
 @rule("G02", "misplaced-graph", scope="graph")
 def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
-    """A graph has the right content, but another path or name.
+    """A graph has another path or name.
 
     Why: paths determine the names of the ROS 2 nodes, and later steps of the handout look for the
     graph at its path. The content of the graph is still judged.
@@ -136,7 +136,7 @@ def _in_the_way(subject: GraphSubject) -> str | None:
 
 @rule("G05", "graphs-in-one", scope="graph")
 def graphs_in_one(subject: GraphSubject) -> Iterator[Problem]:
-    """One graph holds the nodes of several graphs of the handout.
+    """One graph contains the nodes of several.
 
     Why: each part of the lab has its own graph at its own path. The ROS 2 nodes are named after the
     graph, and later steps of the handout look for the graph there. The content is still judged,
@@ -173,7 +173,7 @@ def _listed(names: Sequence[str]) -> str:
 
 @rule("G03", "graph-kind", scope="graph")
 def graph_kind(subject: GraphSubject) -> Iterator[Problem]:
-    """A graph is not evaluated as an Action Graph in the simulation pipeline.
+    """Isaac Sim does not evaluate a graph in the simulation pipeline.
 
     Why: a push graph may compute every node at each update, with or without a signal. An on-demand
     graph is not evaluated by the app's update, so On Playback Tick never fires. An instanced graph
@@ -204,7 +204,7 @@ def graph_kind(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("G06", "graph-in-instance", scope="graph", severity="warning")
 def graph_in_instance(subject: GraphSubject) -> Iterator[Problem]:
-    """A graph of the handout is part of an instance.
+    """A graph is part of an instance.
 
     Why: Isaac Sim does not load graphs of instances, so nothing in the graph runs. The check judges
     it as if it were loaded.
@@ -225,7 +225,7 @@ def graph_in_instance(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("G04", "early-graph", scope="stage", severity="warning")
 def early_graph(subject: StageSubject) -> Iterator[Problem]:
-    """The stage holds a graph of a later checkpoint.
+    """The stage contains a graph of a later checkpoint.
 
     Why: the file may have been saved late, after work on the next part had begun. The starter
     checkpoint must not contain any graph.

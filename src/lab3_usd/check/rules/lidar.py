@@ -38,7 +38,7 @@ from lab3_usd.spec.scene import ScanSpec, SensorAttribute, SensorSpec
 
 @rule("L01", "missing-lidar", scope="stage", demands=sensor_demands(LIDAR, sensor_prim))
 def missing_lidar(subject: StageSubject) -> Iterator[Problem]:
-    """The lidar is missing, deactivated, or only an over.
+    """The robot has no active lidar.
 
     Why: the lidar graph renders nothing, and no scan is published.
 
@@ -53,7 +53,7 @@ def missing_lidar(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("L02", "misplaced-lidar", scope="stage")
 def misplaced_lidar(subject: StageSubject) -> Iterator[Problem]:
-    """The lidar has another name or parent than the handout asks for.
+    """The lidar has another name or parent.
 
     Why: below another prim it scans from the wrong place, and its frame is another. Later steps do
     not find it under another name. Its settings are still judged.
@@ -67,7 +67,7 @@ def misplaced_lidar(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("L03", "lidar-type", scope="stage")
 def lidar_type(subject: StageSubject) -> Iterator[Problem]:
-    """The prim at the lidar's path is not an RTX lidar.
+    """The prim at the lidar's path is no RTX lidar.
 
     Why: the lidar helper refuses every prim that is not an OmniLidar. No scan is published.
 
@@ -80,7 +80,7 @@ def lidar_type(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("L04", "lidar-pose", scope="stage", demands=sensor_demands(LIDAR, sensor_place))
 def lidar_pose(subject: StageSubject) -> Iterator[Problem]:
-    """The lidar is not at the origin of its link, or does not move with it.
+    """The lidar is not at the origin of its link, or does not follow it.
 
     Why: the scan is published in the frame of the lidar's link. If the lidar is moved or turned,
     the walls are displaced in RViz and on the map. With `!resetXformStack!` it ignores its link and
@@ -97,7 +97,7 @@ def lidar_pose(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("L05", "lidar-rate", scope="stage", demands=sensor_demands(LIDAR, sensor_values))
 def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
-    """A rate of the lidar is not set to the value in the handout.
+    """A rate of the lidar has another value.
 
     Why: the tick rate sets how often a scan is published. If it differs from the scan rate, each
     scan covers only part of a turn, and Isaac Sim gives no message. The schema's default tick rate
@@ -236,7 +236,7 @@ def _problem(lidar: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
 
 @rule("L09", "no-scan", scope="stage")
 def no_scan(subject: StageSubject) -> Iterator[Problem]:
-    """A value of the lidar prevents any scan: a rate of 0, no emitter, or a range without walls.
+    """A value of the lidar prevents any scan.
 
     Why: the lidar helper computes the beams of a scan from these values. Without beams, or with a
     near range beyond the far range, the scan is silent or holds no distances. If all things around
@@ -302,7 +302,7 @@ def _silencing_values(
 
 @rule("L10", "other-scan", scope="stage", severity="warning")
 def other_scan(subject: StageSubject) -> Iterator[Problem]:
-    """The lidar scans part of the circle, is not flat, or publishes points in another form.
+    """The lidar scans part of the circle, is not flat, or gives other points.
 
     Why: {map?}the map and AMCL assume{else}who receives it expects{/} a full circle at the height
     of the lidar. Walls outside the scanned part are missing. What the lidar sees above or below
@@ -376,7 +376,7 @@ def _unusual_values(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
 
 @rule("L11", "lidar-asset", scope="stage", severity="warning")
 def lidar_asset(subject: StageSubject) -> Iterator[Problem]:
-    """The lidar refers to another lidar asset of the vendor than the handout names.
+    """The lidar refers to another vendor asset.
 
     Why: the menu lists lidars with similar names. Another one may also look up and down, or rotate
     differently, so the scan is silent or not flat. The check cannot open the asset, but it sees the

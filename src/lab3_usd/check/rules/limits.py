@@ -16,7 +16,7 @@ from lab3_usd.spec.values import Value
 
 @rule("P11", "limit-without-time-step", scope="graph")
 def limit_without_time_step(subject: GraphSubject) -> Iterator[Problem]:
-    """An acceleration limit is set, but its time step is not connected.
+    """An acceleration limit is set without a time step.
 
     Why: the controller needs the elapsed time to limit an acceleration. With a limit
     other than 0 and `dt` at 0 it skips every step, and the robot never moves.

@@ -50,7 +50,7 @@ def _articulation(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("S11", "articulation", scope="stage", demands=_articulation)
 def articulation(subject: StageSubject) -> Iterator[Problem]:
-    """The robot has no articulation root, two of them, or one on the wrong prim.
+    """The articulation root is missing, doubled or misplaced.
 
     Why: the Articulation Controller looks for the articulation at its target prim and below.
     Without one it reports an error in the console, and nothing moves. An
@@ -116,7 +116,7 @@ def joined_links(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("S12", "loose-link", scope="stage", demands=joined_links)
 def loose_link(subject: StageSubject) -> Iterator[Problem]:
-    """No joint ties a link of the robot to the other links, or one lets the wrong link move.
+    """A link is tied to no other link, or can move.
 
     Why: the robot separates at Play: the link stays behind or falls. {wheels?}Other rules check the
     wheels.{/} If several links come off together, the finding names the first. The body of the
@@ -226,7 +226,7 @@ def _movable(subject: StageSubject, link: str, handout: str) -> Iterator[Problem
 
 @rule("S21", "held-by-the-world", scope="stage", needs="wheels")
 def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
-    """A joint ties the robot to the world, or to a prim that is not part of the robot.
+    """A joint ties the robot to the world.
 
     Why: the joint holds the robot in place: the wheels turn and odometry stays at zero. An empty
     body of a joint is the world. Other rules check the joints of the wheels.

@@ -24,7 +24,7 @@ from lab3_usd.model.finding import Problem
 
 @rule("K12", "context-missing", scope="lint", severity="warning")
 def context_missing(subject: LintSubject) -> Iterator[Problem]:
-    """A ROS node has no context, although other nodes of the stage have one.
+    """A ROS node has no context, unlike others.
 
     Why: without a context a node uses the domain in the environment variable `ROS_DOMAIN_ID`, or 0.
     The others use the domain of their ROS2 Context. If the domains differ, the node cannot
@@ -53,7 +53,7 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K13", "contexts-differ", scope="lint", severity="warning")
 def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
-    """Two contexts of the stage name different ROS domains.
+    """Two contexts name different ROS domains.
 
     Why: nodes in different domains do not see each other: odometry in one domain has no clock from
     another.
@@ -80,7 +80,7 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K16", "domain-of-environment", scope="lint", severity="warning")
 def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
-    """A context sets a domain that the environment can override.
+    """The environment can override the domain of a context.
 
     Why: with Use Domain ID Env Var on, its default, the context uses `ROS_DOMAIN_ID` if that is
     set, and ignores its own number. On another computer the robot is in another domain.
@@ -105,7 +105,7 @@ def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K44", "two-clocks", scope="lint", severity="warning")
 def two_clocks(subject: LintSubject) -> Iterator[Problem]:
-    """The stage publishes the clock on several topics.
+    """The clock is published on several topics.
 
     Why: nodes that use simulation time subscribe to `/clock` only. A clock on another topic, such
     as one in the namespace of a robot, reaches only nodes that remap it.
@@ -138,7 +138,7 @@ def two_clocks(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K45", "system-time", scope="lint", severity="warning")
 def system_time(subject: LintSubject) -> Iterator[Problem]:
-    """A message is stamped with system time, while others have simulation time.
+    """A message has system time, others have simulation time.
 
     Why: the two clocks are decades apart. No transform has the time of the message, so no node can
     place it.
@@ -170,7 +170,7 @@ def system_time(subject: LintSubject) -> Iterator[Problem]:
     counted=("time that restarts", "times that restart"),
 )
 def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
-    """Time restarts on Stop for some messages and continues for others.
+    """Time restarts on Stop for some messages only.
 
     Why: after Stop and Play, the restarted stamps are behind the clock. Such messages are dropped,
     or cannot be placed, until they catch up.
@@ -202,7 +202,7 @@ def _restarts(stamp: Stamp) -> str:
 
 @rule("K47", "no-clock", scope="lint", severity="warning")
 def no_clock(subject: LintSubject) -> Iterator[Problem]:
-    """Messages have simulation time, but the stage publishes no clock.
+    """Messages have simulation time, but there is no clock.
 
     Why: nodes that use simulation time wait forever for a `/clock`. Others compare the stamps,
     which begin near 0, with the time of the computer, and find no transform.

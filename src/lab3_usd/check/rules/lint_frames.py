@@ -116,7 +116,7 @@ def frames_in_a_ring(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K53", "disconnected-trees", scope="lint", severity="warning", formerly="trees-apart")
 def disconnected_trees(subject: LintSubject) -> Iterator[Problem]:
-    """The transforms of the stage form several disconnected trees.
+    """The transforms form disconnected trees.
 
     Why: no transform leads from one tree to the other, so sensor data cannot be placed on the map.
     A node outside the stage, such as localization, may connect them.
@@ -183,7 +183,7 @@ def _share_edges(one: list[Edge], other: list[Edge]) -> bool:
 
 @rule("K54", "duplicate-transform", scope="lint", formerly="transform-of-two-publishers")
 def transform_of_two_publishers(subject: LintSubject) -> Iterator[Problem]:
-    """The same transform is published twice.
+    """A transform is published twice.
 
     Why: tf2 mixes both streams. If their times or poses differ, the frame jitters.
 
@@ -209,7 +209,7 @@ def transform_of_two_publishers(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K55", "unpublished-frame", scope="lint", severity="warning", formerly="frame-of-nobody")
 def unpublished_frame(subject: LintSubject) -> Iterator[Problem]:
-    """A message names a frame that the stage does not publish.
+    """The stage does not publish the frame of a message.
 
     Why: without a transform no node can place the message, unless another node, such as a robot
     state publisher, sends it. The defaults `sim_lidar` and `sim_camera` are seldom frames of a
@@ -242,7 +242,7 @@ def unpublished_frame(subject: LintSubject) -> Iterator[Problem]:
     formerly="odometry-and-transform-differ",
 )
 def odometry_and_transform_differ(subject: LintSubject) -> Iterator[Problem]:
-    """The odometry message and its transform name different frames.
+    """Odometry message and transform name different frames.
 
     Why: both give the pose of the robot. With different names they describe different frames, and
     localization can use neither.
@@ -269,7 +269,7 @@ _STATIC, _MOVING = "/tf_static", "/tf"
 
 @rule("K57", "static-transforms", scope="lint")
 def static_transforms(subject: LintSubject) -> Iterator[Problem]:
-    """Moving transforms are sent only once, or `/tf_static` is sent repeatedly.
+    """Moving transforms are sent once, or static ones repeatedly.
 
     Why: with Static Publisher on, a transform is sent only at the first tick, and stored for later
     subscribers. On `/tf_static` tf2 requests stored messages and accepts no others. A transform

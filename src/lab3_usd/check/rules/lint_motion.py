@@ -51,7 +51,7 @@ def _wheel_commands(subject: LintSubject) -> Iterator[tuple[Command, list[Prim]]
 
 @rule("K81", "robot-tied-to-world", scope="lint", severity="warning")
 def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
-    """A fixed joint ties a robot to the world while its wheels are commanded.
+    """A fixed joint ties a driven robot to the world.
 
     Why: the wheels turn and the robot stays where it is. Importers create such a joint for a fixed
     base.
@@ -113,7 +113,7 @@ def _body(path: str, stage: StageModel) -> Prim | None:
 
 @rule("K82", "wheel-cannot-turn", scope="lint")
 def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
-    """A commanded wheel cannot turn because of its body, its joint or a limit.
+    """Body, joint or limit stop a commanded wheel.
 
     Why: a disabled joint moves nothing, and a joint with limits stops there. A body that is
     kinematic, disabled or not a rigid body does not move, nor does one that a fixed joint ties to
@@ -190,7 +190,7 @@ def _wheel(joint: Prim, wheels: list[Prim], stage: StageModel) -> str | None:
 
 @rule("K83", "odometry-of-wheel", scope="lint", severity="warning")
 def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
-    """The chassis prim of odometry is a wheel.
+    """The chassis of odometry is a wheel.
 
     Why: a wheel rotates: odometry shows a robot that rolls over and over, with a speed in all
     directions.
@@ -220,7 +220,7 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K84", "wheels-turn-apart", scope="lint")
 def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
-    """The joints of two wheels turn them in opposite directions.
+    """The joints of two wheels turn opposite ways.
 
     Why: a Differential Controller gives both wheels a positive speed to drive ahead. If the axis of
     one joint points the other way, the robot turns on the spot instead, and drives when it should

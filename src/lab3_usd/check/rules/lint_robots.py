@@ -42,7 +42,7 @@ _DRIVE = "PhysicsDriveAPI"
 
 @rule("K60", "no-articulation", scope="lint")
 def no_articulation(subject: LintSubject) -> Iterator[Problem]:
-    """There is no articulation at or below the target prim of a controller.
+    """The target of a controller has no articulation.
 
     Why: the controller looks for the articulation root at its target and below, never above. If
     there is none, it logs an error and nothing moves.
@@ -70,7 +70,7 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K61", "unknown-joint", scope="lint")
 def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
-    """A controller names a joint that the robot does not have.
+    """A controller names a joint that does not exist.
 
     Why: the controller logs an error for each frame, and moves none of its joints.
 
@@ -119,7 +119,7 @@ def _unknown_joint(name: str, known: Iterable[Prim], stage: StageModel) -> Unres
 
 @rule("K62", "drive-ignores-velocity", scope="lint")
 def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
-    """A joint receives velocity commands that its drive does not follow.
+    """The drive of a joint ignores its velocity commands.
 
     Why: a drive without damping exerts no force towards a velocity. A drive with stiffness pulls
     the joint back to a position: the wheel trembles or stands still. A drive with a maximum force
@@ -170,7 +170,7 @@ def _wrong_value(
 
 @rule("K67", "odometry-without-body", scope="lint", formerly="no-body-to-follow")
 def no_body_to_follow(subject: LintSubject) -> Iterator[Problem]:
-    """The chassis prim of odometry is neither a rigid body nor an articulation root.
+    """The chassis of odometry is neither body nor articulation root.
 
     Why: the node logs an error at every update and passes no signal on. Its outputs stay 0:
     odometry shows the robot at its start.
@@ -202,7 +202,7 @@ def _why_no_body(odometry: Followed) -> str:
 
 @rule("K68", "command-count", scope="lint", formerly="number-of-commands")
 def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
-    """A controller receives another number of commands than it names joints.
+    """A controller receives more or fewer commands than joints.
 
     Why: the controller requires one command for each joint. Otherwise it logs an error at every
     update, ignores all commands and moves nothing.
@@ -272,7 +272,7 @@ _CLOSE = 0.05  # of the geometry, which a builder rounds
 
 @rule("K63", "limit-needs-time-step", scope="lint")
 def limit_needs_time_step(subject: LintSubject) -> Iterator[Problem]:
-    """An acceleration is set or connected, but the time step that it needs is 0.
+    """An acceleration needs a time step, which is 0.
 
     Why: a Differential Controller with an acceleration limit, and an Ackermann Controller with an
     acceleration or a steering speed, refuse to compute without a time step: the robot never moves.
@@ -301,7 +301,7 @@ def limit_needs_time_step(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K64", "wheel-size", scope="lint", severity="warning", formerly="wheels-of-another-size")
 def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
-    """Wheel radius or wheel distance in the controller differ from the robot's wheels.
+    """Wheel radius or distance differ from the robot's.
 
     Why: the robot drives faster or slower, or turns more or less, than commanded; odometry that is
     computed from the commands is wrong by the same factor.
@@ -378,7 +378,7 @@ def _shared(one: Command, other: Command, subject: LintSubject) -> tuple[list[st
 
 @rule("K66", "joint-order", scope="lint", severity="warning", formerly="left-and-right")
 def left_and_right(subject: LintSubject) -> Iterator[Problem]:
-    """The wheel joints are named in the order right, left.
+    """The wheel joints are named right, left.
 
     Why: the controller gives the speeds in the order left, right. With the names exchanged, the
     robot turns the wrong way.

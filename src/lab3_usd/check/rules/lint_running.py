@@ -52,7 +52,7 @@ _REASONS = {
     ),
 )
 def never_computes(subject: LintSubject) -> Iterator[Problem]:
-    """No event reaches a node that publishes, subscribes or moves something.
+    """No event reaches a node that does something.
 
     Why: a node with an execution input computes only when a signal arrives there. Without a signal
     it publishes, receives and moves nothing. After a single signal, a publisher or subscriber has
@@ -104,7 +104,7 @@ def _stopped(stop: Stop, subject: LintSubject) -> Problem:
     counted=("graph switched off", "graphs switched off"),
 )
 def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
-    """A graph is deactivated, or is only an `over` without a definition.
+    """A graph is deactivated, or an `over` without a definition.
 
     Why: Isaac Sim evaluates only graphs in the scene. A graph that is deactivated during Play may
     continue to publish until the stage is opened again. An `over` on an asset gives a graph only if
@@ -151,7 +151,7 @@ def _nodes_in_overs(subject: LintSubject) -> Mapping[str, int]:
 
 @rule("K03", "graph-not-evaluated", scope="lint")
 def graph_not_evaluated(subject: LintSubject) -> Iterator[Problem]:
-    """The settings of a graph keep Isaac Sim from evaluating it.
+    """Its settings keep Isaac Sim from evaluating a graph.
 
     Why: an on-demand graph waits for an event of its own kind, such as On Physics Step; the updates
     of the application skip it. An instanced graph is evaluated only where a prim refers to it.
@@ -183,7 +183,7 @@ def graph_not_evaluated(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K04", "event-never-fires", scope="lint")
 def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
-    """An event node is in a graph where it never fires.
+    """An event node never fires in its graph.
 
     Why: On Physics Step fires only in an on-demand graph, On Playback Tick and On Tick only in a
     graph of the simulation pipeline. In other graphs the nodes behind them never compute.
@@ -218,7 +218,7 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K05", "stray-node", scope="lint", severity="warning")
 def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
-    """A node is outside every graph, or a prim in a graph is not a node.
+    """A node is in no graph, or a prim in a graph is no node.
 
     Why: Isaac Sim evaluates only nodes that are children of a graph. A node elsewhere, or a prim of
     another type, never computes.
@@ -252,7 +252,7 @@ def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
     counted=("node switched off", "nodes switched off"),
 )
 def switched_off(subject: LintSubject) -> Iterator[Problem]:
-    """A ROS node, or a node that passes signals on, is disabled.
+    """A ROS node, or one that passes signals on, is disabled.
 
     Why: with Enabled off, a helper publishes nothing, and a render product is not created, so its
     helpers publish nothing either. A gate with a step of 0 passes no signal.
@@ -289,7 +289,7 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K08", "two-events", scope="lint", severity="warning")
 def two_events(subject: LintSubject) -> Iterator[Problem]:
-    """Two events that fire at every update trigger the same node.
+    """Two events trigger one node at every update.
 
     Why: the node executes twice in an update. A publisher sends every message twice with the same
     time, and tf2 rejects the second; a controller limits an acceleration twice.
@@ -359,7 +359,7 @@ def graph_in_instance(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K10", "unset-input", scope="lint", formerly="works-on-zeros")
 def unset_input(subject: LintSubject) -> Iterator[Problem]:
-    """An input that a node needs is neither connected nor set.
+    """A required input is neither connected nor set.
 
     Why: an input without a wire and a value is 0 or empty. A publisher without a time stamps every
     message with 0, a helper without a render product publishes nothing, a controller without a
@@ -396,7 +396,7 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K11", "array-gaps", scope="lint", formerly="array-with-gaps")
 def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
-    """An array node has an empty element, or inputs beyond its size.
+    """An array has an empty element, or inputs beyond its size.
 
     Why: an element that is neither connected nor set is empty. No joint has an empty name, so the
     controller moves nothing. Inputs beyond the size of the array are ignored.

@@ -39,7 +39,7 @@ def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
 
 @rule("K14", "unresolved-target", scope="lint", formerly="target-not-there")
 def target_not_there(subject: LintSubject) -> Iterator[Problem]:
-    """A target prim of a node is not in the scene.
+    """A target prim of a node does not exist.
 
     Why: the node logs an error or skips the target: a missing camera gives no image, a missing link
     no frame. In a file with graphs but neither robot nor sensor, a stage that uses it as a sublayer
@@ -73,7 +73,7 @@ def _is_made_later(path: str, subject: LintSubject) -> bool:
 
 @rule("K15", "unreadable-target", scope="lint")
 def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
-    """The target prim of a node has a kind that the node cannot read.
+    """A node cannot read the kind of its target prim.
 
     Why: the node finds no sensor, body or articulation there. It logs an error or stays silent, and
     its outputs stay 0.
@@ -121,7 +121,7 @@ def _paths_above(path: str) -> Iterator[str]:
 
 @rule("K70", "product-of-another-sensor", scope="lint")
 def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
-    """A helper reads the render product of a sensor of another kind.
+    """A helper reads the render product of another sensor.
 
     Why: the lidar helper accepts only lidars and logs a message; a camera helper on a lidar
     publishes an image without content.
@@ -150,7 +150,7 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K71", "sensor-without-schema", scope="lint")
 def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
-    """A lidar lacks the schema by which Isaac Sim recognises a lidar.
+    """A lidar lacks the schema that makes it one.
 
     Why: the lidar helper rejects it with a warning, and publishes nothing.
 
@@ -175,7 +175,7 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K72", "no-scan-from-this", scope="lint")
 def no_scan_from_this(subject: LintSubject) -> Iterator[Problem]:
-    """A value of a lidar prevents any scan.
+    """A value prevents any scan.
 
     Why: a rotary lidar with a rate of 0 has no angle between two rays, and the helper of a laser
     scan rejects it. With the near range beyond the far range, nothing is in range.
@@ -245,7 +245,7 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     counted=("unused camera", "unused cameras"),
 )
 def unused_camera(subject: LintSubject) -> Iterator[Problem]:
-    """No render product uses a camera on a robot.
+    """No render product uses a robot's camera.
 
     Why: it publishes nothing. It may be for the viewport, or its graph was forgotten.
 
@@ -274,7 +274,7 @@ def _is_carried(prim: Prim, subject: LintSubject) -> bool:
 
 @rule("K75", "empty-render-product", scope="lint")
 def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
-    """A render product has a width or height of 0.
+    """A render product has no width or height.
 
     Why: there are no pixels to render. A node that reads the product reports an error or publishes
     nothing.
@@ -329,7 +329,7 @@ def lidar_on_its_side(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K77", "frame-of-another-sensor", scope="lint", severity="warning")
 def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
-    """A message of one sensor names the frame of another kind of sensor.
+    """A message names the frame of another sensor.
 
     Why: the message gets the position and direction of the other sensor.
 

@@ -71,7 +71,7 @@ def two_publishers(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K41", "two-types", scope="lint")
 def two_types(subject: LintSubject) -> Iterator[Problem]:
-    """A topic is used with two message types.
+    """One topic has two message types.
 
     Why: ROS 2 connects only publishers and subscribers of one type. `ros2 topic echo`, RViz and
     recordings fail for a topic with two types.
@@ -128,7 +128,7 @@ def refused_profile(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K43", "incompatible-qos", scope="lint", formerly="profiles-do-not-meet")
 def profiles_do_not_meet(subject: LintSubject) -> Iterator[Problem]:
-    """A publisher and a subscriber of one topic have incompatible QoS profiles.
+    """Publisher and subscriber have incompatible QoS profiles.
 
     Why: a reliable subscriber receives nothing from a best-effort publisher, and a transient-local
     subscriber nothing from a volatile publisher.
@@ -165,7 +165,7 @@ def _mismatch(maker: Qos, taker: Qos) -> str:
 
 @rule("K34", "value-type", scope="lint", formerly="value-of-another-type")
 def value_of_another_type(subject: LintSubject) -> Iterator[Problem]:
-    """A value is declared with a type that the port does not have.
+    """A value has a type that its port does not have.
 
     Why: Isaac Sim creates the port with its own type and ignores the value: the default applies.
 
@@ -205,7 +205,7 @@ _SAME = {
 
 @rule("K35", "unknown-token", scope="lint", formerly="value-not-offered")
 def value_not_offered(subject: LintSubject) -> Iterator[Problem]:
-    """An input holds a token that is not one of its choices.
+    """A token is not among the choices of its input.
 
     Why: the node rejects the value with an error, or uses another one.
 
@@ -276,7 +276,7 @@ def _without_space(node: Node, name: str, value: str) -> tuple[Edit, ...]:
 
 @rule("K37", "topic-name", scope="lint")
 def topic_name(subject: LintSubject) -> Iterator[Problem]:
-    """ROS 2 rejects the name of a topic or namespace, or the bridge changes the name of a topic.
+    """ROS 2 rejects or changes the name of a topic.
 
     Why: the bridge strips everything except letters and digits from both ends of a name. ROS 2
     rejects a name with spaces, dashes or a leading digit, and there is no publisher. A changed name
@@ -317,7 +317,7 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K38", "frame-name", scope="lint", severity="warning")
 def frame_name(subject: LintSubject) -> Iterator[Problem]:
-    """A frame name is empty, begins with a slash, or has white space around it.
+    """A frame name is empty, or has a slash or white space at an end.
 
     Why: tf2 rejects an empty name and a leading slash. A name with a space is a different frame, so
     no transform is found for the message.

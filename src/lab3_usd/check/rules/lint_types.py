@@ -20,7 +20,7 @@ from lab3_usd.spec.isaac import order
 
 @rule("K30", "unregistered-type", scope="lint")
 def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
-    """A node type is not registered, but resembles a registered one.
+    """An unregistered node type resembles a registered one.
 
     Why: Isaac Sim drops nodes of unknown types when it opens the stage. Type names differ from the
     names of their extensions, and types were renamed and removed.
@@ -81,7 +81,7 @@ def _likely(node: Node, subject: LintSubject) -> str | None:
 
 @rule("K31", "deprecated-types", scope="lint", severity="warning", formerly="old-names")
 def old_names(subject: LintSubject) -> Iterator[Problem]:
-    """Nodes of a graph have type names from before Isaac Sim 4.5.
+    """Node types have names from before Isaac Sim 4.5.
 
     Why: Isaac Sim 4.5 and later rename these types when they open the stage. The stage was saved by
     an older release with other defaults.
@@ -151,7 +151,7 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     counted=("node of a newer version", "nodes of a newer version"),
 )
 def newer_version(subject: LintSubject) -> Iterator[Problem]:
-    """A node was saved by a newer version of its type than any known release has.
+    """A node was saved by a newer version than any known one.
 
     Why: ports and defaults may have changed, so the findings about this node may be wrong.
 
@@ -182,7 +182,7 @@ def newer_version(subject: LintSubject) -> Iterator[Problem]:
     counted=("sign of another release", "signs of another release"),
 )
 def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
-    """The nodes of the stage were saved by another release of Isaac Sim.
+    """Another release of Isaac Sim saved the nodes.
 
     Why: a saved node has the version of its type and declares every port of the release that saved
     it. Some defaults differ: Reset On Stop was off before 6.0. The release that opens the stage

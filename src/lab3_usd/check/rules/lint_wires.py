@@ -84,7 +84,7 @@ def _rewiring(wire: Connection, *sources: str) -> tuple[Edit, ...]:
 
 @rule("K21", "unknown-port", scope="lint")
 def unknown_port(subject: LintSubject) -> Iterator[Problem]:
-    """One end of a wire is a port that the node type does not have.
+    """A wire ends at a port that its node type lacks.
 
     Why: Isaac Sim drops such a wire when it opens the stage, whatever the file declares. Ports were
     renamed between releases, and a Constant node has no output: its wire starts at its input.
@@ -152,7 +152,7 @@ def _gone(kind: NodeType, port: str, subject: LintSubject) -> str:
 
 @rule("K22", "incompatible-types", scope="lint", formerly="types-that-do-not-fit")
 def incompatible_wire(subject: LintSubject) -> Iterator[Problem]:
-    """A wire joins two ports of incompatible types.
+    """A wire joins incompatible types.
 
     Why: OmniGraph converts between numbers of one shape and between string and token. It rejects
     other wires when the stage is opened, and the input has no source. Types that differ only in
@@ -244,7 +244,7 @@ def two_sources(subject: LintSubject) -> Iterator[Problem]:
     counted=("value overridden by a wire", "values overridden by wires"),
 )
 def value_under_a_wire(subject: LintSubject) -> Iterator[Problem]:
-    """An input is connected and also has a value.
+    """An input has a connection and a value.
 
     Why: the wire wins. The value looks effective, and takes effect again when the wire is deleted.
 
@@ -268,7 +268,7 @@ def value_under_a_wire(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K26", "driven-by-messages", scope="lint", severity="warning")
 def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
-    """A node is triggered only when a message arrives.
+    """A node runs only when a message arrives.
 
     Why: Exec Out of a subscriber fires only when a new message has arrived. The nodes behind it
     stop when the sender stops: a publisher sends nothing, and a limited acceleration is not
@@ -311,7 +311,7 @@ def _has_pace(wire: Connection) -> bool:
 
 @rule("K27", "another-quantity", scope="lint", severity="warning")
 def another_quantity(subject: LintSubject) -> Iterator[Problem]:
-    """A wire brings another quantity than the input expects.
+    """A wire brings another quantity than its input expects.
 
     Why: a wire carries any number. A speed in place of a position, or a sideways speed in place of
     a forward speed, gives no error, but the robot does not follow its commands.

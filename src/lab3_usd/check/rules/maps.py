@@ -58,7 +58,7 @@ _DEFAULTS = {"mode": "trinary"}  # what map_server takes where the file says not
 
 @rule("M01", "map-file-unreadable", scope="maps")
 def map_file_unreadable(subject: MapSubject) -> Iterator[Problem]:
-    """The YAML file of the map is missing, or is not a map file.
+    """The map file is missing or unreadable.
 
     Why: map_server fails to configure, so there is no map. AMCL waits forever, and `{above} ->
     {root}` never appears.
@@ -73,7 +73,7 @@ def map_file_unreadable(subject: MapSubject) -> Iterator[Problem]:
 
 @rule("M02", "map-image-path", scope="maps")
 def map_image_path(subject: MapSubject) -> Iterator[Problem]:
-    """The map file names its image by an absolute path, in another folder, or not at all.
+    """The path of the map image is absolute, elsewhere, or missing.
 
     Why: the map loads only on the computer where that path exists. On another computer map_server
     refuses to configure.
@@ -100,7 +100,7 @@ def map_image_path(subject: MapSubject) -> Iterator[Problem]:
 
 @rule("M03", "map-image-name", scope="maps")
 def map_image_name(subject: MapSubject) -> Iterator[Problem]:
-    """The map file names another image than the supplied one.
+    """The map file names another image.
 
     Why: another image is another map. Its walls do not match the scene, and the robot is never
     where RViz shows it.
@@ -120,7 +120,7 @@ def map_image_name(subject: MapSubject) -> Iterator[Problem]:
 
 @rule("M04", "map-image-missing", scope="maps")
 def map_image_missing(subject: MapSubject) -> Iterator[Problem]:
-    """The image that the map file names is not beside it.
+    """The image is not beside the map file.
 
     Why: map_server fails to configure and `ros2 lifecycle get /map_server` stays `unconfigured`.
 
@@ -136,7 +136,7 @@ def map_image_missing(subject: MapSubject) -> Iterator[Problem]:
 
 @rule("M05", "map-image-unreadable", scope="maps")
 def map_image_unreadable(subject: MapSubject) -> Iterator[Problem]:
-    """The image of the map is not a readable PGM file.
+    """The map image is not a readable PGM file.
 
     Why: map_server refuses a damaged or truncated image, and there is no map. It detects the format
     from the content: a PNG or a PPM with the name of a PGM is loaded, and is a warning.
@@ -157,7 +157,7 @@ def map_image_unreadable(subject: MapSubject) -> Iterator[Problem]:
 
 @rule("M06", "map-value", scope="maps")
 def map_value(subject: MapSubject) -> Iterator[Problem]:
-    """A value of the map file differs from the handout's.
+    """A value of the map file is wrong.
 
     Why: the resolution scales all walls, `negate` exchanges free and occupied, and the thresholds
     decide which grey is a wall. AMCL then matches the scan with the wrong places.
@@ -184,7 +184,7 @@ def map_value(subject: MapSubject) -> Iterator[Problem]:
 
 @rule("M07", "map-origin", scope="maps")
 def map_origin(subject: MapSubject) -> Iterator[Problem]:
-    """The origin of the map differs from the handout's.
+    """The map has another origin.
 
     Why: the whole map is shifted or turned relative to the scene. The scan is beside the walls,
     wherever the initial pose is set.
@@ -226,7 +226,7 @@ def map_size(subject: MapSubject) -> Iterator[Problem]:
 
 @rule("M09", "map-agreement", scope="maps", severity="note")
 def map_agreement(subject: MapSubject) -> Iterator[Problem]:
-    """The occupied cells of the map were compared with the walls of the stage.
+    """The map was compared with the walls of the stage.
 
     Why: a low figure may mean that the map belongs to another scene, and that AMCL cannot find the
     robot. The handout does not say where in the scene the origin of the map is, so this figure is
@@ -251,7 +251,7 @@ def map_agreement(subject: MapSubject) -> Iterator[Problem]:
 
 @rule("M10", "map-not-given", scope="maps", severity="note")
 def map_not_given(subject: MapSubject) -> Iterator[Problem]:
-    """A stage of localization or navigation is checked without its map.
+    """A stage is checked without its map.
 
     Why: the map is part of these checkpoints, but is a file beside the stage.
 

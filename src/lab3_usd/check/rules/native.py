@@ -27,7 +27,7 @@ def composition_error(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV02", "attribute-of-another-type", scope="native")
 def attribute_of_another_type(subject: NativeErrors) -> Iterator[Problem]:
-    """A layer declares an attribute with another type than its schema.
+    """An attribute has another type than its schema.
 
     Why: readers that expect the type of the schema use the default. Only schemas of usd-core are
     compared; those of Isaac Sim, PhysX and OmniGraph are unknown to it. OpenUSD's validator:
@@ -71,7 +71,7 @@ def other_validator(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV10", "no-units", scope="native")
 def no_units(subject: NativeErrors) -> Iterator[Problem]:
-    """The stage does not define its units or its up axis.
+    """The stage has no units or no up axis.
 
     Why: readers assume centimetres and Y up, so a robot in metres is a hundredth of its size.
     OpenUSD's validator: `usdGeomValidators:StageMetadataChecker`.
@@ -100,7 +100,7 @@ def nested_shapes(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV12", "subset-family", scope="native")
 def subset_family(subject: NativeErrors) -> Iterator[Problem]:
-    """The subsets of a mesh contradict the type of their family.
+    """Subsets of a mesh contradict the type of their family.
 
     Why: in a partition each face belongs to one subset. Faces in none or in two have no clear
     material. OpenUSD's validator: `usdGeomValidators:SubsetFamilies`.
@@ -128,7 +128,7 @@ def subset_without_mesh(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV20", "body-that-cannot-move", scope="native")
 def body_that_cannot_move(subject: NativeErrors) -> Iterator[Problem]:
-    """A rigid body is on a prim that physics cannot move.
+    """Physics cannot move the prim of a rigid body.
 
     Why: the body stays where it is, or falls out of the simulation. OpenUSD's validator:
     `usdPhysicsValidators:RigidBodyChecker`.
@@ -143,7 +143,7 @@ def body_that_cannot_move(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV21", "collider-shape", scope="native")
 def collider_shape(subject: NativeErrors) -> Iterator[Problem]:
-    """A collider has a shape or scale that physics does not support.
+    """Physics does not support the shape or scale of a collider.
 
     Why: the engine uses another shape, or none. OpenUSD's validator:
     `usdPhysicsValidators:ColliderChecker`.
@@ -157,7 +157,7 @@ def collider_shape(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV22", "articulation-in-another", scope="native")
 def articulation_in_another(subject: NativeErrors) -> Iterator[Problem]:
-    """An articulation root is below another, or on a body that does not move.
+    """An articulation root is below another, or does not move.
 
     Why: the engine keeps one articulation, and a controller of the other finds nothing. OpenUSD's
     validator: `usdPhysicsValidators:ArticulationChecker`.
@@ -184,7 +184,7 @@ def joint_without_bodies(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV30", "material-contents", scope="native")
 def material_contents(subject: NativeErrors) -> Iterator[Problem]:
-    """A material contains prims that are not shaders.
+    """A material contains other prims than shaders.
 
     Why: shapes below a material are not drawn. OpenUSD's validator:
     `usdShadeValidators:EncapsulationMaterialValidator`.
@@ -198,7 +198,7 @@ def material_contents(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV31", "shader-place", scope="native")
 def shader_place(subject: NativeErrors) -> Iterator[Problem]:
-    """A shader or node graph is in a place where it cannot be connected.
+    """A shader or node graph is where it cannot be connected.
 
     Why: connections across such a border are invalid, and renderers ignore them. OpenUSD's
     validator: `usdShadeValidators:EncapsulationRulesValidator`.
@@ -212,7 +212,7 @@ def shader_place(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV32", "binding-not-applied", scope="native")
 def binding_not_applied(subject: NativeErrors) -> Iterator[Problem]:
-    """A prim binds a material without MaterialBindingAPI.
+    """A binding lacks MaterialBindingAPI.
 
     Why: usd-core ignores such a binding: the prim has no material. OpenUSD's validator:
     `usdShadeValidators:MaterialBindingApiAppliedValidator`.
@@ -240,7 +240,7 @@ def binding_collection(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV34", "binding-no-relationship", scope="native")
 def binding_no_relationship(subject: NativeErrors) -> Iterator[Problem]:
-    """A property with the name of a material binding is not a relationship.
+    """A material binding is not a relationship.
 
     Why: it binds nothing. OpenUSD's validator: `usdShadeValidators:MaterialBindingRelationships`.
 
@@ -253,7 +253,7 @@ def binding_no_relationship(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV35", "normal-map", scope="native")
 def normal_map(subject: NativeErrors) -> Iterator[Problem]:
-    """The texture of a normal map is read as a colour.
+    """The texture of a normal map is read as colour.
 
     Why: the normals are wrong, and so is the lighting of the surface. A missing texture is a note.
     OpenUSD's validator: `usdShadeValidators:NormalMapTextureValidator`.
@@ -267,7 +267,7 @@ def normal_map(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV36", "shader-inputs", scope="native")
 def shader_inputs(subject: NativeErrors) -> Iterator[Problem]:
-    """An input of a shader has another type than the shader defines.
+    """A shader input has another type than defined.
 
     Why: renderers use the default instead. usd-core does not know MDL shaders: for them it is a
     note. OpenUSD's validator: `usdShadeValidators:ShaderSdrCompliance`.
@@ -281,7 +281,7 @@ def shader_inputs(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV37", "bound-subset", scope="native")
 def bound_subset(subject: NativeErrors) -> Iterator[Problem]:
-    """A subset with a material binding is not in the family `materialBind`.
+    """A bound subset is not in the family `materialBind`.
 
     Why: renderers read materials only from subsets of that family. OpenUSD's validator:
     `usdShadeValidators:SubsetMaterialBindFamilyName`.
@@ -309,7 +309,7 @@ def bound_subset_family(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV40", "skeleton-not-applied", scope="native")
 def skeleton_not_applied(subject: NativeErrors) -> Iterator[Problem]:
-    """A prim names a skeleton without SkelBindingAPI.
+    """A prim with a skeleton lacks SkelBindingAPI.
 
     Why: usd-core ignores the binding: the mesh does not move. OpenUSD's validator:
     `usdSkelValidators:SkelBindingApiAppliedValidator`.
@@ -323,7 +323,7 @@ def skeleton_not_applied(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV41", "skeleton-root", scope="native")
 def skeleton_root(subject: NativeErrors) -> Iterator[Problem]:
-    """A prim with SkelBindingAPI is not below a SkelRoot.
+    """A prim with SkelBindingAPI is below no SkelRoot.
 
     Why: it is never skinned. OpenUSD's validator: `usdSkelValidators:SkelBindingApiValidator`.
 
@@ -350,7 +350,7 @@ def light_place(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV60", "authorship-pairs", scope="native")
 def authorship_pairs(subject: NativeErrors) -> Iterator[Problem]:
-    """The inputs of an authorship record are not pairs of name and value.
+    """Inputs of an authorship record are not pairs.
 
     Why: readers cannot tell names from values. OpenUSD's validator:
     `usdMediaValidators:AuthorshipInputsPaired`.
@@ -364,7 +364,7 @@ def authorship_pairs(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV61", "authorship-hidden", scope="native", severity="warning")
 def authorship_hidden(subject: NativeErrors) -> Iterator[Problem]:
-    """An authorship record is hidden by a stronger layer.
+    """A stronger layer hides an authorship record.
 
     Why: the composed prim does not show it. OpenUSD's validator:
     `usdMediaValidators:ShadowedOrDuplicateAuthorship`.
@@ -394,7 +394,7 @@ def missing_reference(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV71", "file-extension", scope="native")
 def file_extension(subject: NativeErrors) -> Iterator[Problem]:
-    """A package contains a file of a kind that is not allowed there.
+    """A package contains a file of a forbidden kind.
 
     Why: viewers reject the package. Only .usdz files are examined. OpenUSD's validator:
     `usdUtilsValidators:FileExtensionValidator`.
@@ -422,7 +422,7 @@ def package_refers_outside(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV73", "root-package", scope="native")
 def root_package(subject: NativeErrors) -> Iterator[Problem]:
-    """Files of the package are compressed, encrypted, or not aligned to 64 bytes.
+    """Files of the package are compressed, encrypted or unaligned.
 
     Why: readers map packages into memory and cannot read such files. Only .usdz files are examined.
     OpenUSD's validator: `usdUtilsValidators:RootPackageValidator`.
@@ -436,7 +436,7 @@ def root_package(subject: NativeErrors) -> Iterator[Problem]:
 
 @rule("UV74", "package-in-use", scope="native")
 def package_in_use(subject: NativeErrors) -> Iterator[Problem]:
-    """A package that the stage uses is compressed, encrypted, or not aligned to 64 bytes.
+    """A package in use is compressed, encrypted or unaligned.
 
     Why: readers map packages into memory and cannot read such files. OpenUSD's validator:
     `usdUtilsValidators:UsdzPackageValidator`.

@@ -26,7 +26,7 @@ def parameter_problem(
 
 @rule("V09", "other-release-plugin", scope="navigation", formerly="plugin-of-another-release")
 def plugin_of_another_release(subject: NavigationSubject) -> Iterator[Problem]:
-    """A plugin has the name of another release than Humble.
+    """A plugin has the name of another release.
 
     Why: Humble names some plugins with a slash, and others with two colons. With another name the
     node cannot load the plugin, and the lifecycle manager activates nothing.
@@ -70,7 +70,7 @@ def parameters_refused(subject: NavigationSubject) -> Iterator[Problem]:
 
 @rule("V11", "parameter-type", scope="navigation", formerly="parameter-of-another-type")
 def parameter_of_another_type(subject: NavigationSubject) -> Iterator[Problem]:
-    """A parameter has another type than Nav2 declares.
+    """A parameter has another type than declared.
 
     Why: rclcpp converts nothing: the node stops with `Wrong parameter type` when it is configured.
 
@@ -99,7 +99,7 @@ def _words(kind: str) -> str:
 
 @rule("V01", "parameters-unreadable", scope="navigation")
 def parameters_unreadable(subject: NavigationSubject) -> Iterator[Problem]:
-    """The parameter file cannot be read, or holds no parameters.
+    """The parameter file cannot be read, or is empty.
 
     Why: the launch stops, or every node uses its defaults without a message.
 
@@ -114,7 +114,7 @@ def parameters_unreadable(subject: NavigationSubject) -> Iterator[Problem]:
 
 @rule("V02", "not-simulation-time", scope="navigation")
 def not_simulation_time(subject: NavigationSubject) -> Iterator[Problem]:
-    """A node of localization or navigation cannot use simulation time.
+    """A node cannot use simulation time.
 
     Why: the `use_sim_time:=true` of Humble's launch files replaces the value of an existing key,
     and never adds the key. A node without the key uses a clock that is decades ahead of Isaac
@@ -148,7 +148,7 @@ def not_simulation_time(subject: NavigationSubject) -> Iterator[Problem]:
 
 @rule("V03", "wrong-base-frame", scope="navigation")
 def wrong_base_frame(subject: NavigationSubject) -> Iterator[Problem]:
-    """A node uses a robot frame that the robot does not have.
+    """A node uses a frame that the robot does not have.
 
     Why: tf2 cannot find it, AMCL never publishes, and the costmaps stay empty.
 
@@ -168,7 +168,7 @@ def wrong_base_frame(subject: NavigationSubject) -> Iterator[Problem]:
 
 @rule("V04", "wrong-frame", scope="navigation")
 def wrong_frame(subject: NavigationSubject) -> Iterator[Problem]:
-    """A node uses another fixed frame than the lab's.
+    """A node uses another fixed frame.
 
     Why: the TF tree contains `{above} -> {root} -> {base}`. A costmap in `world`, or an AMCL that
     publishes `{above} -> odom_combined`, is not connected to it.
@@ -189,7 +189,7 @@ def wrong_frame(subject: NavigationSubject) -> Iterator[Problem]:
 
 @rule("V05", "wrong-scan-topic", scope="navigation")
 def wrong_scan_topic(subject: NavigationSubject) -> Iterator[Problem]:
-    """AMCL or a costmap subscribes to another scan topic than the lab's.
+    """AMCL or a costmap subscribes to another scan topic.
 
     Why: nothing publishes that topic. AMCL never corrects the pose, and obstacles never appear.
 
@@ -211,7 +211,7 @@ def wrong_scan_topic(subject: NavigationSubject) -> Iterator[Problem]:
 
 @rule("V06", "wrong-map-topic", scope="navigation")
 def wrong_map_topic(subject: NavigationSubject) -> Iterator[Problem]:
-    """AMCL or the static layer subscribes to another map than that of the map server.
+    """AMCL or the static layer subscribes to another map.
 
     Why: the map server publishes `{map_topic}`; without it AMCL waits and the global costmap is
     empty.
@@ -229,7 +229,7 @@ def wrong_map_topic(subject: NavigationSubject) -> Iterator[Problem]:
 
 @rule("V07", "other-speed", scope="navigation", severity="note")
 def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
-    """A speed limit of Nav2 differs from that of the Differential Controller.
+    """A speed limit differs from the Differential Controller's.
 
     Why: the graph limits the speed of the robot. With a higher limit in Nav2 the robot is slower
     than Nav2 expects. A lower limit only makes it slower.
@@ -257,7 +257,7 @@ def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
 
 @rule("V08", "stamped-velocity", scope="navigation", severity="warning")
 def stamped_velocity(subject: NavigationSubject) -> Iterator[Problem]:
-    """Stamped velocity commands are enabled, a parameter of releases after Humble.
+    """Stamped velocity commands, newer than Humble, are enabled.
 
     Why: Humble ignores it. A later Nav2 would publish TwistStamped, which Isaac Sim's Twist
     subscriber cannot receive, and the robot would never move.

@@ -33,7 +33,7 @@ from lab3_usd.spec.lab import Lab
 
 @rule("N01", "missing-node", scope="graph")
 def missing_node(subject: GraphSubject) -> Iterator[Problem]:
-    """A node that the handout asks for is missing from the graph or deactivated.
+    """A required node is missing or deactivated.
 
     Why: the node's computation, publication or trigger is missing. Nodes connected to it do not
     run, or use their defaults. Its connections are not reported one by one.
@@ -141,7 +141,7 @@ def _wiring(subject: GraphSubject, spec: NodeSpec) -> str:
 
 @rule("N03", "wrong-node-type", scope="graph")
 def wrong_node_type(subject: GraphSubject) -> Iterator[Problem]:
-    """A node has another type than the handout asks for.
+    """A node has another type.
 
     Why: another type behaves differently. On Physics Step never fires in a graph that the app's
     update evaluates. On Tick may fire at another rate, or while the simulation is stopped. Make
@@ -171,7 +171,7 @@ def wrong_node_type(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("N04", "old-node-version", scope="graph", severity="note")
 def old_node_version(subject: GraphSubject) -> Iterator[Problem]:
-    """A node was saved with an older version of its type.
+    """A node was saved by an older version of its type.
 
     Why: Isaac Sim 6.0.1 updates the node when it opens the stage.
 
@@ -213,7 +213,7 @@ def _version_problem(subject: GraphSubject, node: Node, spec: NodeSpec, kind: st
 
 @rule("N06", "old-type-names", scope="graph", severity="warning")
 def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
-    """Nodes of the graph have type names from before Isaac Sim 4.5.
+    """Node types have names from before Isaac Sim 4.5.
 
     Why: Isaac Sim 6.0.1 renames the types when it opens the stage, so the graph works. The stage
     was not saved by 6.0.1. There is one finding for the graph.
@@ -247,7 +247,7 @@ _PUBLISHES = ("publisher", "helper")
 
 @rule("N02", "extra-node", scope="graph", severity="warning")
 def extra_node(subject: GraphSubject) -> Iterator[Problem]:
-    """The graph holds a node that the handout does not ask for.
+    """The graph contains a node that the lab does not use.
 
     Why: the node may do nothing, or may repeat the work of another node. A second node with the
     same settings (context, tick, subscriber) works like the first.
@@ -313,7 +313,7 @@ def _topics_asked(lab: Lab) -> set[str]:
 
 @rule("N07", "repeated-publisher", scope="graph")
 def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
-    """An extra node publishes a topic of the lab a second time.
+    """An extra node publishes a topic of the lab again.
 
     Why: subscribers cannot tell the two streams apart. Two transform publishers give one frame two
     parents.
@@ -340,7 +340,7 @@ def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("N08", "script-node", scope="stage")
 def script_node(subject: StageSubject) -> Iterator[Problem]:
-    """A node, or a prim with Python scripting, runs code from the file.
+    """A node or prim runs code from the file.
 
     Why: the code may run when somebody opens the stage and presses Play. The lab needs no code.
 
@@ -386,7 +386,7 @@ def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("N12", "wheels-commanded-twice", scope="stage", needs="wheels")
 def wheels_commanded_twice(subject: StageSubject) -> Iterator[Problem]:
-    """A second node commands the wheels of the robot.
+    """A second node commands the wheels.
 
     Why: both controllers write the wheel velocities in every frame, and the last one wins. The
     robot stands still or does not follow its commands.

@@ -65,7 +65,7 @@ def _links(subject: StageSubject) -> Iterator[tuple[Prim, LinkSpec]]:
 
 @rule("S04", "link-mass", scope="stage", demands=link_bodies)
 def link_mass(subject: StageSubject) -> Iterator[Problem]:
-    """A link of the robot does not have the mass in the handout.
+    """A link has another mass.
 
     Why: the joints are tuned for these masses. {wheels?}A heavier base may slip or
     crawl, a lighter one may tip.{/}
@@ -107,7 +107,7 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("S05", "rigid-body", scope="stage", demands=link_bodies)
 def rigid_body(subject: StageSubject) -> Iterator[Problem]:
-    """A link of the robot is not a movable rigid body, or the root is a rigid body.
+    """A link is no movable rigid body, or the root is one.
 
     Why: a prim that is not a rigid body has no mass and no joints. {wheels?}The wheel does not
     turn, or the{else}The{/} robot falls apart or hangs in the air. A robot root that is a rigid
@@ -171,7 +171,7 @@ _GROUPS = ("Xform", "Scope")
 
 @rule("S06", "wheel-collision", scope="stage", demands=link_bodies, needs="wheels")
 def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
-    """A wheel has no collision geometry, or its collision is disabled.
+    """A wheel has no enabled collision geometry.
 
     Why: nothing supports the robot on that side. It drops to its base plate and turns in circles.
 
@@ -221,7 +221,7 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("S24", "link-scale", scope="stage", demands=link_bodies)
 def link_scale(subject: StageSubject) -> Iterator[Problem]:
-    """A link of the robot is scaled.
+    """A link is scaled.
 
     Why: the scale of a body scales its shapes and the positions of its joints. {wheels?}A wheel of
     another size changes the speed, and a larger wheel distance changes the turn rate.{/} A run

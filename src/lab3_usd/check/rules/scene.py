@@ -51,7 +51,7 @@ def _prim_demand(path: str) -> str:
 
 @rule("S01", "missing-prim", scope="stage", demands=_supplied_prims)
 def missing_prim(subject: StageSubject) -> Iterator[Problem]:
-    """The robot, one of its links, or the parent of the graphs is missing or at another path.
+    """Robot, link or parent of the graphs is missing or elsewhere.
 
     Why: graphs, sensors and TF refer to these prims by their paths. Prims below a missing prim are
     not reported one by one. If the robot was moved, its parts are judged where they are.
@@ -174,7 +174,7 @@ def _robot_pose(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("S03", "robot-pose", scope="stage", demands=_robot_pose)
 def robot_pose(subject: StageSubject) -> Iterator[Problem]:
-    """The robot root is not at the pose of the starter.
+    """The robot root has another pose than the starter's.
 
     Why: all places in the handout assume this pose. In later checkpoints it is a warning, because
     the stage may have been saved after a run.
@@ -219,7 +219,7 @@ def _link_offsets(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("S17", "link-place", scope="stage", formerly="scan-offset", demands=_link_offsets)
 def scan_offset(subject: StageSubject) -> Iterator[Problem]:
-    """A link that a sensor needs is not at its place on the robot.
+    """A link with a sensor is at another place.
 
     Why: a sensor measures at its link and publishes in that frame. At another place it sees parts
     of the robot, or its data is displaced. The link's own transform is judged in the first
@@ -298,7 +298,7 @@ _SENSOR = "omni:sensor:"
 
 @rule("S30", "value-changes-with-time", scope="stage", severity="warning")
 def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
-    """Time samples or a spline change a value while the timeline plays.
+    """A value changes during Play (time samples or a spline).
 
     Why: at Play the timeline runs over the samples, and the robot, a sensor or a setting no longer
     has its saved value. The value at the start is judged like any other. This rule reports later
@@ -367,7 +367,7 @@ def _nothing_more(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("S18", "starter-not-empty", scope="stage", demands=_nothing_more)
 def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
-    """The first checkpoint holds parts of later checkpoints.
+    """The first checkpoint contains parts of later ones.
 
     Why: the first checkpoint shows the supplied scene. Leftovers of a finished lab publish beside
     the student's own graphs: two clocks, two parents of one frame.

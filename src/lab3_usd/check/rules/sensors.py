@@ -304,7 +304,7 @@ def wrong_attributes(
 
 @rule("D01", "missing-sensor", scope="stage", demands=sensor_demands(OTHER, sensor_prim))
 def missing_sensor(subject: StageSubject) -> Iterator[Problem]:
-    """A sensor of the robot is missing, deactivated, or only an over.
+    """The robot lacks an active sensor.
 
     Why: the node that reads the sensor finds no prim. Nothing is published on its topic.
 
@@ -318,7 +318,7 @@ def missing_sensor(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("D02", "misplaced-sensor", scope="stage")
 def misplaced_sensor(subject: StageSubject) -> Iterator[Problem]:
-    """A sensor of the robot has another name or parent than the handout asks for.
+    """A sensor has another name or parent.
 
     Why: below another prim it measures from the wrong place. Graphs and the TF tree refer to it by
     its path. Its settings are still judged.
@@ -332,7 +332,7 @@ def misplaced_sensor(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("D03", "sensor-type", scope="stage")
 def sensor_type(subject: StageSubject) -> Iterator[Problem]:
-    """The prim at the path of a sensor is of another type.
+    """The prim at a sensor's path has another type.
 
     Why: the node that reads the sensor refuses a prim of another type. Nothing is published on its
     topic.
@@ -346,7 +346,7 @@ def sensor_type(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("D04", "sensor-pose", scope="stage", demands=sensor_demands(OTHER, sensor_place))
 def sensor_pose(subject: StageSubject) -> Iterator[Problem]:
-    """A sensor is not at the handout's pose on its link, or does not move with it.
+    """A sensor has another pose, or does not follow its link.
 
     Why: the data is published in the frame of its link, but belongs to another place or direction.
     With `!resetXformStack!` the sensor ignores its link and stays where it is while the robot moves
@@ -363,7 +363,7 @@ def sensor_pose(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("D05", "sensor-attribute", scope="stage", demands=sensor_demands(OTHER, sensor_values))
 def sensor_attribute(subject: StageSubject) -> Iterator[Problem]:
-    """An attribute of a sensor does not have the handout's value.
+    """An attribute of a sensor has another value.
 
     Why: the attributes set how often the sensor measures and what it leaves out.
 
@@ -382,7 +382,7 @@ def _schemas(spec: SensorSpec, group: str) -> Iterator[Demand]:
 
 @rule("D06", "sensor-schema", scope="stage", demands=sensor_demands(OTHER, _schemas))
 def sensor_schema(subject: StageSubject) -> Iterator[Problem]:
-    """A sensor lacks an API schema that the handout asks for.
+    """A sensor lacks a required API schema.
 
     Why: a prim without the schema is not recognised as this sensor, or misses its settings. If the
     sensor refers to an asset that cannot be found, nothing is reported: the asset may bring the
@@ -410,7 +410,7 @@ def sensor_schema(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("L08", "early-lidar", scope="stage", severity="warning")
 def early_lidar(subject: StageSubject) -> Iterator[Problem]:
-    """The stage holds a lidar before the handout asks for one.
+    """The robot has a lidar too early.
 
     Why: the file may have been saved late, after work on a later part had begun. A starter scene
     must not contain a lidar.
@@ -443,7 +443,7 @@ def _early(subject: StageSubject, prim: Prim) -> Problem:
 
 @rule("C09", "early-camera", scope="stage", severity="warning")
 def early_camera(subject: StageSubject) -> Iterator[Problem]:
-    """The robot has a camera before the handout asks for one.
+    """The robot has a camera too early.
 
     Why: the file may have been saved late, after work on a later part had begun. A starter scene
     must not have the robot's camera.
@@ -457,7 +457,7 @@ def early_camera(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("D07", "early-sensor", scope="stage", severity="warning")
 def early_sensor(subject: StageSubject) -> Iterator[Problem]:
-    """The robot has a sensor before the handout asks for one of its type.
+    """The robot has a sensor too early.
 
     Why: the file may have been saved late, after work on a later part had begun. The supplied file
     must not contain the sensor.

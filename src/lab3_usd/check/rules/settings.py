@@ -105,7 +105,7 @@ def _would_be_met(found: Found, value: Value | None) -> bool:
 
 @rule("P01", "wrong-value", scope="graph")
 def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
-    """An input has another value than the handout asks for.
+    """An input has a wrong value.
 
     Why: the graph runs, but with a topic, frame, size or speed that no other component expects.
 
@@ -144,7 +144,7 @@ def _has_wrong_type(node: Node, port: str) -> bool:
 
 @rule("P02", "wrong-default", scope="graph")
 def wrong_default(subject: GraphSubject) -> Iterator[Problem]:
-    """An input still has its default, but the handout asks for another value.
+    """An input has its default, which is wrong here.
 
     Why: a field that was never edited is not written into the file, and Isaac Sim 6.0.1 uses its
     own default. The defaults of `useDomainIDEnvVar` and `resetOnStop` are True. A default frame id
@@ -165,7 +165,7 @@ def wrong_default(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("P03", "wrong-value-type", scope="graph")
 def wrong_value_type(subject: GraphSubject) -> Iterator[Problem]:
-    """An input is declared with a type that its node type does not have.
+    """An input has a type that its port does not have.
 
     Why: Isaac Sim may be unable to read the value and use the default instead.
 
@@ -186,7 +186,7 @@ def wrong_value_type(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("P07", "swapped-values", scope="graph")
 def swapped_values(subject: GraphSubject) -> Iterator[Problem]:
-    """Two nodes hold each other's value.
+    """Two nodes have each other's value.
 
     Why: each value reaches the other node's user. {wheels?}With the wheel names exchanged, the left
     command goes to the right wheel, and the robot turns the wrong way.{/}
@@ -278,7 +278,7 @@ def _find_changed(subject: GraphSubject) -> Iterator[_Changed]:
 
 @rule("P05", "unasked-value", scope="graph", severity="warning")
 def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
-    """An input that the handout does not mention was changed.
+    """An input that the lab does not mention was changed.
 
     Why: the robot in the handout behaves as described with the default.
 
@@ -332,7 +332,7 @@ def _lacks_source(subject: GraphSubject, spec: NodeSpec) -> bool:
 
 @rule("P06", "namespace", scope="graph")
 def namespace(subject: GraphSubject) -> Iterator[Problem]:
-    """A node namespace changes the name of a topic.
+    """A namespace of a node changes its topic.
 
     Why: with a namespace, `{scan}` becomes `/<namespace>{scan}`, and nothing in the lab subscribes
     to it. White space is no name of a namespace.
@@ -360,7 +360,7 @@ def namespace(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("P08", "topic-spelling", scope="graph", severity="note")
 def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
-    """A topic is spelled differently from the handout, but resolves to the same name.
+    """A topic is spelled differently, but means the same.
 
     Why: Isaac Sim removes characters other than letters and digits from both ends and adds a
     leading slash, so `clock` becomes `/clock`. The topic works.
@@ -379,7 +379,7 @@ def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("P09", "stamp-reset", scope="stage", severity="note")
 def stamp_reset(subject: StageSubject) -> Iterator[Problem]:
-    """The time of a sensor restarts on Stop while the clock continues.
+    """The time of a sensor restarts on Stop, the clock does not.
 
     Why: the clock has resetOnStop False. The sensor helpers reset their own time by default.
     After Stop and Play, their messages have time stamps in the past. There is one finding for the
@@ -413,7 +413,7 @@ def _with_value(
 
 @rule("P10", "namespace-attribute", scope="stage")
 def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
-    """A namespace on a node, its sensor or a prim above them changes the name of a topic.
+    """A namespace on a prim changes the name of a topic.
 
     Why: Isaac Sim joins the namespaces of the prim and all its ancestors and puts them before the
     topic name. A sensor helper uses those of its sensor. `{scan}` becomes `/<namespace>{scan}`

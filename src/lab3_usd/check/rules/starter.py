@@ -24,7 +24,7 @@ _SHOWN = 4  # differences that a message names
 
 @rule("U01", "starter-prim-missing", scope="starter")
 def starter_prim_missing(subject: StarterSubject) -> Iterator[Problem]:
-    """A prim of the supplied scene is missing, with everything below it.
+    """A supplied prim is missing.
 
     Why: a missing link, joint or collider changes how the robot stands and moves. A missing wall
     changes what sensors see. Lights and visual prims are a warning.
@@ -53,7 +53,7 @@ def starter_prim_missing(subject: StarterSubject) -> Iterator[Problem]:
 
 @rule("U02", "starter-prim-retyped", scope="starter")
 def starter_prim_retyped(subject: StarterSubject) -> Iterator[Problem]:
-    """A prim of the supplied scene has another type.
+    """A supplied prim has another type.
 
     Why: the type determines the behaviour: a joint of another type moves differently, a collider of
     another shape touches elsewhere.
@@ -67,7 +67,7 @@ def starter_prim_retyped(subject: StarterSubject) -> Iterator[Problem]:
 
 @rule("U03", "starter-schema-removed", scope="starter")
 def starter_schema_removed(subject: StarterSubject) -> Iterator[Problem]:
-    """A schema was removed from a prim of the supplied scene.
+    """A supplied prim lost a schema.
 
     Why: schemas hold the physics. Without them a body has no mass, a shape has no collision, and a
     joint has no drive.
@@ -82,7 +82,7 @@ def starter_schema_removed(subject: StarterSubject) -> Iterator[Problem]:
 
 @rule("U04", "starter-physics-changed", scope="starter")
 def starter_physics_changed(subject: StarterSubject) -> Iterator[Problem]:
-    """A physics value or target of the supplied scene was changed.
+    """Physics of the supplied scene was changed.
 
     Why: masses, inertias, frictions, drives and collision shapes are tuned together. The robot
     slips, tips or moves differently from other submissions.
@@ -97,7 +97,7 @@ def starter_physics_changed(subject: StarterSubject) -> Iterator[Problem]:
 
 @rule("U05", "starter-prim-moved", scope="starter")
 def starter_prim_moved(subject: StarterSubject) -> Iterator[Problem]:
-    """A prim of the supplied scene was moved, turned or scaled.
+    """A supplied prim was moved, turned or scaled.
 
     Why: a moved wall is not where sensors should see it. A moved shape touches the ground or
     another link. The poses of bodies are judged in the first checkpoint only, because a later stage
@@ -126,7 +126,7 @@ def starter_look_changed(subject: StarterSubject) -> Iterator[Problem]:
 
 @rule("U07", "starter-physics-added", scope="starter", severity="warning")
 def starter_physics_added(subject: StarterSubject) -> Iterator[Problem]:
-    """Physics was added to the supplied scene that changes how the robot moves.
+    """Added physics changes how the robot moves.
 
     Why: damping, friction, filters, mimic joints, and more joints, shapes and physics scenes change
     how the robot moves, although no supplied value was changed.

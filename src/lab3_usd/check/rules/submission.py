@@ -16,7 +16,7 @@ from lab3_usd.model.folder import StageFile, SubmissionSubject
 
 @rule("X01", "missing-stage", scope="submission")
 def missing_stage(subject: SubmissionSubject) -> Iterator[Problem]:
-    """The stage of a checkpoint is missing from the submission.
+    """The stage of a checkpoint is missing.
 
     Why: each part of the lab is judged by the stage that was saved at its end. Later stages do not
     show that earlier ones worked.
@@ -43,7 +43,7 @@ def missing_stage(subject: SubmissionSubject) -> Iterator[Problem]:
 
 @rule("X02", "misnamed-stage", scope="submission")
 def misnamed_stage(subject: SubmissionSubject) -> Iterator[Problem]:
-    """A stage has another name than the handout lists.
+    """A stage has another name.
 
     Why: a program that collects the files by name does not find it. File names on Linux are
     case-sensitive.
@@ -59,7 +59,7 @@ def misnamed_stage(subject: SubmissionSubject) -> Iterator[Problem]:
 
 @rule("X03", "misplaced-stage", scope="submission", severity="warning")
 def misplaced_stage(subject: SubmissionSubject) -> Iterator[Problem]:
-    """A stage has its right name, but is not in the folder of stages.
+    """A stage is not in its folder.
 
     Why: the handout asks for one folder of stages. Relative paths to textures and references break
     in another folder.
@@ -96,7 +96,7 @@ def no_usd_ending(subject: SubmissionSubject) -> Iterator[Problem]:
     "X05", "two-stage-files", scope="submission", severity="warning", formerly="stage-in-two-forms"
 )
 def stage_in_two_forms(subject: SubmissionSubject) -> Iterator[Problem]:
-    """A checkpoint has more than one stage.
+    """A checkpoint has several stages.
 
     Why: the submission does not say which of the two counts. One is judged: the one with the name
     in the handout in the folder `{stages}`, with the handout's own extension. It is a note if the
@@ -118,7 +118,7 @@ def stage_in_two_forms(subject: SubmissionSubject) -> Iterator[Problem]:
 
 @rule("X11", "file-not-opened", scope="submission")
 def file_not_opened(subject: SubmissionSubject) -> Iterator[Problem]:
-    """A file is a link out of the submission, a pipe or device, or cannot be read.
+    """A file is a link out, a pipe, a device, or unreadable.
 
     Why: such files are never opened. A link shows another file on every computer, and reading a
     pipe can wait forever.
@@ -135,7 +135,7 @@ def file_not_opened(subject: SubmissionSubject) -> Iterator[Problem]:
 
 @rule("X12", "too-many-files", scope="submission", severity="warning")
 def too_many_files(subject: SubmissionSubject) -> Iterator[Problem]:
-    """The folder holds more files than a submission can have.
+    """The folder contains too many files.
 
     Why: only the first thousands of files were examined. The rest of the submission was not seen.
 
@@ -166,7 +166,7 @@ _SHOWN = 3  # titles that a message names
 
 @rule("X06", "starter-not-there", scope="submission", severity="note")
 def starter_not_there(subject: SubmissionSubject) -> Iterator[Problem]:
-    """The supplied starter is missing from the folder of the starter.
+    """The supplied starter is missing.
 
     Why: without it nobody can see whether it was overwritten, and the stages are not compared with
     it.
@@ -183,7 +183,7 @@ def starter_not_there(subject: SubmissionSubject) -> Iterator[Problem]:
 
 @rule("X07", "starter-overwritten", scope="submission")
 def starter_overwritten(subject: SubmissionSubject) -> Iterator[Problem]:
-    """The starter holds parts of the lab, or can no longer be opened.
+    """The starter contains parts of the lab, or cannot be opened.
 
     Why: the handout says not to overwrite it. It is the file to return to, and the stages are
     compared with it.
@@ -205,7 +205,7 @@ def starter_overwritten(subject: SubmissionSubject) -> Iterator[Problem]:
 
 @rule("X08", "lost-work", scope="submission", severity="warning")
 def lost_work(subject: SubmissionSubject) -> Iterator[Problem]:
-    """A checkpoint lacks something that the previous checkpoint had.
+    """A checkpoint lacks what the previous one had.
 
     Why: each part builds on the previous one. If a stage was saved from an older file, or something
     was deleted by accident, all later stages lack it too. Before the folder is submitted, only many
@@ -242,7 +242,7 @@ def _lost(earlier: StageResult, later: StageResult) -> list[str]:
 
 @rule("X09", "same-file-twice", scope="submission")
 def same_file_twice(subject: SubmissionSubject) -> Iterator[Problem]:
-    """The stages of two checkpoints are the same file, although a part is between them.
+    """Two checkpoints that must differ are the same file.
 
     Why: each of these checkpoints adds something to the one before. A copy under another name shows
     nothing.
@@ -273,7 +273,7 @@ def _copies(digests: Mapping[str, str], differ: tuple[str, ...]) -> dict[str, st
 
 @rule("X10", "deliverable-not-found", scope="submission", severity="note")
 def deliverable_not_found(subject: SubmissionSubject) -> Iterator[Problem]:
-    """A deliverable beside the stages was not found.
+    """A deliverable was not found.
 
     Why: report, pictures, video, configuration and logs are deliverables. They may have been handed
     in elsewhere, so this is only a note.

@@ -69,7 +69,7 @@ def _awaits_its_sensor(subject: GraphSubject, node: Node, target: Target) -> boo
 
 @rule("R01", "missing-target", scope="graph")
 def missing_target(subject: GraphSubject) -> Iterator[Problem]:
-    """A required relationship of a node has no target.
+    """A required relationship has no target.
 
     Why: without its target the node does nothing: it has no articulation to move, no sensor to
     read, or no body to follow. Isaac Compute Transform Tree without a parent prim puts its frames
@@ -90,7 +90,7 @@ def missing_target(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("R02", "wrong-target", scope="graph")
 def wrong_target(subject: GraphSubject) -> Iterator[Problem]:
-    """A relationship targets another prim than the handout asks for.
+    """A relationship has a wrong target.
 
     Why: the node works on the wrong prim. A helper on a sensor of another kind publishes nothing.
     {wheels?}Odometry of a wheel rotates on the spot.{/}
@@ -121,7 +121,7 @@ def wrong_target(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("R03", "unknown-target", scope="graph", severity="warning")
 def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
-    """A target list names a prim that does not exist.
+    """A target does not exist.
 
     Why: Isaac Sim skips the target with a warning in the console, and its frame is missing.
 
@@ -151,7 +151,7 @@ def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("R04", "named-render-product", scope="graph", needs="render product")
 def named_render_product(subject: GraphSubject) -> Iterator[Problem]:
-    """A node names a render product of another sensor, or of another size.
+    """A node names another render product.
 
     Why: Isaac Create Render Product uses the product that it names as it is. Its own sensor and
     size then have no effect: the topic shows the view of another sensor.
@@ -305,7 +305,7 @@ def _named_alike(node: Node, pair: Pair, view: TfView) -> Problem:
 
 @rule("T10", "robot-root-alone", scope="frames", severity="warning", needs="camera")
 def robot_root_alone(view: TfView) -> Iterator[Problem]:
-    """The robot root is the only target prim, and the camera is not a link of the robot.
+    """The robot root is the only target, which omits the camera.
 
     Why: a robot root gives the prims below it with IsaacLinkAPI, IsaacSiteAPI or
     IsaacReferencePointAPI. The links in its robot schema do not matter. A camera has none of these

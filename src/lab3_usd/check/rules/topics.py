@@ -86,7 +86,7 @@ def _without(
 
 @rule("Q02", "wrong-topic-type", scope="stage", formerly="topic-of-another-type")
 def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
-    """A topic of the lab is used with another message type.
+    """A topic has another message type.
 
     Why: ROS 2 connects only publishers and subscribers of the same type. With two types on one
     name, `ros2 topic echo` and recordings fail.
@@ -118,7 +118,7 @@ def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("Q03", "wrong-durability", scope="stage", formerly="durability-of-a-topic")
 def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
-    """A publisher has another durability than the topic needs.
+    """A publisher has another durability.
 
     Why: a subscriber that requests stored messages gets none from a volatile publisher. Static
     transforms on `/tf_static` must be transient local, live data volatile.
@@ -153,7 +153,7 @@ def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("Q04", "wired-qos", scope="stage", formerly="profile-by-wire")
 def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
-    """The QoS profile of a publisher or subscriber of the lab comes through a connection.
+    """A QoS profile comes over a connection.
 
     Why: a profile with best effort or a short queue loses messages. A profile that Isaac Sim cannot
     read stops the node.
@@ -185,7 +185,7 @@ def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("Q05", "second-subscriber", scope="stage", severity="warning", formerly="topic-taken-twice")
 def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
-    """A second graph subscribes to a topic of the lab.
+    """A second graph subscribes to a topic.
 
     Why: both graphs act on every message. Two copies of a graph command the same joints, and a
     change in one has no effect while the other runs.
@@ -221,7 +221,7 @@ def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
     formerly="topic-of-commands-published",
 )
 def topic_of_commands_published(subject: StageSubject) -> Iterator[Problem]:
-    """The stage publishes a topic that the lab receives from outside.
+    """The stage publishes a topic that it should receive.
 
     Why: what commands the robot publishes {commands}. A publisher in the stage adds its own
     commands, and the robot follows both in turn.

@@ -40,7 +40,7 @@ _DRIVEN = of_each_joint(stiffness="has stiffness 0", damping="has damping and fo
 
 @rule("S10", "joint-drive", scope="stage", demands=_DRIVEN, needs="wheels")
 def joint_drive(subject: StageSubject) -> Iterator[Problem]:
-    """A wheel joint has no velocity drive (stiffness 0, damping and force above 0), or a weak one.
+    """A wheel joint has no velocity drive, or a weak one.
 
     Why: velocity commands act through damping. Without damping, or with a largest force of 0, the
     wheel ignores them. With stiffness it is pulled back to its start position. A drive of type

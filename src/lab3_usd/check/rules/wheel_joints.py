@@ -69,7 +69,7 @@ _TURNS_A_WHEEL = of_each_joint(joint="turns a wheel")
 
 @rule("S07", "wheel-joint", scope="stage", demands=_TURNS_A_WHEEL, needs="wheels")
 def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
-    """A wheel joint is missing, disabled, has another name, cannot turn, or is no robot's joint.
+    """A wheel joint is missing, renamed, or cannot turn.
 
     Why: the drive graph commands the joints by name. An unknown name stops the whole controller
     with an error in the console. A joint that is excluded from the articulation is unknown to it.
@@ -181,7 +181,7 @@ def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
     needs="wheels",
 )
 def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
-    """A wheel joint does not connect its own wheel to a body of the robot.
+    """A wheel joint does not connect its wheel to the robot.
 
     Why: with the wheels exchanged the robot turns the wrong way. A wheel tied to the world holds
     the robot in place.
@@ -213,7 +213,7 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("S23", "second-wheel-joint", scope="stage", demands=_TURNS_A_WHEEL, needs="wheels")
 def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
-    """A second joint ties a wheel, beside its own joint.
+    """A second joint ties a wheel.
 
     Why: the second joint holds or drags the wheel, or couples it to another body. The robot stands
     still or drives in circles, whatever the drive graph commands.
@@ -264,7 +264,7 @@ def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
     needs="wheels",
 )
 def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
-    """The distance between the wheel joints is not the handout's, or the wheels are exchanged.
+    """The wheels have another distance, or are exchanged.
 
     Why: the controller computes the turn rate from this distance. The robot turns too much or too
     little, and odometry drifts away from what sensors see. With the wheels exchanged it turns the
@@ -339,7 +339,7 @@ def _exchanged(places: Mapping[WheelJoint, Vector], wheels: WheelSpec) -> Iterat
     "S09", "joint-axis", scope="stage", demands=of_each_joint(axis="turns forward"), needs="wheels"
 )
 def joint_axis(subject: StageSubject) -> Iterator[Problem]:
-    """A wheel joint has a wrong axis: not the lateral axis of the robot, or inverted.
+    """A wheel joint has a wrong or inverted axis.
 
     Why: with one axis inverted the robot spins instead of driving straight. With both inverted it
     drives backward. About any other axis the wheel does not roll. If the joint's rotation on the

@@ -100,7 +100,7 @@ def _told_once(fault: WireFault, subject: GraphSubject) -> str:
 
 @rule("W02", "wrong-source", scope="graph")
 def wrong_source(subject: GraphSubject) -> Iterator[Problem]:
-    """A required input is connected to the wrong node or port.
+    """A required input has a wrong source.
 
     Why: the node computes with another quantity, which is often always zero: y instead of x of a
     vector, one output of a node instead of another. A wrong execution
@@ -120,7 +120,7 @@ def wrong_source(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("W03", "dead-source", scope="graph")
 def dead_source(subject: GraphSubject) -> Iterator[Problem]:
-    """An input is connected to a node or port that does not exist.
+    """The source of an input does not exist.
 
     Why: the connection carries no data, and Isaac Sim may drop it when it loads the stage. The
     input is effectively not connected. This happens when a node is deleted or renamed outside the
@@ -142,7 +142,7 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("W04", "second-source", scope="graph")
 def second_source(subject: GraphSubject) -> Iterator[Problem]:
-    """A required input has a second source beside the right one.
+    """A required input has a second source.
 
     Why: a data input uses one of its sources, and no public document says which. An execution input
     may run the node once for each source.
@@ -157,7 +157,7 @@ def second_source(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("W05", "unasked-wire", scope="graph", severity="warning")
 def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
-    """An input is connected that the handout does not connect.
+    """The lab does not connect this input.
 
     Why: the graph in the handout works without this connection. Its data overrides a correct value
     or default.
@@ -209,7 +209,7 @@ def swapped_wires(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("W07", "cross-graph-wire", scope="graph")
 def cross_graph_wire(subject: GraphSubject) -> Iterator[Problem]:
-    """A required input is connected to a node of another graph.
+    """The source of a required input is in another graph.
 
     Why: each Action Graph is evaluated separately. A context or time stamp of another graph may be
     read before it exists. The node then uses the domain id of the environment, or time stamp 0.
@@ -229,7 +229,7 @@ def cross_graph_wire(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("W08", "execution-cycle", scope="graph")
 def execution_cycle(subject: GraphSubject) -> Iterator[Problem]:
-    """Execution connections form a cycle.
+    """Execution wires form a cycle.
 
     Why: no evaluation order exists for a node that triggers itself. The behaviour of Isaac Sim is
     not documented: it may skip the nodes, or never finish.
@@ -243,7 +243,7 @@ def execution_cycle(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("W09", "incompatible-wire", scope="graph")
 def incompatible_wire(subject: GraphSubject) -> Iterator[Problem]:
-    """A connection joins two ports with incompatible types.
+    """A wire joins incompatible types.
 
     Why: it carries no usable data, and Isaac Sim may drop it when it loads the stage.
 
@@ -256,7 +256,7 @@ def incompatible_wire(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("W10", "forbidden-wire", scope="graph")
 def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
-    """A connection exists that the handout forbids.
+    """The lab forbids this wire.
 
     Why: the execOut of a subscriber fires only when a message arrives. A controller driven by it
     runs at the rate of the messages and not in every frame.
@@ -274,7 +274,7 @@ def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("W11", "leftover-wire", scope="graph", severity="warning")
 def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
-    """A connection to a deleted node or port was left behind.
+    """A wire to a deleted node or port was left behind.
 
     Why: it carries no data, and Isaac Sim may drop it when it loads the stage. It does no harm, but
     shows that a node was deleted or renamed after it had been connected.

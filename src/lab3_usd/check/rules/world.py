@@ -81,7 +81,7 @@ _HAS_SCENE = _part_demand(_SCENE, "a physics scene", lambda world: world.physics
 
 @rule("S13", "ground", scope="stage", demands=_HAS_GROUND)
 def ground(subject: StageSubject) -> Iterator[Problem]:
-    """No fixed ground with a collision lies below the robot.
+    """There is no fixed ground with a collision.
 
     Why: at Play the robot falls for ever. A ground that is a rigid body falls with it.
 
@@ -163,7 +163,7 @@ def _silent_ground(subject: StageSubject) -> Prim | None:
 
 @rule("S14", "light", scope="stage", demands=_HAS_LIGHT)
 def light(subject: StageSubject) -> Iterator[Problem]:
-    """The scene has no light, or all of its lights are dark.
+    """There is no light, or all lights are dark.
 
     Why: {camera?}images may be black{else}the stage is black in the viewport, and so is every
     image{/}.
@@ -212,7 +212,7 @@ def _darkened(light: Prim, subject: StageSubject) -> tuple[Prim, str] | None:
 
 @rule("S15", "physics-scene", scope="stage", demands=_HAS_SCENE)
 def physics_scene(subject: StageSubject) -> Iterator[Problem]:
-    """The stage has no physics scene, or one whose gravity does not pull down.
+    """There is no physics scene, or its gravity does not pull down.
 
     Why: Isaac Sim then uses its own gravity and time step, and the handout asks for the prim.
     Without weight nothing stays on the ground.
@@ -242,7 +242,7 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("S16", "observation-camera", scope="stage", severity="warning", needs="observation camera")
 def observation_camera(subject: StageSubject) -> Iterator[Problem]:
-    """The observation camera beside the robot is missing.
+    """The observation camera is missing.
 
     Why: the supplied file has one. Without it the screenshots show another view, and it
     may have been turned into the robot's camera.
@@ -334,7 +334,7 @@ def _rest(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("S19", "not-at-rest", scope="stage", demands=_rest)
 def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
-    """A part of the robot is below the ground{wheels?}, or a wheel is above it{/}.
+    """Part of the robot is below the ground{wheels?}, or a wheel above it{/}.
 
     Why: at Play the robot drops, tips, or is thrown up by the overlap. A sensor below the ground
     sees nothing. The collision shapes are judged as saved, if the robot root is at its pose. In
@@ -439,7 +439,7 @@ def _lows(subject: StageSubject) -> dict[str, float]:
 
 @rule("S22", "starts-elsewhere", scope="stage", severity="note")
 def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
-    """The robot's base is not where its root has it.
+    """The robot's base is not at its root.
 
     Why: at Play the robot starts where its bodies are, as after a saved run. The root stays behind.
     {wheels?}Odometry begins at zero there{localization?}, and localization with that place{/}.{/}

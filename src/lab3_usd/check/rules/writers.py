@@ -28,7 +28,7 @@ from lab3_usd.spec.catalog import INPUT, WriterPorts
 
 @rule("N13", "scene-written", scope="stage")
 def scene_written(subject: StageSubject) -> Iterator[Problem]:
-    """A node changes the scene, or commands the robot, while the simulation runs.
+    """A node changes the scene, or commands the robot, during Play.
 
     Why: the written values replace the saved ones. It is an error if the node moves, disables or
     commands the robot or its ground, or changes a node of the lab. Any other node that writes is a
