@@ -11,6 +11,7 @@ from failing_class import Mistake, hand_in, mistakes
 from fault_chains import drops, facts_in, grade_with, rubric, stage_with
 from grade_files import LAB, built, stage, starter
 from msgspec.structs import replace
+from pxr import Usd
 from scene_changes import ROBOT, put
 
 from lab3_usd.grade import dry_runs
@@ -151,6 +152,57 @@ def test_what_hides_a_fault_in_the_dry_run_gives_nothing_back(name: str, hidden_
     both = grade_with(stage_with("02", MADE[name], second), "02")
     assert lost_items(one) >= {"starter", "drive"}
     assert both.earned <= one.earned
+
+
+CONTROLLER = f"{ROBOT}/ROS_Drive/differential_controller"
+
+
+def drive_with(**values: object) -> float:
+    """Return what the drive earns with these inputs of its controller."""
+    layer = stage_with("02")
+    opened = Usd.Stage.Open(layer)
+    for name, value in values.items():
+        put(CONTROLLER, f"inputs:{name}", value)(opened)
+    graded = grade_with(layer, "02")
+    return next(item.earned for item in graded.items if item.id == "drive")
+
+
+def with_conversion(name: str) -> float:
+    """Return what the drive earns where speeds are converted in this way."""
+    layer = stage_with("02")
+    scale = f"{ROBOT}/ROS_Drive/scale_linear_velocity"
+    put(scale, "inputs:conversion", name)(Usd.Stage.Open(layer))
+    graded = grade_with(layer, "02")
+    return next(item.earned for item in graded.items if item.id == "drive")
+
+
+def test_another_conversion_of_metres_into_metres_is_a_blemish() -> None:
+    assert 10 < with_conversion("Convert to meters") < 15
+    assert with_conversion("Convert to feet") == 0
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"wheelRadius": 0.0250001},
+        {"wheelRadius": 0.0256},
+        {"wheelDistance": 0.1561},
+        {"wheelRadius": 0.0256, "wheelDistance": 0.1561},
+    ],
+)
+def test_a_size_that_the_robot_drives_as_well_with_is_a_blemish(values: dict[str, float]) -> None:
+    assert 10 < drive_with(**values) < 15
+
+
+@pytest.mark.parametrize("values", [{"wheelRadius": 0.026}, {"wheelDistance": 0.15}])
+def test_a_size_that_the_robot_drives_otherwise_with_takes_the_drive(
+    values: dict[str, float],
+) -> None:
+    assert drive_with(**values) == 0
+
+
+def test_the_nearest_float_is_the_size_itself() -> None:
+    assert drive_with(wheelRadius=0.02500000037) == 15
 
 
 def test_a_namespace_on_the_robot_takes_every_item_whose_topics_it_moves() -> None:

@@ -96,7 +96,7 @@ def test_single_faults_are_found_at_their_place(
 COMMANDS = [  # with the exit code
     (["tf", LAST], 0),
     (["topics", LAST], 0),
-    (["sim", LAST], 1),  # no emitters: a scan needs more than this lab describes
+    (["sim", LAST], 0),
     (["draw", LAST, "-o", "pictures"], 0),
     (["diff", "front.007.usda", LAST], 1),
     (["fix", LAST, "-o", "fixed.usda"], 0),
@@ -105,7 +105,7 @@ COMMANDS = [  # with the exit code
     (["check", LAST, "--format", "sarif"], 0),
     (["check", LAST, "--starter", "yard.usda"], 0),
     (["lab", "check"], 1),
-    (["lab", "new", "described", "--from", LAST], 1),  # which plays it as well
+    (["lab", "new", "described", "--from", LAST], 0),  # which plays it as well
     (["collect", "-o", "collect.sh"], 0),
     (["rules"], 0),
     (["config"], 0),

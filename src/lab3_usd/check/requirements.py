@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import lru_cache
 
@@ -21,9 +22,10 @@ from lab3_usd.check.robot.location import relocated_path
 from lab3_usd.check.robot.sensors import sensor_group
 from lab3_usd.check.tf.frames import published_edges
 from lab3_usd.check.tf.lab_frames import tf_view, waived_frames
+from lab3_usd.model.dry_run import FOLLOWS
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import GraphModel, Node
+from lab3_usd.model.stage import GraphModel, Node, same_value
 from lab3_usd.spec.graph import GraphSpec, Setting, Target, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 
@@ -53,7 +55,13 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
     """Yield every node, setting, target and wire of one graph, met or not."""
     for item in _items_of(subject):
         node = subject.roles.node_of[item.role]
-        yield item.met if node is not None and _meets(subject, node, item.expected) else item.unmet
+        if node is None:
+            yield item.unmet
+        elif _meets(subject, node, item.expected):
+            yield item.met
+        else:
+            is_slight = _is_slight(subject, node, item.expected)
+            yield replace(item.unmet, slight=True) if is_slight else item.unmet
 
 
 def _items_of(subject: GraphSubject) -> list[_GraphItem]:
@@ -109,6 +117,25 @@ def _meets(subject: GraphSubject, node: Node, expected: _Expected | None) -> boo
         return target_matches(node, expected)
     source = subject.roles.node_of[expected.source.role]
     return source is not None and is_fed(source, node, expected, subject.roles.equivalents)
+
+
+def _is_slight(subject: GraphSubject, node: Node, expected: _Expected | None) -> bool:
+    """Whether the robot does the same with the value that is there.
+
+    A number is so near that a dry run finds its effect right, even beside that of another. Each
+    conversion between metres and the unit of the stage leaves metres as they are.
+    """
+    if not isinstance(expected, Setting) or node.type is None:
+        return False
+    value = setting_value(subject.live_nodes, node, expected.port)
+    if isinstance(expected.value, float):
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            return False
+        return math.isclose(value, expected.value, rel_tol=FOLLOWS / 2)
+    port = node.type.port(expected.port)
+    is_in_metres = same_value(subject.stage.meters_per_unit, 1.0)
+    keeps = is_in_metres and bool(node.type.same_in_metres)
+    return keeps and port is not None and value in port.allowed
 
 
 def demands_of(lab: Lab, checkpoint: Checkpoint) -> tuple[Demand, ...]:
@@ -167,7 +194,7 @@ def with_named_faults(
     """Return the requirements, those that errors name as unmet."""
     unmet = unmet_by(findings)
     return [
-        replace(requirement, met=False) if requirement.id in unmet else requirement
+        replace(requirement, met=False, slight=False) if requirement.id in unmet else requirement
         for requirement in requirements
     ]
 

@@ -37,7 +37,8 @@ class Fault(Struct, frozen=True):
 class StageFacts(Struct, frozen=True):
     """What a grade needs to know of a stage, under any rubric.
 
-    `unmet` are the ids of the requirements that it fails. `shown` is what a dry run shows to be
+    `unmet` are the ids of the requirements that it fails, `slight` of those that it nearly meets,
+    so that the robot does the same. `shown` is what a dry run shows to be
     wrong, by topic, check and kind of fault; a stage without faults is not played.
     """
 
@@ -47,6 +48,7 @@ class StageFacts(Struct, frozen=True):
     unmet: tuple[str, ...] = ()
     faults: tuple[Fault, ...] = ()
     shown: Mapping[str, str] = {}
+    slight: tuple[str, ...] = ()
 
 
 class SubmissionFacts(Struct, frozen=True):
@@ -122,6 +124,7 @@ def facts_of(
                 path=result.path,
                 readable=result.verdict != "unreadable",
                 unmet=_unmet(result, required.get(number, ())),
+                slight=tuple(item.id for item in result.requirements if item.slight),
                 faults=(
                     *(_fault(found) for found in result.findings if found.severity == "error"),
                     *(fault for fault in of_files if fault.place == result.path),
@@ -277,7 +280,7 @@ def _own_losses(rubric: Rubric, item: Item, stage: StageFacts) -> Iterator[_Loss
     titles = rubric.titles[stage.checkpoint]
     blemished: set[str] = set()
     for name in stage.unmet:
-        breaks = is_named(name, item.breaks)
+        breaks = is_named(name, item.breaks) and name not in stage.slight
         if name in asked or breaks:
             share = 1.0 if breaks else rubric.weights[asked[name].kind] / total
             if not breaks and _place_of(name) not in blemished:

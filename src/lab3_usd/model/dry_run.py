@@ -14,6 +14,7 @@ from lab3_usd.model.transforms import Vector, length
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
 Rows = tuple[Vector, Vector, Vector]
+FOLLOWS = 0.05  # the part of a command by which a robot without mass may miss it
 _HALF_TURN = 1e-3  # w of a quaternion, below which another part is larger
 AXES: Rows = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 

@@ -175,7 +175,8 @@ class Requirement(Struct, frozen=True):
 
     `id` is stable across files (`ROS_Drive/wire/make_array.input0`); `group` is the graph or
     scene part it belongs to, `kind` one of `REQUIREMENT_KINDS`. One that is not `judged` counts as
-    met, and only a missing asset could tell.
+    met, and only a missing asset could tell. A number that is not met and `slight` is so near that
+    the robot does the same.
     """
 
     id: str
@@ -185,6 +186,7 @@ class Requirement(Struct, frozen=True):
     met: bool
     handout: str | None = None
     judged: bool = True
+    slight: bool = False
 
 
 class NotJudged(Struct, frozen=True):

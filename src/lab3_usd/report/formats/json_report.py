@@ -84,6 +84,7 @@ def _score_json(score: Score) -> Json:
 
 def _requirement_json(requirement: Requirement) -> Json:
     document = asdict(requirement)
+    del document["slight"]  # it is for points alone
     if requirement.judged:
         del document["judged"]
     return document

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 from msgspec import Struct
 
-from lab3_usd.model.dry_run import HERE, Affine, Segment, rotation
+from lab3_usd.model.dry_run import FOLLOWS, HERE, Affine, Segment, rotation
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import MapFit, OccupancyMap
 from lab3_usd.model.transforms import length, minus
@@ -33,7 +33,12 @@ class Tolerance(Struct, frozen=True):
 
 
 EXACT = Tolerance(
-    0.1, (2e-3, math.radians(0.3)), (0.02, math.radians(3.0)), (0.95, 1.05), cells=1, met=0.9
+    0.1,
+    (2e-3, math.radians(0.3)),
+    (0.02, math.radians(3.0)),
+    (1 - FOLLOWS, 1 + FOLLOWS),
+    cells=1,
+    met=0.9,
 )
 PHYSICAL = Tolerance(
     0.5, (0.02, math.radians(2.0)), (0.1, math.radians(10.0)), SIZE, cells=3, met=0.5
