@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fixing import STRUCTURES, has_errors, repaired_in, second_faults
+from fixing import has_errors, repaired_in, second_faults
 from layerings import LAYERINGS
 from pxr import Sdf, Usd, UsdGeom
 from sabotage import Fault
@@ -31,8 +31,10 @@ def with_a_wrong_value(layering: Layering, folder: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("root_only", [False, True])
-@pytest.mark.parametrize("layering", IN_TEXT, ids=lambda each: each.__name__)
+@pytest.mark.parametrize(
+    ("layering", "root_only"),
+    [*((way, False) for way in IN_TEXT), *((way, True) for way in IN_TEXT[::2])],
+)
 def test_a_value_in_any_layer_is_repaired(
     layering: Layering,
     root_only: bool,  # noqa: FBT001 - a parameter of the test
@@ -69,29 +71,54 @@ def strayed_wire(stage: Usd.Stage) -> None:
     controller.GetAttribute("inputs:wheelRadius").SetConnections([source])
 
 
-MISTAKES = {
-    "graph moved": move_prim(DRIVE, f"{ROBOT}/ActionGraph"),
-    "graph at another parent": move_prim(f"{CAMERA}/ROS_Camera", f"{ROBOT}/base_footprint/Graph"),
-    "lidar renamed": move_prim(LIDAR, f"{ROBOT}/base_scan/Example_Rotary_2D"),
-    "lidar at the root": move_prim(LIDAR, "/Lidar2D"),
-    "camera elsewhere": move_prim(CAMERA, "/World/Camera_1"),
-    "both sensors": several(
-        move_prim(LIDAR, "/World/Lidar2D"), move_prim(CAMERA, f"{ROBOT}/Camera_1")
+# Each mistake in two structures that take different ways through the editors of layers.
+MISTAKES: dict[str, tuple[Change, str, str]] = {
+    "graph moved": (move_prim(DRIVE, f"{ROBOT}/ActionGraph"), "text", "references"),
+    "graph at another parent": (
+        move_prim(f"{CAMERA}/ROS_Camera", f"{ROBOT}/base_footprint/Graph"),
+        "payloads",
+        "variants",
     ),
-    "wheel without a shape": without_api(collider("wheel_left_link"), "PhysicsCollisionAPI"),
-    "room below the robot": move_prim("/Environment", f"{ROBOT}/Environment"),
-    "other units": lambda stage: void(UsdGeom.SetStageMetersPerUnit(stage, 0.01)),
-    "clock twice": again("/World/ROS_Clock", "/World/Clock"),
-    "wire that is not asked for": strayed_wire,
+    "lidar renamed": (
+        move_prim(LIDAR, f"{ROBOT}/base_scan/Example_Rotary_2D"),
+        "binary",
+        "references",
+    ),
+    "lidar at the root": (move_prim(LIDAR, "/Lidar2D"), "text", "variants"),
+    "camera elsewhere": (move_prim(CAMERA, "/World/Camera_1"), "payloads", "elsewhere"),
+    "both sensors": (
+        several(move_prim(LIDAR, "/World/Lidar2D"), move_prim(CAMERA, f"{ROBOT}/Camera_1")),
+        "text",
+        "sublayers",
+    ),
+    "wheel without a shape": (
+        without_api(collider("wheel_left_link"), "PhysicsCollisionAPI"),
+        "sublayers",
+        "elsewhere",
+    ),
+    "room below the robot": (
+        move_prim("/Environment", f"{ROBOT}/Environment"),
+        "references",
+        "elsewhere",
+    ),
+    "other units": (
+        lambda stage: void(UsdGeom.SetStageMetersPerUnit(stage, 0.01)),
+        "payloads",
+        "elsewhere",
+    ),
+    "clock twice": (again("/World/ROS_Clock", "/World/Clock"), "binary", "sublayers"),
+    "wire that is not asked for": (strayed_wire, "variants", "elsewhere"),
 }
 
 
-@pytest.mark.parametrize("structure", STRUCTURES)
-@pytest.mark.parametrize("mistake", MISTAKES)
+@pytest.mark.parametrize(
+    ("mistake", "structure"),
+    [(mistake, where) for mistake, (_, *ways) in MISTAKES.items() for where in ways],
+)
 def test_what_stands_in_any_file_is_moved_and_removed(
     mistake: str, structure: str, tmp_path: Path
 ) -> None:
-    fault = Fault(mistake, "scene", MISTAKES[mistake], ())
+    fault = Fault(mistake, "scene", MISTAKES[mistake][0], ())
     repaired = repaired_in(structure, "05", [fault], tmp_path, load_lab())
     assert repaired is not None
     assert [finding.rule for finding in repaired.after if finding.severity == "error"] == []

@@ -663,19 +663,19 @@ _UNITS = [
 
 @pytest.mark.parametrize("unit", _UNITS)
 def test_nothing_that_repeats_takes_the_square_of_its_length(tmp_path: Path, unit: str) -> None:
-    long = unit * (100_000 // len(unit))
+    long = unit * (40_000 // len(unit))
     runs = [re.sub(r"\{\w+\}", "/scan", kind.run) for kind in ROS.kinds.values()]
     texts = [
         f"ros2 topic list{long}x",
         long,
-        *(f"$ {run}\n{long[:50_000]}x\n$ " for run in runs),
+        *(f"$ {run}\n{long[:20_000]}x\n$ " for run in runs),
     ]
     for text in texts:
         (tmp_path / "notes.txt").write_text(text, newline="")
         started = time.process_time()
         read_evidence(tmp_path)
         # Ten times what the slowest takes, and a fraction of what the square of its length takes.
-        assert time.process_time() - started < 1.5, text[:60]
+        assert time.process_time() - started < 0.6, text[:60]
 
 
 def test_pictures_are_not_read(tmp_path: Path) -> None:
@@ -683,7 +683,7 @@ def test_pictures_are_not_read(tmp_path: Path) -> None:
     assert read_evidence(tmp_path).topic_list == {}
 
 
-MANY = 200_000
+MANY = 80_000
 LONG = {
     "blanks": "$ ros2 topic list" + " " * MANY + "x",
     "prompts": "@" * MANY + "$ " + "a@b " * (MANY // 4),
@@ -713,4 +713,4 @@ def test_no_text_takes_long(tmp_path: Path, kind: str) -> None:
         (tmp_path / name).write_text(LONG[kind])
     begun = time.process_time()
     read_evidence(tmp_path)
-    assert time.process_time() - begun < 10
+    assert time.process_time() - begun < 4

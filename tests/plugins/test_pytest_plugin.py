@@ -15,8 +15,8 @@ pytest_plugins = ["pytester"]
 # Where the package is installed, pytest loads the plugin by itself, and refuses to do so twice.
 INSTALLED = "lab3" in {point.name for point in entry_points(group="pytest11")}
 PLUGIN = () if INSTALLED else ("-p", "lab3_usd.pytest_plugin")
-# They import all of Hypothesis and of trio, anew in each of these runs.
-OTHERS = ("-p", "no:hypothesispytest", "-p", "no:anyio")
+# In each of these runs, they import all of Hypothesis and of trio anew, and search for garbage.
+OTHERS = ("-pno:hypothesispytest", "-pno:anyio", "-pno:unraisableexception")
 
 
 @pytest.fixture

@@ -59,17 +59,19 @@ def _said(lab: Path, stages: list[Path], folder: Path) -> Iterator[tuple[str, st
 
     rules = ran("rules")
     yield "rules", rules
-    for rule in re.findall(r"^  ([A-Z]\d\d) ", rules, re.MULTILINE):
-        yield f"rule {rule}", ran("rule", rule)
+    listed = set(re.findall(r"^  ([A-Z]\d\d) ", rules, re.MULTILINE))
+    for manual in ran("rule", "--all").split("\n\n\n"):
+        if manual[:3] in listed:
+            yield f"rule {manual[:3]}", manual
     student = folder / "class" / "ann"
     for path in stages:
         with_faults(path, student / "stages" / path.name)
     (student / "output").mkdir()
     (student / "output" / "topics.txt").write_text("$ ros2 topic list\n/rosout\n")
     last = student / "stages" / stages[-1].name
+    yield "check", ran("check", "--verbose", last)
     for form in FORMATS:
-        yield f"check --format {form}", ran("check", "--format", form, "--verbose", last)
-        yield f"check folder --format {form}", ran("check", "--format", form, student)
+        yield f"check --format {form}", ran("check", "--format", form, student)
     for command in ("tf", "topics", "fix", "sim"):
         yield command, ran(command, last)
     yield "sim --format json", ran("sim", "--format", "json", last)
@@ -111,9 +113,12 @@ def with_faults(path: Path, target: Path) -> None:
 
 def found(pattern: str, outputs: Mapping[str, str]) -> dict[str, set[str]]:
     """Return what of a pattern each output says, with what stands before and behind it."""
-    near = re.compile(rf"(?i).{{0,30}}(?:{pattern}).{{0,30}}")
+    sought = re.compile(f"(?i){pattern}")
     shown = {name: MARKUP.sub("", text) for name, text in outputs.items()}
-    said = {name: {match[0] for match in near.finditer(text)} for name, text in shown.items()}
+    said = {
+        name: {text[max(0, at.start() - 30) : at.end() + 30] for at in sought.finditer(text)}
+        for name, text in shown.items()
+    }
     return {name: words for name, words in said.items() if words}
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -494,6 +492,7 @@ def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
 # A limit on the size of a file is the full disk that a test can have.
 FULL_DISK = """
 import resource, sys
+sys.dont_write_bytecode = True  # half a module would stay
 from lab3_usd.cli import main
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), int(sys.argv[1])))
 sys.dont_write_bytecode = True  # a file of bytecode that is cut off would stay
@@ -701,21 +700,6 @@ def test_an_unfit_starter_is_unfit_for_the_first_checkpoint_too(tmp_path: Path) 
 
 
 # ---- the same bytes, whatever happens
-
-
-@pytest.mark.parametrize("form", ["usda", "usdc"])
-def test_the_seed_of_hashes_does_not_matter(form: str, tmp_path: Path) -> None:
-    starter = layered_starter(tmp_path / "given")
-    for seed in ("0", "4242"):
-        command = [sys.executable, "-m", "lab3_usd", "build", str(starter), "--only", "05"]
-        subprocess.run(
-            [*command, "--out", str(tmp_path / "out" / seed), "--format", form],
-            env={**os.environ, "PYTHONHASHSEED": seed},
-            capture_output=True,
-            check=True,
-            timeout=60,
-        )
-    assert files_below(tmp_path / "out" / "0") == files_below(tmp_path / "out" / "4242")
 
 
 def test_building_again_gives_the_same_bytes(tmp_path: Path) -> None:

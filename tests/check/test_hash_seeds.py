@@ -1,0 +1,54 @@
+"""The seed of Python's hashes changes nothing that is built, matched, found or printed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from breaking import broken
+from places import REPOSITORY, TESTS
+from starters import files_below, layered_starter
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from mini_lab import in_force
+from plain_graphs import doubled, graph_of, judged_model, with_graphs
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.stage.write.builder import build_checkpoint
+from lab3_usd.stage.write.starter import build_starter
+stage, given, out = map(Path, sys.argv[1:])
+print(check_stage(stage))
+for name in ("ROS_Drive", "ROS_OdomTF"):
+    print(judged_model(with_graphs(doubled(graph_of(name)))))
+build_starter(out / "starter.usda")
+with in_force():
+    for ending in (".usda", ".usd"):
+        build_checkpoint(given, "05", out / f"05{ending}")
+"""
+WRONG = [
+    {"remove": "ROS_Clock/ros2_context"},
+    {"disconnect": "ROS_Drive/make_array.inputs:input0"},
+    {"targets": ["ROS_OdomTF/isaac_compute_transform_tree.inputs:targetPrims"]},
+    {"copy": ["ROS_Camera/ros2_camera_helper", "ROS_Camera/again"]},
+]
+
+
+def test_no_hash_seed_changes_anything(tmp_path: Path) -> None:
+    stage, given = tmp_path / "Lab3_05.usda", layered_starter(tmp_path / "given")
+    broken("05", WRONG).GetRootLayer().Export(str(stage))
+    modules = os.pathsep.join([str(REPOSITORY / "src"), str(TESTS / "support")])
+    printed, written = [], []
+    for seed in ("0", "1", "4711"):
+        out = tmp_path / "out" / seed
+        out.mkdir(parents=True)
+        command = [sys.executable, "-c", SCRIPT, str(stage), str(given), str(out)]
+        env = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": modules}
+        printed.append(subprocess.run(command, env=env, capture_output=True, check=True).stdout)
+        written.append(files_below(out))
+    assert printed[0].count(b"N07") > 1
+    assert len(written[0]) == 3
+    assert printed == printed[:1] * 3
+    assert written == written[:1] * 3
