@@ -27,7 +27,7 @@ from scene_changes import (
     turn,
     without_api,
 )
-from scene_stages import built, findings_of, told
+from scene_stages import built, findings_of, found_after, told, told_after
 
 RIGHT = Gf.Quatd(0.5, 0.5, -0.5, -0.5)
 FLOATS = Gf.Quatd(0.49999997, 0.50000003, -0.5, -0.49999994)
@@ -65,9 +65,7 @@ EQUALS: dict[str, Change] = {
 
 @pytest.mark.parametrize("change", EQUALS.values(), ids=EQUALS)
 def test_what_means_the_same_is_no_fault(change: Change) -> None:
-    stage = built("05")
-    change(stage)
-    assert told(stage, "05") == []
+    assert told_after("05", change) == []
 
 
 CHANGED: dict[str, tuple[Change, str]] = {
@@ -94,9 +92,7 @@ CHANGED: dict[str, tuple[Change, str]] = {
 
 @pytest.mark.parametrize(("change", "name"), CHANGED.values(), ids=CHANGED)
 def test_another_image_than_a_plain_one_is_a_warning(change: Change, name: str) -> None:
-    stage = built("05")
-    change(stage)
-    (found,) = findings_of(stage, "05")
+    (found,) = found_after("05", change)
     assert (found.rule, found.severity, found.prim, found.property) == (
         *("C10", "warning"),
         *(CAMERA, name),
@@ -105,16 +101,12 @@ def test_another_image_than_a_plain_one_is_a_warning(change: Change, name: str) 
 
 @pytest.mark.parametrize("checkpoint", ["04", "08"])
 def test_a_schema_without_a_rate_is_a_warning(checkpoint: str) -> None:
-    stage = built(checkpoint)
-    clear(CAMERA, TICK)(stage)
-    (found,) = findings_of(stage, checkpoint)
+    (found,) = found_after(checkpoint, clear(CAMERA, TICK))
     assert (found.rule, found.severity, found.property) == ("C07", "warning", TICK)
 
 
 def test_a_rate_of_zero_is_a_fault() -> None:
-    stage = built("04")
-    put(CAMERA, TICK, 0.0)(stage)
-    (found,) = findings_of(stage, "04")
+    (found,) = found_after("04", put(CAMERA, TICK, 0.0))
     assert (found.rule, found.severity, found.property) == ("C07", "error", TICK)
 
 
@@ -127,10 +119,7 @@ def test_a_rate_behind_a_missing_asset_is_not_verifiable() -> None:
 
 @pytest.mark.parametrize("place", [(0.1, 0, 0.2), (1.9, 0, 0.2)])
 def test_a_camera_that_stays_behind_is_one_fault(place: tuple[float, float, float]) -> None:
-    stage = built("04")
-    put(CAMERA, TRANSLATE, Gf.Vec3d(place))(stage)
-    detach(CAMERA)(stage)
-    (found,) = findings_of(stage, "04")
+    (found,) = found_after("04", put(CAMERA, TRANSLATE, Gf.Vec3d(place)), detach(CAMERA))
     assert (found.rule, found.severity, found.property) == ("C04", "error", "xformOpOrder")
 
 
@@ -166,17 +155,13 @@ def test_a_camera_that_looks_backward_is_named_as_that() -> None:
 
 
 def test_any_other_view_is_told_as_it_is() -> None:
-    stage = built("05")
-    rotated(CAMERA, (60, 0, -90))(stage)
-    (found,) = findings_of(stage, "05")
+    (found,) = found_after("05", rotated(CAMERA, (60, 0, -90)))
     assert (found.rule, found.property) == ("C05", "xformOp:rotateXYZ")
     assert found.actual == "along (0.866025, 0, -0.5), up (0.5, 0, 0.866025)"
 
 
 def test_a_mirrored_camera_is_scaled_wrong() -> None:
-    stage = built("05")
-    put(CAMERA, SCALE, Gf.Vec3d(1, 1, -1))(stage)
-    assert ("C04", CAMERA, SCALE) in told(stage, "05")
+    assert ("C04", CAMERA, SCALE) in told_after("05", put(CAMERA, SCALE, Gf.Vec3d(1, 1, -1)))
 
 
 def test_each_part_of_the_pose_is_a_fault_of_its_own() -> None:
@@ -204,15 +189,11 @@ def test_the_inside_of_a_misplaced_camera_is_judged() -> None:
 
 
 def test_the_observation_camera_is_not_taken_for_the_robots() -> None:
-    stage = built("04")
-    remove(CAMERA)(stage)
-    assert told(stage, "04") == [("C01", CAMERA, None)]
+    assert told_after("04", remove(CAMERA)) == [("C01", CAMERA, None)]
 
 
 def test_a_camera_below_a_missing_link_is_not_told_again() -> None:
-    stage = built("04")
-    remove(f"{ROBOT}/base_footprint")(stage)
-    assert [each[0] for each in told(stage, "04")] == ["S01"]
+    assert [each[0] for each in told_after("04", remove(f"{ROBOT}/base_footprint"))] == ["S01"]
 
 
 def test_a_changed_aperture_is_a_warning() -> None:
@@ -225,9 +206,7 @@ def test_a_changed_aperture_is_a_warning() -> None:
 
 @pytest.mark.parametrize("checkpoint", ["01", "03"])
 def test_an_early_camera_is_a_warning(checkpoint: str) -> None:
-    stage = built(checkpoint)
-    define(CAMERA, "Camera")(stage)
-    found = findings_of(stage, checkpoint)
+    found = found_after(checkpoint, define(CAMERA, "Camera"))
     assert [(each.rule, each.severity, each.prim) for each in found] == [("C09", "warning", CAMERA)]
 
 
@@ -240,9 +219,7 @@ def test_a_lens_behind_a_missing_asset_is_not_verifiable() -> None:
 
 @pytest.mark.parametrize("checkpoint", ["00", "01", "03"])
 def test_a_camera_of_the_world_is_not_early_whatever_its_name(checkpoint: str) -> None:
-    stage = built(checkpoint)
-    define("/World/Camera_1", "Camera")(stage)
-    assert told(stage, checkpoint) == []
+    assert told_after(checkpoint, define("/World/Camera_1", "Camera")) == []
 
 
 def test_a_camera_of_another_name_on_the_robot_is_early() -> None:

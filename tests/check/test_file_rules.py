@@ -20,7 +20,7 @@ from scene_changes import (
     remove,
     without_api,
 )
-from scene_stages import built, findings_of, model_of, told
+from scene_stages import built, findings_of, found_after, model_of, told
 
 from lab3_usd.check.registry import rules_of
 
@@ -98,9 +98,7 @@ def test_an_asset_that_is_missing_twice_is_noted_once() -> None:
 
 
 def test_an_address_is_told_as_it_was_written() -> None:
-    stage = built("01")
-    refer("/Environment/Walls", "https://assets.example/walls.usd")(stage)
-    (found,) = findings_of(stage, "01")
+    (found,) = found_after("01", refer("/Environment/Walls", "https://assets.example/walls.usd"))
     assert found.actual == "https://assets.example/walls.usd"
 
 

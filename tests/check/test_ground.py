@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from scene_changes import FLOOR, Change, define, several, slab, switch, weld, with_api, without_api
-from scene_stages import built, findings_of, told
+from scene_stages import built, findings_of, told, told_after
 
 from lab3_usd.stage.compare.values import applied_schemas
 
@@ -72,9 +72,7 @@ STAYS = {
 
 @pytest.mark.parametrize("change", STAYS.values(), ids=STAYS)
 def test_a_ground_that_stays_carries_the_robot(change: Change) -> None:
-    stage = built("05")
-    change(stage)
-    assert [each for each in told(stage, "05") if each[0] in ("S13", "S19")] == []
+    assert [each for each in told_after("05", change) if each[0] in ("S13", "S19")] == []
 
 
 def test_a_second_ground_that_stays_is_enough() -> None:

@@ -32,7 +32,7 @@ from scene_changes import (
     turn,
     without_api,
 )
-from scene_stages import built, findings_of, model_of, told
+from scene_stages import built, findings_of, found_after, model_of, told, told_after
 
 from lab3_usd.check.checker import judge
 from lab3_usd.check.robot.sensors import sensor_relocations
@@ -77,9 +77,7 @@ EQUALS: dict[str, Change] = {
 
 @pytest.mark.parametrize("change", EQUALS.values(), ids=EQUALS)
 def test_what_means_the_same_is_no_fault(change: Change) -> None:
-    stage = built("05")
-    change(stage)
-    assert told(stage, "05") == []
+    assert told_after("05", change) == []
 
 
 def test_a_lidar_with_its_world_place_below_another_parent_is_only_misplaced() -> None:
@@ -135,9 +133,7 @@ def test_a_lidar_inside_an_xform_at_its_path_is_misplaced() -> None:
 
 
 def test_a_lidar_below_a_missing_link_is_not_told_again() -> None:
-    stage = built("03")
-    remove(f"{ROBOT}/base_scan")(stage)
-    assert told(stage, "03") == [("S01", f"{ROBOT}/base_scan", None)]
+    assert told_after("03", remove(f"{ROBOT}/base_scan")) == [("S01", f"{ROBOT}/base_scan", None)]
 
 
 def test_a_second_lidar_below_the_first_is_told() -> None:
@@ -155,9 +151,7 @@ def test_a_named_leftover_is_told_once_with_the_lidar_in_it() -> None:
 
 @pytest.mark.parametrize("checkpoint", ["01", "02"])
 def test_an_early_lidar_is_a_warning(checkpoint: str) -> None:
-    stage = built(checkpoint)
-    define(LIDAR, "OmniLidar")(stage)
-    found = findings_of(stage, checkpoint)
+    found = found_after(checkpoint, define(LIDAR, "OmniLidar"))
     assert [(each.rule, each.severity, each.prim) for each in found] == [("L08", "warning", LIDAR)]
 
 
@@ -172,19 +166,12 @@ def vendors(stage: object) -> None:
 
 
 def test_rates_and_schema_behind_a_missing_asset_are_not_verifiable() -> None:
-    stage = built("03")
-    vendors(stage)
-    clear(LIDAR, TICK)(stage)
-    clear(LIDAR, TURNS)(stage)
-    (found,) = findings_of(stage, "03")
+    (found,) = found_after("03", vendors, clear(LIDAR, TICK), clear(LIDAR, TURNS))
     assert (found.rule, found.severity, found.prim) == ("F02", "note", LIDAR)
 
 
 def test_a_wrong_rate_over_a_missing_asset_is_a_fault() -> None:
-    stage = built("03")
-    vendors(stage)
-    put(LIDAR, TICK, 30.0)(stage)
-    assert ("L05", LIDAR, TICK) in told(stage, "03")
+    assert ("L05", LIDAR, TICK) in told_after("03", vendors, put(LIDAR, TICK, 30.0))
 
 
 def test_the_rate_may_be_a_whole_number() -> None:
@@ -218,9 +205,7 @@ def test_a_lidar_duplicated_with_its_graph_is_one_mistake() -> None:
 
 
 def test_a_scan_rate_that_is_not_written_is_a_warning() -> None:
-    stage = built("03")
-    clear(LIDAR, TURNS)(stage)
-    (found,) = findings_of(stage, "03")
+    (found,) = found_after("03", clear(LIDAR, TURNS))
     assert (found.rule, found.severity, found.property) == ("L05", "warning", TURNS)
 
 
@@ -295,19 +280,14 @@ OTHERS: dict[str, tuple[Change, str]] = {
 
 @pytest.mark.parametrize(("change", "name"), OTHERS.values(), ids=OTHERS)
 def test_another_scan_than_the_whole_circle_is_a_warning(change: Change, name: str) -> None:
-    stage = built("05")
-    change(stage)
-    (found,) = findings_of(stage, "05")
+    (found,) = found_after("05", change)
     assert (found.rule, found.severity) == ("L10", "warning")
     assert (found.prim, found.property) == (LIDAR, name)
 
 
 @pytest.mark.parametrize("place", [(0, 0, 0), (1.768, 0, 0.182)])
 def test_a_lidar_that_stays_behind_is_one_fault(place: tuple[float, float, float]) -> None:
-    stage = built("03")
-    put(LIDAR, TRANSLATE, Gf.Vec3d(place))(stage)
-    detach(LIDAR)(stage)
-    (found,) = findings_of(stage, "03")
+    (found,) = found_after("03", put(LIDAR, TRANSLATE, Gf.Vec3d(place)), detach(LIDAR))
     assert (found.rule, found.severity, found.property) == ("L04", "error", "xformOpOrder")
 
 
@@ -382,9 +362,7 @@ def test_a_body_that_is_switched_off_or_welded_to_its_link_moves_with_it(sensor:
 
 
 def test_a_lidar_in_the_place_of_the_camera_is_one_mistake() -> None:
-    stage = built("05")
-    retype(CAMERA, "OmniLidar")(stage)
-    assert told(stage, "05") == [("C03", CAMERA, None)]
+    assert told_after("05", retype(CAMERA, "OmniLidar")) == [("C03", CAMERA, None)]
 
 
 @pytest.mark.parametrize(
@@ -400,18 +378,14 @@ def test_a_lidar_in_the_place_of_the_camera_is_one_mistake() -> None:
 def test_another_lidar_of_the_vendor_is_known_by_its_name(
     asset: str, expected: list[tuple[str, str, None]]
 ) -> None:
-    stage = built("05")
-    refer(LIDAR, asset)(stage)
-    assert [each for each in told(stage, "05") if each[0] != "F02"] == expected
+    assert [each for each in told_after("05", refer(LIDAR, asset)) if each[0] != "F02"] == expected
 
 
 @pytest.mark.parametrize(
     ("name", "metres"), [("farRangeM", 3.5), ("farRangeM", 1.0), ("nearRangeM", 0.5)]
 )
 def test_a_range_that_reaches_a_wall_gives_a_scan(name: str, metres: float) -> None:
-    stage = built("05")
-    put(LIDAR, f"omni:sensor:Core:{name}", metres)(stage)
-    assert told(stage, "05") == []
+    assert told_after("05", put(LIDAR, f"omni:sensor:Core:{name}", metres)) == []
 
 
 def test_what_only_looks_like_a_wall_is_seen_as_well() -> None:
@@ -447,9 +421,7 @@ AROUND = {
 
 @pytest.mark.parametrize(("path", "rule"), AROUND.values(), ids=AROUND)
 def test_a_shape_around_a_sensor_is_a_warning(path: str, rule: str) -> None:
-    stage = built("05")
-    ball(path)(stage)
-    found = [(each.rule, each.prim, each.severity) for each in findings_of(stage, "05")]
+    found = [(each.rule, each.prim, each.severity) for each in found_after("05", ball(path))]
     assert found == [(rule, path, "warning")]
 
 
@@ -467,6 +439,4 @@ HARMLESS = {
 
 @pytest.mark.parametrize("change", HARMLESS.values(), ids=HARMLESS)
 def test_a_shape_that_hides_nothing_is_no_matter(change: Change) -> None:
-    stage = built("05")
-    change(stage)
-    assert told(stage, "05") == []
+    assert told_after("05", change) == []

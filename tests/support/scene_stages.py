@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from breaking import correct_stage
 from pxr import Usd
+from scene_changes import Change
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Rule, rules_of
@@ -49,3 +50,16 @@ def told(stage: Usd.Stage, checkpoint: str) -> list[tuple[str, str, str | None]]
     return [
         (finding.rule, finding.prim, finding.property) for finding in findings_of(stage, checkpoint)
     ]
+
+
+def found_after(checkpoint: str, *changes: Change) -> list[Finding]:
+    """What is said of a built checkpoint after these changes."""
+    stage = built(checkpoint)
+    for change in changes:
+        change(stage)
+    return findings_of(stage, checkpoint)
+
+
+def told_after(checkpoint: str, *changes: Change) -> list[tuple[str, str, str | None]]:
+    """Rule, prim and property of everything that is said of it."""
+    return [(each.rule, each.prim, each.property) for each in found_after(checkpoint, *changes)]
