@@ -28,7 +28,6 @@ from jetbot_table import (
     VALUES,
     WIRES,
 )
-from mini_lab import files_below
 from pxr import Usd
 
 from lab3_usd.data import LAB_VARIABLE
@@ -57,15 +56,6 @@ def stages(built: Path) -> list[Usd.Stage]:
 
 def run(lab: Path, *arguments: object) -> Result:
     return invoke("--lab", lab, *arguments)
-
-
-def test_the_lab_is_the_one_that_its_stages_describe(
-    lab: Path, built: Path, tmp_path: Path
-) -> None:
-    stages = [word for name in FILES for word in ("--from", built / f"{name}.usda")]
-    result = invoke("lab", "new", tmp_path / "lab", *stages)
-    assert result.exit_code == 0, result.output
-    assert files_below(tmp_path / "lab") == files_below(lab)
 
 
 def test_the_lab_is_data_alone(lab: Path) -> None:
