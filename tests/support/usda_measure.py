@@ -1,12 +1,12 @@
-"""Holds the lines that the package finds in a text layer against those of the second scanner."""
+"""Holds the lines that the package finds in a text layer against the text and OpenUSD."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import usda_scanner
 from pxr import Sdf, Usd, UsdUtils
 
 from lab3_usd.spec.load.loader import load_lab
@@ -14,11 +14,12 @@ from lab3_usd.stage import text as usda_scan
 from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
 
 Spot = tuple[int, int]
+INDENT = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """One layer: how many paths OpenUSD finds in it, and those whose place is not agreed on."""
+    """One layer: how many paths OpenUSD finds in it, and those found at another place."""
 
     file: Path
     paths: int
@@ -27,10 +28,40 @@ class Measure:
 
 def measure(file: Path) -> Measure:
     text = file.read_bytes().decode("utf-8")
-    ours, others = spots_of(text), usda_scanner.scan(text)
     paths = spec_paths(Sdf.Layer.FindOrOpen(str(file)))
-    wrong = [path for path in paths if path not in ours or ours[path] != others.get(path)]
-    return Measure(file, len(paths), tuple(wrong))
+    return Measure(file, len(paths), tuple(misplaced(text, paths)))
+
+
+def misplaced(text: str, paths: Collection[str]) -> Iterator[str]:
+    """Yield the paths that are not found where a text that OpenUSD wrote declares them.
+
+    It indents each statement by its depth, and names what it declares; what a prim or variant
+    holds stands between it and the next statement that is no deeper.
+    """
+    spots, lines = spots_of(text), text.split("\n")
+    in_order = sorted((spots[path], path) for path in paths if path in spots)
+    above: list[str] = []
+    for (line, column), path in in_order:
+        held_by, name = _parts(path)
+        del above[(column - 1) // INDENT :]
+        is_below = held_by == "".join(above[-1:]) and len(above) == (column - 1) // INDENT
+        declared = re.search(
+            rf"(?<![\w:]){re.escape(name)}(?![\w:])", lines[line - 1][column - 1 :]
+        )
+        if not (is_below and declared):
+            yield path
+        above.append(path)
+    yield from (path for path in paths if path not in spots)
+
+
+def _parts(path: str) -> tuple[str, str]:
+    """Return what holds a spec, and its own name."""
+    if path.endswith("}"):
+        held_by, _, choice = path[:-1].rpartition("{")
+        name, _, variant = choice.partition("=")
+        return (f"{held_by}{{{name}=}}", variant) if variant else (held_by, name)
+    cut = max(path.rfind("/"), path.rfind("."), path.rfind("}"))
+    return path[: cut + (path[cut] == "}")], path[cut + 1 :]
 
 
 def spots_of(text: str) -> dict[str, Spot]:
