@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 import yaml
-from another_robot import own_node, write_stage
+from another_robot import OWN, OWN_WIRES, write_stage
 from golden import assert_golden_text
 from invoking import invoke
 from mini_lab import files_below
 from msgspec.structs import replace
 from places import REPOSITORY, SHARED, TESTS
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from lab3_usd.describe.checkpoints import file_names, names_of_stages
 from lab3_usd.describe.lab import describe_lab
@@ -164,8 +164,12 @@ def test_a_stage_of_another_robot_passes_by_its_lab(robot: tuple[Path, Path]) ->
 
 
 def test_a_node_of_an_unknown_type_is_described_by_its_ports(tmp_path: Path) -> None:
-    stage, folder = write_stage(tmp_path, own_node()), tmp_path / "lab"
-    assert "checkpoint yard, pass, " in ran("lab", "new", folder, "--from", stage)[1]
+    path, folder = write_stage(tmp_path, OWN, OWN_WIRES), tmp_path / "lab"
+    stage = Usd.Stage.Open(str(path))
+    node = stage.GetPrimAtPath("/World/Inertia/filter")
+    node.CreateAttribute("inputs:cutoff", Sdf.ValueTypeNames.Double).Set(4.0)
+    stage.Save()
+    assert "checkpoint yard, pass, " in ran("lab", "new", folder, "--from", path)[1]
     lab = load_lab(folder)
     kind = lab.catalog.types["acme.filters.LowPass"]
     assert {name: port.ogn_type for name, port in kind.ports.items()} == {

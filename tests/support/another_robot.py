@@ -1,234 +1,72 @@
-"""A stage of another robot, written by hand: below /World, with an IMU and without a camera."""
+"""A stage of another robot: below /World, with an IMU and without a camera."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from foreign_robots import TICK, Nodes, add_api, body, revolute, wheel, write_graph
+from pxr import Sdf, Usd, UsdGeom, UsdPhysics
+
 NAME = "carter_yard.usda"
-
-_HEAD = """#usda 1.0
-(
-    defaultPrim = "World"
-    metersPerUnit = 1
-    kilogramsPerUnit = 1
-    upAxis = "Z"
-)
-
-def PhysicsScene "physics"
-{
+CARTER = "/World/Carter"
+CHASSIS = f"{CARTER}/chassis"
+WHEELS: Nodes = {
+    "tick": TICK,
+    "twist": ("ros.ROS2SubscribeTwist", {"topicName": "carter/cmd_vel"}),
+    "ahead": ("nodes.BreakVector3", {}),
+    "turn": ("nodes.BreakVector3", {}),
+    "speeds": ("wheeled.DifferentialController", {"wheelDistance": 0.5, "wheelRadius": 0.2}),
+    "motors": (
+        "core.IsaacArticulationController",
+        {"jointNames": ["left_motor", "right_motor"], "targetPrim": CHASSIS},
+    ),
 }
-
-def Xform "World"
-{
-    def Plane "floor" (
-        prepend apiSchemas = ["PhysicsCollisionAPI"]
-    )
-    {
-        token axis = "Z"
-    }
-
-    def DomeLight "sky"
-    {
-    }
-
-    def Xform "Carter"
-    {
-        double3 xformOp:translate = (2, -1, 0)
-        uniform token[] xformOpOrder = ["xformOp:translate"]
-"""
-
-_LINK = """
-        def Xform "{name}" (
-            prepend apiSchemas = [{apis}]
-        )
-        {{
-            float physics:mass = {mass}
-            double3 xformOp:translate = {place}
-            uniform token[] xformOpOrder = ["xformOp:translate"]
-{inside}
-        }}
-"""
-
-_WHEEL_SHAPE = """
-            def Cylinder "shape" (
-                prepend apiSchemas = ["PhysicsCollisionAPI"]
-            )
-            {
-                uniform token axis = "Y"
-                double radius = 0.2
-                double height = 0.05
-            }
-"""
-
-_IMU = """
-            def IsaacImuSensor "Imu"
-            {
-                float sensorPeriod = 0.01
-                double3 xformOp:translate = (0.1, 0, 0.05)
-                uniform token[] xformOpOrder = ["xformOp:translate"]
-            }
-"""
-
-_JOINT = """
-        def PhysicsRevoluteJoint "{name}" (
-            prepend apiSchemas = ["PhysicsDriveAPI:angular"]
-        )
-        {{
-            uniform token physics:axis = "Y"
-            rel physics:body0 = </World/Carter/chassis>
-            rel physics:body1 = </World/Carter/{link}>
-            point3f physics:localPos0 = (0, {y}, 0)
-            point3f physics:localPos1 = (0, 0, 0)
-            quatf physics:localRot0 = (1, 0, 0, 0)
-            quatf physics:localRot1 = (1, 0, 0, 0)
-            float drive:angular:physics:stiffness = 0
-            float drive:angular:physics:damping = 5
-        }}
-"""
-
-_GRAPH = """
-    def OmniGraph "{name}"
-    {{
-        token evaluationMode = "Automatic"
-        token evaluator:type = "execution"
-        token fabricCacheBacking = "StageWithoutHistory"
-        int2 fileFormatVersion = (1, 9)
-        token pipelineStage = "pipelineStageSimulation"
-{nodes}
-    }}
-"""
-
-_NODE = """
-        def OmniGraphNode "{name}" (
-            prepend apiSchemas = ["NodeGraphNodeAPI"]
-        )
-        {{
-            token node:type = "{type}"
-            int node:typeVersion = {version}
-{ports}
-        }}
-"""
+WHEEL_WIRES = (
+    *(f"tick.tick -> {node}.execIn" for node in ("twist", "speeds", "motors")),
+    "twist.linearVelocity -> ahead.tuple",
+    "twist.angularVelocity -> turn.tuple",
+    "ahead.x -> speeds.linearVelocity",
+    "turn.z -> speeds.angularVelocity",
+    "speeds.velocityCommand -> motors.velocityCommand",
+)
+INERTIA: Nodes = {
+    "tick": TICK,
+    "imu": ("sensors.IsaacReadIMU", {"imuPrim": f"{CHASSIS}/Imu", "readGravity": False}),
+    "publish": ("ros.ROS2PublishImu", {"frameId": "chassis"}),
+}
+INERTIA_WIRES = (
+    "tick.tick -> imu.execIn",
+    "imu.execOut -> publish.execIn",
+    "imu.angVel -> publish.angularVelocity",
+)
+OWN: Nodes = {"filter": ("acme.filters.LowPass", {})}  # a type of no catalog
+OWN_WIRES = ("imu.execOut -> filter.execIn", "imu.angVel -> filter.signal")
 
 
-def _node(name: str, kind: str, *ports: str, version: int = 1) -> str:
-    lines = "\n".join(f"            {port}" for port in ports)
-    return _NODE.format(name=name, type=kind, version=version, ports=lines)
-
-
-def _wire(port: str, source: str, kind: str = "uint") -> str:
-    return f"custom {kind} inputs:{port}.connect = </World/{source}>"
-
-
-def _out(*names: str) -> list[str]:
-    return [f"custom uint outputs:{name}" for name in names]
-
-
-def _drive() -> str:
-    graph = "Wheels"
-    return _GRAPH.format(
-        name=graph,
-        nodes="".join(
-            [
-                _node("tick", "omni.graph.action.OnPlaybackTick", *_out("tick"), version=2),
-                _node(
-                    "twist",
-                    "isaacsim.ros2.bridge.ROS2SubscribeTwist",
-                    _wire("execIn", f"{graph}/tick.outputs:tick"),
-                    'custom string inputs:topicName = "carter/cmd_vel"',
-                    "custom vector3d outputs:linearVelocity",
-                    "custom vector3d outputs:angularVelocity",
-                ),
-                _node(
-                    "ahead",
-                    "omni.graph.nodes.BreakVector3",
-                    _wire("tuple", f"{graph}/twist.outputs:linearVelocity", "token"),
-                    *_out("x"),
-                ),
-                _node(
-                    "turn",
-                    "omni.graph.nodes.BreakVector3",
-                    _wire("tuple", f"{graph}/twist.outputs:angularVelocity", "token"),
-                    *_out("z"),
-                ),
-                _node(
-                    "speeds",
-                    "isaacsim.robot.wheeled_robots.DifferentialController",
-                    _wire("execIn", f"{graph}/tick.outputs:tick"),
-                    _wire("linearVelocity", f"{graph}/ahead.outputs:x", "double"),
-                    _wire("angularVelocity", f"{graph}/turn.outputs:z", "double"),
-                    "custom double inputs:wheelDistance = 0.5",
-                    "custom double inputs:wheelRadius = 0.2",
-                    "custom double[] outputs:velocityCommand",
-                ),
-                _node(
-                    "motors",
-                    "isaacsim.core.nodes.IsaacArticulationController",
-                    _wire("execIn", f"{graph}/tick.outputs:tick"),
-                    _wire("velocityCommand", f"{graph}/speeds.outputs:velocityCommand", "double[]"),
-                    'custom token[] inputs:jointNames = ["left_motor", "right_motor"]',
-                    "custom rel inputs:targetPrim = </World/Carter/chassis>",
-                ),
-            ]
-        ),
-    )
-
-
-def _imu(*more: str) -> str:
-    graph = "Inertia"
-    return _GRAPH.format(
-        name=graph,
-        nodes="".join(
-            [
-                _node("tick", "omni.graph.action.OnPlaybackTick", *_out("tick"), version=2),
-                _node(
-                    "imu",
-                    "isaacsim.sensors.physics.IsaacReadIMU",
-                    _wire("execIn", f"{graph}/tick.outputs:tick"),
-                    "custom rel inputs:imuPrim = </World/Carter/chassis/Imu>",
-                    "custom bool inputs:readGravity = 0",
-                    *_out("execOut", "angVel"),
-                ),
-                _node(
-                    "publish",
-                    "isaacsim.ros2.bridge.ROS2PublishImu",
-                    _wire("execIn", f"{graph}/imu.outputs:execOut"),
-                    _wire("angularVelocity", f"{graph}/imu.outputs:angVel", "vector3d"),
-                    'custom string inputs:frameId = "chassis"',
-                ),
-                *more,
-            ]
-        ),
-    )
-
-
-def write_stage(folder: Path, *nodes: str) -> Path:
-    """Write the stage, with more nodes in the graph of the IMU, and return its path."""
-    wheel = '"PhysicsRigidBodyAPI", "PhysicsMassAPI"'
-    chassis = f'{wheel}, "PhysicsArticulationRootAPI"'
-    links = [
-        _LINK.format(name="chassis", apis=chassis, mass=30, place="(0, 0, 0.2)", inside=_IMU),
-        _LINK.format(name="left", apis=wheel, mass=2, place="(0, 0.25, 0.2)", inside=_WHEEL_SHAPE),
-        _LINK.format(
-            name="right", apis=wheel, mass=2, place="(0, -0.25, 0.2)", inside=_WHEEL_SHAPE
-        ),
-    ]
-    joints = [
-        _JOINT.format(name="left_motor", link="left", y=0.25),
-        _JOINT.format(name="right_motor", link="right", y=-0.25),
-    ]
-    text = "".join([_HEAD, *links, *joints, "    }\n", _drive(), _imu(*nodes), "}\n"])
-    path = folder / NAME
-    path.write_text(text)
-    return path
-
-
-def own_node() -> str:
-    """Return a node of a type that is in no catalog, fed by the IMU."""
-    return _node(
-        "filter",
-        "acme.filters.LowPass",
-        _wire("execIn", "Inertia/imu.outputs:execOut"),
-        _wire("signal", "Inertia/imu.outputs:angVel", "token"),
-        "custom double inputs:cutoff = 4",
-        version=3,
-    )
+def write_stage(folder: Path, own: Nodes | None = None, wires: tuple[str, ...] = ()) -> Path:
+    """Write the stage, with nodes of its own in the graph of the IMU, and return its path."""
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, "Z")
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
+    UsdPhysics.Scene.Define(stage, "/physics")
+    stage.SetDefaultPrim(stage.DefinePrim("/World", "Xform"))
+    add_api(UsdGeom.Plane.Define(stage, "/World/floor").GetPrim(), "PhysicsCollisionAPI")
+    stage.GetAttributeAtPath("/World/floor.axis").Set("Z")
+    stage.DefinePrim("/World/sky", "DomeLight")
+    UsdGeom.Xform.Define(stage, CARTER).AddTranslateOp().Set((2.0, -1.0, 0.0))
+    links = {"chassis": (body(stage, CHASSIS, (0, 0, 0.2)), 30.0)}
+    for side, y in (("left", 0.25), ("right", -0.25)):
+        links[side] = (wheel(stage, f"{CARTER}/{side}", (0, y, 0.2), 0.2), 2.0)
+        place = (CHASSIS, f"{CARTER}/{side}", (0, y, 0), "Y")
+        revolute(stage, f"{CARTER}/{side}_motor", *place)
+    for link, mass in links.values():
+        UsdPhysics.MassAPI.Apply(link).CreateMassAttr(mass)
+    add_api(links["chassis"][0], "PhysicsArticulationRootAPI")
+    imu = stage.DefinePrim(f"{CHASSIS}/Imu", "IsaacImuSensor")
+    imu.CreateAttribute("sensorPeriod", Sdf.ValueTypeNames.Float, custom=False).Set(0.01)
+    UsdGeom.Xformable(imu).AddTranslateOp().Set((0.1, 0.0, 0.05))
+    write_graph(stage, "/World/Wheels", WHEELS, WHEEL_WIRES)
+    write_graph(stage, "/World/Inertia", {**INERTIA, **(own or {})}, (*INERTIA_WIRES, *wires))
+    stage.GetRootLayer().Export(str(folder / NAME))
+    return folder / NAME
