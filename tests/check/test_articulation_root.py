@@ -40,21 +40,21 @@ def test_on_the_base_the_handouts_target_is_right() -> None:
     assert told(lambda _: None, ROBOT) == [("R02", "error", NODE)]
 
 
-def test_on_the_root_the_root_is_the_target() -> None:
-    assert told(ON_ROOT, ROBOT) == []
-
-
-def test_on_the_root_the_handouts_target_is_a_warning() -> None:
-    assert told(ON_ROOT, BASE) == [("R02", "warning", NODE)]
-
-
-@pytest.mark.parametrize("target", [f"{ROBOT}/base_link", f"{ROBOT}/joints", "/World"])
-def test_on_the_root_any_other_target_is_an_error(target: str) -> None:
-    assert told(ON_ROOT, target) == [("R02", "error", NODE)]
-
-
-def test_on_the_root_no_target_is_an_error() -> None:
-    assert told(ON_ROOT) == [("R01", "error", NODE)]
+@pytest.mark.parametrize(
+    ("targets", "said"),
+    [
+        ([ROBOT], []),
+        ([BASE], [("R02", "warning", NODE)]),
+        ([f"{ROBOT}/base_link"], [("R02", "error", NODE)]),
+        ([f"{ROBOT}/joints"], [("R02", "error", NODE)]),
+        (["/World"], [("R02", "error", NODE)]),
+        ([], [("R01", "error", NODE)]),
+    ],
+)
+def test_on_the_root_the_root_is_the_target_and_the_handouts_a_warning(
+    targets: list[str], said: list[tuple[str, str, str]]
+) -> None:
+    assert told(ON_ROOT, *targets) == said
 
 
 @pytest.mark.parametrize("change", [ON_BOTH, OFF_ON_ROOT])

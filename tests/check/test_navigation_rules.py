@@ -176,23 +176,34 @@ FAULTS = [
 ]
 
 
-def test_what_is_said_of_each_fault_is_as_it_was(tmp_path: Path) -> None:
-    shown = {}
-    names = numbered(rule_id for rule_id, _, _ in FAULTS)
-    for name, (_, content, _) in zip(names, FAULTS, strict=True):
-        folder = tmp_path / name
+NAMES = list(numbered(rule_id for rule_id, _, _ in FAULTS))
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, list[Problem]]]:
+    """What is said of each fault."""
+    root, said = tmp_path_factory.mktemp("faults"), {}
+    for name, (_, content, _) in zip(NAMES, FAULTS, strict=True):
+        folder = root / name
         folder.mkdir()
-        shown[name] = problems_text(problems(read(folder, content)), LAB)
+        said[name] = problems(read(folder, content))
+    return said
+
+
+def test_what_is_said_of_each_fault_is_as_it_was(
+    found: dict[str, dict[str, list[Problem]]],
+) -> None:
+    shown = {name: problems_text(problems, LAB) for name, problems in found.items()}
     assert_golden("navigation-faults", shown)
 
 
-@pytest.mark.parametrize(("rule_id", "text", "site"), FAULTS)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_fault_gives_its_finding_and_no_other(
-    tmp_path: Path, rule_id: str, text: str, site: str | None
+    name: str, found: dict[str, dict[str, list[Problem]]]
 ) -> None:
-    found = problems(read(tmp_path, text))
-    assert list(found) == [rule_id]
-    (problem,) = found[rule_id]
+    rule_id, _, site = FAULTS[NAMES.index(name)]
+    assert list(found[name]) == [rule_id]
+    (problem,) = found[name][rule_id]
     assert (problem.prim, problem.property) == (PARAMS_FILE, site)
 
 
