@@ -741,13 +741,6 @@ def test_a_joint_that_is_switched_off_is_named_where_a_link_is_loose(joint: str)
     assert "Joint Enabled" in (found.hint or "")
 
 
-def test_a_joint_that_is_gone_is_not_said_to_be_switched_off() -> None:
-    stage = built("05")
-    remove(f"{ROBOT}/joints/scan_joint")(stage)
-    (found,) = [finding for finding in findings_of(stage, "05") if finding.rule == "S12"]
-    assert (found.related, "switched off" in found.message) == ((), False)
-
-
 # ---- what holds the links, and what the root is
 
 
