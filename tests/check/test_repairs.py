@@ -17,18 +17,10 @@ from lab3_usd.grade.workers.submission_grading import _without_repairs
 from lab3_usd.judge.folder import FolderResult
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.changes import (
-    Activate,
-    AddNode,
-    ClearValue,
-    Connect,
     Edit,
     MovePrim,
     RemovePrim,
     RemoveSchema,
-    RenameProperty,
-    Restore,
-    Retarget,
-    SetValue,
 )
 from lab3_usd.model.finding import Submission
 
@@ -41,93 +33,17 @@ BRIDGE = "isaacsim.ros2.bridge"
 JOINT = "/turtlebot3_burger/joints/wheel_left_joint"
 WRONG_RADIUS: Step = {"set": [f"{CONTROLLER}.inputs:wheelRadius", 0.033]}
 
+# Beside the repairs in the goldens of all cases.
 CASES: dict[str, tuple[Step, tuple[Edit, ...], bool]] = {
-    "a wrong value is set": (
-        WRONG_RADIUS,
-        (SetValue(CONTROLLER, "inputs:wheelRadius", "double", 0.025),),
-        True,
-    ),
-    "a value that nobody asked for is cleared": (
-        {"set": [f"{CONTROLLER}.inputs:maxWheelSpeed", 2.0]},
-        (ClearValue(CONTROLLER, "inputs:maxWheelSpeed"),),
-        True,
-    ),
-    "a missing connection is made": (
-        {"disconnect": [f"{CONTROLLER}.inputs:execIn"]},
-        (
-            Connect(
-                CONTROLLER, "inputs:execIn", "uint", (f"{DRIVE}/on_playback_tick.outputs:tick",)
-            ),
-        ),
-        True,
-    ),
-    "a wrong target is replaced": (
-        {"targets": [f"{ARTICULATION}.inputs:targetPrim", "/World"]},
-        (Retarget(ARTICULATION, "inputs:targetPrim", ("/turtlebot3_burger/base_footprint",)),),
-        True,
-    ),
-    "a deactivated node is activated": (
-        {"deactivate": [f"{CLOCK}/ros2_context"]},
-        (Activate(f"{CLOCK}/ros2_context"),),
-        True,
-    ),
-    "a missing node is added when asked for": (
-        {"remove": [f"{CLOCK}/ros2_context"]},
-        (AddNode(f"{CLOCK}/ros2_context", "ROS_Clock", "ros2_context"),),
-        False,
-    ),
-    "an extra node is removed when asked for": (
-        {"node": [f"{CLOCK}/more", "isaacsim.ros2.bridge.ROS2QoSProfile"]},
-        (RemovePrim(f"{CLOCK}/more"),),
-        False,
-    ),
-    "a graph of a later checkpoint is removed when asked for": (
-        {"define": ["/turtlebot3_burger/ROS_OdomTF", "OmniGraph"]},
-        (RemovePrim("/turtlebot3_burger/ROS_OdomTF"),),
-        False,
-    ),
-    "the shape of a wheel is activated": (
-        {"deactivate": f"{WHEEL}/collisions"},
-        (Activate(f"{WHEEL}/collisions"),),
-        True,
-    ),
-    "a misspelt input gets its name and its value": (
-        {"misspell": [f"{CONTROLLER}.inputs:wheelRadius", "inputs:wheelRadus"]},
-        (
-            RenameProperty(CONTROLLER, "inputs:wheelRadus", "inputs:wheelRadius"),
-            SetValue(CONTROLLER, "inputs:wheelRadius", "double", 0.025),
-        ),
-        True,
-    ),
-    "a type name of an earlier release is replaced": (
-        {"set": [f"{CLOCK}/ros2_context.node:type", "omni.isaac.ros2_bridge.ROS2Context"]},
-        (SetValue(f"{CLOCK}/ros2_context", "node:type", "token", f"{BRIDGE}.ROS2Context"),),
-        True,
-    ),
-    "a namespace that moves a topic is cleared": (
-        {"set": ["/turtlebot3_burger.isaac:namespace", "tb3"]},
-        (ClearValue("/turtlebot3_burger", "isaac:namespace"),),
-        True,
-    ),
     "a ground that falls is not a rigid body any more": (
         {"schema": ["/Environment/GroundPlane", "PhysicsRigidBodyAPI"]},
         (RemoveSchema("/Environment/GroundPlane", "PhysicsRigidBodyAPI"),),
         True,
     ),
-    "a wheel joint of another name is renamed when asked for": (
-        {"move": [JOINT, f"{JOINT}_1"]},
-        (MovePrim(f"{JOINT}_1", JOINT),),
-        False,
-    ),
     "a room that was dragged below the robot is moved back when asked for": (
         {"move": ["/Environment", "/turtlebot3_burger/Environment"]},
         (MovePrim("/turtlebot3_burger/Environment", "/Environment"),),
         False,
-    ),
-    "a value of the scene is restored": (
-        {"set": [f"{JOINT}.drive:angular:physics:stiffness", 10.0]},
-        (Restore(JOINT, "drive:angular:physics:stiffness"),),
-        True,
     ),
 }
 
