@@ -10,21 +10,12 @@ from pxr import Sdf
 
 from lab3_usd.model.finding import Finding, ordered
 
-ROBOT = "/turtlebot3_burger"
-DRIVE = "/turtlebot3_burger/ROS_Drive"
-
 
 def told(*steps: dict[str, Any]) -> tuple[Finding, ...]:
     """Errors and warnings of checkpoint 05 after these steps."""
     judgement = judged(broken("05", list(steps)), "05")
     assert not judgement.crashes
     return ordered(finding for finding in judgement.findings if finding.severity != "note")
-
-
-def the_only(*steps: dict[str, Any]) -> Finding:
-    findings = told(*steps)
-    assert [(finding.rule, finding.prim) for finding in findings[1:]] == []
-    return findings[0]
 
 
 def assert_words(finding: Finding, *words: str) -> None:
@@ -34,7 +25,6 @@ def assert_words(finding: Finding, *words: str) -> None:
 
 LEFT = "ROS_Drive/constant_left_joint"
 RIGHT = "ROS_Drive/constant_right_joint"
-CONTROLLER = "ROS_Drive/differential_controller"
 
 
 def test_tokens_and_inputs_both_reversed_are_right_again() -> None:
@@ -48,9 +38,6 @@ def test_tokens_and_inputs_both_reversed_are_right_again() -> None:
 
 EXEC_OUT = ["ROS_Drive/differential_controller.inputs:execIn"]
 EXEC_OUT += ["ROS_Drive/ros2_subscribe_twist.outputs:execOut"]
-
-
-_CONTEXT_OF_CLOCK = "ROS_Clock/ros2_context.outputs:context"
 
 
 @pytest.mark.parametrize("parent", ["world", "odom", "map"])
@@ -79,10 +66,6 @@ def test_the_asset_that_could_have_brought_a_node_is_named() -> None:
     stage.GetPrimAtPath("/World/ROS_Clock").GetPayloads().AddPayload("clock.usd")
     (finding,) = [each for each in judged(stage, "01").findings if each.severity == "error"]
     assert_words(finding, "ROS2 Context", "an over without a def", "clock.usd")
-
-
-PUBLISHER = "ROS_OdomTF/ros2_publish_transform_tree"
-COMPUTED = "ROS_OdomTF/isaac_compute_transform_tree"
 
 
 @pytest.mark.parametrize(

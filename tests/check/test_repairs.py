@@ -27,10 +27,6 @@ from lab3_usd.model.finding import Submission
 CLOCK = "/World/ROS_Clock"
 DRIVE = "/turtlebot3_burger/ROS_Drive"
 CONTROLLER = f"{DRIVE}/differential_controller"
-ARTICULATION = f"{DRIVE}/articulation_controller"
-WHEEL = "/turtlebot3_burger/wheel_left_link"
-BRIDGE = "isaacsim.ros2.bridge"
-JOINT = "/turtlebot3_burger/joints/wheel_left_joint"
 WRONG_RADIUS: Step = {"set": [f"{CONTROLLER}.inputs:wheelRadius", 0.033]}
 
 # Beside the repairs in the goldens of all cases.

@@ -14,7 +14,6 @@ from lab3_usd.errors import UsageError
 from lab3_usd.judge.lint import lint_stage
 
 CLOCK, LIDAR, HELPER = "/World/Clock/clock", "/World/Lidar/helper", "/World/Camera/helper"
-TIME = "/World/Clock/time.outputs:simulationTime"
 ODOMETRY = "/World/Odometry/odometry"
 PADDED = ["left_wheel_joint", " right_wheel_joint"]
 BARE = "/World/Rover/chassis/bare"

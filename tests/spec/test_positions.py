@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -10,8 +9,6 @@ from invoking import invoke
 from mini_lab import MINI, copied
 
 from lab3_usd.errors import SpecError
-
-Edit = Callable[[str], str]
 
 
 @pytest.fixture
