@@ -24,11 +24,12 @@ INTRODUCTION = """\
 
 Every key of every file, with an example, or its type where no example exists: `[text]` is a list,
 `{name: number}` a mapping with names of yours, `|` separates alternatives. A **key** in bold is
-required. Another one has its default after `=`, else it is empty or off. Lengths are metres, angles
-degrees, masses kilograms. `lab3 lab schema FILE` prints the same as a JSON schema.
-[The guide](authors.md) shows how to make a lab.
+required. Another one has its default after `=`, else it is empty or off. Most records also have a
+`handout`, the section that asks for it. Lengths are metres, angles degrees, masses kilograms.
+`lab3 lab schema FILE` prints the complete JSON schema. [The guide](authors.md) shows how to make a
+lab.
 """
-_LONG = 40  # characters of an example
+_LONG = 32  # characters of an example
 _Examples = dict[tuple[str, str], str]
 
 
@@ -69,6 +70,8 @@ def _record(name: str, record: Mapping[str, Any], examples: _Examples) -> Iterat
     if record.get("description"):
         yield f"{record['description'].strip()}\n"
     for key, value in record["properties"].items():
+        if key == _SECTION and "$ref" not in str(value):
+            continue
         example = examples.get((name, key), "")
         parts = [f"- **`{key}`**" if key in record.get("required", ()) else f"- `{key}`"]
         has_record = "$ref" in str(value)
@@ -85,6 +88,7 @@ def _record(name: str, record: Mapping[str, Any], examples: _Examples) -> Iterat
     yield ""
 
 
+_SECTION = "handout"  # in most records, of the same meaning
 _EMPTY = ("{}", "[]")
 _NAMES = {"integer": "number", "number": "number", "boolean": "bool", "string": "text"}
 

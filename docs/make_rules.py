@@ -36,7 +36,7 @@ FAMILY_TITLES = {
     "submission": "the folder as a whole",
     "fence": "files that a grader leaves unopened",
     "lint": "any stage, without a lab (`lab3 lint`)",
-    "native": "OpenUSD's own validators, with `--native`",
+    "native": "OpenUSD's own validators, with `--native`; `lab3 rules --all` lists their faults",
 }
 INTRODUCTION = """\
 # Rules
@@ -87,6 +87,9 @@ def _lists(families: list[tuple[str, list[Rule]]]) -> Iterator[str]:
         title = FAMILY_TITLES.get(FAMILIES[family], FAMILIES[family])
         yield f"## {heading(family)}\n"
         yield f"{title[:1].upper()}{title[1:]}.\n"
+        if FAMILIES[family] == "native":  # their names say it
+            yield f"{', '.join(f'**{rule.id}** {rule.name}' for rule in members)}.\n"
+            continue
         for rule in members:
             severity = "" if rule.severity == USUAL else f" ({rule.severity})"
             yield f"- **{rule.id} {rule.name}**{severity}: {first_sentence(rule)}."
