@@ -66,14 +66,15 @@ def _shown(name: str) -> str:
 
 
 def _record(name: str, record: Mapping[str, Any], examples: _Examples) -> Iterator[str]:
-    """Yield what a record is, and a line for each of its keys."""
+    """Yield what a record is, and its keys."""
     if record.get("description"):
         yield f"{record['description'].strip()}\n"
+    keys = []
     for key, value in record["properties"].items():
         if key == _SECTION and "$ref" not in str(value):
             continue
         example = examples.get((name, key), "")
-        parts = [f"- **`{key}`**" if key in record.get("required", ()) else f"- `{key}`"]
+        parts = [f"**`{key}`**" if key in record.get("required", ()) else f"`{key}`"]
         has_record = "$ref" in str(value)
         if value.get("default") and not has_record:
             default = json.dumps(value["default"])
@@ -84,8 +85,8 @@ def _record(name: str, record: Mapping[str, Any], examples: _Examples) -> Iterat
             parts.append(_type(value) if has_record else f"`{_type(value)}`")
         if shows_type and not has_record:
             parts.append(f"`{example}`")
-        yield " ".join(parts)
-    yield ""
+        keys.append(" ".join(parts))
+    yield "\\\n".join(keys) + "\n"
 
 
 _SECTION = "handout"  # in most records, of the same meaning
