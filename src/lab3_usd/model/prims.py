@@ -88,6 +88,11 @@ def name_matches(name: str, asked: NameFilter) -> bool:
     return name == asked if isinstance(asked, str) else asked(name)
 
 
+def of_any_name(_: str) -> bool:
+    """Ask for all names."""
+    return True
+
+
 class Prims(Mapping[str, Prim]):
     """The prims of a stage that are no nodes, by path, parents before children.
 
@@ -124,9 +129,18 @@ class Prims(Mapping[str, Prim]):
         """Return the prims whose own name is asked for."""
         return (prim for prim in self.values() if name_matches(prim.name, asked))
 
-    def below(self, top: str) -> Iterable[Prim]:
-        """Return the prim at `top` and those below it."""
-        return (prim for path, prim in self.items() if is_at_or_below(path, top))
+    def below(
+        self, top: str, asked: NameFilter = of_any_name, left_out: frozenset[str] = frozenset()
+    ) -> Iterable[Prim]:
+        """Return those at and below a prim that are of the types asked for.
+
+        What stands at or below a prim with one of the names `left_out` is not among them.
+        """
+        return (
+            prim
+            for prim in self.of_type(asked)
+            if is_at_or_below(prim.path, top) and left_out.isdisjoint(prim.path.split("/"))
+        )
 
 
 class Collider(Struct, frozen=True):

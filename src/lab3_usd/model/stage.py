@@ -10,7 +10,7 @@ from typing import Any, Literal, ParamSpec, TypeVar
 from msgspec import Struct, field
 from msgspec.structs import force_setattr
 
-from lab3_usd.model.prims import Colliders, NameFilter, Prim, Prims, is_at_or_below
+from lab3_usd.model.prims import Colliders, NameFilter, Prim, Prims, is_at_or_below, of_any_name
 from lab3_usd.spec.catalog import NodeType
 from lab3_usd.spec.values import Value
 
@@ -267,9 +267,15 @@ class StageModel(Struct, frozen=True, eq=False):
         """Return the prims whose own name is asked for, in the scene or not."""
         return self._asked.named(asked)
 
-    def below(self, top: str) -> Iterable[Prim]:
-        """Return the prim at `top` and those below it, parents first, in the scene or not."""
-        return self._asked.below(top)
+    def below(
+        self, top: str, asked: NameFilter = of_any_name, left_out: frozenset[str] = frozenset()
+    ) -> Iterable[Prim]:
+        """Return those at and below a prim that are of the types asked for, in the scene or not.
+
+        Parents come first. What stands at or below a prim with one of the names `left_out` is not
+        among them.
+        """
+        return self._asked.below(top, asked, left_out)
 
     def unresolved_above(self, path: str) -> UnresolvedAsset | None:
         """Return the missing asset that could hold the prim at `path`, None where none could."""
@@ -335,6 +341,8 @@ class StageModel(Struct, frozen=True, eq=False):
 
     def unknown_pose(self, *prims: Prim) -> UnresolvedAsset | None:
         """Return the missing asset that could say where one of the prims stands."""
+        if not self.unresolved:
+            return None
         return self.unknown(*(prim.path for prim in prims if prim.local is None))
 
 

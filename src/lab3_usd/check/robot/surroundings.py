@@ -72,12 +72,9 @@ def enclosing(sensor: Prim, subject: StageSubject) -> Iterator[Prim]:
 def _shapes_on_robot(subject: StageSubject) -> tuple[tuple[Prim, Collider], ...]:
     """Return the shapes on the robot that are no part of how it looks, and no room, with boxes."""
     robot, stage = subject.lab.scene.robot, subject.stage
-    looks, shapes = frozenset(robot.looks_below), []
-    for prim in stage.below(robot.path):
-        is_own = not looks.isdisjoint(prim.path.split("/"))
-        if prim.type not in _SOLID or is_own or not prim.present:
-            continue
-        box = stage.colliders.shape(prim.path)
+    shapes = []
+    for prim in stage.below(robot.path, _SOLID.__contains__, frozenset(robot.looks_below)):
+        box = stage.colliders.shape(prim.path) if prim.present else None
         if box is not None and all(
             high - low < 2 * _ROOM for low, high in zip(box.low, box.high, strict=True)
         ):

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from msgspec import Struct, field
 from pxr import Sdf, Usd
 
-from lab3_usd.model.prims import NameFilter, Prim, Prims
+from lab3_usd.model.prims import NameFilter, Prim, Prims, name_matches, of_any_name
 from lab3_usd.spec.catalog import GraphForm
 from lab3_usd.spec.scene import SensorSpec
 from lab3_usd.spec.values import Value
@@ -35,6 +37,11 @@ _PROTOTYPE = "/__Prototype_"
 # Paths that need no look by usd-core to be known as those of prims.
 _PLAIN_PATH = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 RIGID_BODY = "PhysicsRigidBodyAPI"
+
+
+@lru_cache(maxsize=4096)
+def _is_asked_for(name: str) -> bool:
+    return _ATTRIBUTES.match(name) is not None
 
 
 def schemas(prim: Usd.Prim) -> tuple[str, ...]:
@@ -95,7 +102,7 @@ class PrimReader:
         relationships: dict[str, tuple[str, ...]] = {}
         properties = AuthoredProperties(source)
         for name in properties.names():
-            if _ATTRIBUTES.match(name) is None and name not in self.sensor_attributes:
+            if not (_is_asked_for(name) or name in self.sensor_attributes):
                 continue
             authored = properties[name]
             value = authored.value()
@@ -152,6 +159,10 @@ class StagePrims(Prims):
                 return default
             return self._prim(prim, path)
 
+    def __contains__(self, path: object) -> bool:
+        """Whether there is a prim at a path."""
+        return isinstance(path, str) and self.get(path) is not None
+
     def __iter__(self) -> Iterator[str]:
         """Iterate over the paths."""
         return (str(Usd.Prim.GetPath(prim)) for prim in self._index.prims)
@@ -176,11 +187,19 @@ class StagePrims(Prims):
                     self._by_name.setdefault(Usd.Prim.GetName(prim), []).append(number)
         return self._chosen(self._by_name, name_filter)
 
-    def below(self, top: str) -> Iterator[Prim]:
-        """Yield the prim at `top` and those below it."""
-        start = self._find(top)
+    def below(
+        self, top: str, asked: NameFilter = of_any_name, left_out: frozenset[str] = frozenset()
+    ) -> Iterator[Prim]:
+        """Yield those at and below a prim that are of the types asked for, and not `left_out`."""
+        start = self._find(top) if left_out.isdisjoint(top.split("/")) else None
         with stage_errors(self._reader.name):
-            for prim in Usd.PrimRange(start, EVERYTHING) if start else ():
+            prims: Any = iter(Usd.PrimRange(start, EVERYTHING)) if start else ()
+            for prim in prims:
+                if left_out and Usd.Prim.GetName(prim) in left_out:
+                    prims.PruneChildren()
+                    continue
+                if not name_matches(Usd.Prim.GetTypeName(prim), asked):
+                    continue
                 path = str(Usd.Prim.GetPath(prim))
                 if not Usd.Prim.IsPseudoRoot(prim) and self._counts(prim, path):
                     yield self._prim(prim, path)
