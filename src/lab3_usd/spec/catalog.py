@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Literal
 
 from msgspec import Struct, field
@@ -254,9 +254,11 @@ class NodeType(Struct, frozen=True, dict=True):
     def port(self, name: str) -> Port | None:
         """Return the port with this full name (`inputs:execIn`), dynamic ones included."""
         port = self.ports.get(name)
-        if port is None and (self.grows_by_message or self.is_open) and ":" in name:
+        if port is not None:
+            return port
+        if (self.grows_by_message or self.is_open) and ":" in name:
             return Port(name, "any", "token")
-        return port or (self._grown(name[len(INPUT) :]) if name.startswith(INPUT) else None)
+        return self._grown(name[len(INPUT) :]) if name.startswith(INPUT) else None
 
     def is_known_port(self, name: str) -> bool:
         """Whether it is known what goes through the port with this full name."""
@@ -265,7 +267,7 @@ class NodeType(Struct, frozen=True, dict=True):
 
     def default(self, name: str, version: int | None) -> Value | None:
         """Return what a port without a value means in a file with this version of the type."""
-        port = self.ports.get(name) or self.port(name)
+        port = self.port(name)
         if port is None:
             return None
         is_old = version is not None and version < self.version
@@ -280,6 +282,11 @@ class NodeType(Struct, frozen=True, dict=True):
         return Port(INPUT + short, first.ogn_type, first.usd_type, accepts=first.accepts)
 
 
+@lru_cache(maxsize=1024)
+def _is_one_of(name: str, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatchcase(name, pattern) for pattern in patterns)
+
+
 class Scripts(Struct, frozen=True, forbid_unknown_fields=True):
     """Node types (patterns) and schemas that run code from the file."""
 
@@ -288,7 +295,7 @@ class Scripts(Struct, frozen=True, forbid_unknown_fields=True):
 
     def runs(self, node_type: str) -> bool:
         """Whether a node of this type runs code that the file holds."""
-        return any(fnmatchcase(node_type, pattern) for pattern in self.types)
+        return _is_one_of(node_type, self.types)
 
     def among(self, apis: Iterable[str]) -> str | None:
         """Return the first of these schemas by which a prim runs code, None where there is none."""

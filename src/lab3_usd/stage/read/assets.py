@@ -190,18 +190,18 @@ def is_in_scene(prim: Usd.Prim, hidden: Iterable[str]) -> bool:
     A student's prim below an `over` of a robot whose file did not come along is the student's
     own work all the same.
     """
-    if prim.IsDefined():
-        return not prim.IsAbstract()
-    if not prim.HasDefiningSpecifier():
+    if Usd.Prim.IsDefined(prim):
+        return not Usd.Prim.IsAbstract(prim)
+    if not Usd.Prim.HasDefiningSpecifier(prim):
         return False
-    above = prim.GetParent()
-    while above and not above.IsDefined():
+    above = Usd.Prim.GetParent(prim)
+    while above and not Usd.Prim.IsDefined(above):
         path = f"{above.GetPath()}/"
-        if not above.HasDefiningSpecifier() and not any(
+        if not Usd.Prim.HasDefiningSpecifier(above) and not any(
             path.startswith(f"{place.rstrip('/')}/") for place in hidden
         ):
             return False
-        above = above.GetParent()
+        above = Usd.Prim.GetParent(above)
     return True
 
 

@@ -40,6 +40,7 @@ class StageColliders(Colliders):
         self._present: list[str] = []
         self._boxes: dict[str, _Box | None] = {}  # None without a shape, its own or below
         self._shapes: dict[str, _Box | None] = {}  # of prims by themselves
+        self._colliders: dict[str, Collider | None] = {}  # of collision prims, in metres
         self._metres = stage_number(reader.stage.GetMetadata("metersPerUnit"), CENTIMETRES)
 
     def below(self, top: str) -> list[Collider]:
@@ -58,10 +59,7 @@ class StageColliders(Colliders):
                 self._shapes[path] = (
                     _world_box(prim, path, self._reader.transforms) if prim else None
                 )
-        box = self._shapes[path]
-        if box is None:
-            return None
-        return Collider(path, _scaled(box[0], self._metres), _scaled(box[1], self._metres))
+        return self._in_metres(path, self._shapes[path])
 
     def _boxes_of(self, top: str, *, below: bool) -> list[Collider]:
         start = f"{top.rstrip('/')}/"
@@ -71,13 +69,16 @@ class StageColliders(Colliders):
         paths = [path for path in self._present if f"{path}/".startswith(start) is below]
         with stage_errors(self._reader.name):
             for path in paths:
-                if path not in self._boxes:
-                    self._measure(self._reader.stage.GetPrimAtPath(path), path)
-        return [
-            Collider(path, _scaled(box[0], self._metres), _scaled(box[1], self._metres))
-            for path in paths
-            if (box := self._boxes[path]) is not None
-        ]
+                if path not in self._colliders:
+                    if path not in self._boxes:
+                        self._measure(self._reader.stage.GetPrimAtPath(path), path)
+                    self._colliders[path] = self._in_metres(path, self._boxes[path])
+        return [box for path in paths if (box := self._colliders[path]) is not None]
+
+    def _in_metres(self, path: str, box: _Box | None) -> Collider | None:
+        if box is None:
+            return None
+        return Collider(path, _scaled(box[0], self._metres), _scaled(box[1], self._metres))
 
     def _measure(self, top: Usd.Prim, top_path: str) -> None:
         """Measure a collision prim and those below it, each shape once."""

@@ -17,6 +17,7 @@ without that look, a prim that is none ends the process.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -135,12 +136,14 @@ def _may_have_splines(layer: Sdf.Layer) -> bool:
     A binary file with splines is of a format that has them; to look at every property of any other
     layer takes a tenth of the time of judging it.
     """
+    if layer.empty:
+        return False
     try:
         with Path(layer.realPath).open("rb") as file:
             data = file.read()
             if data.startswith(_CRATE):
                 return data[len(_CRATE) : len(_CRATE) + 3] >= _CRATE_WITH_SPLINES
-            return _SPLINE_TEXT in data
+            return data.rfind(_SPLINE_TEXT) >= 0  # which takes half the time of `in`
     except (OSError, ValueError):  # in memory, or in a package
         found: list[Sdf.Path] = []
 
@@ -228,7 +231,7 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
     def _is_authored(self, field: str) -> bool:
         """Whether a layer gives this to an attribute; a stronger relationship hides it."""
         for spec in self.specs:
-            if spec.HasInfo(field):
+            if Sdf.Spec.HasInfo(spec, field):
                 return not self._is_relationship
         return False
 
@@ -241,8 +244,9 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
 
     def value(self) -> Value | None:
         """Return the value that a layer gives to an attribute, None where none does."""
-        if len(self.specs) == 1 and type(self.specs[0]) is Sdf.AttributeSpec:
-            alone = self.specs[0].default  # of one layer, which needs no composition
+        specs = self.specs
+        if len(specs) == 1 and type(specs[0]) is Sdf.AttributeSpec:
+            alone = specs[0].default  # of one layer, which needs no composition
             if type(alone) not in _WITH_VARIABLES:
                 return plain_value(alone)
         if not self._is_authored(_VALUE):
@@ -277,15 +281,12 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
 class AuthoredProperties:
     """The properties of a prim that a layer holds."""
 
-    __slots__ = ("_prim", "_sites")
+    __slots__ = ("_prim", "_stack")
 
     def __init__(self, prim: Usd.Prim) -> None:
         """Look at the layers that say something of a prim."""
         self._prim = prim
-        self._sites = [
-            (spec.layer.GetPropertyAtPath, spec.path.AppendProperty)
-            for spec in Usd.Prim.GetPrimStack(prim)
-        ]
+        self._stack = Usd.Prim.GetPrimStack(prim)
 
     def names(self) -> list[str]:
         """Return their names, sorted.
@@ -300,5 +301,16 @@ class AuthoredProperties:
 
     def __getitem__(self, name: str) -> AuthoredProperty:
         """Return the property of this name, also one that a damaged file does not list."""
-        found = [property_at(path_of(name)) for property_at, path_of in self._sites]
-        return AuthoredProperty(self._prim, name, [spec for spec in found if spec is not None])
+        path = _path_on_prim(name)
+        specs = [
+            spec
+            for prim in (self._stack if path else ())
+            if (spec := Sdf.PrimSpec.GetPropertyAtPath(prim, path)) is not None
+        ]
+        return AuthoredProperty(self._prim, name, specs)
+
+
+@lru_cache(maxsize=4096)
+def _path_on_prim(name: str) -> Sdf.Path | None:
+    """Return the path of a property as seen from its prim, None where none may have the name."""
+    return Sdf.Path.reflexiveRelativePath.AppendProperty(name) or None
