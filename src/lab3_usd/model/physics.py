@@ -80,8 +80,9 @@ def bodies_below(stage: StageModel, top: str) -> list[str]:
 
 def bodies(prim: Prim) -> tuple[str, str]:
     """Return the prims that a joint connects; '' stands for the world."""
-    first, second = (next(iter(prim.relationships.get(name, ())), "") for name in BODIES)
-    return first, second
+    ends = prim.relationships
+    first, second = ends.get(BODIES[0]), ends.get(BODIES[1])
+    return first[0] if first else "", second[0] if second else ""
 
 
 @once_per_stage

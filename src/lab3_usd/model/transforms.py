@@ -20,7 +20,7 @@ AXES: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Pose(Struct, frozen=True):
-    """A transform taken apart; a mirrored one has a negative scale along X."""
+    """A transform taken apart."""
 
     translation: Vector
     rotation: Rotation
@@ -29,19 +29,30 @@ class Pose(Struct, frozen=True):
 
 def decompose(matrix: Matrix) -> Pose:
     """Take a transform apart; shear, which no widget of Isaac Sim writes, is left out."""
-    rows = [(matrix[at], matrix[at + 1], matrix[at + 2]) for at in (0, 4, 8)]
-    lengths = [length(row) for row in rows]
-    if dot(cross(rows[0], rows[1]), rows[2]) < 0:
-        lengths[0] = -lengths[0]
-    units = [
-        scaled(row, 1 / size) if size else axis
-        for row, size, axis in zip(rows, lengths, AXES, strict=True)
-    ]
+    x, y, z = scale = scale_of(matrix)
     return Pose(
         translation=(matrix[12], matrix[13], matrix[14]),
-        rotation=(units[0], units[1], units[2]),
-        scale=(lengths[0], lengths[1], lengths[2]),
+        rotation=(_turned(matrix, 0, x), _turned(matrix, 1, y), _turned(matrix, 2, z)),
+        scale=scale,
     )
+
+
+def _turned(matrix: Matrix, axis: int, size: float) -> Vector:
+    """Return where a transform turns an axis, itself where its scale is 0."""
+    row = (matrix[4 * axis], matrix[4 * axis + 1], matrix[4 * axis + 2])
+    return scaled(row, 1 / size) if size else AXES[axis]
+
+
+def scale_of(matrix: Matrix) -> Vector:
+    """Return by what a transform scales the axes; a mirrored one has a negative scale along X."""
+    a, b, c, _, d, e, f, _, g, h, i = matrix[:11]
+    x, y, z = (
+        math.sqrt(a * a + b * b + c * c),
+        math.sqrt(d * d + e * e + f * f),
+        math.sqrt(g * g + h * h + i * i),
+    )
+    is_mirrored = (b * f - c * e) * g + (c * d - a * f) * h + (a * e - b * d) * i < 0
+    return -x if is_mirrored else x, y, z
 
 
 def rotation_from_euler(degrees: Vector) -> Rotation:
@@ -167,8 +178,11 @@ def rotate_by_quaternion(vector: Vector, quaternion: tuple[float, float, float, 
         return vector
     first = cross(part, vector)
     second = cross(part, first)
-    x, y, z = (vector[at] + 2 * (quaternion[3] * first[at] + second[at]) / size for at in range(3))
-    return (x, y, z)
+    return (
+        vector[0] + 2 * (quaternion[3] * first[0] + second[0]) / size,
+        vector[1] + 2 * (quaternion[3] * first[1] + second[1]) / size,
+        vector[2] + 2 * (quaternion[3] * first[2] + second[2]) / size,
+    )
 
 
 def distance(start: Vector, end: Vector) -> float:

@@ -16,6 +16,7 @@ from lab3_usd.model.transforms import (
     euler_angles,
     rotation_difference,
     rotation_from_euler,
+    scale_of,
     scaled,
 )
 from lab3_usd.spec.scene import PoseSpec, SceneSpec
@@ -150,11 +151,11 @@ def vector_text(numbers: Sequence[float]) -> str:
     return "(" + ", ".join(f"{round(number, 6) + 0.0:g}" for number in numbers) + ")"
 
 
-def scale_of(prim: Prim) -> Vector:
+def scale_on_parent(prim: Prim) -> Vector:
     """Return by what a prim is scaled on its parent."""
-    return UNSCALED if prim.local is None else decompose(prim.local).scale
+    return UNSCALED if prim.local is None else scale_of(prim.local)
 
 
 def is_scaled(prim: Prim, tolerance: float) -> bool:
     """Whether a prim has another size than its parent gives it."""
-    return not distance(scale_of(prim), UNSCALED) <= tolerance  # so that NaN is far as well
+    return not distance(scale_on_parent(prim), UNSCALED) <= tolerance  # so that NaN is far as well

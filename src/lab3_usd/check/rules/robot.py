@@ -6,7 +6,13 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Demand, rule
-from lab3_usd.check.robot.poses import UNSCALED, is_scaled, pose_property, scale_of, vector_text
+from lab3_usd.check.robot.poses import (
+    UNSCALED,
+    is_scaled,
+    pose_property,
+    scale_on_parent,
+    vector_text,
+)
 from lab3_usd.check.robot.wheels import unknown_joints
 from lab3_usd.check.rules.world import AT_REST
 from lab3_usd.model.changes import (
@@ -235,7 +241,7 @@ def link_scale(subject: StageSubject) -> Iterator[Problem]:
     handout = subject.lab.scene.robot.handout
     for prim, _ in _links(subject):
         if is_scaled(prim, tolerance):
-            actual, expected = vector_text(scale_of(prim)), vector_text(UNSCALED)
+            actual, expected = vector_text(scale_on_parent(prim)), vector_text(UNSCALED)
             message = f"{prim.name}'s scale is {actual}, expected {expected}"
             scale = pose_property(prim, "scale")
             fix, unmet = (Restore(prim.path, scale),), (f"Scene/body/{prim.name}",)
