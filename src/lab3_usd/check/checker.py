@@ -197,6 +197,11 @@ def _graph_subjects(
             roles=roles[name],
             stage=stage,
             live_nodes=live,
+            matched=tuple(
+                (node, spec)
+                for role, spec in specs[name].nodes.items()
+                if (node := roles[name].node_of[role]) is not None
+            ),
             wire_faults=diagnose(specs[name], roles[name], live),
             missing_with=lost.get(name, ""),
         )

@@ -10,9 +10,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.match.conformance import (
+    Found,
     is_fed,
-    setting_matches,
-    setting_value,
+    settings_of,
     target_matches,
 )
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
@@ -53,15 +53,17 @@ class _GraphItem(Struct, frozen=True):
 
 def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
     """Yield every node, setting, target and wire of one graph, met or not."""
+    settings = {(each.spec.role, each.setting.port): each for each in settings_of(subject)}
     for item in _items_of(subject):
-        node = subject.roles.node_of[item.role]
+        node, expected = subject.roles.node_of[item.role], item.expected
         if node is None:
             yield item.unmet
-        elif _meets(subject, node, item.expected):
+        elif not isinstance(expected, Setting):
+            yield item.met if _meets(subject, node, expected) else item.unmet
+        elif (found := settings[item.role, expected.port]).met:
             yield item.met
         else:
-            is_slight = _is_slight(subject, node, item.expected)
-            yield replace(item.unmet, slight=True) if is_slight else item.unmet
+            yield replace(item.unmet, slight=True) if _is_slight(subject, found) else item.unmet
 
 
 def _items_of(subject: GraphSubject) -> list[_GraphItem]:
@@ -107,34 +109,31 @@ def _item(
     return _GraphItem(role, expected, met, replace(met, met=False))
 
 
-def _meets(subject: GraphSubject, node: Node, expected: _Expected | None) -> bool:
+def _meets(subject: GraphSubject, node: Node, expected: Target | Wire | None) -> bool:
     if expected is None:
         return True
-    if isinstance(expected, Setting):
-        value = setting_value(subject.live_nodes, node, expected.port)
-        return setting_matches(node, expected, value)
     if isinstance(expected, Target):
         return target_matches(node, expected)
     source = subject.roles.node_of[expected.source.role]
     return source is not None and is_fed(source, node, expected, subject.roles.equivalents)
 
 
-def _is_slight(subject: GraphSubject, node: Node, expected: _Expected | None) -> bool:
-    """Whether the robot does the same with the value that is there.
+def _is_slight(subject: GraphSubject, found: Found) -> bool:
+    """Whether the robot does the same with the wrong value that is there.
 
     A number is so near that a dry run finds its effect right, even beside that of another. Each
     conversion between metres and the unit of the stage leaves metres as they are.
     """
-    if not isinstance(expected, Setting) or node.type is None:
+    kind, value, wanted = found.node.type, found.value, found.setting.value
+    if kind is None:
         return False
-    value = setting_value(subject.live_nodes, node, expected.port)
-    if isinstance(expected.value, float):
+    if isinstance(wanted, float):
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             return False
-        return math.isclose(value, expected.value, rel_tol=FOLLOWS / 2)
-    port = node.type.port(expected.port)
+        return math.isclose(value, wanted, rel_tol=FOLLOWS / 2)
+    port = kind.port(found.setting.port)
     is_in_metres = same_value(subject.stage.meters_per_unit, 1.0)
-    keeps = is_in_metres and bool(node.type.same_in_metres)
+    keeps = is_in_metres and bool(kind.same_in_metres)
     return keeps and port is not None and value in port.allowed
 
 
@@ -305,17 +304,17 @@ def with_other_faults(
     the lab; what lies in none of them is of the scene.
     """
     required = tuple(requirements)
-    if not all(requirement.met for requirement in required):
+    errors = [finding for finding in findings if finding.severity == "error"]
+    if not (errors and all(requirement.met for requirement in required)):
         return required
     added: dict[str, Requirement] = {}
-    for finding in findings:
+    for finding in errors:
         group = _group_of(finding, graphs)
-        if finding.severity == "error":
-            title = f"nothing else is wrong: {finding.rule} {finding.name}"
-            item = f"{group}/other/{finding.rule}"
-            added.setdefault(
-                group, Requirement(item, group, "scene", title, met=False, handout=finding.handout)
-            )
+        title = f"nothing else is wrong: {finding.rule} {finding.name}"
+        item = f"{group}/other/{finding.rule}"
+        added.setdefault(
+            group, Requirement(item, group, "scene", title, met=False, handout=finding.handout)
+        )
     return (*required, *added.values())
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from lab3_usd.check.match.subject import Roles
-from lab3_usd.model.stage import Node, RenderProduct, same_value
+from msgspec import Struct
+
+from lab3_usd.check.match.subject import GraphSubject, Roles
+from lab3_usd.model.stage import Node, RenderProduct, once_per_stage, same_value
 from lab3_usd.spec.catalog import INPUT, can_connect
 from lab3_usd.spec.graph import NodeSpec, Setting, Target, Wire, resolved_topic
 from lab3_usd.spec.values import Value
@@ -50,6 +52,30 @@ def setting_matches(node: Node, setting: Setting, value: Value | None) -> bool:
     if node.type is not None and setting.port in node.type.topics:
         return resolved_topic(str(value)) == resolved_topic(str(setting.value))
     return same_value(value, setting.value)
+
+
+class Found(Struct, frozen=True):
+    """A setting of the spec, the node it is asked of, its value there, and whether it is met."""
+
+    node: Node
+    spec: NodeSpec
+    setting: Setting
+    value: Value | None
+    met: bool
+
+
+@once_per_stage
+def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
+    """Return every setting of every matched node."""
+    values = (
+        (node, spec, setting, setting_value(subject.live_nodes, node, setting.port))
+        for node, spec in subject.matched
+        for setting in spec.settings
+    )
+    return tuple(
+        Found(node, spec, setting, value, setting_matches(node, setting, value))
+        for node, spec, setting, value in values
+    )
 
 
 def target_matches(node: Node, target: Target) -> bool:

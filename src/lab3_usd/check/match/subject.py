@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Literal, Protocol
 
 from msgspec import Struct, field
@@ -64,9 +64,9 @@ class ModelSubject(Protocol):
 class GraphSubject(Struct, frozen=True, eq=False):
     """One graph of the spec beside its graph in the stage.
 
-    `live_nodes` holds the live nodes of the whole stage by path, `wire_faults` what is wrong with
-    the wires of this graph. `missing_with` is the prim that the graph is missing together with,
-    whose own finding names it.
+    `live_nodes` holds the live nodes of the whole stage by path, `matched` the nodes that play a
+    role, each with the spec of the role, `wire_faults` what is wrong with the wires of this graph.
+    `missing_with` is the prim that the graph is missing together with, whose own finding names it.
     """
 
     lab: Lab
@@ -75,15 +75,9 @@ class GraphSubject(Struct, frozen=True, eq=False):
     roles: Roles
     stage: StageModel
     live_nodes: Mapping[str, Node]
+    matched: tuple[tuple[Node, NodeSpec], ...] = ()
     wire_faults: tuple[WireFault, ...] = ()
     missing_with: str = ""
-
-    def matched(self) -> Iterator[tuple[Node, NodeSpec]]:
-        """Yield each role that a node plays, the node first."""
-        for role, spec in self.spec.nodes.items():
-            node = self.roles.node_of[role]
-            if node is not None:
-                yield node, spec
 
 
 class StageSubject(Struct, frozen=True, eq=False):

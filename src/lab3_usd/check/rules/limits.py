@@ -25,7 +25,7 @@ def limit_without_time_step(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: `maxAcceleration` 0.5 with nothing connected to `dt`.
     """
-    for node, spec in subject.matched():
+    for node, spec in subject.matched:
         for port, value in stopping_limits(subject.live_nodes, node):
             step = spec.type.time_step[0]
             message = f"{port} is {display(value)} while {step} is 0: the robot never moves"
@@ -41,7 +41,7 @@ def limit_without_time_step(subject: GraphSubject) -> Iterator[Problem]:
 
 def stopping_inputs(subject: GraphSubject) -> Iterator[tuple[str, str]]:
     """Yield the prim and input of each limit that stops a node, and of its time step at 0."""
-    for node, spec in subject.matched():
+    for node, spec in subject.matched:
         limits = [port for port, _ in stopping_limits(subject.live_nodes, node)]
         for port in (*limits, *spec.type.time_step) if limits else ():
             yield node.path, port

@@ -179,7 +179,7 @@ def old_node_version(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: Isaac Create Render Product version 2 instead of 3.
     """
-    for node, spec in subject.matched():
+    for node, spec in subject.matched:
         if node.version is not None and node.version < spec.type.version:
             yield _version_problem(subject, node, spec, "an older")
 
@@ -194,7 +194,7 @@ def new_node_version(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: a helper of version 4, while 6.0.1 has version 3.
     """
-    for node, spec in subject.matched():
+    for node, spec in subject.matched:
         if node.version is not None and node.version > spec.type.version:
             yield _version_problem(subject, node, spec, "a newer")
 

@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.hints import with_setting
-from lab3_usd.check.match.conformance import setting_matches, setting_value, wrong_product
+from lab3_usd.check.match.conformance import (
+    Found,
+    setting_matches,
+    setting_value,
+    settings_of,
+    wrong_product,
+)
 from lab3_usd.check.match.subject import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
@@ -21,31 +26,8 @@ from lab3_usd.model.changes import ClearValue
 from lab3_usd.model.finding import Problem, display, format_paths, role_title, short_source
 from lab3_usd.model.stage import Node, once_per_stage, same_value
 from lab3_usd.spec.catalog import INPUT, Port
-from lab3_usd.spec.graph import NodeSpec, Setting, resolved_topic
+from lab3_usd.spec.graph import NodeSpec, resolved_topic
 from lab3_usd.spec.values import Value, are_alike
-
-
-class Found(Struct, frozen=True):
-    """A setting of the spec, the node it is asked of, its value there, and whether it is met."""
-
-    node: Node
-    spec: NodeSpec
-    setting: Setting
-    value: Value | None
-    met: bool
-
-
-@once_per_stage
-def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
-    """Return every setting of every matched node."""
-    return tuple(_find_settings(subject))
-
-
-def _find_settings(subject: GraphSubject) -> Iterator[Found]:
-    for node, spec in subject.matched():
-        for setting in spec.settings:
-            value = setting_value(subject.live_nodes, node, setting.port)
-            yield Found(node, spec, setting, value, setting_matches(node, setting, value))
 
 
 def setting_problem(subject: GraphSubject, found: Found, message: str) -> Problem:
@@ -269,7 +251,7 @@ def _changed(subject: GraphSubject) -> tuple[_Changed, ...]:
 
 def _find_changed(subject: GraphSubject) -> Iterator[_Changed]:
     """Yield the inputs that the handout does not set and that are away from their default."""
-    for node, spec in subject.matched():
+    for node, spec in subject.matched:
         for port in subject.spec.free_inputs[spec.role]:
             value = node.value(port.name)
             if not node.sources(port.name) and not same_value(value, port.default):
@@ -315,7 +297,7 @@ def _aimed(
     A node that does by itself what a missing node should do for it is told as the missing node.
     """
     own = subject.lab.catalog.graph.ignored_below
-    for node, spec in subject.matched():
+    for node, spec in subject.matched:
         for port in subject.spec.free_targets[spec.role]:
             prims = tuple(path for path in node.targets(port.name) if not path.startswith(own))
             wrong = wrong_product(node, spec, subject.stage.products)  # of which R04 speaks

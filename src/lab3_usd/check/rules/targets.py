@@ -38,7 +38,7 @@ from lab3_usd.spec.graph import NodeSpec, Target
 
 def _targets(subject: GraphSubject) -> Iterator[tuple[Node, NodeSpec, Target]]:
     """Yield each relationship that is judged as a list of prims."""
-    for node, spec in subject.matched():
+    for node, spec in subject.matched:
         for target in spec.targets:
             if target.port not in spec.frames_from:
                 yield node, spec, target
@@ -129,7 +129,7 @@ def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: Isaac Compute Transform Tree with a target that was renamed later.
     """
-    for node, spec in subject.matched():
+    for node, spec in subject.matched:
         asked = {path for target in spec.targets for path in target.prims}
         for port in spec.frames_from:
             for path in node.targets(port):
@@ -160,7 +160,7 @@ def named_render_product(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: `renderProductPrim` names `/Render/Product`, which shows another sensor.
     """
-    for node, spec in subject.matched():
+    for node, spec in subject.matched:
         found = wrong_product(node, spec, subject.stage.products)
         if found is None:
             continue

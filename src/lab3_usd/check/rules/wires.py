@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.hints import without_wire
+from lab3_usd.check.match.conformance import settings_of
 from lab3_usd.check.match.subject import GraphSubject, WireFault
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
 from lab3_usd.check.ros.running import is_opened_first, signals_once
 from lab3_usd.check.rules.limits import stopping_inputs
-from lab3_usd.check.rules.settings import settings_of
 from lab3_usd.model.finding import Problem, node_title, short_source
 
 
