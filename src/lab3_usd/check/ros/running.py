@@ -244,7 +244,10 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
     A wire from an input of another node, as every constant has it, brings the value there. `depth`
     ends the search where inputs feed each other in a ring.
     """
-    wired = list(live_sources(node, port, live)) if node.sources(port) else ()
+    state = node.ports.get(port)
+    if state is None or not state.sources:
+        return node.value(port)
+    wired = list(live_sources(node, port, live))
     if not wired:
         return node.value(port)
     source, source_port = wired[0]

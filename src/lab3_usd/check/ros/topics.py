@@ -368,9 +368,12 @@ def moving_prims(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> list[t
         return []
     sensor = sensor_of(node, live)
     is_tf = node.type is not None and node.type.tf is not None
+    is_on_graph = is_tf or sensor is None
+    if is_on_graph and not node.namespaces:
+        return []
     graph = node.path.rpartition("/")[0]
-    prims = namespaces_above(graph if is_tf or sensor is None else sensor, stage, lab)
-    if node.own_namespace and (is_tf or sensor is None):
+    prims = namespaces_above(graph if sensor is None or is_tf else sensor, stage, lab)
+    if node.own_namespace and is_on_graph:
         prims.append((node.path, node.own_namespace))
     return prims[:1] if is_tf else prims
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from msgspec.structs import replace
-
 from lab3_usd.check.match.conformance import setting_matches
 from lab3_usd.check.match.subject import Outcome
 from lab3_usd.check.registry import TF, rule
@@ -36,7 +34,7 @@ from lab3_usd.model.changes import ClearValue
 from lab3_usd.model.finding import Finding, Problem, Severity, display
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import Node
+from lab3_usd.model.stage import Node, UnresolvedAsset
 from lab3_usd.spec.graph import frame_ports
 
 
@@ -262,30 +260,36 @@ def frame_id_outside_the_tree(view: TfView) -> Iterator[Problem]:
     extra = [node for roles in subject.roles.values() for node in roles.extra]  # told as such
     for endpoint in endpoints(subject.stage, subject.lab):
         if endpoint.runs and endpoint.direction == "publishes" and endpoint.node not in extra:
-            found = _foreign_frames(endpoint.node, endpoint.port, view)
-            strange = (problem for problem in found if problem.actual not in frames)
-            yield from (replace(problem, rests_on=asset) for problem in strange)
+            for port, frame in _unfaulted_frames(endpoint.node, endpoint.port, view):
+                if frame not in frames:
+                    yield _foreign_frame(endpoint.node, port, frame, view, asset)
 
 
-def _foreign_frames(node: Node, topic: str, view: TfView) -> Iterator[Problem]:
+def _unfaulted_frames(node: Node, topic: str, view: TfView) -> Iterator[tuple[str, str]]:
     """Yield the frame ids of one topic that the rules of settings do not find fault with."""
     kind, spec = node.type, view.role_specs.get(node.path)
     asked = {} if spec is None else {setting.port: setting for setting in spec.settings}
     for port in () if kind is None or kind.tf is not None else frame_ports(kind, topic):
         value = effective_value(node, port, view.running)
-        if not isinstance(value, str) or (
-            port in asked and not setting_matches(node, asked[port], value)
+        if isinstance(value, str) and (
+            port not in asked or setting_matches(node, asked[port], value)
         ):
-            continue
-        yield Problem(
-            node.path,
-            f"{port} is '{value}', a frame that nothing publishes",
-            property=port,
-            expected="a frame of the TF tree",
-            actual=value,
-            severity="warning" if spec is None else None,
-            fix=edits_in_stage(view.subject, node.path, port),
-        )
+            yield port, value
+
+
+def _foreign_frame(
+    node: Node, port: str, frame: str, view: TfView, asset: UnresolvedAsset | None
+) -> Problem:
+    return Problem(
+        node.path,
+        f"{port} is '{frame}', a frame that nothing publishes",
+        property=port,
+        expected="a frame of the TF tree",
+        actual=frame,
+        severity="warning" if node.path not in view.role_specs else None,
+        fix=edits_in_stage(view.subject, node.path, port),
+        rests_on=asset,
+    )
 
 
 @rule("T12", "unknown-frames", scope="frames", severity="warning")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 from msgspec import Struct
 
@@ -25,8 +26,9 @@ from lab3_usd.check.tf.targets import (
     unknown_target,
 )
 from lab3_usd.model.physics import BODY_API
-from lab3_usd.model.stage import Node, UnresolvedAsset, once_per_stage
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.graph import NodeSpec, Target
+from lab3_usd.spec.lab import Checkpoint, Lab
 
 
 @once_per_stage
@@ -47,15 +49,17 @@ def required_topic(spec: NodeSpec | None, port: str) -> str | None:
     return next((resolve("", str(s.value)) for s in spec.settings if s.port == port), None)
 
 
-def required_topics(subject: StageSubject) -> set[str]:
-    """Return the topics that the graphs of this checkpoint must publish or subscribe."""
+@lru_cache(maxsize=16)
+def required_topics(lab: Lab, checkpoint: Checkpoint) -> frozenset[str]:
+    """Return the topics that the graphs of a checkpoint must publish or subscribe."""
     specs = (
         (node, port)
-        for name in subject.checkpoint.graphs
-        for node in subject.lab.graphs[name].nodes.values()
+        for name in checkpoint.graphs
+        for node in lab.graphs[name].nodes.values()
         for port in node.type.topics
     )
-    return {topic for node, port in specs for topic in [required_topic(node, port)] if topic}
+    topics = (required_topic(node, port) for node, port in specs)
+    return frozenset(topic for topic in topics if topic)
 
 
 def repeated_publishers(subject: StageSubject) -> Iterator[tuple[Endpoint, tuple[Endpoint, ...]]]:
@@ -65,7 +69,7 @@ def repeated_publishers(subject: StageSubject) -> Iterator[tuple[Endpoint, tuple
     of settings says so) and an extra node in a graph of the lab (the rule of extra nodes does).
     """
     played = role_specs(subject)
-    required_by_lab = required_topics(subject)
+    required_by_lab = required_topics(subject.lab, subject.checkpoint)
     lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
     together: dict[str, list[Endpoint]] = {}
     for endpoint in endpoints(subject.stage, subject.lab):
@@ -97,27 +101,25 @@ def repeating_graphs(subject: StageSubject) -> set[str]:
     return {_graph_of(again) for again, _ in repeated_publishers(subject)}
 
 
-class TfView(Struct, frozen=True):
+class TfView(Struct, frozen=True, eq=False):
     """The transforms of a stage beside the roles of the nodes that publish them.
 
-    `role_specs` maps the path of a node to the spec of the role it plays. `hidden` are the frames
-    that only a missing asset could tell.
+    `children` are the edges by the frame that they place. `role_specs` maps the path of a node to
+    the spec of the role it plays. `hidden` are the frames that only a missing asset could tell.
     """
 
     subject: StageSubject
     edges: tuple[Edge, ...]
+    children: dict[str, list[Edge]]
     live_nodes: dict[str, Node]
     running: dict[str, Node]
     role_specs: dict[str, NodeSpec]
     hidden: tuple[UnresolvedFrames, ...] = ()
 
     @property
-    def children(self) -> dict[str, list[Edge]]:
-        """The edges by the frame that they place."""
-        children: dict[str, list[Edge]] = {}
-        for edge in self.edges:
-            children.setdefault(edge.child, []).append(edge)
-        return children
+    def stage(self) -> StageModel:
+        """The stage."""
+        return self.subject.stage
 
     @property
     def odom(self) -> str:
@@ -129,9 +131,13 @@ class TfView(Struct, frozen=True):
 def tf_view(subject: StageSubject) -> TfView:
     """Compute what the frame rules look at."""
     stage, lab = subject.stage, subject.lab
+    edges, children = published_edges(stage, lab), dict[str, list[Edge]]()
+    for edge in edges:
+        children.setdefault(edge.child, []).append(edge)
     return TfView(
         subject,
-        published_edges(stage, lab),
+        edges,
+        children,
         live_nodes(stage, lab),
         running_nodes(stage, lab),
         role_specs(subject),
@@ -196,12 +202,14 @@ class FrameSource(Struct, frozen=True):
     handout: str
 
 
-def frame_sources(view: TfView) -> Iterator[FrameSource]:
-    """Yield the nodes whose target prims must become frames, where their frames are sent at all.
+@once_per_stage
+def frame_sources(view: TfView) -> tuple[FrameSource, ...]:
+    """Return the nodes whose target prims must become frames, where their frames are sent at all.
 
     A node that is missing, does not run or whose frames nobody sends as they are is the business
     of other rules. One that computes nothing is not: then its targets are at fault.
     """
+    sources: list[FrameSource] = []
     sent = {edge.cause for edge in view.edges} | {hidden.cause for hidden in view.hidden}
     mangled = {edge.cause for edge in view.edges if is_altered_by_wires(edge, view)}
     for path, spec in view.role_specs.items():
@@ -213,7 +221,9 @@ def frame_sources(view: TfView) -> Iterator[FrameSource]:
         for target in spec.targets:
             if target.port in spec.frames_from:
                 homes = _homes(node, target, view)
-                yield FrameSource(node, target.port, target.prims, homes, target.handout)
+                source = FrameSource(node, target.port, target.prims, homes, target.handout)
+                sources.append(source)
+    return tuple(sources)
 
 
 def _homes(node: Node, target: Target, view: TfView) -> dict[str, str]:

@@ -184,10 +184,13 @@ class Pair(Struct, frozen=True):
     expanded: bool
 
 
+_NO_PORTS = TfPorts()
+
+
 def tf_ports(node: Node) -> TfPorts:
     """Return the ports of a node that carry frames; none for a node of another kind."""
     ports = None if node.type is None else node.type.tf
-    return TfPorts() if ports is None else ports
+    return _NO_PORTS if ports is None else ports
 
 
 def computes(node: Node) -> bool:
