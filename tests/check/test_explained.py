@@ -10,6 +10,7 @@ from pxr import Usd
 from sabotage import graph_faults
 from scene_sabotage import scene_sabotage
 
+from lab3_usd.check.checker import judge
 from lab3_usd.stage.read.opening import open_stage, quiet
 from lab3_usd.stage.read.reader import read_model
 
@@ -20,9 +21,9 @@ EVERY = 8  # of the faults of the graphs; all of them take half a minute
 
 def left_open(stage: Usd.Stage, checkpoint: str = "05") -> list[str]:
     lab = the_lab()
-    found = judged(stage, checkpoint)
     with quiet():
         model = read_model(stage, lab, "stage.usda")
+    found = judge(lab, lab.checkpoints[checkpoint], model)
     return unexplained(lab, model, found.requirements, found.findings)
 
 

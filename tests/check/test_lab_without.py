@@ -152,7 +152,7 @@ def test_its_stages_pass_and_nothing_is_said_of_what_it_lacks(
     found = json.loads(run(lab, "check", "--starter", built[0], "--format", "json", *built))
     assert {each["verdict"] for each in found["results"]} == {"pass"}
     assert {f["rule"] for each in found["results"] for f in each["findings"]} <= {"P09"}
-    assert run(lab, "check", "--format", "html", out).startswith("<!DOCTYPE html>")
+    assert run(lab, "check", "--format", "html", built[-1]).startswith("<!DOCTYPE html>")
     assert run(lab, "draw", built[-1], "--out", tmp_path / "pictures")
     played = json.loads(invoke("--lab", lab, "sim", built[-1], "--format", "json").stdout)
     bad = {check["name"] for check in played["checks"] if check["verdict"] == "bad"}

@@ -10,6 +10,7 @@ import pytest
 import quick_yaml
 from invoking import invoke
 from places import REPOSITORY, TESTS
+from workers_here import workers_here
 
 from lab3_usd.errors import SpecError
 from lab3_usd.grade.rubric import load_rubric
@@ -62,10 +63,11 @@ def test_one_file_renames_checkpoints_for_every_command(lab: str, tmp_path: Path
         shown = invoke("--lab", folder, "check", "--quiet", stage).output
         assert f"{stage}: checkpoint {names['id']}, pass, " in shown
     starter = next(ann / f"{name}.usda" for name in load_lab(folder).files.values())
-    graded = invoke(
-        *("--lab", folder, "grade", tmp_path / "class"),
-        *("--starter", starter, "-o", tmp_path / "book"),
-    )
+    with workers_here():
+        graded = invoke(
+            *("--lab", folder, "grade", tmp_path / "class"),
+            *("--starter", starter, "-o", tmp_path / "book"),
+        )
     assert graded.exit_code == 0, graded.output
     with (tmp_path / "book" / "grades.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)

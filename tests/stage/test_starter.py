@@ -56,7 +56,7 @@ def value(prim: Usd.Prim, name: str) -> Any:
 
 
 def hull(prim: Usd.Prim) -> list[Gf.Vec3d]:
-    """Points in the world whose hull is the shape; four for each degree of a rim."""
+    """Points in the world whose hull is the shape; one for each degree of a rim."""
     if prim.IsA(UsdGeom.Cube):
         half = value(prim, "size") / 2
         local = list(itertools.product((-half, half), repeat=3))
@@ -64,7 +64,7 @@ def hull(prim: Usd.Prim) -> list[Gf.Vec3d]:
         assert prim.IsA(UsdGeom.Cylinder)
         assert value(prim, "axis") == "Z"
         radius, half = value(prim, "radius"), value(prim, "height") / 2
-        angles = [math.radians(step / 4) for step in range(1440)]
+        angles = [math.radians(step) for step in range(360)]
         local = [
             (radius * math.cos(a), radius * math.sin(a), z) for a in angles for z in (-half, half)
         ]
