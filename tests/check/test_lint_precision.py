@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import pytest
 import quick_yaml
 from foreign_robots import add_api, connect, rover, write_node
 from layerings import copied
-from linting import linted, said_by
+from linting import broken_robot, linted, said_by
 from menu_graphs import MENUS, with_menus
 from places import REPOSITORY, TESTS
 from pxr import Sdf, Usd
@@ -263,3 +264,16 @@ def test_every_finding_of_a_real_stage_was_judged(shared: Path) -> None:
 def test_nothing_crashes_on_any_release() -> None:
     for release in load_isaac_types().known_releases:
         assert not linted(with_menus(*MENUS), release).crashes
+
+
+LEGAL: dict[str, Any] = quick_yaml.load((TESTS / "lint_legal.yaml").read_text())
+
+
+@pytest.mark.parametrize("name", LEGAL)
+def test_an_unusual_stage_that_works_has_no_error(name: str) -> None:
+    case = LEGAL[name] if isinstance(LEGAL[name], dict) else {"steps": LEGAL[name]}
+    assert said_by(broken_robot(case.get("robot", "rover"), case["steps"]), "error") == []
+
+
+def test_there_are_enough_unusual_stages() -> None:
+    assert len(LEGAL) >= 25
