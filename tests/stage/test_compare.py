@@ -204,203 +204,91 @@ def test_a_change_in_what_was_moved_elsewhere_is_found(
     assert [each.prim for each in found] == [WALL, "/World/Environment/Walls/West"]
 
 
-DIFFERENCES: list[tuple[str, Edit, str, str, str, bool]] = [
-    ("mass", put(BASE, "physics:mass", 0.825735 * 1.002), BASE, "physics", "physics:mass", True),
-    (
-        "stiffness",
-        put(JOINT, "drive:angular:physics:stiffness", 1.0),
-        JOINT,
-        "physics",
-        "drive:angular:physics:stiffness",
-        True,
-    ),
-    (
-        "limits of the solver",
-        put(f"{ROBOT}/base_footprint", "physxArticulation:solverPositionIterationCount", 1),
-        f"{ROBOT}/base_footprint",
-        "physics",
-        "physxArticulation:solverPositionIterationCount",
-        True,
-    ),
-    (
-        "size of a shape",
-        put("/Environment/Furniture/PillarA", "radius", 0.5),
-        "/Environment/Furniture/PillarA",
-        "physics",
-        "radius",
-        True,
-    ),
-    (
-        "corner",
-        lambda s: put(
-            "/Environment/Walls/Corner",
-            "points",
-            s.GetPrimAtPath("/Environment/GroundPlane/Floor").GetAttribute("points").Get(),
-        )(s),
-        "/Environment/Walls/Corner",
-        "physics",
-        "points",
-        True,
-    ),
-    (
-        "floor that is only seen",
-        put("/Environment/GroundPlane/Floor", "points", Vt.Vec3fArray([(0, 0, 0)] * 4)),
-        "/Environment/GroundPlane/Floor",
-        "look",
-        "points",
-        False,
-    ),
-    (
-        "wall 2 mm",
-        put(WALL, "xformOp:translate", Gf.Vec3d(2.427, 0.75, 0.25)),
-        WALL,
-        "place",
-        "xformOp:translate",
-        True,
-    ),
-    (
-        "wall longer",
-        put(WALL, "xformOp:scale", Gf.Vec3d(0.15, 7.8, 0.5)),
-        WALL,
-        "place",
-        "xformOp:scale",
-        True,
-    ),
-    (
-        "crate turned",
-        put("/Environment/Furniture/CrateA", "xformOp:orient", Gf.Quatd(1)),
-        "/Environment/Furniture/CrateA",
-        "place",
-        "xformOp:orient",
-        True,
-    ),
-    (
-        "light turned",
-        put("/Environment/Lights/Sun", "xformOp:orient", Gf.Quatd(1)),
-        "/Environment/Lights/Sun",
-        "place",
-        "xformOp:orient",
-        False,
-    ),
-    (
-        "sun",
-        put("/Environment/Lights/Sun", "inputs:angle", 5.0),
-        "/Environment/Lights/Sun",
-        "look",
-        "inputs:angle",
-        False,
-    ),
-    (
-        "lens",
-        put("/World/ObservationCamera", "focalLength", 50.0),
-        "/World/ObservationCamera",
-        "look",
-        "focalLength",
-        False,
-    ),
-    (
-        "friction's material",
-        lambda s: (
-            s.GetPrimAtPath("/Environment/GroundPlane/CollisionPlane")
-            .GetRelationship("material:binding:physics")
-            .SetTargets(["/Environment/PhysicsMaterials/Ball"])
-        ),
-        "/Environment/GroundPlane/CollisionPlane",
-        "physics",
-        "material:binding:physics",
-        True,
-    ),
-    (
-        "body of a joint",
-        lambda s: (
-            s.GetPrimAtPath(JOINT)
-            .GetRelationship("physics:body1")
-            .SetTargets([f"{ROBOT}/wheel_right_link"])
-        ),
-        JOINT,
-        "physics",
-        "physics:body1",
-        True,
-    ),
-    (
-        "body of no joint",
-        lambda s: s.GetPrimAtPath(JOINT).RemoveProperty("physics:body0"),
-        JOINT,
-        "physics",
-        "physics:body0",
-        True,
-    ),
-    (
-        "value taken back",
-        lambda s: s.GetPrimAtPath(JOINT).RemoveProperty("drive:angular:physics:damping"),
-        JOINT,
-        "physics",
-        "drive:angular:physics:damping",
-        True,
-    ),
-    (
-        "default overruled",
-        lambda s: UsdPhysics.CollisionAPI(s.GetPrimAtPath(WALL)).CreateCollisionEnabledAttr(False),  # noqa: FBT003 - pxr takes no keyword
-        WALL,
-        "physics",
-        "physics:collisionEnabled",
-        True,
-    ),
-    (
-        "unseen",
-        lambda s: UsdGeom.Imageable(s.GetPrimAtPath(WALL)).MakeInvisible(),
-        WALL,
-        "look",
-        "visibility",
-        False,
-    ),
-    (
-        "type",
-        lambda s: s.GetPrimAtPath(JOINT).SetTypeName("PhysicsFixedJoint"),
-        JOINT,
-        "type",
-        "",
-        True,
-    ),
-    (
-        "collision",
-        lambda s: s.GetPrimAtPath(WALL).RemoveAppliedSchema("PhysicsCollisionAPI"),
-        WALL,
-        "schema",
-        "",
-        True,
-    ),
-    (
-        "robot's schema",
-        lambda s: s.GetPrimAtPath(ROBOT).RemoveAppliedSchema("IsaacRobotAPI"),
-        ROBOT,
-        "schema",
-        "",
-        False,
-    ),
-]
+ROOM = "/Environment"
+CRATE, PILLAR = f"{ROOM}/Furniture/CrateA", f"{ROOM}/Furniture/PillarA"
+CORNER, FLOOR, SUN = f"{ROOM}/Walls/Corner", f"{ROOM}/GroundPlane/Floor", f"{ROOM}/Lights/Sun"
+GROUND, CAMERA = f"{ROOM}/GroundPlane/CollisionPlane", "/World/ObservationCamera"
+FOOT = f"{ROBOT}/base_footprint"
 
 
-@pytest.mark.parametrize(
-    ("edit", "prim", "kind", "name", "physics"),
-    [each[1:] for each in DIFFERENCES],
-    ids=[each[0] for each in DIFFERENCES],
-)
-def test_a_change_is_found(
-    starter: Usd.Stage,
-    stage: Usd.Stage,
-    edit: Edit,
-    prim: str,
-    kind: str,
-    name: str,
-    *,
-    physics: bool,
-) -> None:
+def on(prim: str, edit: Callable[[Usd.Prim], object]) -> Edit:
+    return lambda stage: edit(stage.GetPrimAtPath(prim))
+
+
+def aim(prim: str, name: str, target: str) -> Edit:
+    return on(prim, lambda found: found.GetRelationship(name).SetTargets([target]))
+
+
+def without(prim: str, name: str) -> Edit:
+    return on(prim, lambda found: found.RemoveProperty(name))
+
+
+def move_corner(stage: Usd.Stage) -> None:
+    points = stage.GetPrimAtPath(FLOOR).GetAttribute("points").Get()
+    put(CORNER, "points", points)(stage)
+
+
+def pass_through(wall: Usd.Prim) -> None:
+    UsdPhysics.CollisionAPI(wall).CreateCollisionEnabledAttr(False)  # noqa: FBT003 - pxr
+
+
+STIFF, DAMPING = "drive:angular:physics:stiffness", "drive:angular:physics:damping"
+SOLVER, BINDING = "physxArticulation:solverPositionIterationCount", "material:binding:physics"
+PLACE, TURN, SIZE = "xformOp:translate", "xformOp:orient", "xformOp:scale"
+# What differs: its kind, the prim and the property.
+DIFFERENCES: dict[str, tuple[Edit, tuple[str, str, str]]] = {
+    "mass": (put(BASE, "physics:mass", 0.825735 * 1.002), ("physics", BASE, "physics:mass")),
+    "stiffness": (put(JOINT, STIFF, 1.0), ("physics", JOINT, STIFF)),
+    "limits of the solver": (put(FOOT, SOLVER, 1), ("physics", FOOT, SOLVER)),
+    "size of a shape": (put(PILLAR, "radius", 0.5), ("physics", PILLAR, "radius")),
+    "corner": (move_corner, ("physics", CORNER, "points")),
+    "wall 2 mm": (put(WALL, PLACE, Gf.Vec3d(2.427, 0.75, 0.25)), ("place", WALL, PLACE)),
+    "wall longer": (put(WALL, SIZE, Gf.Vec3d(0.15, 7.8, 0.5)), ("place", WALL, SIZE)),
+    "crate turned": (put(CRATE, TURN, Gf.Quatd(1)), ("place", CRATE, TURN)),
+    "friction's material": (
+        aim(GROUND, BINDING, f"{ROOM}/PhysicsMaterials/Ball"),
+        ("physics", GROUND, BINDING),
+    ),
+    "body of a joint": (
+        aim(JOINT, "physics:body1", f"{ROBOT}/wheel_right_link"),
+        ("physics", JOINT, "physics:body1"),
+    ),
+    "body of no joint": (without(JOINT, "physics:body0"), ("physics", JOINT, "physics:body0")),
+    "value taken back": (without(JOINT, DAMPING), ("physics", JOINT, DAMPING)),
+    "default overruled": (on(WALL, pass_through), ("physics", WALL, "physics:collisionEnabled")),
+    "type": (on(JOINT, lambda prim: prim.SetTypeName("PhysicsFixedJoint")), ("type", JOINT, "")),
+    "collision": (
+        on(WALL, lambda prim: prim.RemoveAppliedSchema("PhysicsCollisionAPI")),
+        ("schema", WALL, ""),
+    ),
+}
+ONLY_SEEN: dict[str, tuple[Edit, tuple[str, str, str]]] = {
+    "floor that is only seen": (
+        put(FLOOR, "points", Vt.Vec3fArray([(0, 0, 0)] * 4)),
+        ("look", FLOOR, "points"),
+    ),
+    "light turned": (put(SUN, TURN, Gf.Quatd(1)), ("place", SUN, TURN)),
+    "sun": (put(SUN, "inputs:angle", 5.0), ("look", SUN, "inputs:angle")),
+    "lens": (put(CAMERA, "focalLength", 50.0), ("look", CAMERA, "focalLength")),
+    "unseen": (
+        on(WALL, lambda prim: UsdGeom.Imageable(prim).MakeInvisible()),
+        ("look", WALL, "visibility"),
+    ),
+    "robot's schema": (
+        on(ROBOT, lambda prim: prim.RemoveAppliedSchema("IsaacRobotAPI")),
+        ("schema", ROBOT, ""),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", [*DIFFERENCES, *ONLY_SEEN])
+def test_a_change_is_found(starter: Usd.Stage, stage: Usd.Stage, name: str) -> None:
+    edit, site = (DIFFERENCES | ONLY_SEEN)[name]
     edit(stage)
-    found = compared(starter, stage)
-    assert only(found).prim == prim
-    assert (difference(found).kind, difference(found).property) == (kind, name)
-    assert difference(found).physics == physics
+    change = only(compared(starter, stage))
+    (found,) = change.differences
+    assert (found.kind, change.prim, found.property) == site
+    assert found.physics is (name in DIFFERENCES)
 
 
 def test_several_differences_of_one_prim_are_one_change(

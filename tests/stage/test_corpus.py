@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -26,9 +27,14 @@ def name_of(path: Path) -> str:
     return path.name.rpartition("__")[2]
 
 
+@cache
+def checked(path: Path) -> StageResult:
+    return check_stage(path, "05")
+
+
 def one(name: str) -> StageResult:
     (path,) = [path for path in FILES if path.name.endswith(name)]
-    return check_stage(path, "05")
+    return checked(path)
 
 
 def said(result: StageResult, rule: str) -> list[tuple[str, str | None]]:
@@ -37,7 +43,7 @@ def said(result: StageResult, rule: str) -> list[tuple[str, str | None]]:
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_every_file_gets_a_clear_answer(path: Path) -> None:
-    result = check_stage(path, "05")
+    result = checked(path)
     assert result.verdict == "fail"
     assert result.crashes == ()
     assert result.findings
@@ -51,7 +57,7 @@ def test_every_file_gets_a_clear_answer(path: Path) -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_findings_are_of_known_rules_and_said_once(path: Path) -> None:
-    findings = check_stage(path, "05").findings
+    findings = checked(path).findings
     assert {finding.rule for finding in findings} <= set(all_rules())
     said_once = [
         (finding.rule, finding.prim, finding.property, finding.message) for finding in findings
@@ -61,9 +67,7 @@ def test_findings_are_of_known_rules_and_said_once(path: Path) -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_a_node_has_one_story(path: Path) -> None:
-    findings = [
-        finding for finding in check_stage(path, "05").findings if finding.severity != "note"
-    ]
+    findings = [finding for finding in checked(path).findings if finding.severity != "note"]
     deleted = {
         finding.prim for finding in findings if finding.rule in {"N02", "N03", "N07", "N08", "N09"}
     }
@@ -78,7 +82,7 @@ def test_a_node_has_one_story(path: Path) -> None:
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_a_finding_in_a_text_file_has_its_line_where_its_prim_is_written(path: Path) -> None:
     stage = open_stage(path)
-    for finding in check_stage(path, "05").findings:
+    for finding in checked(path).findings:
         prim = stage.GetPrimAtPath(finding.prim)
         if prim and prim.GetPrimStack() and finding.prim != "/":
             layers = {Path(spec.layer.realPath).name for spec in prim.GetPrimStack()}
@@ -87,7 +91,7 @@ def test_a_finding_in_a_text_file_has_its_line_where_its_prim_is_written(path: P
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_a_missing_asset_is_a_note_and_a_missing_sublayer_an_error(path: Path) -> None:
-    result = check_stage(path, "05")
+    result = checked(path)
     assert {finding.severity for finding in result.findings if finding.rule == "F02"} <= {"note"}
     stage = open_stage(path)
     layers = list(stage.GetRootLayer().subLayerPaths)
