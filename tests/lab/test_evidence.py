@@ -104,6 +104,18 @@ def test_typed_commands_are_recognised(line: str, kind: str, target: str) -> Non
         "ros2 topic echo /odom --csv",
         "ros2 topic echo /scan --no-str",
         "ros2 topic hz /scan --filter 'm.range_max > 1'",
+        # in a sentence
+        "We ran `ros2 topic hz /scan` and saw the rate.",
+        "- `ros2 topic hz /scan` measures the rate",
+        "The command `ros2 topic hz /scan`",
+        "Then ros2 topic hz /scan tells the rate",
+        "ros2 topic hz /scan tells the rate of the scan",
+        "ros2 topic list shows every topic",
+        "To measure the rate of the lidar one types: ros2 topic hz /scan",
+        "sudo is not needed for ros2 topic hz /scan",
+        "| J4 | `ros2 topic hz /scan` | 10 Hz |",
+        "`ros2 topic hz /scan` and `ros2 topic hz /odom`",
+        "ros2 is installed",
     ],
 )
 def test_other_commands_are_not(line: str) -> None:
@@ -132,26 +144,6 @@ def test_what_is_redirected_joined_or_filtered_is_not_shown(line: str) -> None:
     typed = read_command(line)
     assert typed is not None
     assert not typed.shown
-    assert understood(line) is None
-
-
-@pytest.mark.parametrize(
-    "line",
-    [
-        "We ran `ros2 topic hz /scan` and saw the rate.",
-        "- `ros2 topic hz /scan` measures the rate",
-        "The command `ros2 topic hz /scan`",
-        "Then ros2 topic hz /scan tells the rate",
-        "ros2 topic hz /scan tells the rate of the scan",
-        "ros2 topic list shows every topic",
-        "To measure the rate of the lidar one types: ros2 topic hz /scan",
-        "sudo is not needed for ros2 topic hz /scan",
-        "| J4 | `ros2 topic hz /scan` | 10 Hz |",
-        "`ros2 topic hz /scan` and `ros2 topic hz /odom`",
-        "ros2 is installed",
-    ],
-)
-def test_a_command_in_a_sentence_is_none(line: str) -> None:
     assert understood(line) is None
 
 
@@ -433,17 +425,21 @@ def test_a_value_that_is_no_yaml_is_text() -> None:
     assert message == {"header.frame_id": "'map", "width": 177}
 
 
-def test_lists_in_lists_are_left_out() -> None:
-    assert parse_messages("a: [[1], {b: 2}]\n") == [{"a.1.b": 2}]
-
-
-def test_a_message_nested_without_end_ends() -> None:
-    assert parse_messages("a: &a {b: *a, frame_id: map}\n") == [{"a.frame_id": "map"}]
-
-
 @pytest.mark.parametrize("text", ["[" * 100_000, "{a: " * 50_000, "- " * 50_000])
 def test_a_message_nested_too_deep_shows_nothing(text: str) -> None:
     assert parse_messages(text) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "messages"),
+    [
+        ("a: [[1], {b: 2}]\n", [{"a.1.b": 2}]),  # a list in a list
+        ("a: &a {b: *a, frame_id: map}\n", [{"a.frame_id": "map"}]),  # nested without end
+        ("WARNING: topic [/scan] does not appear to be published yet\n", []),
+    ],
+)
+def test_odd_messages_are_read(text: str, messages: list[dict[str, object]]) -> None:
+    assert parse_messages(text) == messages
 
 
 def test_aliases_do_not_multiply() -> None:
@@ -451,11 +447,6 @@ def test_aliases_do_not_multiply() -> None:
     lines += [f"a{n}: &a{n} {{p: *a{n - 1}, q: *a{n - 1}}}" for n in range(1, 60)]
     (message,) = parse_messages("\n".join(lines))
     assert message == {"a0.x": 1}
-
-
-def test_no_message_is_none() -> None:
-    text = "WARNING: topic [/scan] does not appear to be published yet\n"
-    assert parse_messages(text) == []
 
 
 def test_publishers_and_subscriptions_are_told_apart() -> None:
@@ -477,13 +468,7 @@ def test_policies_are_read() -> None:
 def test_publishers_are_counted_without_verbose() -> None:
     text = "Type: nav_msgs/msg/Odometry\nPublisher count: 2\nSubscription count: 1\n"
     assert [endpoint.publishes for endpoint in parse_endpoints(text) or ()] == [True, True]
-
-
-def test_an_unknown_topic_has_no_endpoint() -> None:
     assert parse_endpoints("Unknown topic '/odom'\n") == ()
-
-
-def test_a_text_about_no_topic_has_no_endpoints_to_count() -> None:
     assert parse_endpoints("see the screenshot\n") is None
 
 
@@ -502,12 +487,16 @@ def test_states_are_read(text: str, state: str | None) -> None:
     assert parse_state(text) == (state.strip() if state else None)
 
 
-def test_a_transform_is_read() -> None:
-    assert parse_lookup(LOOKUP) == Lookup(found=True, translation=(0.25, 0.001, 0.0))
-
-
-def test_a_transform_that_was_cut_is_found() -> None:
-    assert parse_lookup("- Translation: [0.2, 0.0]\n") == Lookup(found=True)
+@pytest.mark.parametrize(
+    ("text", "lookup"),
+    [
+        (LOOKUP, Lookup(found=True, translation=(0.25, 0.001, 0.0))),
+        ("- Translation: [0.2, 0.0]\n", Lookup(found=True)),  # cut
+        (NO_LOOKUP, Lookup(found=False)),
+    ],
+)
+def test_a_transform_is_read(text: str, lookup: Lookup) -> None:
+    assert parse_lookup(text) == lookup
 
 
 def test_a_transform_of_words_is_found() -> None:
@@ -515,10 +504,6 @@ def test_a_transform_of_words_is_found() -> None:
     assert found is not None
     assert found.translation is not None
     assert all(math.isnan(number) for number in found.translation)
-
-
-def test_a_transform_that_never_came_is_not_found() -> None:
-    assert parse_lookup(NO_LOOKUP) == Lookup(found=False)
 
 
 @pytest.mark.parametrize(
@@ -555,27 +540,22 @@ def test_goals_are_read(tmp_path: Path, text: str, goal: GoalRun) -> None:
     assert only(read(tmp_path, nav2__txt=text).goals) == goal
 
 
-def test_an_empty_list_of_goals_is_no_goal(tmp_path: Path) -> None:
-    name = "topic_echo_navigate_to_pose_action_status__txt"
-    assert read(tmp_path, **{name: "status_list: []\n---\n"}).goals == {}
+GOALS = "topic_echo_navigate_to_pose_action_status__txt"
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["At first Nav2 said Goal failed, then it worked.\n", "- Goal failed: what it means\n",
-     "RViz says: Goal finished with status: ABORTED when it fails\n"],
-)  # fmt: skip
-def test_a_goal_in_a_sentence_is_none(tmp_path: Path, text: str) -> None:
-    assert read(tmp_path, notes__md=text).goals == {}
-
-
-def test_a_status_that_nobody_knows_is_no_goal(tmp_path: Path) -> None:
-    assert read(tmp_path, nav2__txt="Goal finished with status: LOST\n").goals == {}
-
-
-def test_a_status_that_is_no_number_is_no_goal(tmp_path: Path) -> None:
-    name = "topic_echo_navigate_to_pose_action_status__txt"
-    assert read(tmp_path, **{name: "status_list:\n- status: fine\n---\n"}).goals == {}
+    ("name", "text"),
+    [
+        (GOALS, "status_list: []\n---\n"),
+        (GOALS, "status_list:\n- status: fine\n---\n"),
+        ("nav2__txt", "Goal finished with status: LOST\n"),
+        ("notes__md", "At first Nav2 said Goal failed, then it worked.\n"),
+        ("notes__md", "- Goal failed: what it means\n"),
+        ("notes__md", "RViz says: Goal finished with status: ABORTED when it fails\n"),
+    ],
+)
+def test_what_tells_of_no_goal_is_none(tmp_path: Path, name: str, text: str) -> None:
+    assert read(tmp_path, **{name: text}).goals == {}
 
 
 def test_packages_are_read(tmp_path: Path) -> None:
