@@ -42,16 +42,14 @@ OTHER: list[tuple[Value | None, Value | None]] = [
 ]
 
 
-@pytest.mark.parametrize(("one", "other"), SAME)
-def test_values_are_the_same_up_to_noise(one: Value, other: Value) -> None:
-    assert same_value(one, other)
-    assert same_value(other, one)
-
-
-@pytest.mark.parametrize(("one", "other"), OTHER)
-def test_other_values_are_not(one: Value | None, other: Value | None) -> None:
-    assert not same_value(one, other)
-    assert not same_value(other, one)
+@pytest.mark.parametrize(
+    ("one", "other", "same"), [(*pair, True) for pair in SAME] + [(*pair, False) for pair in OTHER]
+)
+def test_values_are_the_same_up_to_noise(
+    one: Value | None, other: Value | None, *, same: bool
+) -> None:
+    assert same_value(one, other) is same
+    assert same_value(other, one) is same
 
 
 CLOCK = "isaacsim.ros2.bridge.ROS2PublishClock"

@@ -120,52 +120,45 @@ def port(ogn_type: str) -> Port:
     return Port("inputs:x", ogn_type, "")
 
 
-@pytest.mark.parametrize(
-    ("source", "target"),
-    [
-        ("execution", "execution"),
-        ("double", "double"),
-        ("float", "double"),
-        ("uint64", "double"),
-        ("int", "bool"),
-        ("float[3]", "double[3]"),
-        ("int[]", "double[]"),
-        ("string", "token"),
-        ("token", "string"),
-        ("token[]", "token[]"),
-        ("union", "double"),
-        ("vectord[3]", "union"),
-        ("any", "token[]"),
-    ],
-)
-def test_can_be_wired(source: str, target: str) -> None:
-    assert can_connect(port(source), port(target))
+WIRED = [
+    ("execution", "execution"),
+    ("double", "double"),
+    ("float", "double"),
+    ("uint64", "double"),
+    ("int", "bool"),
+    ("float[3]", "double[3]"),
+    ("int[]", "double[]"),
+    ("string", "token"),
+    ("token", "string"),
+    ("token[]", "token[]"),
+    ("union", "double"),
+    ("vectord[3]", "union"),
+    ("any", "token[]"),
+]
+NEVER_WIRED = [
+    ("execution", "uint"),
+    ("uint", "execution"),
+    ("execution", "union"),
+    ("union", "execution"),
+    ("target", "target"),
+    ("token", "target"),
+    ("target", "token"),
+    ("union", "target"),
+    ("double", "string"),
+    ("token", "double"),
+    ("token[]", "token"),
+    ("token", "token[]"),
+    ("double", "double[3]"),
+    ("double[3]", "double[4]"),
+    ("double[3][]", "double[4][]"),
+    ("vectord[3]", "quatd[4]"),
+    ("double[]", "double[3][]"),
+]
 
 
-@pytest.mark.parametrize(
-    ("source", "target"),
-    [
-        ("execution", "uint"),
-        ("uint", "execution"),
-        ("execution", "union"),
-        ("union", "execution"),
-        ("target", "target"),
-        ("token", "target"),
-        ("target", "token"),
-        ("union", "target"),
-        ("double", "string"),
-        ("token", "double"),
-        ("token[]", "token"),
-        ("token", "token[]"),
-        ("double", "double[3]"),
-        ("double[3]", "double[4]"),
-        ("double[3][]", "double[4][]"),
-        ("vectord[3]", "quatd[4]"),
-        ("double[]", "double[3][]"),
-    ],
-)
-def test_cannot_be_wired(source: str, target: str) -> None:
-    assert not can_connect(port(source), port(target))
+@pytest.mark.parametrize(("source", "target"), WIRED + NEVER_WIRED)
+def test_only_what_fits_can_be_wired(source: str, target: str) -> None:
+    assert can_connect(port(source), port(target)) is ((source, target) in WIRED)
 
 
 def test_every_data_port_can_be_wired_to_its_own_kind_and_no_relationship_can() -> None:
