@@ -198,10 +198,7 @@ def test_a_problem_takes_severity_and_hint_from_its_rule() -> None:
     own = Problem("/World/a", "what is wrong", severity="error", hint="do this")
     finding = finding_of(found, own, None)
     assert (finding.severity, finding.hint) == ("error", "do this")
-
-
-def test_a_problem_without_a_prim_is_at_the_root() -> None:
-    assert finding_of(all_rules()["N01"], Problem("", "what is wrong"), None).prim == "/"
+    assert finding_of(found, Problem("", "what is wrong"), None).prim == "/"
 
 
 def test_findings_are_sorted_by_place_and_rule() -> None:

@@ -272,16 +272,12 @@ def test_no_two_nodes_lie_on_each_other(graph: Graph, stages: list[Usd.Stage]) -
 
 @pytest.mark.parametrize(("number", "sensor"), SENSED)
 class TestSensor:
-    def test_type(self, number: int, sensor: Sensor, stages: list[Usd.Stage]) -> None:
-        prim = stages[number].GetPrimAtPath(sensor.path)
-        assert prim.IsActive()
-        assert prim.IsDefined()
-        assert prim.GetTypeName() == sensor.type
-
-    def test_figures_are_authored(
+    def test_type_and_figures_are_authored(
         self, number: int, sensor: Sensor, stages: list[Usd.Stage]
     ) -> None:
         prim = stages[number].GetPrimAtPath(sensor.path)
+        assert (prim.IsActive(), prim.IsDefined()) == (True, True)
+        assert prim.GetTypeName() == sensor.type
         for name, value in sensor.values.items():
             attribute = prim.GetAttribute(name)
             assert attribute.HasAuthoredValue()

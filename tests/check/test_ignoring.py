@@ -76,7 +76,12 @@ def put_comment(path: Path, comment: str, *, above: bool = False) -> int:
 @pytest.mark.parametrize("where", ["above", "behind"])
 @pytest.mark.parametrize(
     "comment",
-    ["# lab3: ignore[P01] our robot has larger wheels", "#lab3:ignore[p01]", "# lab3: ignore[P]"],
+    [
+        "# lab3: ignore[P01] our robot has larger wheels",
+        "# lab3: ignore[wrong-value] our robot has larger wheels",
+        "#lab3:ignore[p01]",
+        "# lab3: ignore[P]",
+    ],
 )
 def test_a_comment_ignores_a_rule_at_its_line_or_the_next(
     wrong: Path, comment: str, where: str
@@ -89,11 +94,6 @@ def test_a_comment_ignores_a_rule_at_its_line_or_the_next(
 def test_what_ends_no_line_moves_no_note(wrong: Path, letter: str) -> None:
     put_comment(wrong, "# lab3: ignore[P01]")
     wrong.write_text(wrong.read_text().replace("\n", f"  # a{letter}b\n", 1))
-    assert told(wrong) == [W01]
-
-
-def test_a_comment_may_name_a_rule_by_its_name(wrong: Path) -> None:
-    put_comment(wrong, "# lab3: ignore[wrong-value] our robot has larger wheels")
     assert told(wrong) == [W01]
 
 

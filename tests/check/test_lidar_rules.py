@@ -285,10 +285,15 @@ def test_another_scan_than_the_whole_circle_is_a_warning(change: Change, name: s
     assert (found.prim, found.property) == (LIDAR, name)
 
 
-@pytest.mark.parametrize("place", [(0, 0, 0), (1.768, 0, 0.182)])
-def test_a_lidar_that_stays_behind_is_one_fault(place: tuple[float, float, float]) -> None:
-    (found,) = found_after("03", put(LIDAR, TRANSLATE, Gf.Vec3d(place)), detach(LIDAR))
-    assert (found.rule, found.severity, found.property) == ("L04", "error", "xformOpOrder")
+@pytest.mark.parametrize(
+    ("sensor", "rule", "place"),
+    [(LIDAR, "L04", (1.768, 0, 0.182)), (CAMERA, "C04", (1.9, 0, 0.2))],
+)
+def test_a_sensor_that_stays_behind_in_its_place_is_one_fault(
+    sensor: str, rule: str, place: tuple[float, float, float]
+) -> None:
+    (found,) = found_after("05", put(sensor, TRANSLATE, Gf.Vec3d(place)), detach(sensor))
+    assert (found.rule, found.severity, found.property) == (rule, "error", "xformOpOrder")
 
 
 def test_a_link_that_leaves_out_its_parents_moves_all_the_same() -> None:
