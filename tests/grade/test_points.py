@@ -12,7 +12,7 @@ from fault_chains import drops, facts_in, grade_with, rubric, stage_with
 from grade_files import LAB, built, stage, starter
 from msgspec.structs import replace
 from pxr import Usd
-from scene_changes import ROBOT, put
+from scene_changes import ROBOT, Change, author, deactivate, put, retype
 
 from lab3_usd.grade import dry_runs
 from lab3_usd.grade.dry_runs import with_dry_runs
@@ -203,6 +203,25 @@ def test_a_size_that_the_robot_drives_otherwise_with_takes_the_drive(
 
 def test_the_nearest_float_is_the_size_itself() -> None:
     assert drive_with(wheelRadius=0.02500000037) == 15
+
+
+SCAN_JOINT = f"{ROBOT}/joints/scan_joint"
+
+
+@pytest.mark.parametrize(
+    "hides",
+    [
+        author(SCAN_JOINT, "physics:jointEnabled", "Bool", value=False),
+        deactivate(SCAN_JOINT),
+        retype(SCAN_JOINT, "PhysicsRevoluteJoint"),
+    ],
+)
+def test_a_joint_that_no_longer_holds_the_lidar_elsewhere_gives_nothing_back(hides: Change) -> None:
+    one = grade_with(stage_with("02", MADE["scene lidar link held elsewhere"]), "02")
+    second = Mistake("no longer held", (hides,))
+    both = grade_with(stage_with("02", MADE["scene lidar link held elsewhere"], second), "02")
+    alone = grade_with(stage_with("02", second), "02")
+    assert both.earned <= one.earned < alone.earned
 
 
 def test_a_namespace_on_the_robot_takes_every_item_whose_topics_it_moves() -> None:

@@ -15,6 +15,7 @@ from lab3_usd.model.physics import (
     FIXED,
     bodies,
     collides,
+    is_joint_type,
     joints,
     numbers,
     vector,
@@ -150,12 +151,40 @@ def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
             for side, far in ((0, 1), (1, 0)):
                 if ends[side] not in placed or not ends[far] or ends[far] in placed:
                     continue
-                undone = inverse(_joint_frame(weld, far))
-                if undone:
-                    seen = multiply(undone, _joint_frame(weld, side))
+                seen = _seen_over(weld, far)
+                if seen is not None:
                     placed[ends[far]] = multiply(seen, placed[ends[side]])
                     is_growing = True
     return placed
+
+
+def _seen_over(joint: Prim, far: int) -> Matrix | None:
+    """Return where one body of a joint stands as seen from the other."""
+    undone = inverse(_joint_frame(joint, far))
+    return multiply(undone, _joint_frame(joint, 1 - far)) if undone else None
+
+
+def holder_of(subject: StageSubject, link: str) -> Prim | None:
+    """Return the joint that holds a link, else one that would: it is off, or lets the link move."""
+    stage = subject.stage
+    named = [joint for joint in stage.of_type(is_joint_type) if link in bodies(joint)]
+    weld = next((joint for joint in named if joint in welds(subject)), None)
+    if weld is not None or any(stage.unknown_value(joint, *_FRAMES) for joint in named):
+        return weld
+    return next(iter(named), None)
+
+
+def held_at(subject: StageSubject, joint: Prim, link: str) -> Matrix | None:
+    """Return where a joint has a link at rest, be it off, or movable; None where it has no place.
+
+    What it hangs on is tied to the base by fixed joints.
+    """
+    placed, ends = rest_frames(subject), bodies(joint)
+    if link in placed:
+        return placed[link]
+    far = ends.index(link)
+    seen = _seen_over(joint, far)
+    return multiply(seen, placed[ends[1 - far]]) if seen and ends[1 - far] in placed else None
 
 
 @once_per_stage

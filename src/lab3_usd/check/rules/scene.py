@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import SCENE, Demand, rule
-from lab3_usd.check.robot.axles import rest_frames, welds
+from lab3_usd.check.robot.axles import held_at, holder_of, rest_frames
 from lab3_usd.check.robot.location import same_named_prims
 from lab3_usd.check.robot.poses import (
     is_near,
@@ -283,13 +283,14 @@ def _link_places(subject: StageSubject, link: Prim) -> Iterator[_LinkPlace]:
         at = decompose(seen).translation
         unknown = subject.stage.unknown_pose(link)
         yield _LinkPlace(link.path, translate, at, "sits", hint, "offset", unknown)
-    joint = next((weld for weld in welds(subject) if link.path in bodies(weld)), None)
-    rest = rest_frames(subject).get(link.path)
+    joint = holder_of(subject, link.path)
+    rest = held_at(subject, joint, link.path) if joint is not None else None
     if joint is not None and rest is not None and base is not None and base.offset is None:
         side = 1 - bodies(joint).index(link.path)
         hint = f"restore the local positions of {joint.name}, so that it holds {link.name} at"
         at = decompose(rest).translation
-        yield _LinkPlace(joint.path, f"physics:localPos{side}", at, "is held", hint, "joined")
+        how = "is held" if link.path in rest_frames(subject) else "would be held"
+        yield _LinkPlace(joint.path, f"physics:localPos{side}", at, how, hint, "joined")
 
 
 _OPERATION, _ORDER = "xformOp:", "xformOpOrder"
