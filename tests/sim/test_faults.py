@@ -41,6 +41,11 @@ def test_each_kind_is_explained_by_a_rule() -> None:
     assert set(EXPLAINED_BY.values()) <= set(all_rules())
 
 
+def test_what_it_does_wrong_again_has_the_rule_of_the_first_time() -> None:
+    found = faults("wrong-distance")
+    assert {EXPLAINED_BY[fault.kind] for check, fault in found if check == "again"} == {"P01"}
+
+
 def test_the_dry_run_knows_no_rule() -> None:
     words = {word for text in sources() for word in re.findall(r"\w+", text)}
     assert words & {*all_rules(), *EXPLAINED_BY.values()} == set()

@@ -194,17 +194,6 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
         "follows",
     ),
     "wrong-speed-limit": (value(f"{DIFFERENTIAL}.inputs:maxLinearSpeed", 2.0), "limits"),
-    "no-drive-after-restart": (
-        steps(
-            {
-                "connect": [
-                    f"{DIFFERENTIAL}.inputs:linearVelocity",
-                    "ROS_Drive/break_linear_velocity.outputs:y",
-                ]
-            }
-        ),
-        "again",
-    ),
     "wrong-odometry-frame": (value(f"{ODOMETRY}.inputs:chassisFrameId", "base_link"), "odometry"),
     "wrong-odometry-pose": (cut(f"{ODOMETRY}.inputs:position"), "odometry"),
     "wrong-odometry-velocity": (cut(f"{ODOMETRY}.inputs:linearVelocity"), "odometry"),

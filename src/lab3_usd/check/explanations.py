@@ -60,7 +60,6 @@ EXPLAINED_BY: Mapping[FaultKind, str] = {
     "sideways-drift": "S09",
     "turn-off-centre": "S09",
     "wrong-speed-limit": "P01",
-    "no-drive-after-restart": "P02",
     # odometry and time
     "wrong-odometry-frame": "P02",
     "wrong-odometry-pose": "W02",

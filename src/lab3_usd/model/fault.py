@@ -22,7 +22,7 @@ FaultKind = Literal[
     # motion
     "moves-uncommanded", "moves-sideways", "does-not-stop", "does-not-move", "wall-ahead",
     "wrong-distance", "wrong-turn", "wrong-arc", "sideways-drift", "turn-off-centre",
-    "wrong-speed-limit", "no-drive-after-restart",
+    "wrong-speed-limit",
     # odometry and time
     "wrong-odometry-frame", "wrong-odometry-pose", "wrong-odometry-velocity", "clock-jumps-back",
     "wrong-clock-rate", "stopped-clock", "wrong-stamp", "stamp-not-advancing",

@@ -159,6 +159,9 @@ def again(trial: Trial) -> Iterator[Fault]:
     """After Stop and Play it drives again, also where ROS_DOMAIN_ID is another."""
     if trial.stands():
         return
+    # What it does wrong from the first Play on, it does wrong for the same reason.
+    before = next((fault for fault in _faults(trial, "ahead") if fault.sure), None)
+    kind: FaultKind = "wrong-distance" if before is None else before.kind
     for number, session in enumerate(trial.drive):
         leg = session.legs[-1]
         played = [pose for pose in trial.recording.path if pose.session == number]
@@ -170,7 +173,7 @@ def again(trial: Trial) -> Iterator[Fault]:
         follows = trial.follows(ahead, leg.forward * steady.seconds)
         if not follows or abs(left) > trial.tolerance.slip[0]:
             text = f"does not follow {trial.wanted.commands}{trial.when([number])}"
-            yield trial.motion_fault(text, "no-drive-after-restart")
+            yield trial.motion_fault(text, kind)
 
 
 ODOMETRY = (0.02, math.radians(2.0))
