@@ -586,6 +586,33 @@ def test_on_paper_everything_is_there_and_nothing_is_cut(
     chromium.scheme("light")
 
 
+def test_on_paper_a_wide_graph_has_a_landscape_page(
+    chromium: Browser, pages: dict[str, Path]
+) -> None:
+    chromium.open(pages["clean"])
+    chromium.scheme("light", "print")
+    turned = chromium.run(
+        "return [...document.querySelectorAll('figure')].map((figure) => {"
+        " const size = figure.querySelector('.picture svg').viewBox.baseVal;"
+        " return [size.width > 1300 && size.width > 1.3 * size.height,"
+        " getComputedStyle(figure).page === 'landscape']; })"
+    )
+    chromium.scheme("light")
+    assert {wide for wide, _ in turned} == {True, False}
+    assert [wide for wide, _ in turned] == [on_its_side for _, on_its_side in turned]
+
+
+def test_on_paper_nothing_scrolls(chromium: Browser, pages: dict[str, Path]) -> None:
+    chromium.open(pages["faulty"], (794, 1123))
+    chromium.scheme("light", "print")
+    hidden = chromium.run(
+        "return [...document.querySelectorAll('.frame, .scroll, figure pre')]"
+        ".filter((box) => getComputedStyle(box).overflowX !== 'visible').length"
+    )
+    chromium.scheme("light")
+    assert hidden == 0
+
+
 def test_markup_in_a_stage_stays_text(chromium: Browser, pages: dict[str, Path]) -> None:
     chromium.open(pages["hostile"])
     chromium.run("for (const each of document.querySelectorAll('details')) each.open = true")

@@ -73,7 +73,7 @@ def environment() -> jinja2.Environment:
         finalize=_finalized,
     )
     environment.globals["program"] = program
-    environment.filters.update(picture=own_markup, path=_path, prose=_prose)
+    environment.filters.update(picture=own_markup, path=_path, prose=_prose, paper=_paper)
     return environment
 
 
@@ -111,13 +111,24 @@ def _escaped(text: str) -> str:
     return str(escape(visible(text)))
 
 
+_SIZE = re.compile(r'<svg [^>]* width="(\d+)" height="(\d+)"')
+_WIDE = 1300  # units: a wider picture is printed on a page of its own, on its side
+
+
+def _paper(svg: str) -> str:
+    """Return the class of a picture that needs a landscape page in print, ' ' before it."""
+    size = _SIZE.search(svg)
+    width, height = (int(size[1]), int(size[2])) if size else (0, 0)
+    return " landscape" if width > max(_WIDE, 1.3 * height) else ""
+
+
 def palette_style() -> str:
     """Return the colours of the pictures as variables of a page's style."""
     light, dark = (
         "".join(f"--{name.replace('_', '-')}:{value};" for name, value in PALETTES[theme].items())
         for theme in ("light", "dark")
     )
-    return f":root{{{light}}}@media (prefers-color-scheme:dark){{:root{{{dark}}}}}\n"
+    return f":root{{{light}}}@media screen and (prefers-color-scheme:dark){{:root{{{dark}}}}}\n"
 
 
 def content_policy(style: str, script: str) -> str:
