@@ -148,6 +148,20 @@ MISTAKES: dict[str, tuple[Mistake, str, tuple[str, ...]]] = {
         "S04",
         ("link2", "1.3"),
     ),
+    "an arm that nothing holds": (
+        lambda stage: stage.RemovePrim(f"{ROBOT}/root_joint"),
+        "S12",
+        ("link0", "world", "falls over"),
+    ),
+    "an arm whose root joint is off": (
+        lambda stage: (
+            node(stage, "Panda/root_joint")
+            .CreateAttribute("physics:jointEnabled", Sdf.ValueTypeNames.Bool)
+            .Set(False)
+        ),  # noqa: FBT003
+        "S12",
+        ("link0", "root_joint", "Joint Enabled"),
+    ),
     "a node that is missing": (
         lambda stage: stage.RemovePrim("/World/Commands/listen"),
         "N01",

@@ -145,7 +145,7 @@ def _links(stage: StageModel, root: str) -> Iterator[Prim]:
 def _link(prim: Prim, stage: StageModel, base: str) -> dict[str, Any]:
     """Describe a link: its mass, and its place on the root where it is the base or fixed to it.
 
-    A place is written of a link that is not turned.
+    A place is written of a link that is not turned. A base that a joint fixes to the world is held.
     """
     mass = number(prim.attributes.get(MASS)) if MASS_API in prim.apis else None
     ends = {prim.path, f"{prim.parent}/{base}"}
@@ -154,7 +154,11 @@ def _link(prim: Prim, stage: StageModel, base: str) -> dict[str, Any]:
     has_place = (prim.name == base or is_fixed) and not any(stands["rotate"])
     place = stands["translate"] if has_place else ()
     weight = {"mass": as_typed(mass)} if mass else {}
-    return {**weight, **({"offset": place} if any(place) else {}), "handout": PART}
+    to_world = any(
+        joint.type == FIXED and sorted(bodies(joint)) == ["", prim.path] for joint in joints(stage)
+    )
+    held = {"held": True} if prim.name == base and to_world else {}
+    return {**weight, **({"offset": place} if any(place) else {}), **held, "handout": PART}
 
 
 def pose(local: Matrix | None, metres: float) -> dict[str, Any]:

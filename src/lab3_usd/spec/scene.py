@@ -60,7 +60,8 @@ class ArticulationSpec(Struct, frozen=True, forbid_unknown_fields=True):
 class LinkSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """A link of the robot.
 
-    With an `offset`, or if it is `held`, it must not move on the robot.
+    With an `offset`, or if it is `held`, it must not move on the robot. A base that is `held` is
+    fixed to the world.
     """
 
     handout: str

@@ -109,19 +109,21 @@ def joined_links(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     del checkpoint
     robot = lab.scene.robot
     for name, link in robot.links.items():
-        if name not in robot.wheels.joints.values() and name != robot.base_frame:
-            title = f"joints tie {name} to the robot"
+        is_base = name == robot.base_frame
+        if name not in robot.wheels.joints.values() and (link.held or not is_base):
+            title = f"joints tie {name} to the {'world' if is_base else 'robot'}"
             yield Demand(f"Scene/joined/{name}", title, f"{robot.path}/{name}", link.handout)
 
 
 @rule("S12", "loose-link", scope="stage", demands=joined_links)
 def loose_link(subject: StageSubject) -> Iterator[Problem]:
-    """A link is tied to no other link, or can move.
+    """A link is tied to no other link, or can move; or nothing holds a robot that is to stand.
 
     Why: the robot separates at Play: the link stays behind or falls. {wheels?}Other rules check the
     wheels.{/} If several links come off together, the finding names the first. The body of the
     robot, and a link whose place on it the handout gives, must be held upright by a fixed joint.
-    Where the joint holds it tilted, it turns over at Play.
+    Where the joint holds it tilted, it turns over at Play. A robot that the course has fixed to the
+    world, as an arm, falls over without that joint.
 
     Fix: undo the deletion of the joint, or start again from the supplied file. The handout says not
     to recreate the robot's physics.
@@ -139,7 +141,12 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
         present = [base, *(path for path in present if path in _let_go(subject, links))]
     groups = _groups(subject, links)
     # A link that is held by the world is S21's.
-    held = [bodies(joint)[side] for joint, side, asset in _holds(subject) if asset is None]
+    holding = [*_holds(subject)]
+    held = [bodies(joint)[side] for joint, side, asset in holding if asset is None]
+    by_world = [bodies(joint)[side] for joint, side, _ in holding if _may_hold(joint)]
+    is_bolted = groups[base] in {groups[_link_of(body, links)] for body in by_world}
+    if _is_to_stand(subject) and not is_bolted:
+        yield _not_bolted(subject, base, robot.links[robot.base_frame].handout)
     judged = [groups[base], *(groups[_link_of(body, links)] for body in held)]
     for name, link in robot.links.items():
         path = f"{robot.path}/{name}"
@@ -164,6 +171,36 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
         elif path in present and _is_held(link) and groups[path] == groups[base]:
             yield from _movable(subject, path, link.handout)
             yield from _tilted(subject, path, link.handout)
+
+
+def _not_bolted(subject: StageSubject, base: str, handout: str) -> Problem:
+    """Return that no joint fixes the base to the world."""
+    off = _switched_off(subject, base)
+    off = tuple(joint for joint in off if not all(bodies(subject.stage.prims[joint])))
+    name = base.rpartition("/")[2]
+    message, hint = f"no joint fixes {name} to the world: the robot falls over at Play", None
+    if off:
+        message += f"; {off[0]} is switched off"
+        hint = f"select {off[0]} and set Joint Enabled in the Property panel"
+    return Problem(
+        base,
+        message,
+        expected="a fixed joint between it and the world",
+        handout=handout,
+        related=off,
+        hint=hint,
+        fix=tuple(Restore(joint, JOINT_ENABLED) for joint in off),
+        unmet=(f"Scene/joined/{name}",),
+        causes=tuple((joint, JOINT_ENABLED) for joint in off),
+        rests_on=unknown_joints(subject),
+    )
+
+
+def _is_to_stand(subject: StageSubject) -> bool:
+    """Whether the base is to be fixed to the world."""
+    robot = subject.lab.scene.robot
+    base = robot.links.get(robot.base_frame)
+    return base is not None and base.held
 
 
 _SIX_AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
@@ -239,7 +276,7 @@ def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
     """
     robot = subject.lab.scene.robot.path
     section = subject.lab.handout.behind("S21", subject.lab.scene.robot.handout)
-    if not subject.lab.scene.robot.wheels.joints:  # an arm may be bolted down
+    if not subject.lab.scene.robot.wheels.joints or _is_to_stand(subject):  # as an arm may be
         return
     for joint, side, asset in _holds(subject):
         ends = bodies(joint)
