@@ -17,6 +17,7 @@ from pxr import Sdf, Usd
 from seven_joints import COMMANDS, FILES, LINKS, ROBOT, STATES, write_stages
 from workers_here import workers_here
 
+from lab3_usd.errors import UsageError
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import Finding
 from lab3_usd.spec.lab import Lab
@@ -212,6 +213,13 @@ def test_a_fallen_arm_loses_the_points_of_the_scene(
     with (book / "grades.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
     assert row["scene"] == "0.00"
+
+
+def test_stages_without_velocity_commands_are_played_by_hand(
+    described: tuple[list[Path], Path, str], tmp_path: Path
+) -> None:
+    with pytest.raises(UsageError, match="by hand, and record them with: ros2 bag record --all"):
+        invoke("--lab", described[1], "play", "-o", tmp_path / "play.py")
 
 
 def test_commands_are_heard_on_the_topic_of_the_course(lab: Lab) -> None:

@@ -25,7 +25,10 @@ def isaac_script(lab: Lab, script: Path) -> str:
     """
     topic = interface(lab, [*lab.checkpoints.values()][-1]).commands
     if not topic:
-        raise UsageError(f"{lab.title} has no topic of commands to drive a robot by")
+        raise UsageError(
+            f"{lab.title} has no topic of velocity commands to send; play its stages by hand, "
+            "and record them with: ros2 bag record --all"
+        )
     package, kind = lab.topics[topic].type.rsplit("/", 1)
     domain = lab.ros.system.domain
     drives = [
