@@ -158,8 +158,8 @@ MISTAKES: dict[str, tuple[Mistake, str, tuple[str, ...]]] = {
         lambda stage: (
             node(stage, "Panda/root_joint")
             .CreateAttribute("physics:jointEnabled", Sdf.ValueTypeNames.Bool)
-            .Set(False)
-        ),  # noqa: FBT003
+            .Set(value=False)
+        ),
         "S12",
         ("link0", "root_joint", "Joint Enabled"),
     ),
