@@ -70,13 +70,13 @@ class PrimReader:
         self.placed = {*_PLACED, *(sensor.type for sensor in sensors)}
         self.sensor_attributes = {name for sensor in sensors for name in sensor.attributes}
 
-    def prim(self, prim: Usd.Prim, path: str) -> Prim:
+    def prim(self, prim: Usd.Prim, path: str, type_name: str, apis: Sequence[str]) -> Prim:
         """Return the prim at a path, whose values and place are still to be read."""
         is_present = IS_PRESENT(prim)
         return Prim.unread(
             path,
-            Usd.Prim.GetTypeName(prim),
-            schemas(prim),
+            type_name,
+            tuple(apis),
             self._read,
             active=is_present or prim.IsActive(),
             defined=is_present or is_in_scene(prim, self.hidden),
@@ -114,16 +114,19 @@ class PrimReader:
 
 
 class PrimIndex(Struct, frozen=True):
-    """The prims of a stage in the order of a traversal, and their numbers by type and schema."""
+    """The prims of a stage in the order of a traversal, and their numbers by type and schema.
 
-    prims: list[Usd.Prim] = field(default_factory=list)
+    Beside each prim are its type and its schemas.
+    """
+
+    prims: list[tuple[Usd.Prim, str, Sequence[str]]] = field(default_factory=list)
     by_type: dict[str, list[int]] = field(default_factory=dict)
     by_api: dict[str, list[int]] = field(default_factory=dict)
 
-    def add(self, prim: Usd.Prim, type_name: str, apis: Iterable[str]) -> None:
+    def add(self, prim: Usd.Prim, type_name: str, apis: Sequence[str]) -> None:
         """Add the next prim."""
         number = len(self.prims)
-        self.prims.append(prim)
+        self.prims.append((prim, type_name, apis))
         self.by_type.setdefault(type_name, []).append(number)
         for api in apis:
             self.by_api.setdefault(api, []).append(number)
@@ -155,9 +158,10 @@ class StagePrims(Prims):
             return known
         with stage_errors(self._reader.name):
             prim = self._find(path)
-            if not prim or Usd.Prim.IsPseudoRoot(prim) or not self._counts(prim, path):
+            if not prim or Usd.Prim.IsPseudoRoot(prim):
                 return default
-            return self._prim(prim, path)
+            kind = Usd.Prim.GetTypeName(prim)
+            return self._prim(prim, path, kind) if self._counts(kind, path) else default
 
     def __contains__(self, path: object) -> bool:
         """Whether there is a prim at a path."""
@@ -165,7 +169,7 @@ class StagePrims(Prims):
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the paths."""
-        return (str(Usd.Prim.GetPath(prim)) for prim in self._index.prims)
+        return (str(Usd.Prim.GetPath(prim)) for prim, _, _ in self._index.prims)
 
     def __len__(self) -> int:
         """Count the prims."""
@@ -183,7 +187,7 @@ class StagePrims(Prims):
         """Return the prims whose own name is asked for."""
         if not self._by_name:
             with stage_errors(self._reader.name):
-                for number, prim in enumerate(self._index.prims):
+                for number, (prim, _, _) in enumerate(self._index.prims):
                     self._by_name.setdefault(Usd.Prim.GetName(prim), []).append(number)
         return self._chosen(self._by_name, name_filter)
 
@@ -198,11 +202,11 @@ class StagePrims(Prims):
                 if left_out and Usd.Prim.GetName(prim) in left_out:
                     prims.PruneChildren()
                     continue
-                if not name_matches(Usd.Prim.GetTypeName(prim), asked):
-                    continue
-                path = str(Usd.Prim.GetPath(prim))
-                if not Usd.Prim.IsPseudoRoot(prim) and self._counts(prim, path):
-                    yield self._prim(prim, path)
+                kind = Usd.Prim.GetTypeName(prim)
+                if name_matches(kind, asked):
+                    path = str(Usd.Prim.GetPath(prim))
+                    if not Usd.Prim.IsPseudoRoot(prim) and self._counts(kind, path):
+                        yield self._prim(prim, path, kind)
 
     def _find(self, path: str) -> Usd.Prim | None:
         """Return the prim at a path as the stage itself writes it; a file may say any text."""
@@ -213,13 +217,16 @@ class StagePrims(Prims):
         is_at_path = prim and (is_plain or str(Usd.Prim.GetPath(prim)) == path)
         return prim if is_at_path and not path.startswith(_PROTOTYPE) else None
 
-    def _counts(self, prim: Usd.Prim, path: str) -> bool:
-        return Usd.Prim.GetTypeName(prim) != self._form.node_type and not self._form.ignores(path)
+    def _counts(self, kind: str, path: str) -> bool:
+        return kind != self._form.node_type and not self._form.ignores(path)
 
-    def _prim(self, prim: Usd.Prim, path: str) -> Prim:
+    def _prim(
+        self, prim: Usd.Prim, path: str, kind: str, apis: Sequence[str] | None = None
+    ) -> Prim:
         known = self._known.get(path)
         if known is None:
-            known = self._known[path] = self._reader.prim(prim, path)
+            apis = schemas(prim) if apis is None else apis
+            known = self._known[path] = self._reader.prim(prim, path, kind, apis)
         return known
 
     def _chosen(self, index: Mapping[str, list[int]], name_filter: NameFilter) -> Sequence[Prim]:
@@ -235,11 +242,11 @@ class StagePrims(Prims):
         return known
 
     def _numbered(self, numbers: Iterable[int]) -> list[Prim]:
-        prims = self._index.prims
         with stage_errors(self._reader.name):
+            entries = map(self._index.prims.__getitem__, numbers)
             return [
-                self._prim(prim, str(Usd.Prim.GetPath(prim)))
-                for prim in map(prims.__getitem__, numbers)
+                self._prim(prim, str(Usd.Prim.GetPath(prim)), kind, apis)
+                for prim, kind, apis in entries
             ]
 
 
