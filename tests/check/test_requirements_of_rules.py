@@ -23,8 +23,10 @@ def own_rules(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Let a test add rules of its own."""
     monkeypatch.setattr(registry, "_RULES", dict(registry._RULES))
     registry._in_order.cache_clear()
+    registry.scene_demands.cache_clear()
     yield
     registry._in_order.cache_clear()
+    registry.scene_demands.cache_clear()
 
 
 def with_beacon() -> Usd.Stage:

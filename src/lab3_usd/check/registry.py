@@ -188,6 +188,7 @@ def rule(  # noqa: PLR0913 - decorators name them
             rule_id, name, severity, scope, check, manual, formerly, demands, counted, needs
         )
         _in_order.cache_clear()
+        scene_demands.cache_clear()
         return check
 
     return register
@@ -236,6 +237,7 @@ def rules_of(scope: Scope, *families: str) -> list[Rule]:
     return list(_in_order(scope, families))
 
 
+@cache
 def scene_demands() -> tuple[Demands, ...]:
     """Return what the rules imported so far demand of the scene, in order of their ids."""
     stated = (known.demands for _, known in sorted(_RULES.items()))

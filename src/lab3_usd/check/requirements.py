@@ -56,14 +56,19 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
     settings = {(each.spec.role, each.setting.port): each for each in settings_of(subject)}
     for item in _items_of(subject):
         node, expected = subject.roles.node_of[item.role], item.expected
+        unmet = item.unmet
         if node is None:
-            yield item.unmet
-        elif not isinstance(expected, Setting):
-            yield item.met if _meets(subject, node, expected) else item.unmet
-        elif (found := settings[item.role, expected.port]).met:
-            yield item.met
+            is_met = False
+        elif type(expected) is Wire:
+            is_met = _is_connected(subject, node, expected)
+        elif type(expected) is Setting:
+            found = settings[item.role, expected.port]
+            is_met = found.met
+            if not is_met and _is_slight(subject, found):
+                unmet = replace(unmet, slight=True)
         else:
-            yield replace(item.unmet, slight=True) if _is_slight(subject, found) else item.unmet
+            is_met = type(expected) is not Target or target_matches(node, expected)
+        yield item.met if is_met else unmet
 
 
 def _items_of(subject: GraphSubject) -> list[_GraphItem]:
@@ -109,13 +114,9 @@ def _item(
     return _GraphItem(role, expected, met, replace(met, met=False))
 
 
-def _meets(subject: GraphSubject, node: Node, expected: Target | Wire | None) -> bool:
-    if expected is None:
-        return True
-    if isinstance(expected, Target):
-        return target_matches(node, expected)
-    source = subject.roles.node_of[expected.source.role]
-    return source is not None and is_fed(source, node, expected, subject.roles.equivalents)
+def _is_connected(subject: GraphSubject, node: Node, wire: Wire) -> bool:
+    source = subject.roles.node_of[wire.source.role]
+    return source is not None and is_fed(source, node, wire, subject.roles.equivalents)
 
 
 def _is_slight(subject: GraphSubject, found: Found) -> bool:
@@ -192,6 +193,8 @@ def with_named_faults(
 ) -> list[Requirement]:
     """Return the requirements, those that errors name as unmet."""
     unmet = unmet_by(findings)
+    if not unmet:
+        return list(requirements)
     return [
         replace(requirement, met=False, slight=False) if requirement.id in unmet else requirement
         for requirement in requirements

@@ -163,9 +163,9 @@ def verdict_of(
 def score_of(requirements: Collection[Requirement]) -> Score:
     """Count the requirements met and asked."""
     return Score(
-        float(sum(requirement.met for requirement in requirements)),
+        float(sum([requirement.met for requirement in requirements])),
         float(len(requirements)),
-        float(sum(not requirement.judged for requirement in requirements)),
+        float(sum([not requirement.judged for requirement in requirements])),
     )
 
 

@@ -359,7 +359,7 @@ def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
     @wraps(function)
     def kept(*given: _P.args, **_: _P.kwargs) -> _T:
         about: Any = given[0]
-        if isinstance(about, StageModel):
+        if type(about) is StageModel:  # of its type is none, which `isinstance` takes long to see
             known, key = about.derived, (function, *given[1:])
         else:
             known, key = about.stage.judged, (function, *given)

@@ -66,6 +66,8 @@ def assign(spec: GraphSpec, graph: GraphModel) -> Pairs:
     order = sorted(
         (role for role in spec.nodes if role not in pairs), key=lambda role: len(nodes[role])
     )
+    if not order:
+        return pairs
     own = {
         (role, node.path): _own_cost(spec.nodes[role], node)
         for role in order
@@ -82,7 +84,7 @@ def assign(spec: GraphSpec, graph: GraphModel) -> Pairs:
     # Each wire is filed under the later one of its two roles, unless neither is in the order.
     depth = {role: number for number, role in enumerate(order)}
     wires: dict[str, list[Wire]] = {role: [] for role in order}
-    for wire in spec.wires if order else ():
+    for wire in spec.wires:
         ends = [role for role in (wire.source.role, wire.target.role) if role in depth]
         if ends:
             wires[max(ends, key=depth.__getitem__)].append(wire)

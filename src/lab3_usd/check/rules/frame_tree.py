@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct
 
@@ -15,13 +15,14 @@ from lab3_usd.check.tf.frames import Edge, certain_edges, frames_in_cycles
 from lab3_usd.check.tf.lab_frames import TfView, is_reported_elsewhere, repeating_graphs
 from lab3_usd.check.tf.targets import tf_ports
 from lab3_usd.model.finding import Problem, Severity
-from lab3_usd.model.stage import AbsentPrim, Node, PortState
+from lab3_usd.model.stage import AbsentPrim, Node, PortState, once_per_stage
 from lab3_usd.spec.catalog import NodeType, TfPorts
 
 
-def _open_edges(view: TfView) -> list[Edge]:
+@once_per_stage
+def _open_edges(view: TfView) -> tuple[Edge, ...]:
     """Return the transforms that no other rule finds fault with."""
-    return [edge for edge in view.edges if not is_reported_elsewhere(edge, view)]
+    return tuple(edge for edge in view.edges if not is_reported_elsewhere(edge, view))
 
 
 def _is_asked(edge: Edge, view: TfView) -> bool:
@@ -221,7 +222,7 @@ def _tops(subject: StageSubject) -> tuple[str, ...]:
     return (frames.above, frames.root) if is_localized else (frames.root,)
 
 
-def _reached_from(tops: tuple[str, ...], edges: list[Edge]) -> set[str]:
+def _reached_from(tops: tuple[str, ...], edges: Iterable[Edge]) -> set[str]:
     below: dict[str, list[str]] = {}
     for edge in edges:
         below.setdefault(edge.parent, []).append(edge.child)
