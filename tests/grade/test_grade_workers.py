@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import tarfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -601,6 +602,19 @@ def test_a_real_worker_judges_and_leaves_nothing_behind(tmp_path: Path) -> None:
     assert answer["verdicts"] == {"00": "pass", "01": "pass"}
     assert left == ["stderr.txt"]
     assert not made.scratch.exists()
+
+
+def test_a_real_worker_unpacks_the_archive_of_a_student(tmp_path: Path) -> None:
+    submission(tmp_path / "Lab3", "00", "01")
+    (tmp_path / "jane").mkdir()
+    with tarfile.open(tmp_path / "jane" / "Lab3.tar.gz", "w:gz") as tar:
+        tar.add(tmp_path / "Lab3", "Lab3")
+    made = start_worker(settings_for(tmp_path))
+    try:
+        answer = ask(made, Task("jane", "jane", (Source(tmp_path / "jane"),)), never_stopped)
+    finally:
+        end_worker(made)
+    assert answer["verdicts"] == {"00": "pass", "01": "pass"}
 
 
 def test_a_worker_without_enough_memory_says_so(tmp_path: Path) -> None:

@@ -223,7 +223,7 @@ def _merged(last: StagedSubmission, before: StagedSubmission) -> tuple[StagedSub
             continue
         try:
             goal.parent.mkdir(parents=True, exist_ok=True)
-            (before.folder / name).rename(goal)
+            shutil.move(before.folder / name, goal)
         except (FileExistsError, NotADirectoryError):  # a file is called as a folder
             continue
         digests[name] = digest

@@ -6,6 +6,7 @@ import hashlib
 import io
 import os
 import re
+import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -299,9 +300,12 @@ class SubmissionCopy:
         if str(new) in self.digests:
             self.refuse(goal, _TWICE)
             return
+        if new.is_dir():
+            self.refuse(goal, _CLASH)
+            return
         try:
             new.parent.mkdir(parents=True, exist_ok=True)
-            path.rename(new)
+            shutil.move(path, new)  # Landlock lets nobody rename into another folder
         except (FileExistsError, NotADirectoryError, IsADirectoryError):
             self.refuse(goal, _CLASH)
             return
