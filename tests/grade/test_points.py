@@ -121,6 +121,18 @@ def test_copies_upward_earn_nothing(tmp_path: Path) -> None:
     assert bare.earned == 5
 
 
+def test_a_missing_stage_is_explained_by_the_file_that_is_called_so(tmp_path: Path) -> None:
+    copied(tmp_path / "student", {number: number for number in LAB.checkpoints if number != "05"})
+    camera = tmp_path / "student" / "work" / stage("04").name
+    camera.rename(camera.with_suffix(".uda"))
+    lost = {line.item: line for line in graded_submission(tmp_path / "student").lost}
+    told = {name: (lost[name].rule, Path(lost[name].place).name) for name in ("camera", "tree")}
+    assert told == {
+        "camera": ("X04", camera.with_suffix(".uda").name),
+        "tree": ("X01", stage("05").name),
+    }
+
+
 def test_an_empty_stage_earns_no_more_than_a_missing_one(tmp_path: Path) -> None:
     others = {number: number for number in LAB.checkpoints if number != "05"}
     missing = copied(tmp_path / "missing", others)

@@ -357,7 +357,7 @@ def _remarks_text(row: Row) -> str:
     for item in row["items"]:
         lost = [line for line in row["lost"] if line["item"] == item["id"]]
         if item["state"] in {"missing", "unreadable", "blocked", "open"}:
-            remarks.append(f"{item['id']}: {item['state']}")
+            remarks.append(f"{item['id']}: {item['state']}{_where(lost[0]) if lost else ''}")
         elif lost:
             paying = [line for line in lost if line.get("points")] or lost
             first = [line for line in paying if line["requirement"]][:_LINES] or paying[:1]
@@ -372,8 +372,13 @@ def _remarks_text(row: Row) -> str:
 def deduction_text(line: Row) -> str:
     """Return a deduction in one line: the points, why, the rule, and the place."""
     points = f"-{line['points']:.2f} " if line.get("points") else ""
-    where = " ".join(filter(None, (line.get("rule"), line.get("place"))))
-    return f"{points}{line['title']}{f' ({where})' if where else ''}"
+    return f"{points}{line['title']}{_where(line)}"
+
+
+def _where(line: Row) -> str:
+    """Return the rule and the place of a deduction, in brackets."""
+    named = " ".join(filter(None, (line.get("rule"), line.get("place"))))
+    return f" ({named})" if named else ""
 
 
 def _json_parts(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:

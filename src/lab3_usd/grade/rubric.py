@@ -101,6 +101,7 @@ class Rubric(Struct, frozen=True, dict=True):
     Of the lab: `required` is what each checkpoint asks for, none of it met; `asked` what each item
     asks that no earlier one does; `earlier` the items that come before one; `added` the ids of what
     each checkpoint asks that the ones before do not; where it adds nothing, of the last that did.
+    `files` are the names of its stages.
     """
 
     title: str
@@ -115,6 +116,7 @@ class Rubric(Struct, frozen=True, dict=True):
     required: Mapping[str, tuple[Requirement, ...]] = field(default_factory=dict)
     earlier: Mapping[str, tuple[Item, ...]] = field(default_factory=dict)
     added: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    files: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def points(self) -> float:
@@ -352,7 +354,7 @@ def _rubric_of(file: Path, path: Path | None, lab: Lab) -> Rubric:
     # What the checkpoints ask for is no part of it: that is the lab's, not the rubric's.
     content_json = json.dumps(to_builtins(rubric))
     digest = hashlib.sha256(content_json.encode()).hexdigest()
-    return with_lab(replace(rubric, digest=digest), required)
+    return with_lab(replace(rubric, digest=digest, files=lab.files), required)
 
 
 def _ids(patterns: tuple[str, ...], lab: Lab) -> tuple[str, ...]:

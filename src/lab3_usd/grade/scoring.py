@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from lab3_usd.grade.rubric import Cap, Item, Rubric, is_named
 from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult, is_among
+from lab3_usd.spec.submission import named_checkpoint
 
 State = Literal["full", "part", "none", "missing", "unreadable", "blocked", "open"]
 DRY_RUN = "dry run"
@@ -221,7 +222,9 @@ def _by_stage(
     if stage is None or not stage.readable:
         state: State = "missing" if stage is None else "unreadable"
         name = f"checkpoint {item.checkpoint}"
-        rule, place = ("", "") if stage is None else _first_cause(stage)
+        named = [fault for fault in facts.faults if _is_of(fault, item.checkpoint, rubric)]
+        causes = named[-1:] if stage is None else stage.faults[:1]  # what is said last says why
+        rule, place = (causes[0].rule, causes[0].place) if causes else ("", "")
         loss = _Loss(1.0, f"{name} is {state}", name, rule, place)
         return ItemGrade(item.id, state, 0.0, item.points), [loss]
     losses = [*_blocking(rubric, item, stage, grades), *_own_losses(rubric, item, stage)]
@@ -234,8 +237,9 @@ def _by_stage(
     return ItemGrade(item.id, state, earned, item.points), losses
 
 
-def _first_cause(stage: StageFacts) -> tuple[str, str]:
-    return next(((fault.rule, fault.place) for fault in stage.faults), ("", ""))
+def _is_of(fault: Fault, checkpoint: str, rubric: Rubric) -> bool:
+    """Whether an error is about a file that is called as the stage of a checkpoint."""
+    return named_checkpoint(fault.place.rpartition("/")[2], rubric.files) == checkpoint
 
 
 def _kept(item: Item, losses: Sequence[_Loss]) -> float:
