@@ -73,7 +73,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         placed = articulated_at_root(placed)
     robot = relocations.get(lab.scene.robot.path, "")
     subjects = tuple(_graph_subjects(placed, checkpoint, stage, live, robot))
-    run = _Run(lab, [], [], {}, [])
+    run = _Run(lab, [], [], {}, [], set())
     for rule in rules_of("graph", *GRAPH_FAMILIES):
         for subject in subjects:
             run.rule(rule, subject)
@@ -162,6 +162,7 @@ class _Run(Struct, frozen=True):
     crashes: list[Crash]
     not_judged: dict[NotJudged, None]
     left_open: list[Finding]
+    said: set[tuple[str | None, ...]]
 
     def rule(self, rule: Rule, subject: Any) -> None:
         """Run one rule and keep its findings, once where graphs built in one share a node."""
@@ -172,11 +173,9 @@ class _Run(Struct, frozen=True):
         self.not_judged.update(dict.fromkeys(results.not_judged))
         self.left_open.extend(results.left_open)
         for finding in results.findings:
-            if not any(
-                (finding.prim, finding.property) == (known.prim, known.property)
-                and (finding.rule, finding.message) == (known.rule, known.message)
-                for known in self.findings
-            ):
+            said = (finding.prim, finding.property, finding.rule, finding.message)
+            if said not in self.said:
+                self.said.add(said)
                 self.findings.append(finding)
 
 
