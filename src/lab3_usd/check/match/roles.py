@@ -169,9 +169,11 @@ def complete_roles(
     scripts: Scripts,
 ) -> Roles:
     """Return the roles as assigned, and what the other nodes are; `offered` may be extra nodes."""
-    taken = {node.path for node in node_of.values() if node is not None}
+    role_of = {node.path: role for role, node in node_of.items() if node is not None}
+    if len(role_of) == len(graph.nodes):
+        return Roles(graph, node_of, role_of)
     unmatched = sorted(
-        (node for node in graph.nodes if node.path not in taken), key=lambda node: node.path
+        (node for node in graph.nodes if node.path not in role_of), key=lambda node: node.path
     )
     free = {node.path for node in offered}
     extra = [node for node in unmatched if node.path in free]
@@ -186,7 +188,7 @@ def complete_roles(
     return Roles(
         graph=graph,
         node_of=node_of,
-        role_of={node.path: role for role, node in node_of.items() if node is not None},
+        role_of=role_of,
         equivalents=_stand_ins(
             node_of,
             [node for node in unmatched if node.path not in used],

@@ -302,7 +302,8 @@ def _endpoint(
     queue = effective_value(node, QUEUE, live)
     switch = None if kind.tf is None else kind.tf.static
     static = switch is not None and effective_value(node, switch, live) is True
-    runs = [_is_at_work(node, port, live, computing) for computing in (running, certain)]
+    runs = _is_at_work(node, port, live, running)
+    is_sure = len(certain) == len(running) or _is_at_work(node, port, live, certain)
     frames = (effective_value(node, name, live) for name in frame_ports(kind, port))
     return Endpoint(
         topic=resolve(namespace_of(node, stage, lab, live), written)
@@ -317,8 +318,8 @@ def _endpoint(
         queue=queue if isinstance(queue, int) else None,
         qos=qos_of(node, live, static=static),
         rate=rate_source(node, stage, lab, running, static=static),
-        runs=runs[0],
-        sure=runs[1],
+        runs=runs,
+        sure=runs and is_sure,
         domain=domain_of(node, live),
     )
 

@@ -203,8 +203,11 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
     edges = []
     for pair in arrays.pairs:
         parent, child = ((pair.parent, pair.child)[place] for place in arrays.order)
-        edge = Edge(parent, child, node.path, maker.path, topic, static, pair.target, pair.prim)
-        edges.append(replace(edge, expanded=pair.expanded, sure=is_sure, domain=domain))
+        edge = Edge(
+            parent, child, node.path, maker.path, topic, static, pair.target, pair.prim,
+            expanded=pair.expanded, sure=is_sure, domain=domain,
+        )  # fmt: skip
+        edges.append(edge)
     top = parent_frame(maker, scene.stage, scene.lab)
     hidden = tuple(
         replace(frames, parent=top, publisher=node.path, cause=maker.path, topic=topic)
