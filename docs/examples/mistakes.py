@@ -19,7 +19,7 @@ def make_mistakes(correct: Path, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(correct, target)
     stage = Usd.Stage.Open(str(target))
-    # The clock never publishes: nothing drives it.
+    # The clock never publishes: nothing triggers it.
     stage.GetAttributeAtPath("/World/ROS_Clock/ros2_publish_clock.inputs:execIn").ClearConnections()
     # Left is right: the robot turns the other way.
     stage.GetAttributeAtPath(f"{DRIVE}/constant_left_joint.inputs:value").Set("wheel_right_joint")

@@ -87,7 +87,7 @@ def refuse_shared(path: Path) -> None:
     elif hasattr(os, "geteuid") and status.st_uid != os.geteuid():
         reason = "belongs to another user"
     elif status.st_nlink > 1:
-        reason = f"has {status.st_nlink} names (hard links), of which only this one would change"
+        reason = f"has {status.st_nlink} names (hard links), and only this one would change"
     if reason:
         raise UsageError(f"{path} {reason}; use --force to replace it")
 
@@ -113,9 +113,7 @@ def replace_files(contents: Mapping[Path, bytes], states: Mapping[Path, FileStat
             temporary.chmod(status.st_mode)
         for path, state in states.items():
             if path in contents and read_state(path) != state:
-                raise UsageError(
-                    f"{path} was changed meanwhile by somebody else; nothing was written"
-                )
+                raise UsageError(f"{path} was changed meanwhile; nothing was written")
         for temporary, target in waiting.items():
             temporary.replace(target)
     except OSError as error:
@@ -207,7 +205,7 @@ def absence(path: Path, what: str = "file") -> str:
     from difflib import get_close_matches
 
     if path.is_symlink():
-        return f"{path}: is a link to {path.readlink()}, which is not there"
+        return f"{path}: is a link to {path.readlink()}, which does not exist"
     absent = f"{path}: there is no such {what}"
     try:
         names = sorted(beside.name for beside in path.parent.iterdir())

@@ -334,7 +334,7 @@ def test_a_parent_of_odom_is_named_even_when_nothing_drives_it(
     assert sites(stage) == [("T07", SENDER, "inputs:parentFrameId")]
     (problem,) = problems(stage)["T07"]
     assert (problem.actual, problem.handout) == (f"{parent} -> odom", "8.11")
-    assert ("though nothing drives it" in problem.message) is not driven
+    assert ("though nothing triggers it" in problem.message) is not driven
 
 
 def test_a_parent_of_odom_on_another_topic_is_not_said_to_be_undriven() -> None:

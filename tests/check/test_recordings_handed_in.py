@@ -130,7 +130,9 @@ def test_what_comes_once_in_a_short_recording_is_no_fault(plain: Path, handed_in
             yield sent
 
     rewritten(plain, handed_in / "results" / "long", lambda sent: until(4e9, sent))
-    assert "/scan comes only once" in {problem.message for problem in problems(shown(handed_in))}
+    assert "/scan is received only once" in {
+        problem.message for problem in problems(shown(handed_in))
+    }
     shutil.rmtree(handed_in / "results" / "long")
     rewritten(plain, handed_in / "results" / "short", lambda sent: until(1e9, sent))
     assert problems(shown(handed_in)) == []
@@ -218,7 +220,7 @@ def test_a_database_that_computes_for_ever_is_not_opened(handed_in: Path) -> Non
         endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT i FROM n"
         base.execute("CREATE TABLE messages(id, topic_id, timestamp, data)")
         base.execute(f"CREATE VIEW topics(id) AS {endless}")
-    assert "would have to compute" in unread(handed_in)
+    assert "computed columns" in unread(handed_in)
 
 
 def test_a_million_topics_are_not_read(handed_in: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -279,7 +281,7 @@ def test_a_message_of_very_many_transforms_is_not_read(plain: Path, handed_in: P
 
     rewritten(plain, handed_in / "results" / "run", change)
     found = {problem.property: problem.message for problem in problems(shown(handed_in))}
-    assert "on /tf are no tf2_msgs/msg/TFMessage" in found["messages"]
+    assert "on /tf are not tf2_msgs/msg/TFMessage" in found["messages"]
 
 
 @pytest.mark.parametrize("packing_mode", [CompressionMode.MESSAGE, CompressionMode.FILE])

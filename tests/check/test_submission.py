@@ -311,7 +311,7 @@ def test_a_map_is_not_handed_in_before_a_stage_needs_it(folder: Path) -> None:
         finding for finding in checked(folder).submission.findings if finding.rule.startswith("M")
     ]
     assert [(each.rule, each.message) for each in found] == [
-        ("M10", "not handed in, so not checked")
+        ("M10", "map is not given, so not checked")
     ]
 
 

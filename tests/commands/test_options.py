@@ -134,7 +134,7 @@ def test_a_name_like_no_other_is_answered_without_an_offer(tmp_path: Path) -> No
 def test_of_a_link_to_nothing_it_is_said_where_it_leads(command: str, tmp_path: Path) -> None:
     link = tmp_path / "x.usda"
     link.symlink_to("gone.usda")
-    with pytest.raises(Lab3Error, match=r"x.usda: is a link to gone.usda, which is not there$"):
+    with pytest.raises(Lab3Error, match=r"x.usda: is a link to gone.usda, which does not exist$"):
         invoke(command, link)
 
 

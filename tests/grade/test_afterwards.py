@@ -207,14 +207,14 @@ def test_a_column_that_is_left_open_is_asked_for(book: Path, tmp_path: Path) -> 
 def test_the_export_of_another_platform_is_refused(text: str, book: Path, tmp_path: Path) -> None:
     roster = tmp_path / "export.csv"
     roster.write_text(text)
-    with pytest.raises(UsageError, match="no export of canvas"):
+    with pytest.raises(UsageError, match="not an export of canvas"):
         write_for_platform(book, "canvas", roster, class_of(book), lambda _line: None)
 
 
 @pytest.mark.parametrize(
     ("data", "fault"),
     [
-        (b"Student,ID,Mini (1)\n\xff", "is no table of text"),
+        (b"Student,ID,Mini (1)\n\xff", "is not a text table"),
         (None, "cannot be read"),
         (b"Student,ID,Mini (1)\nJoe,joe,\n", "has no column 'Other'; there are Mini"),
     ],
@@ -239,7 +239,7 @@ def test_an_export_of_more_than_64_megabytes_is_refused(book: Path, tmp_path: Pa
 
 def test_a_folder_without_a_gradebook_is_refused(tmp_path: Path) -> None:
     (tmp_path / "grades.json").write_text('{"students": [1], "items": []}')
-    with pytest.raises(UsageError, match="holds no gradebook"):
+    with pytest.raises(UsageError, match="contains no readable gradebook"):
         class_of(tmp_path)
 
 

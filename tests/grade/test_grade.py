@@ -458,9 +458,9 @@ def test_a_gradebook_among_the_submissions_is_refused(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "class")
     for out in (tmp_path / "class" / "book", tmp_path / "link" / "book", tmp_path / "class"):
         settings = ClassSettings(tmp_path / "class", starter(), out, resume=True)
-        assert "among what is graded" in refused(settings, UsageError)
+        assert "which is graded" in refused(settings, UsageError)
     address = ClassSettings((tmp_path / "class").as_uri(), starter(), tmp_path / "class" / "book")
-    assert "among what is graded" in refused(address, UsageError)
+    assert "which is graded" in refused(address, UsageError)
     assert [path.name for path in (tmp_path / "class").iterdir()] == ["jane"]
 
 

@@ -69,7 +69,7 @@ def test_what_only_looks_like_a_half_is_neither_removed_nor_written_over(
 ) -> None:
     written(tmp_path, "jane")
     (tmp_path / name).write_text("mine")
-    with pytest.raises(UsageError, match="no part of a gradebook"):
+    with pytest.raises(UsageError, match="not part of a gradebook"):
         check_target(tmp_path, resume=True)
     assert (tmp_path / name).read_text() == "mine"
 

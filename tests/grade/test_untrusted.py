@@ -125,7 +125,7 @@ def test_the_folder_is_one_submission_whatever_lies_in_it(tmp_path: Path) -> Non
     submission(tmp_path / "submission" / "Backup", "00")
     document = autograded(tmp_path / "submission")
     assert document["score"] == POINTS
-    assert re.search("left aside.*Backup", json.dumps(document))
+    assert re.search("left out.*Backup", json.dumps(document))
 
 
 @pytest.mark.parametrize("inside", [False, True])

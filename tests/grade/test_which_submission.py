@@ -154,7 +154,7 @@ def test_the_folder_with_the_most_checkpoints_is_the_submission(
     if name != "LAB3":
         (remark,) = row["remarks"]
         assert remark.startswith("Lab3 is judged (6 checkpoints")
-        assert f"left aside: {name} (" in remark
+        assert f"left out: {name} (" in remark
 
 
 def test_what_was_chosen_is_said_in_a_finding_the_gradebook_and_the_page(tmp_path: Path) -> None:
@@ -194,9 +194,7 @@ def test_a_single_stage_elsewhere_is_named(tmp_path: Path) -> None:
     submission(tmp_path / "ana" / "Lab3", *ALL[:-1])
     submission(tmp_path / "ana" / "extra", ALL[-1], work=".")
     (remark,) = staged(tmp_path / "ana").remarks
-    assert remark.text.endswith(
-        f"left aside: extra (1 checkpoint: {ALL[-1]}, of which {ALL[-1]} only there)"
-    )
+    assert remark.text.endswith(f"left out: extra (1 checkpoint: {ALL[-1]}; only there: {ALL[-1]})")
 
 
 def test_files_beside_the_submission_are_named(tmp_path: Path) -> None:
@@ -251,7 +249,7 @@ def test_a_folder_of_damaged_stages_is_named_too(tmp_path: Path) -> None:
     for path in submission(tmp_path / "ana" / "Archive", work=".").rglob("*.usda"):
         path.write_bytes(path.read_bytes()[:2000])
     (remark,) = staged(tmp_path / "ana").remarks
-    assert remark.text.endswith("left aside: Archive (6 stages, none of which can be read)")
+    assert remark.text.endswith("left out: Archive (6 stages, none of which can be read)")
 
 
 @pytest.mark.parametrize("mtime", [float("nan"), -1, 10**400, "zip"])
@@ -306,7 +304,7 @@ def test_an_archive_beside_the_folder_that_it_was_made_of_changes_nothing(tmp_pa
     packed(submission(tmp_path / "old", *ALL[:2]), tmp_path / "class" / "ana" / "Lab3.zip")
     row = graded(tmp_path / "class")
     assert row["verdicts"] == dict.fromkeys(ALL, "pass")
-    assert "left aside: Lab3.zip (2 checkpoints" in row["remarks"][0]
+    assert "left out: Lab3.zip (2 checkpoints" in row["remarks"][0]
 
 
 # ---- several uploads

@@ -192,7 +192,7 @@ def test_without_a_robot_nothing_is_all_right(tmp_path: Path) -> None:
     stage.RemovePrim(DRIVE)
     found = played(stage, tmp_path)
     assert (found.verdict, bad(found)) == ("not judged", set())
-    assert "no wires lead from commands" in found.missing
+    assert "no ROS command reaches" in found.missing
     for name in ("Rover", "Odometry", "Lidar", "Camera"):
         stage.RemovePrim(f"/World/{name}")
     assert "no robot was found" in played(stage, tmp_path).missing

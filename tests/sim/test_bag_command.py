@@ -290,7 +290,7 @@ def test_bytes_that_are_no_message_are_counted(plain: Path, tmp_path: Path) -> N
         tmp_path / "run",
         lambda sent: iter([replace(sent, held=b"\0\1\0\0abc") if sent.topic == "/odom" else sent]),
     )
-    assert "on /odom are no nav_msgs/msg/Odometry" in wrong(odd)["messages"]
+    assert "on /odom are not nav_msgs/msg/Odometry" in wrong(odd)["messages"]
 
 
 def test_another_type_is_told(plain: Path, tmp_path: Path) -> None:
@@ -362,7 +362,7 @@ def test_each_difference_from_the_dry_run_is_put_into_words() -> None:
         ("/scan", "is PointCloud2, in the dry run LaserScan"),
         ("/scan", "comes at 7.9 Hz, in the dry run at 10.0"),
         ("/scan", "is in 'lens', in the dry run in 'base_scan, laser'"),
-        ("/gone", "comes in the dry run only"),
+        ("/gone", "is only in the dry run"),
         ("scan", "is below wheel, in the dry run below base"),
         ("wheel", "never comes, in the dry run below base"),
     ]
@@ -420,7 +420,7 @@ def test_a_damaged_recording_ends_in_a_verdict(plain: Path, tmp_path: Path, seed
 
 def test_what_is_not_there_is_one_line(tmp_path: Path) -> None:
     assert refused(tmp_path / "none") == "there is no such recording"
-    assert refused(tmp_path) == "holds no .mcap and no .db3 file"
+    assert refused(tmp_path) == "contains neither an .mcap nor a .db3 file"
 
 
 @pytest.mark.parametrize("text", ["[", "- 1", "rosbag2_bagfile_information: 5", "a: &a [*a]"])
@@ -474,7 +474,7 @@ def test_a_huge_message_is_counted_and_not_read(plain: Path, tmp_path: Path) -> 
             [sent, replace(sent, held=huge)] if sent.topic == "/tf" and sent.time < 2e8 else [sent]
         ),
     )
-    assert "on /tf are no tf2_msgs/msg/TFMessage" in wrong(odd)["messages"]
+    assert "on /tf are not tf2_msgs/msg/TFMessage" in wrong(odd)["messages"]
 
 
 def test_names_and_types_that_are_none_are_left_out(tmp_path: Path) -> None:
@@ -484,7 +484,7 @@ def test_names_and_types_that_are_none_are_left_out(tmp_path: Path) -> None:
         )
         writer.write(connection, 1, b"\0\1\0\0")
     assert judged(tmp_path / "run")["topics"] == []
-    assert "1 topics have a name or type that is none" in bag(tmp_path / "run").stdout
+    assert "1 topics have an invalid name or type" in bag(tmp_path / "run").stdout
 
 
 def test_without_the_extra_a_line_says_what_to_install(

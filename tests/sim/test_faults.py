@@ -107,7 +107,7 @@ def test_wheels_in_the_wrong_order_turn_an_arc_the_wrong_way() -> None:
 
 
 def odometry_faults(x: float, y: float, turned: float) -> list[Fault]:
-    """Judge what odometry says of a robot that starts at (1, 2), looking along +Y.
+    """Judge what odometry reports of a robot that starts at (1, 2), looking along +Y.
 
     It goes 0.5 m ahead and turns by 0.2 rad to the left: to (1, 2.5), looking by pi/2 + 0.2.
     """
@@ -127,7 +127,7 @@ def test_odometry_is_held_against_the_way_of_the_robot() -> None:
     assert odometry_faults(0.519, 0.0, 0.2) == []  # within 2 cm
     (fault,) = odometry_faults(0.0, 0.5, 0.2)
     assert fault.kind == "wrong-odometry-pose"
-    assert fault.message == "odometry says (0.00, 0.50), it went (0.50, 0.00)"
+    assert fault.message == "odometry reports (0.00, 0.50), it went (0.50, 0.00)"
     assert odometry_faults(0.5, 0.021, 0.2) != []
 
 
@@ -135,4 +135,4 @@ def test_odometry_is_held_against_the_heading_of_the_robot() -> None:
     assert odometry_faults(0.5, 0.0, 0.2 + math.radians(1.9)) == []  # within 2 degrees
     (fault,) = odometry_faults(0.5, 0.0, 0.3)
     assert fault.kind == "wrong-odometry-pose"
-    assert fault.message == "odometry says 17 degrees, it turned otherwise"
+    assert fault.message == "odometry reports 17 degrees, another angle than it turned"

@@ -165,7 +165,7 @@ def test_the_map_beside_the_stage_is_that_of_its_submission(tmp_path: Path) -> N
     [
         ("image:", "picture:", "names no image"),
         ("resolution:", "size:", "no resolution, origin or threshold"),
-        ("0.05", "0", "no resolution, or an origin that is none"),
+        ("0.05", "0", "no resolution, or an invalid origin"),
         ("-6.2, -3.32", "-6.2", "no resolution, origin or threshold"),
     ],
 )

@@ -190,7 +190,7 @@ def test_commands_are_as_they_were_sent(heard: dict[str, Any]) -> None:
 
 def test_nothing_is_written_over(bag: Path) -> None:
     stage = bag.parent / "Lab3_05.usda"
-    with pytest.raises(UsageError, match="is there already"):
+    with pytest.raises(UsageError, match="exists already"):
         invoke("sim", stage, "--bag", bag)
 
 

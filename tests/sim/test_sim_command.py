@@ -323,7 +323,7 @@ def test_a_long_drive_is_no_name_of_a_file() -> None:
 
 def test_a_file_that_is_no_text_is_wrong_use(tmp_path: Path) -> None:
     (tmp_path / "drive").write_bytes(b"\xff\xfe")
-    with pytest.raises(UsageError, match="is no text"):
+    with pytest.raises(UsageError, match="is not text"):
         drive_of(str(tmp_path / "drive"), (1.0, 1.0))
 
 

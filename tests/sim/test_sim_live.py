@@ -280,8 +280,8 @@ def test_what_is_left_out_and_lost_is_told() -> None:
         "/clock               Clock                       60 sent",
         "not sent: /odom, as it is in domain 7",
         "not simulated: /World/x: unknown",
-        "2 messages were lost, as a program that listens does not keep up",
-        "1.0 s played; 3 commands heard",
+        "2 messages were lost, because a subscriber does not keep up",
+        "1.0 s played; 3 commands received",
     ]
 
 

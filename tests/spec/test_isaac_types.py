@@ -181,7 +181,7 @@ def test_a_later_release_has_its_own_defaults(release: str, milliseconds: int) -
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("IsaacReadIMU:", "IsaacReadMUI:", "is no node type"),
+        ("IsaacReadIMU:", "IsaacReadMUI:", "is not a node type"),
         ("[imuPrim]", "[imPrim]", "has no input 'imPrim'"),
     ],
 )

@@ -61,13 +61,13 @@ ERRORS: dict[str, Case] = {
     "mass below nothing": (
         "scene.yaml",
         lambda said: said["robot"]["links"]["base_link"].update(mass=-0.8),
-        "scene.yaml: robot: links: base_link: mass: -0.8 kg is less than nothing",
+        "scene.yaml: robot: links: base_link: mass: -0.8 kg is negative",
     ),
     "wheel that is no link": (
         "scene.yaml",
         lambda said: said["robot"]["wheels"]["joints"].update(wheel_left_joint="wheel_left"),
         (
-            "scene.yaml: robot: wheels: joints: wheel_left_joint: 'wheel_left' is no link, "
+            "scene.yaml: robot: wheels: joints: wheel_left_joint: 'wheel_left' is not a link, "
             "'wheel_left_link' is (scene.yaml: robot: links)"
         ),
     ),
@@ -123,8 +123,8 @@ ERRORS: dict[str, Case] = {
         "submission.yaml",
         lambda said: line("/map publishes")(said).update(text="/mapp publishes"),
         (
-            "submission.yaml: checklist: ROS2: '/mapp publishes': '/mapp' is no topic, '/map' is "
-            "(ros.yaml: topics: /map)"
+            "submission.yaml: checklist: ROS2: '/mapp publishes': '/mapp' is not a topic, '/map' "
+            "is (ros.yaml: topics: /map)"
         ),
     ),
     "requirement of a checklist": (
@@ -191,7 +191,7 @@ ERRORS: dict[str, Case] = {
     "topic in the words of an item": (
         "rubric.yaml",
         lambda said: said["items"]["clock"].update(title="/clocks is publishing"),
-        "rubric.yaml: items: clock: title: '/clocks' is no topic, '/clock' is (ros.yaml: topics: ",
+        "rubric.yaml: items: clock: title: '/clocks' is not a topic, '/clock' is (ros.yaml: ",
     ),
     "group of an item": (
         "rubric.yaml",
@@ -238,28 +238,28 @@ ERRORS: dict[str, Case] = {
         "checkpoints.yaml",
         lambda said: said["frames"]["localization"]["chain"].append("base_scn"),
         (
-            "checkpoints.yaml: frames: localization: chain: 'base_scn' is no frame of the tree, "
+            "checkpoints.yaml: frames: localization: chain: 'base_scn' is not a frame of the tree, "
             "'base_scan' is (checkpoints.yaml: frames: edges)"
         ),
     ),
     "frame id of a graph": (
         "ROS_Lidar2D.yaml",
         lambda said: said["nodes"]["ros2_rtx_lidar_helper"]["set"]["D8"].update(frameId="base_2"),
-        "ROS_Lidar2D.yaml: ros2_rtx_lidar_helper: frameId: 'base_2' is no frame of the tree",
+        "ROS_Lidar2D.yaml: ros2_rtx_lidar_helper: frameId: 'base_2' is not a frame of the tree",
     ),
     "frame that a graph publishes too much": (
         "checkpoints.yaml",
         lambda said: said["frames"]["edges"].remove("base_footprint -> caster_back_link"),
         (
-            "ROS_OdomTF.yaml: isaac_compute_transform_tree: targetPrims: 'caster_back_link' is no "
-            "frame of the tree (checkpoints.yaml: frames: edges)"
+            "ROS_OdomTF.yaml: isaac_compute_transform_tree: targetPrims: 'caster_back_link' is not "
+            "a frame of the tree (checkpoints.yaml: frames: edges)"
         ),
     ),
     "frame of a message": (
         "ros.yaml",
         lambda said: said["topics"]["/scan"]["fields"].update({"header.frame_id": "scan"}),
         (
-            "ros.yaml: topics: /scan: fields: header.frame_id: 'scan' is no frame of the tree, "
+            "ros.yaml: topics: /scan: fields: header.frame_id: 'scan' is not a frame of the tree, "
             "'base_scan' is (checkpoints.yaml: frames: edges)"
         ),
     ),
@@ -267,20 +267,20 @@ ERRORS: dict[str, Case] = {
         "ros.yaml",
         lambda said: said["navigation"]["frames"][2].update(frame="odm"),
         (
-            "ros.yaml: navigation: frames: local_costmap.global_frame: 'odm' is no "
-            "frame of the tree, "
+            "ros.yaml: navigation: frames: local_costmap.global_frame: 'odm' is not "
+            "a frame of the tree, "
             "'odom' is (checkpoints.yaml: frames: edges)"
         ),
     ),
     "frame of a command": (
         "ros.yaml",
         lambda said: next(c for c in said["commands"] if c["kind"] == "tf2_echo").update(to="foot"),
-        "ros.yaml: command 10 (tf2_echo): to: 'foot' is no frame of the tree (checkpoints.yaml: ",
+        "ros.yaml: command 10 (tf2_echo): to: 'foot' is not a frame of the tree (checkpoints",
     ),
     "frame of the robot": (
         "scene.yaml",
         lambda said: said["robot"].update(base_frame="base_foot"),
-        "scene.yaml: robot: base_frame: 'base_foot' is no frame of the tree, 'base_footprint' is",
+        "scene.yaml: robot: base_frame: 'base_foot' is not a frame of the tree, 'base_footprint'",
     ),
     "topic that nobody publishes": (
         "ROS_Lidar2D.yaml",
@@ -309,7 +309,7 @@ ERRORS: dict[str, Case] = {
     "map of Nav2": (
         "ros.yaml",
         lambda said: said["navigation"].update(map_topic="/maps"),
-        "ros.yaml: navigation: map_topic: '/maps' is none of the topics (ros.yaml: topics)",
+        "ros.yaml: navigation: map_topic: '/maps' is not a topic (ros.yaml: topics)",
     ),
     "message of another type": (
         "ros.yaml",
@@ -331,12 +331,12 @@ ERRORS: dict[str, Case] = {
     "topic of a command": (
         "ros.yaml",
         lambda said: said["commands"][2].update(of="/clocks"),
-        "ros.yaml: command 3 (topic_type): of: '/clocks' is none of the topics (ros.yaml: topics)",
+        "ros.yaml: command 3 (topic_type): of: '/clocks' is not a topic (ros.yaml: topics)",
     ),
     "node of a command": (
         "ros.yaml",
         lambda said: next(c for c in said["commands"] if c["kind"] == "lifecycle").update(of="/x"),
-        "ros.yaml: command 8 (lifecycle): of: '/x' is none of the lifecycle nodes (ros.yaml: ",
+        "ros.yaml: command 8 (lifecycle): of: '/x' is not a lifecycle node (ros.yaml: ",
     ),
     "section that the handout does not have": (
         "ROS_Clock.yaml",
@@ -354,7 +354,7 @@ WARNINGS: dict[str, Case] = {
         "scene.yaml",
         lambda said: said["sensors"]["lidar"].update(kind="imu"),
         (
-            "warning scene.yaml: sensors: lidar: kind: 'imu' leaves out the rules about prims of "
+            "warning scene.yaml: sensors: lidar: kind: 'imu' omits the rules about prims of "
             "type OmniLidar, 'lidar' has them (scene.yaml: sensors: lidar: type)"
         ),
     ),

@@ -49,7 +49,7 @@ REASONS: dict[str, tuple[Callable[[Usd.Stage], object], str]] = {
     ),
     "a value of another type": (
         lambda stage: port(stage, "publish.inputs:queueSize", STRING).Set("ten"),
-        "publish.inputs:queueSize: 'ten' is no value of uint64",
+        "publish.inputs:queueSize: 'ten' is not a value of uint64",
     ),
     "a second wire into an input": (
         lambda stage: wire(stage, "tick.outputs:tick", "publish.inputs:execIn"),
@@ -98,7 +98,7 @@ def test_the_file_of_the_graph_says_what_it_leaves_out(tmp_path: Path) -> None:
     blank_node(stage)
     stage.Save()
     files = describe_lab([path], load_lab(), load_isaac_types().catalog).files
-    note = "Not described, because no file of a lab can hold it:"
+    note = "Not described, because a lab cannot contain it:"
     assert note in files["Inertia.yaml"]
     assert f"{INERTIA}/blank: has no type" in files["Inertia.yaml"]
     assert note not in files["Wheels.yaml"]

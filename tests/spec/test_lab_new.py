@@ -189,7 +189,7 @@ def test_a_frame_that_no_tree_has_leaves_the_tree_unasked(built: Path, tmp_path:
     stage.Export(str(other))
     shown = ran("lab", "new", tmp_path / "lab", "--from", other)[1]
     place = "ROS_Camera.yaml: ros2_camera_helper: frameId"
-    assert f"left out: {place}: 'lens' is no frame of the tree that the stage" in shown
+    assert f"left out: {place}: 'lens' is not a frame of the stage's tree" in shown
     assert not load_lab(tmp_path / "lab").checkpoints["05"].frames
 
 
@@ -247,7 +247,7 @@ def refusal(folder: Path, stage: Path) -> str:
 
 
 def test_a_folder_that_exists_is_kept(built: Path, tmp_path: Path) -> None:
-    assert refusal(tmp_path, built) == f"{tmp_path} exists; name a folder that does not"
+    assert refusal(tmp_path, built) == f"{tmp_path} exists; name a new folder"
     assert list(tmp_path.iterdir()) == []
 
 

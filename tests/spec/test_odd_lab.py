@@ -141,7 +141,9 @@ def test_what_a_lab_lacks_is_said_in_one_line(built: Path, tmp_path: Path) -> No
     (tmp_path / "lab" / "starter.yaml").unlink()
     (tmp_path / "lab" / "rubric.yaml").unlink()
     for arguments in (["build", "-o", tmp_path / "out"], ["starter", "-o", tmp_path / "a.usda"]):
-        with pytest.raises(Lab3Error, match=r"has no starter\.yaml: give lab3 build a starter"):
+        with pytest.raises(
+            Lab3Error, match=r"has no starter\.yaml: pass your own starter scene to lab3 build"
+        ):
             run("--lab", tmp_path / "lab", *arguments)
     arguments = ["grade", built, "--starter", built / "empty yard.s.usda", "-o", tmp_path / "book"]
     with pytest.raises(Lab3Error, match=r"^Scanning a yard has no rubric\.yaml; name a rubric"):

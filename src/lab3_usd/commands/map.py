@@ -33,7 +33,7 @@ class Metres(click.FloatRange):
         """Return the number, or fail with one line."""
         number: float = super().convert(value, param, ctx)
         if math.isnan(number):
-            self.fail(f"{value} is no length", param, ctx)
+            self.fail(f"{value} is not a length", param, ctx)
         return number
 
 

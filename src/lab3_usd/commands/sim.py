@@ -106,10 +106,10 @@ def closing_lines(lived: Lived) -> Iterator[str]:
     for prim, reason in lived.not_simulated.items():
         yield f"not simulated: {prim}: {reason}"
     if lived.lost:
-        yield f"{lived.lost} messages were lost, as a program that listens does not keep up"
+        yield f"{lived.lost} messages were lost, because a subscriber does not keep up"
     rate = lived.played / lived.took if lived.took else 1.0
     slow = f", at {rate:.2f} times real time: this computer is too slow" if rate < SLOW else ""
-    yield f"{lived.played:.1f} s played{slow}; {lived.commands} commands heard"
+    yield f"{lived.played:.1f} s played{slow}; {lived.commands} commands received"
 
 
 def _check_outputs(page: Path | None, bag: Path | None) -> None:
@@ -124,7 +124,7 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
     if page is not None and page.suffix.lower() in STAGE_ENDINGS:
         message = f"--page {page}: has the ending of a stage; name an .html file"
     elif bag is not None and bag.exists():
-        message = f"--bag {bag}: is there already; name a new folder"
+        message = f"--bag {bag}: exists already; name a new folder"
     elif bag is not None and find_spec("rosbags") is None:
         message = f"--bag needs the extra sim: {install_command('sim')}"
     if message:

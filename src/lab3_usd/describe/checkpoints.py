@@ -86,7 +86,7 @@ def names_of_stages(stems: Sequence[str]) -> FileNames:
     """
     twice = next((stem for stem, count in Counter(stems).items() if count > 1), None)
     if twice is not None:
-        raise UsageError(f"two stages are called '{twice}'; each checkpoint has a name of its own")
+        raise UsageError(f"two stages have the name '{twice}'; each checkpoint needs its own")
     lead = _shared_start(stems)
     tail = _shared_start([stem[len(lead) :][::-1] for stem in stems])[::-1]
     parts = [stem[len(lead) : len(stem) - len(tail)] for stem in stems]
@@ -219,10 +219,10 @@ def checkpoints_text(
 ) -> str:
     """Return `checkpoints.yaml`; `lab` is the new one without its checkpoints."""
     head = document(
-        "The checkpoints: what each adds to the one before, and what holds for all of them.\n"
+        "The checkpoints: the additions of each, and the rules for all of them.\n"
         "Parts and sections of the handout are placeholders, here and in the graphs: write yours.",
         {"title": title, "files": names.pattern},
-        {"files": "What the stages are called, without ending."},
+        {"files": "Names of the stages, without extension."},
     )
     # The type of the nodes that start most executions of the graphs.
     events = Counter(
@@ -237,7 +237,7 @@ def checkpoints_text(
     data = {**tree, "checkpoints": {step.id: step.data for step in steps}}
     notes = {
         "frames": "The TF tree of the stage; a checkpoint asks for it with `frames: true`.",
-        "checkpoints": "What each adds to the one before; move graphs and sensors between them.\n"
+        "checkpoints": "The additions of each; move graphs and sensors between them.\n"
         "To rename one, change its name or title, or give it an `id`; other files have its key.",
     }
     return f"{head}\n{policy}\n{document('', data, notes)}"
@@ -307,16 +307,18 @@ def rubric_text(title: str, steps: Sequence[Step], sensors: Mapping[str, SensorS
         "at_most": 0,
         "because": "the supplied robot or scene was changed",
     }
-    head = "Points: what each part of the lab is worth. `groups` are graphs, sensors, Scene and TF."
-    notes = {"caps": "What else limits an item: errors of the rules, in the stages of checkpoints."}
+    head = "The points of each part of the lab. `groups` are graphs, sensors, Scene and TF."
+    notes = {
+        "caps": "Further limits of an item: errors of the rules, in the stages of checkpoints."
+    }
     return document(head, {"title": title, "items": items, "caps": [cap]}, notes)
 
 
 _SUPPLIED = "scene"
 _RUNNING_HEAD = """\
-What the running system shows once the stage plays: its topics, and the commands that show them.
+The topics of the playing stage, and the commands that show them.
 `handout` names the section each fact comes from; `from` the checkpoint from which it holds."""
-_TOPICS = "Say also which section asks for a rate (`rate`), and `durability`."
+_TOPICS = "Add the section that asks for a rate (`rate`), and `durability`."
 _DOMAIN = "inputs:domain_id"
 _SOURCE = "press Play; the topic exists while the node that subscribes to it runs"
 

@@ -22,10 +22,10 @@ from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.values import Value, is_known_type, typed_value
 from lab3_usd.spec.yaml_file import read_yaml
 
-_HEAD = "What the stage has beside the public node types of Isaac Sim and their names of today."
+_HEAD = "Node types of the stage that are not public types of Isaac Sim, and earlier names."
 _NOTES = {
     "renamed": "Names of earlier releases.",
-    "types": "The ports are those of the stage: say what they are.",
+    "types": "The ports are those that the stage uses: describe them.",
 }
 _SIGNAL = re.compile(r"exec", re.IGNORECASE)
 
@@ -204,7 +204,7 @@ def _values(
         if _is_settable(port, value):
             yield port.short, as_typed(value)
         else:
-            left_out.append(f"{node.path}.{name}: {value!r} is no value of {port.ogn_type}")
+            left_out.append(f"{node.path}.{name}: {value!r} is not a value of {port.ogn_type}")
 
 
 def _is_settable(port: Port, value: Value) -> bool:

@@ -43,10 +43,10 @@ from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER,
 from lab3_usd.spec.load.lab import parse_scene
 
 _SCENE_HEAD = """\
-What the lab asks of the scene itself: units, robot, world, sensors.
+Requirements of the scene: units, robot, world, sensors.
 `handout` names the section of each item. Lengths in metres, angles in degrees, masses in kg."""
 _SCENE_NOTES = {
-    "tolerance": "How exactly the numbers below must be met.",
+    "tolerance": "Tolerances of the numbers below.",
     "robot": "The links are the bodies right below the robot's path.",
     "world": "Recognised by type, wherever they stand; `usual` is where the stage has them.",
     "sensors": "By the names that checkpoints add them under. Only what is `required` is checked.",
@@ -209,7 +209,7 @@ def _graph_text(text: GraphText) -> str:
     head = f"The graph {text.spec.path}. A node's key is its role; `set` has what the stage sets."
     if text.left_out:
         lines = "\n".join(f"  {line}" for line in text.left_out)
-        head += f"\nNot described, because no file of a lab can hold it:\n{lines}"
+        head += f"\nNot described, because a lab cannot contain it:\n{lines}"
     return document(head, text.data)
 
 
@@ -233,7 +233,7 @@ def _frames_outside(frames: Mapping[str, Any], lab: Lab) -> Iterator[str]:
     tree = {name for edge in frames["edges"] for name in edge.split(" -> ")}
     for frame in named_frames(lab):
         if tree and frame.child not in tree:
-            yield f"{frame.place}: '{frame.child}' is no frame of the tree that the stage publishes"
+            yield f"{frame.place}: '{frame.child}' is not a frame of the stage's tree"
 
 
 def refuse_existing_folder(folder: Path) -> None:
@@ -243,7 +243,7 @@ def refuse_existing_folder(folder: Path) -> None:
         UsageError: a file or folder exists at this path.
     """
     if folder.exists() or folder.is_symlink():
-        raise UsageError(f"{folder} exists; name a folder that does not")
+        raise UsageError(f"{folder} exists; name a new folder")
 
 
 def write_folder(folder: Path, files: Mapping[str, str]) -> None:

@@ -55,7 +55,7 @@ def class_of(out: Path) -> Row:
         book["students"] = [dict(row) for row in book["students"]]
         book["items"] = [dict(item) for item in book["items"]]
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UsageError(f"{out}: holds no gradebook that can be read") from error
+        raise UsageError(f"{out}: contains no readable gradebook") from error
     return dict(book)
 
 
@@ -69,7 +69,7 @@ def student_in(book: Row, name: str) -> Row:
     found = [row for row in rows if row["student"] == name]
     found = found or [row for row in rows if row["name"].casefold() == name.casefold()]
     if len(found) != 1:
-        why = "several students are called so; give the number" if found else "no such student"
+        why = "several students have this name; give the number" if found else "no such student"
         raise UsageError(f"{name}: {why}")
     return dict(found[0])
 

@@ -166,7 +166,7 @@ def check_apart(submissions: Path | str, out: Path) -> None:
     """
     inside = os.path.isdir(submissions)  # noqa: PTH112 - pathlib raises where nobody may look
     if inside and out.resolve().is_relative_to(Path(submissions).resolve()):
-        raise UsageError(f"{out}: lies in {submissions}, among what is graded; choose another -o")
+        raise UsageError(f"{out}: lies in {submissions}, which is graded; choose another -o")
 
 
 def check_starter(starter: Path) -> None:

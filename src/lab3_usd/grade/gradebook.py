@@ -97,7 +97,7 @@ def grade_of(report: Report, lab: Lab) -> GradeSummary | None:
         UsageError: there are several submissions.
     """
     if len(report.submissions) > 1:
-        raise UsageError("a Gradescope result is of one submission; name one folder")
+        raise UsageError("a Gradescope result covers one submission; name one folder")
     results = [result for result in report.results if result.checkpoint in lab.checkpoints]
     if not results:
         return None
@@ -154,13 +154,11 @@ def check_target(out: Path, *, resume: bool) -> None:
         name for name in names if not any(fnmatchcase(name.lower(), pattern) for pattern in _LITTER)
     }
     if (holds or half) and not resume:
-        raise UsageError(
-            f"{out}: is not empty; choose another folder, or give --resume to go on with it"
-        )
+        raise UsageError(f"{out}: is not empty; choose another folder, or continue with --resume")
     foreign = sorted(holds - {STUDENTS, *_TABLES, *(f"{name}.csv" for name in PLATFORMS)})
     if foreign:
         raise UsageError(
-            f"{out}: holds {foreign[0]}, which is no part of a gradebook; choose another one"
+            f"{out}: holds {foreign[0]}, which is not part of a gradebook; choose another folder"
         )
 
 

@@ -104,7 +104,7 @@ def write_for_platform(
     heads = [head.strip() for head in table.rows[0]] if table.rows else []
     if not any(head in heads for head in platform.ids):
         columns = ", ".join(platform.ids)
-        raise UsageError(f"{roster}: is no export of {name}: it has no column {columns}")
+        raise UsageError(f"{roster}: is not an export of {name}: it has no column {columns}")
     points = _points_column(platform, heads, column, book, roster)
     kept = [head for head in heads if not platform.kept or head in platform.kept]
     head = [*dict.fromkeys([*kept, points, *platform.more])]
@@ -163,7 +163,7 @@ def _read(roster: Path) -> _Table:
         delimiter = max(",;\t", key=first.count)
         rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise UsageError(f"{roster}: is no table of text: {error}") from error
+        raise UsageError(f"{roster}: is not a text table: {error}") from error
     return _Table(rows, delimiter, encoding)
 
 

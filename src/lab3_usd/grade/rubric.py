@@ -210,7 +210,7 @@ def load_items(
     for name, item in items.items():
         # The names head columns of the table of grades.
         if not name or not name.isprintable() or name != name.strip():
-            raise SpecError(f"{file}: items: {name!r} is no name for an item")
+            raise SpecError(f"{file}: items: {name!r} cannot be the name of an item")
         if name.casefold() in COLUMNS:
             raise SpecError(
                 f"{file}: items: '{name}' is a column of grades.csv; choose another name"
@@ -251,13 +251,11 @@ def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
     for name in item.needs:
         if name in above:
             continue
-        why = f"no item is called that; those above are {', '.join(above) or 'none'}"
+        why = f"there is no such item; the items above are {', '.join(above) or 'none'}"
         if name == item.id:
             why = "which is the item itself"
         elif name in names:
-            why = (
-                f"which stands below it; an item may only need items above it, so move '{name}' up"
-            )
+            why = f"which is below it; an item can only need items above it, so move '{name}' up"
         raise SpecError(f"{place}: needs '{name}', {why}")
 
 

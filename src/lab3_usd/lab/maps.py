@@ -105,7 +105,7 @@ def read_pgm(path: Path) -> Grid:
     header = _HEADER.match(data)
     if header is None:
         raise MapError(
-            f"{path} is no PGM image, which begins with P5 or P2, width, height and white"
+            f"{path} is not a PGM image, which begins with P5 or P2, width, height and white"
         )
     width, height, white = (int(header[name]) for name in ("width", "height", "white"))
     if not (0 < width * height <= _MOST_CELLS and 0 < white <= _TWO_BYTES):
@@ -150,7 +150,7 @@ def read_map(path: Path, *, given: bool = True) -> OccupancyMap:
     except (KeyError, TypeError, ValueError) as error:
         raise MapError(f"{path} has no resolution, origin or threshold") from error
     if not (resolution > 0 and all(map(math.isfinite, (resolution, x, y, turn)))):
-        raise MapError(f"{path} has no resolution, or an origin that is none")
+        raise MapError(f"{path} has no resolution, or an invalid origin")
     walls = frozenset(
         (index % grid.width, grid.height - 1 - index // grid.width)
         for index, value in enumerate(grid.cells)
@@ -295,7 +295,7 @@ def _read(path: Path) -> tuple[dict[str, object] | None, str | None]:
         mark = getattr(error, "problem_mark", None)
         return None, "is not YAML" + (f", see line {mark.line + 1}" if mark is not None else "")
     if not isinstance(data, dict):
-        return None, "holds no keys such as 'image' and 'resolution'"
+        return None, "has no keys such as 'image' and 'resolution'"
     return {str(key): value for key, value in data.items()}, None
 
 
@@ -416,9 +416,9 @@ def draw_map(frame: MapFrame, segments: Sequence[tuple[Point, Point]], start: Po
             cells[row * frame.width + column] = OCCUPIED
     column, row = (math.floor(value) for value in frame.to_cells(start))
     if not (0 <= column < frame.width and 0 <= row < frame.height):
-        raise UsageError(f"the start {start} lies outside the map, give --start or another frame")
+        raise UsageError(f"the start {start} is outside the map, give --start or another frame")
     if cells[row * frame.width + column] == OCCUPIED:
-        raise UsageError(f"the start {start} lies on a wall, give --start")
+        raise UsageError(f"the start {start} is on a wall, give --start")
     _flood(cells, frame.width, row * frame.width + column)
     _forget_unseen(cells, frame.width)
     rows = [cells[at : at + frame.width] for at in range(0, len(cells), frame.width)]

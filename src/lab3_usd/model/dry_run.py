@@ -320,7 +320,7 @@ Segment = tuple[float, float, float, float]  # from x, y to x, y
 
 
 class Moment(Struct, frozen=True):
-    """A moment of the first session: the robot, what odometry says of it, and what the lidar sees.
+    """A moment of the first session: the robot, its odometry, and the points of the lidar.
 
     `odometry` is from the start of the robot on, `points` are in the world; metres.
     """

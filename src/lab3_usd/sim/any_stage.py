@@ -55,7 +55,7 @@ class Played(Struct, frozen=True):
             return ""
         trial = self.plays[0]
         if isinstance(trial.causes, RunCauses) and trial.causes.robot is not None:
-            return "no wires lead from commands over ROS to the joints of a robot"
+            return "no ROS command reaches the joints of a robot"
         return "no robot was found: no bodies that joints hold together"
 
 
@@ -275,7 +275,7 @@ def moving(trial: Trial) -> Iterator[Fault]:
         level = Affine(about(AXES[2], heading(stands)), stands.origin)
         actual = Affine(about(AXES[2], pose.heading), (pose.x, pose.y, stands.origin[2]))
         if not agree(level, actual):
-            text = f"{wanted.root} -> {wanted.base} does not go with the robot"
+            text = f"{wanted.root} -> {wanted.base} does not move with the robot"
             yield Fault(text, "transform-unlike-odometry", message.node)
             return
 

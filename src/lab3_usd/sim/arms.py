@@ -83,7 +83,7 @@ def joints(trial: Trial, session: int) -> Iterator[Fault]:
             most = max(abs(other.commanded[name]) for other in trial.recording.held)
             if not math.isnan(commanded) and not abs(stands - commanded) <= OFF[0] * most + OFF[1]:
                 cause = trial.causes.of_joints() if isinstance(trial.causes, RunCauses) else None
-                text = f"{name} is commanded to {commanded:.3f} and stands at {stands:.3f}"
+                text = f"{name} is commanded to {commanded:.3f} and is at {stands:.3f}"
                 text += trial.when([session])
                 if cause is None:
                     yield Fault(text, "joint-off-target")

@@ -87,7 +87,7 @@ def outcome_of_any(stage: str, played: Played) -> Behaviour:
     )
     remarks = [remark for play in played.plays for remark in _remarks(play, played.checks)]
     remarks += [
-        f"the wheels of {robot.name} slide in a turn: how far it turns is not known"
+        f"the wheels of {robot.name} slide in a turn: its angle is unknown"
         for robot, play in zip(played.robots, played.plays, strict=False)
         if play.scrubs and not (robot.wheel_base or robot.has_rollers)
     ]

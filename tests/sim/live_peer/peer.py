@@ -1,4 +1,4 @@
-"""Drives a robot over Cyclone DDS until its odometry says that it moved: peer.py DOMAIN.
+"""Drives a robot over Cyclone DDS until its odometry reports that it moved: peer.py DOMAIN.
 
 Prints one line of JSON: what it heard, and how far the robot went. The types stand here once
 more, by hand, as somebody else would write them.

@@ -296,7 +296,7 @@ def _placements(view: TfView) -> Iterator[_Placement]:
             parent = effective_value(node, names[0], view.live_nodes)
             parent = parent if isinstance(parent, str) else None
             runs = path in running_nodes(view.subject.stage, view.subject.lab)
-            unheard = ", though not on a topic of tf2" if runs else ", though nothing drives it"
+            unheard = ", though not on a topic of tf2" if runs else ", though nothing triggers it"
             yield _Placement(path, parent, _wrong_port(parent, tf_ports(node), view), unheard)
 
 

@@ -260,7 +260,7 @@ def map_not_given(subject: MapSubject) -> Iterator[Problem]:
     Example: `lab3 check {map_stage}`.
     """
     if not subject.given:
-        yield Problem(subject.file, "not handed in, so not checked")
+        yield Problem(subject.file, "map is not given, so not checked")
 
 
 def _quoted(value: object) -> str:

@@ -75,7 +75,7 @@ def read_baseline(path: Path) -> Baseline:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
     except (msgspec.MsgspecError, UnicodeError) as error:
         raise UsageError(
-            f"{path}: is no baseline; {program()} check --write-baseline writes one"
+            f"{path}: is not a baseline; {program()} check --write-baseline writes one"
         ) from error
     if baseline.version != VERSION:
         raise UsageError(f"{path}: is a baseline of version {baseline.version}, expected {VERSION}")

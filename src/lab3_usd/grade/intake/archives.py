@@ -75,7 +75,7 @@ def _unpack_nested(stream: BinaryIO, size: int, name: str, copy: SubmissionCopy)
     if is_hidden(path_parts(name)):
         return
     if copy.is_nested:
-        copy.refuse(name, "it is an archive in an archive in an archive; not unpacked")
+        copy.refuse(name, "it is nested more than one archive deep; not unpacked")
         return
     if size > copy.limits.file_size:
         copy.refuse(name, f"it is larger than {copy.limits.file_size >> 20} MB; not opened")
@@ -132,9 +132,9 @@ def unpack(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
         # Students would be lost with what follows in the archive of a class.
         if len(copy.digests) == taken or copy.archives:
             raise ArchiveError(
-                f"{archive.name}: is damaged or no such archive; pack it again"
+                f"{archive.name}: is damaged or not an archive; pack it again"
             ) from error
-        copy.refuse(archive.name, "the archive is damaged; what follows in it is lost")
+        copy.refuse(archive.name, "the archive is damaged; the rest of it is lost")
 
 
 def _from_zip(archive: Path, prefix: str, copy: SubmissionCopy) -> None:

@@ -87,9 +87,9 @@ def _beside(copy: SubmissionCopy, chosen: str, covered: Sequence[str]) -> Iterat
     names = [Path(path).relative_to(copy.target).as_posix() for path in copy.digests]
     left = sorted(name for name in names if not any(_is_inside(name, path) for path in covered))
     for name in left[:_MOST_NAMED]:
-        yield RefusedFile(name, f"it lies outside of {chosen}, which is judged", "Z05")
+        yield RefusedFile(name, f"it is outside the judged folder {chosen}", "Z05")
     if len(left) > _MOST_NAMED:
-        more = f"{len(left) - _MOST_NAMED} more files lie outside of {chosen}, which is judged"
+        more = f"{len(left) - _MOST_NAMED} more files are outside the judged folder {chosen}"
         yield RefusedFile(left[_MOST_NAMED], more, "Z05")
 
 
@@ -170,7 +170,7 @@ def _remarks(chosen: StageFolder, aside: Sequence[StageFolder]) -> Iterator[Rema
     ]
     more = f" and {len(aside) - _MOST_NAMED} more" if len(aside) > _MOST_NAMED else ""
     doubt = f"{AMBIGUOUS}: as many in {_shown(equal[0].path)}; " if equal else ""
-    text = f"{doubt}{judged}; left aside: {', '.join(listed)}{more}"
+    text = f"{doubt}{judged}; left out: {', '.join(listed)}{more}"
     yield Remark(chosen.path or ".", text, "Z03")
 
 
@@ -184,7 +184,7 @@ def _holding(folder: StageFolder, chosen: StageFolder) -> str:
     if folder.contents <= chosen.contents:
         return f"{_counted(folder)}, the same files"
     lacking = [number for number in folder.checkpoints if number not in chosen.checkpoints]
-    lacks = f", of which {', '.join(lacking)} only there" if lacking else ""
+    lacks = f"; only there: {', '.join(lacking)}" if lacking else ""
     return f"{_counted(folder)}{lacks}"
 
 

@@ -43,7 +43,7 @@ def check_layer(path: Path, limits: Limits) -> bytes | None:
     """
     status = path.lstat()
     if not stat.S_ISREG(status.st_mode):
-        _refuse("is no file but a link, pipe or device; not opened")
+        _refuse("is a link, pipe or device; not opened")
     if status.st_size > limits.file_size:
         _refuse(f"is larger than {limits.file_size >> 20} MB; not opened")
     data = path.read_bytes()
@@ -151,9 +151,9 @@ def _check_packed(package: zipfile.ZipFile, entry: zipfile.ZipInfo, limits: Limi
     if name.startswith("/") or "\\" in name or ".." in name.split("/"):
         _refuse("holds a name that leads out of the package; not opened")
     if entry.compress_type != zipfile.ZIP_STORED or entry.flag_bits & 1:
-        _refuse("is packed as USD packages are not; not opened")
+        _refuse("is not packed as a USD package; not opened")
     if name.lower().endswith(".usdz"):
-        _refuse("holds a package in a package; not opened")
+        _refuse("contains a package in a package; not opened")
     if name.lower().endswith((".usd", ".usda", ".usdc")):
         data = package.read(entry)
         if data.startswith(_TEXT):

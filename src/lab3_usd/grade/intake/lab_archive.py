@@ -38,7 +38,7 @@ def unpacked_lab(archive: Path) -> Iterator[Path]:
         for path in paths:
             name = path.relative_to(target).as_posix()
             if path.suffix.lower() in _CODE:
-                raise UsageError(f"{archive.name}: {name} is a program; a lab is data alone")
+                raise UsageError(f"{archive.name}: {name} is a program; a lab contains data only")
             if path.suffix.lower() == ".yaml":
                 read_foreign_yaml(path)
         if not (target / CHECKPOINTS).is_file():

@@ -216,7 +216,7 @@ def archive_at(address: str, scratch: Path, limits: Limits) -> Path | None:
     try:
         is_file = bool(location.storage.isfile(location.root))
     except Exception as error:
-        raise UsageError(f"{address}: cannot be looked location ({reason_of(error)})") from error
+        raise UsageError(f"{address}: cannot be read ({reason_of(error)})") from error
     if not is_file:
         return None
     if not is_archive(name):

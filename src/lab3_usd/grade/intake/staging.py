@@ -354,7 +354,7 @@ def _take_file(
             return
         _unpack(path, name, copy, alone=alone)
     elif name.lower().endswith(OTHER_ENDINGS) and "/" not in name:
-        copy.refuse(name, "it is an archive of a kind that is not unpacked; hand in a .zip")
+        copy.refuse(name, "archives of this kind are not unpacked; hand in a .zip")
     else:
         _copy(path, name, copy)
 
@@ -375,7 +375,7 @@ def _unpack(path: Path, name: str, copy: SubmissionCopy, *, alone: bool) -> None
         copy.refuse(name, f"{_UNREAD} ({error.strerror})")
         return
     if not is_file:
-        copy.refuse(name, "it is no file but a pipe, socket or device; not opened")
+        copy.refuse(name, "it is a pipe, socket or device; not opened")
         return
     if alone:
         unpack(path, "", copy)
@@ -390,7 +390,7 @@ def _copy(path: Path, name: str, copy: SubmissionCopy) -> None:
     try:
         with _opened(path) as (stream, status):
             if stream is None:
-                copy.refuse(name, "it is no file but a pipe, socket or device; not opened")
+                copy.refuse(name, "it is a pipe, socket or device; not opened")
             else:
                 copy.take(name, status.st_size, stream, status.st_mtime)
     except OSError as error:

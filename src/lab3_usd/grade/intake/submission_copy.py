@@ -85,7 +85,7 @@ _SMALL_PICTURE = 4 << 20
 
 # What version control, environments and builds (colcon's `build`, `install`, `log`) are called.
 _MADE = (".git", ".venv", "venv", "build", "install", "log", "node_modules", "__pycache__")
-_PASSED_OVER = "programs fill folders of this name; what is in it is not judged"
+_PASSED_OVER = "programs fill folders of this name; its content is not judged"
 _CLOUD_FILE = re.compile(r"^\.(?P<name>.+)\.icloud$")
 _IN_THE_CLOUD = "it is a placeholder of iCloud, not the file itself"
 _LATEST = 2**32  # seconds, beyond which not every file system counts
@@ -176,15 +176,15 @@ def yaml_fault(data: bytes) -> str:
     if len(data) > LARGEST_YAML:
         return f"it is larger than {LARGEST_YAML >> 20} MB; not opened"
     if len(_ALIAS.findall(data)) > _MOST_ALIASES or bracket_depth(data) > _MOST_BRACKETS:
-        return "it unfolds to far more than it says; not opened"
+        return "it expands to far more than its size; not opened"
     return ""
 
 
 _CHUNK = 1 << 20
 _AS_LARGE = 8 << 20  # bytes of the placeholder of a large file in the copy of a class
 LEADS_OUT = "it is a link that leads out of the submission; not opened"
-LEADS_TO_NO_FILE = "it is a link to what is no file of the submission; not opened"
-_TWICE = "it is there twice; the other one counts"
+LEADS_TO_NO_FILE = "it is a link to something outside the judged files; not opened"
+_TWICE = "it exists twice; the other one counts"
 _CLASH = "a file and a folder have the same name"
 
 
@@ -222,7 +222,7 @@ class SubmissionCopy:
             own = folder if self.archives else folder.rpartition("/")[2]
             by_name.setdefault(own, []).append(folder)
         for first, *others in by_name.values():
-            more = f" (and in {len(others)} more called so)" if others else ""
+            more = f" (and in {len(others)} more of this name)" if others else ""
             self.refuse(first, f"{_PASSED_OVER}{more}", "Z05")
         self.passed_over.clear()
 

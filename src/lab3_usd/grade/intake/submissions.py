@@ -233,7 +233,7 @@ def _at_address(location: ClassLocation, address: str, notify: Notify) -> list[S
     for part in _parts(location, entries, names, notify):
         source = replace(part.source, address=f"{address.rstrip('/')}/{part.source.path}")
         if "::" in source.path.name:  # fsspec would read it as an address of its own
-            fault = "its name holds '::' and is no part of an address"
+            fault = "its name holds '::' which cannot be part of an address"
             source = replace(part.source, fault=fault)
         parts.append(replace(part, source=source))
     return parts

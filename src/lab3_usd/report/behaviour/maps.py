@@ -18,7 +18,7 @@ _WIDE = 34.0  # that the name of a leg needs
 
 
 def chart_svg(moments: Sequence[Moment]) -> str:
-    """Return the drawing; what odometry says are the dots on the lines of the motion."""
+    """Return the drawing; what odometry reports are the dots on the lines of the motion."""
     start = moments[0].robot
     end = moments[-1].seconds or 1.0
     parts = [_legs(moments, end)]
@@ -117,7 +117,7 @@ def room_svg(replay: Replay, shown: int, *, still: bool = False) -> str:
 
 
 def near_svg(replay: Replay, shown: int, *, still: bool = False) -> str:
-    """Return the path from near, with what odometry says of it."""
+    """Return the path from near, with what odometry reports of it."""
     odometry = [moment.odometry for moment in replay.moments if moment.odometry is not None]
     start, edge = replay.moments[0].robot, min(replay.radius, FAR)
     estimates = [(x, y) for x, y, _ in odometry if _near((x, y), start)]

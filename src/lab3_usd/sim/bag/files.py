@@ -201,12 +201,10 @@ def _check_database(path: Path) -> None:
     try:
         with closing(sqlite3.connect(f"{path.resolve().as_uri()}?immutable=1", uri=True)) as base:
             if base.execute(_COMPUTED).fetchone() is not None:
-                raise RecordingError(
-                    f"{path.name} holds what SQLite would have to compute; not opened"
-                )
+                raise RecordingError(f"{path.name} contains views or computed columns; not opened")
             (count,) = base.execute("SELECT count(*) FROM topics").fetchone()
     except sqlite3.Error as error:
-        raise RecordingError(f"{path.name} is damaged or no recording: {error}") from error
+        raise RecordingError(f"{path.name} is damaged or not a recording: {error}") from error
     if count > MOST_TOPICS:
         raise RecordingError(too_many())
 
@@ -337,7 +335,7 @@ def layout_of(files: Sequence[Path]) -> Layout:
     else:
         wanted = sorted(name for name in by_name if is_file_of_bag(name))
     if not wanted:
-        raise RecordingError("holds no .mcap and no .db3 file")
+        raise RecordingError("contains neither an .mcap nor a .db3 file")
     by_message = str(metadata.get("compression_mode", "")).lower() == "message"
     custom = metadata.get("custom_data")
     not_sent = str(custom.get(NOT_SENT, "")).split() if isinstance(custom, dict) else ()
@@ -395,5 +393,5 @@ def _guarded(items: Iterator[T]) -> Iterator[T]:
             raise
         except Exception as error:
             reason = " ".join(str(error).split())[:200] or type(error).__name__
-            raise RecordingError(f"is damaged or no recording: {reason}") from error
+            raise RecordingError(f"is damaged or not a recording: {reason}") from error
         yield item

@@ -65,7 +65,7 @@ def unreadable(recorded: Recorded) -> Iterator[Fault]:
     """Every message is of the type that its topic says."""
     for (topic, kind), tally in recorded.gathered.tallies.items():
         if tally.unreadable:
-            text = f"{tally.unreadable} of {tally.count} messages on {topic} are no {kind}"
+            text = f"{tally.unreadable} of {tally.count} messages on {topic} are not {kind}"
             yield Fault(text, "unreadable-message")
 
 
@@ -89,7 +89,7 @@ def rates(recorded: Recorded) -> Iterator[Fault]:
     for topic in recorded.reached:
         for tally in recorded.gathered.of_topic(topic.name):
             if topic.rate is not None and tally.count and not (any(tally.rates()) or is_short):
-                yield Fault(f"{topic.name} comes only once", "single-message")
+                yield Fault(f"{topic.name} is received only once", "single-message")
             elif topic.rate is not None and tally.stuck > STUCK * tally.count:
                 text = f"{tally.stuck} of {tally.count} stamps of {topic.name} are not later"
                 yield Fault(f"{text} than the one before", "stamp-not-advancing")
@@ -239,7 +239,7 @@ def _topics(recorded: Behaviour, dry: Behaviour) -> Iterator[Difference]:
         if topic is None and expected.name in not_sent:
             continue
         if topic is None:
-            yield Difference(expected.name, "comes in the dry run only")
+            yield Difference(expected.name, "is only in the dry run")
             continue
         if topic.type != expected.type:
             text = f"is {topic.type}, in the dry run {expected.type}"
@@ -418,14 +418,14 @@ def _remarks(gathered: Gathered, found: MapFit | None) -> Iterator[str]:
     else:
         yield f"the simulation ran at {timeline.speed:.2f} of real time"
     if gathered.until is not None:
-        yield f"the first {gathered.until:.0f} s were judged message by message, the rest in sum"
+        yield f"the first {gathered.until:.0f} s were judged message by message, the rest in total"
     odd = sum(
         not _TOPIC.fullmatch(topic) or not _TYPE.fullmatch(kind) for topic, kind in gathered.tallies
     )
     if odd:
-        yield f"{odd} topics have a name or type that is none"
+        yield f"{odd} topics have an invalid name or type"
     if not gathered.commands:
-        yield "no command was recorded, so that nothing is said of how the robot follows"
+        yield "no command was recorded: `follows` is not judged"
 
 
 def legs(
@@ -458,7 +458,7 @@ def _leg(command: _Command | None, seconds: float, limits: tuple[float, float]) 
 
 
 def path(places: Sequence[tuple[float, Place]], drive: Sequence[Leg]) -> Iterator[Pose]:
-    """Yield a pose for each frame of the drive, between what odometry says."""
+    """Yield a pose for each frame of the drive, between what odometry reports."""
     if not places:
         return
     ahead, frame = 0, 0

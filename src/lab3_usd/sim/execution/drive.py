@@ -90,7 +90,7 @@ def drive_of(text: str, limits: tuple[float, float]) -> tuple[Session, ...]:
     """
     legs = tuple(_legs(_lines(text), limits))
     if not legs or sum(leg.seconds for leg in legs) > LONGEST:
-        raise UsageError(f"--drive '{text}': is no drive of up to {LONGEST:.0f} seconds")
+        raise UsageError(f"--drive '{text}': is not a drive of at most {LONGEST:.0f} seconds")
     return (Session((Leg("idle", 0.5), *legs)),)
 
 
@@ -100,7 +100,7 @@ def _lines(text: str) -> list[str]:
         if Path(text).is_file():
             return Path(text).read_text(encoding="utf-8").splitlines()
     except UnicodeDecodeError as error:
-        raise UsageError(f"--drive {text}: is no text") from error
+        raise UsageError(f"--drive {text}: is not text") from error
     except (OSError, ValueError):  # no name of a file can be so long, or hold such characters
         pass
     return text.split()
@@ -116,9 +116,7 @@ def _legs(lines: list[str], limits: tuple[float, float]) -> Iterator[Leg]:
         except ValueError:
             numbers = []
         if len(numbers) != _NUMBERS or not all(map(math.isfinite, numbers)) or numbers[2] <= 0:
-            raise UsageError(
-                f"--drive: '{text}' is no leg; write metres a second, radians a second, seconds"
-            )
+            raise UsageError(f"--drive: '{text}' is not a leg; write m/s, rad/s and seconds")
         v, w, seconds = numbers
         yield Leg(leg_name(v, w, limits), seconds, (v, 0.0, w))
 

@@ -128,7 +128,7 @@ def _dropped(
             if source is None or not _is_described(source, catalog):
                 continue
             if source.type.port(output) is None:
-                text = f"{name} is wired to {path}, whose type has no {output}"
+                text = f"{name} is connected to {path}, whose type has no {output}"
                 yield node.path, Failure(text, "unknown-port")
 
 

@@ -89,11 +89,11 @@ def open_endpoint(node: Running, world: World, start: str = "") -> Endpoint | No
     topic = f"{'/' + space if space else ''}/{trimmed(name)}" if name else ""
     profile = profile_of(node.text("qosProfile", world), int(node.number("queueSize", world)))
     if domain is None:
-        node.fails("its context is none", "invalid-context")
+        node.fails("its context is invalid", "invalid-context")
     elif profile is None:
-        node.fails("its QoS profile is none", "invalid-qos-profile")
+        node.fails("its QoS profile is invalid", "invalid-qos-profile")
     elif _NAME.fullmatch(topic) is None:
-        node.fails(f"{topic or 'an empty name'} is no topic", "invalid-topic-name")
+        node.fails(f"{topic or 'an empty name'} is not a topic", "invalid-topic-name")
     else:
         return Endpoint(domain, topic, profile)
     return None

@@ -148,7 +148,7 @@ class RunCauses(Struct, frozen=True):
             idle = self.program.idle.get(node.path.rpartition("/")[0])
             if idle:
                 return Cause(node.path, idle, "graph-not-evaluated")
-            return Cause(node.path, "nothing drives it", "not-executed")
+            return Cause(node.path, "nothing triggers it", "not-executed")
         return None
 
     def _before(self, node: Running) -> Iterator[Running]:

@@ -178,7 +178,7 @@ def on_map(trial: Trial) -> Iterator[Fault]:
         kind = "map-shifted" if trial.room else kind
         text += f"; moved by ({x:+.2f}, {y:+.2f}) m it would be {found.shifted:.0%}"
     elif found.shift is not None:
-        text += f"; wherever it is moved to, no more than {found.shifted:.0%} do"
+        text += f"; no shift brings more than {found.shifted:.0%} there"
     if not found.sure:
         text += ". The room may be another than that of the lab's map: name its map with --maps"
     yield Fault(text, kind, sure=found.sure)

@@ -86,7 +86,7 @@ def _straight(trial: Trial, stretch: Stretch) -> Fault | None:
         text += trial.expected_text(commanded, ".2f")
         return trial.motion_fault(text, "wrong-distance")
     if abs(left) > trial.tolerance.slip[0] or abs(turned) > trial.tolerance.slip[1]:
-        return trial.motion_fault(f"commanded to go {leg.name}, went aside", "sideways-drift")
+        return trial.motion_fault(f"commanded to go {leg.name}, moved sideways", "sideways-drift")
     return None
 
 
@@ -102,7 +102,7 @@ def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
         )
         return trial.motion_fault(text, "wrong-turn")
     if math.hypot(ahead, left) > trial.tolerance.slip[0]:
-        return trial.motion_fault("commanded to turn, went away", "turn-off-centre")
+        return trial.motion_fault("commanded to turn, drove away", "turn-off-centre")
     return None
 
 
@@ -177,7 +177,7 @@ def again(trial: Trial) -> Iterator[Fault]:
 
 
 ODOMETRY = (0.02, math.radians(2.0))
-SPEED = 0.03  # m/s and rad/s between what odometry says and what is
+SPEED = 0.03  # m/s and rad/s between what odometry reports and what is
 SETTLED = 8  # frames after which a leg is driven evenly
 
 
@@ -209,11 +209,13 @@ def _odometry_fault(data: Odometry, origin: Pose, pose: Pose) -> str:
     ahead, left, _ = displacement(origin, pose)
     x, y, _ = data.position
     if math.hypot(x - ahead, y - left) > ODOMETRY[0]:
-        return f"odometry says ({x:.2f}, {y:.2f}), it went ({ahead:.2f}, {left:.2f})"
+        return f"odometry reports ({x:.2f}, {y:.2f}), it went ({ahead:.2f}, {left:.2f})"
     turned = Affine(rotation(data.orientation)).rows
     estimated = math.atan2(turned[1][0], turned[0][0])
     if abs(angle(estimated - (pose.heading - origin.heading))) > ODOMETRY[1]:
-        return f"odometry says {math.degrees(estimated):.0f} degrees, it turned otherwise"
+        return (
+            f"odometry reports {math.degrees(estimated):.0f} degrees, another angle than it turned"
+        )
     return ""
 
 
@@ -249,6 +251,6 @@ def moving_frames(trial: Trial) -> Iterator[Fault]:
             continue
         estimate = Affine(rotation(message.data.orientation), message.data.position)
         if not agree(place, estimate):
-            text = f"{wanted.root} -> {wanted.base} is not what odometry says"
+            text = f"{wanted.root} -> {wanted.base} differs from odometry"
             yield Fault(text, "transform-unlike-odometry", message.node)
             return

@@ -27,7 +27,7 @@ def mounted(trial: Trial) -> Iterator[Fault]:
             if sensor_place is not None and base_place is not None:
                 places.append(base_place.inverse().then(sensor_place))
         if len(places) > 1 and not agree(*places):
-            text = f"{messages[0].frame} does not go with {wanted.base}"
+            text = f"{messages[0].frame} does not move with {wanted.base}"
             yield Fault(text, "loose-sensor", messages[0].node)
 
 
@@ -57,7 +57,7 @@ def scan(trial: Trial) -> Iterator[Fault]:
         text = f"the lidar turns {1.0 / turn:g} times a second, not {turns:g}"
         yield Fault(text, "wrong-turn-rate", messages[-1].node)
     if all(distance < 0 for distance in messages[-1].data.ranges):
-        yield Fault("no ray comes back", "no-ray-returns", messages[-1].node)
+        yield Fault("no ray returns", "no-ray-returns", messages[-1].node)
     for message in (messages[:2][-1], messages[len(messages) // 2], messages[-1]):
         place = in_root(trial, message)
         if place is None or trial.walls is None:
@@ -123,6 +123,6 @@ def _view(trial: Trial, image: Message) -> Iterator[Fault]:
     if base is not None and any(wanted.looks):
         view = base.inverse().then(actual)
         if length(minus(view.turn((0.0, 0.0, 1.0)), wanted.looks)) > AHEAD:
-            yield Fault("the camera does not look where it should", "camera-not-ahead", image.node)
+            yield Fault("the camera looks in a wrong direction", "camera-not-ahead", image.node)
         elif length(minus(view.turn((0.0, -1.0, 0.0)), wanted.upward)) > AHEAD:
             yield Fault("the camera is not upright", "camera-not-upright", image.node)

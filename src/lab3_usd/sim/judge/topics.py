@@ -274,6 +274,6 @@ def _loose_frames(trial: Trial, up: dict[str, str], session: int) -> Iterator[Fa
         root = root or top
         if top != root:
             kind: FaultKind = "disconnected-frame" if frame in up else "unknown-frame"
-            text = f"{frame} does not hang below {root}"
+            text = f"{frame} is not below {root}"
             yield Fault(text, kind, named.get(frame, ""))
             return

@@ -96,7 +96,7 @@ def scale(node: Running, world: World) -> bool:
     factor = factors.get(node.text("conversion", world))
     value = node.get("value", world)
     if factor is None:
-        return node.fails("its conversion is none", "invalid-conversion")
+        return node.fails("its conversion is invalid", "invalid-conversion")
     if isinstance(value, tuple):
         node.outputs["result"] = tuple(x * factor for x in value)
     elif isinstance(value, (int, float)):
@@ -132,7 +132,7 @@ def construct_array(node: Running, world: World) -> bool:
     is_token = all(texts) if kind == "auto" else kind == "token[]"
     if not is_token and (kind != "auto" or any(texts)):
         node.outputs["array"] = ()
-        return node.fails(f"its elements are no {kind}", "wrong-array-type")
+        return node.fails(f"its elements are not {kind}", "wrong-array-type")
     empty = "" if is_token else 0.0
     node.outputs["array"] = tuple(empty if value is None else value for value in values)
     return True

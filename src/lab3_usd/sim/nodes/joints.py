@@ -55,7 +55,7 @@ def publish_joint_state(node: Running, world: World) -> bool:
     if names or positions or velocities or efforts or degrees:
         sizes = {len(array) for array in (names, positions, velocities, efforts, degrees)}
         if not names or len(sizes) > 1:
-            return node.fails("its arrays are not equally long", "unequal-joint-arrays")
+            return node.fails("its arrays have different lengths", "unequal-joint-arrays")
         if not 0 < unit < math.inf:
             return node.fails("no unit of the stage reaches it", "unequal-joint-arrays")
     else:

@@ -29,7 +29,7 @@ def read_imu(node: Running, world: World) -> bool:
     body = world.machines.body_of(prim.path) if prim is not None else ""
     if prim is None or prim.type != IMU or not body:
         node.outputs.update(linAcc=NO_VECTOR, angVel=NO_VECTOR, orientation=(0.0, 0.0, 0.0, 1.0))
-        return node.fails("its prim is no inertial sensor on a body", "no-inertial-sensor")
+        return node.fails("its prim is not an inertial sensor on a body", "no-inertial-sensor")
     place, now = world.machines.place(prim.path), world.machines.place(body)
     back = place.inverse()
     before: Affine | None = node.memory.get("place")

@@ -154,7 +154,7 @@ def _command(node: Running, world: World, joints: list[Joint]) -> bool:
                 f"{len(targets)} commands come for {len(joints)} joints", "wrong-command-count"
             )
         if not all(isinstance(value, (int, float)) for value in targets):
-            return node.fails("its commands are no numbers", "non-numeric-command")
+            return node.fails("its commands are not numbers", "non-numeric-command")
     # What is no number leaves the target as it is (:138-162).
     for joint, value in zip(joints, position, strict=False):
         joint.target_position = joint.target_position if math.isnan(value) else float(value)
@@ -184,7 +184,7 @@ def compute_odometry(node: Running, world: World) -> bool:
     """CN/nodes/OgnIsaacComputeOdometry.cpp:77-360: the way since Play, seen from its start."""
     path: str | None = node.memory.get("path") or _chassis(node, world)
     if path is None:
-        return node.fails("its chassis is no body and no articulation", "no-chassis-body")
+        return node.fails("its chassis is neither a body nor an articulation", "no-chassis-body")
     now = world.machines.place(path)
     if "path" not in node.memory:
         node.memory.update(path=path, start=now.inverse())

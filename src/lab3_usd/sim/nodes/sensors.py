@@ -37,7 +37,7 @@ def create_render_product(node: Running, world: World) -> bool:
         return node.fails("it is switched off", "switched-off")
     if not targets or targets[0] not in world.scene.prims:
         kind: FaultKind = "missing-camera-prim" if targets else "no-camera-target"
-        return node.fails("its camera prim is not there", kind)
+        return node.fails("its camera prim does not exist", kind)
     width, height = (int(node.number(name, world)) for name in ("width", "height"))
     product = Product(targets[0], width, height)
     named = node.targets("renderProductPrim")
@@ -137,7 +137,7 @@ def camera_info_helper(node: Running, world: World) -> bool:
         return bool(node.memory)
     prim = world.scene.prims[product.sensor]
     if prim.type != "Camera":
-        return node.fails(f"{prim.path} is no camera", "not-a-camera")
+        return node.fails(f"{prim.path} is not a camera", "not-a-camera")
     writer = attach(node, world, product, "info", _camera_rate(world, product))
     if writer is None:
         return False
@@ -172,7 +172,7 @@ def lidar_helper(node: Running, world: World) -> bool:
         return bool(node.memory)
     prim = _with_profile(world.scene.prims[product.sensor], world)
     if prim.type != "OmniLidar":
-        return node.fails(f"{prim.path} is no lidar", "not-a-lidar")
+        return node.fails(f"{prim.path} is not a lidar", "not-a-lidar")
     if LIDAR_API not in prim.apis:
         return node.fails(f"{prim.path} has no lidar schema", "no-lidar-schema")
     return _publish(node, world, prim, product)

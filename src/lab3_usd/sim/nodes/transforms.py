@@ -232,7 +232,7 @@ def compute_transform_tree(node: Running, world: World) -> bool:
         tree = node.memory["tree"] = Tree.of(world.scene, parents[0] if parents else "", targets)
     if not tree.pairs:
         node.memory.clear()
-        return node.fails("none of its target prims is there", "no-target-prim")
+        return node.fails("none of its target prims exists", "no-target-prim")
     poses = [pair.pose(world) for pair in tree.pairs]
     node.outputs.update(
         parentFrames=tuple(pair.parent for pair in tree.pairs),
@@ -272,7 +272,7 @@ def publish_transform_tree(node: Running, world: World) -> bool:
         for name in ("parentFrames", "childFrames", "translations", "orientations")
     ]
     if not arrays[0] or len({len(array) for array in arrays}) > 1:
-        return node.fails("its four arrays are not equally long", "unequal-frame-arrays")
+        return node.fails("its four arrays have different lengths", "unequal-frame-arrays")
     transforms = tuple(
         Transform(str(parent), str(child), _metres(Affine(HERE.rows, at), world), (q[3], *q[:3]))
         for parent, child, at, q in zip(*arrays, strict=True)

@@ -204,7 +204,7 @@ def frame_faults(lab: Lab) -> Iterator[LabFault]:
         if frame not in tree:
             meant = nearest(frame, tree)
             hint = f", '{meant}' is" if meant else ""
-            message = f"'{frame}' is no frame of the tree{hint}"
+            message = f"'{frame}' is not a frame of the tree{hint}"
             yield LabFault(file, key, message, f"{CHECKPOINTS}: {TREE}")
 
 
@@ -290,7 +290,7 @@ def topic_faults(lab: Lab) -> Iterator[LabFault]:
         yield from _about_topic(lab, topic, given)
     for graph_topic in given:
         if graph_topic.name not in lab.ros.topics:
-            message = f"'{graph_topic.name}' is missing, so that no saved output of it is judged"
+            message = f"'{graph_topic.name}' is missing: no saved output of it is judged"
             yield LabFault(ROS, "topics", message, graph_topic.place, "warning")
     if lab.checkpoints[lab.last].localization and lab.ros.navigation is not None:
         yield from _navigation(lab, lab.ros.navigation, given)
@@ -362,7 +362,7 @@ def _navigation(
             other = f"{ends[meant].place} is '{meant}'" if meant else f"{ROS}: topics"
             yield LabFault(ROS, f"navigation: {key}", message, other)
     if navigation.map_topic not in lab.ros.topics:
-        message = f"'{navigation.map_topic}' is none of the topics"
+        message = f"'{navigation.map_topic}' is not a topic"
         yield LabFault(ROS, "navigation: map_topic", message, f"{ROS}: topics")
 
 
@@ -373,9 +373,9 @@ def _commands(lab: Lab) -> Iterator[LabFault]:
         kind, name = command.kind.name, command.of
         key = f"command {number} ({kind}): of"
         if kind.startswith(_ABOUT_TOPICS) and name and name not in topics:
-            yield LabFault(ROS, key, f"'{name}' is none of the topics", f"{ROS}: topics")
+            yield LabFault(ROS, key, f"'{name}' is not a topic", f"{ROS}: topics")
         if kind == _ABOUT_NODES and name not in nodes:
-            message = f"'{name}' is none of the lifecycle nodes"
+            message = f"'{name}' is not a lifecycle node"
             yield LabFault(ROS, key, message, f"{ROS}: lifecycle: nodes")
 
 
@@ -392,5 +392,5 @@ def misspelled(lab: Lab, text: str, file: str, key: str) -> Iterator[LabFault]:
     for name in _NAME.findall(text):
         meant = nearest(name, known)
         if name not in known and meant:
-            message = f"'{name}' is no topic, '{meant}' is"
+            message = f"'{name}' is not a topic, '{meant}' is"
             yield LabFault(file, key, message, f"{ROS}: topics: {meant}")

@@ -30,13 +30,13 @@ def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFau
     robot = lab.scene.robot
     for name, link in robot.links.items():
         if link.mass is not None and link.mass < 0:
-            message = f"{link.mass:g} kg is less than nothing"
+            message = f"{link.mass:g} kg is negative"
             yield LabFault(SCENE, f"robot: links: {name}: mass", message)
     for joint, name in robot.wheels.joints.items():
         if name not in robot.links:
             meant = nearest(name, robot.links)
             hint = f", '{meant}' is" if meant else ""
-            message = f"'{name}' is no link{hint}"
+            message = f"'{name}' is not a link{hint}"
             key = f"robot: wheels: joints: {joint}"
             yield LabFault(SCENE, key, message, f"{SCENE}: robot: links")
     yield from _sensor_faults(lab)
@@ -60,7 +60,7 @@ def _sensor_faults(lab: Lab) -> Iterator[LabFault]:
             continue
         kind = next((kind for kind, type_name in types.items() if type_name == sensor.type), "")
         if kind and sensor.kind != kind:
-            message = f"'{sensor.kind}' leaves out the rules about prims of type {sensor.type},"
+            message = f"'{sensor.kind}' omits the rules about prims of type {sensor.type},"
             yield LabFault(SCENE, key, f"{message} '{kind}' has them", other, "warning")
 
 

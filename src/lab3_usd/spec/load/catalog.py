@@ -215,7 +215,7 @@ def _port(name: str, written: str | _PortEntry, usd_types: Mapping[str, str], wh
     entry = _short_form(written, place) if isinstance(written, str) else written
     usd_type = usd_types.get(entry.type, entry.type)
     if usd_type != _RELATIONSHIP and not is_known_type(usd_type):
-        raise SpecError(f"{place}: '{entry.type}' is no type of a port")
+        raise SpecError(f"{place}: '{entry.type}' is not a type of a port")
     # The default need not be an allowed token: Isaac Sim's own QoS profile node breaks that.
     return Port(
         name=name,
@@ -396,7 +396,7 @@ def _with_roles(types: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     roles = read_yaml(folder / ROLES)
     for name in roles:
         if name not in types:
-            raise SpecError(f"{folder.name}/{ROLES}: '{name}' is no node type")
+            raise SpecError(f"{folder.name}/{ROLES}: '{name}' is not a node type")
     return {name: {**entry, **roles.get(name, {})} for name, entry in types.items()}
 
 
@@ -433,7 +433,7 @@ def _needs(
     for name, entries in needs.items():
         kind = catalog.types.get(name)
         if kind is None:
-            raise SpecError(f"{where}: '{name}' is no node type")
+            raise SpecError(f"{where}: '{name}' is not a node type")
         known = set(kind.ports)
         for release in releases.values():
             known |= set(release.types[name].ports if name in release.types else ())

@@ -92,7 +92,7 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
     """
     content = record(data, CheckpointsFile, CHECKPOINTS)
     if "{id}" not in content.files:
-        wrong = f"'{content.files}' does not hold {{id}}, which tells stages apart"
+        wrong = f"'{content.files}' does not contain {{id}}, which distinguishes stages"
         raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
     return CheckpointFile(
         content.title,
@@ -113,7 +113,7 @@ def _entries(specs: Mapping[str, Any]) -> dict[str, CheckpointEntry]:
         entry = record(spec, CheckpointEntry, where)
         for name in (key, entry.id or key):
             if not is_checkpoint_id(name):
-                wrong = f"'{name}' is no id: letters, digits, _ and -, in quotation marks"
+                wrong = f"'{name}' is not an id: letters, digits, _ and -, in quotation marks"
                 raise SpecError(f"{where}: {wrong}")
         found[key] = entry
     return found

@@ -203,7 +203,9 @@ def _check_uses(
             raise SpecError(f"{where}: {ports[short].name}: is on every node, it cannot be added")
     for short in entry.frames_from:
         if not ports[short].is_target:
-            raise SpecError(f"{where}: {ports[short].name}: is no relationship, it gives no frames")
+            raise SpecError(
+                f"{where}: {ports[short].name}: is not a relationship, it gives no frames"
+            )
 
 
 def _settings(
@@ -266,5 +268,5 @@ def _wire_end(role: str, short: str, nodes: Mapping[str, NodeSpec], where: str) 
         what = "is an output, a wire ends at an input" if ends_at_output else "is not there"
         raise SpecError(f"{where}: '{short}' of {node_type.type} {what}")
     if target.name not in (*node_type.ports, *nodes[role].grown):
-        raise SpecError(f"{where}: {target.name} is there only once 'ports' of {role} names it")
+        raise SpecError(f"{where}: {target.name} does not exist until 'ports' of {role} names it")
     return target

@@ -100,7 +100,9 @@ def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
     scene = record(data, SceneSpec, SCENE)
     wheels = scene.robot.wheels
     if wheels.left and wheels.left not in wheels.joints:
-        raise SpecError(f"{SCENE}: robot: wheels: left: '{wheels.left}' is no joint of the wheels")
+        raise SpecError(
+            f"{SCENE}: robot: wheels: left: '{wheels.left}' is not a joint of the wheels"
+        )
     places: dict[str, str] = {}
     sensors = {}
     for sensor, spec in scene.sensors.items():

@@ -99,7 +99,7 @@ def load_starter_spec(folder: Path) -> StarterSpec:
             ends with its place in the file.
     """
     if not (folder / STARTER).is_file():
-        hint = f"give {program()} build a starter scene of yours"
+        hint = f"pass your own starter scene to {program()} build"
         raise SpecError(f"{folder} has no {STARTER}: {hint}")
     try:
         return _starter_of(folder)
@@ -132,7 +132,7 @@ def _like(item: _Data, kinds: Mapping[str, _Data], where: str) -> _Data:
     if not content.like:
         return item
     if content.like not in kinds:
-        raise SpecError(f"{where}: is like '{content.like}', which is no kind above it")
+        raise SpecError(f"{where}: is like '{content.like}', which is not a kind above it")
     kind = kinds[content.like]
     whole = {**kind, **item, "set": kind.get("set", {}) | content.attributes}
     del whole["like"]

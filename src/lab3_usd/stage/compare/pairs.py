@@ -36,7 +36,7 @@ class PrimRecord(Struct, frozen=True, eq=False):
 
 
 class Scope(Struct, frozen=True):
-    """Which prims are left aside: those of some types, and root prims whose paths fit a pattern.
+    """Which prims are left out: those of some types, and root prims whose paths fit a pattern.
 
     Below the `hidden` prims the second stage lacks an asset, which may hold what is not there.
     """

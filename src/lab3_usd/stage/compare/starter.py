@@ -58,7 +58,7 @@ def compare_starter(
 ) -> StarterSubject:
     """Compare everything that the lab does not add, both stages composed with their payloads.
 
-    After the first checkpoint the places of rigid bodies are left aside: a stage may have been
+    After the first checkpoint the places of rigid bodies are left out: a stage may have been
     saved after a run. Where the stage lacks an asset, what its own layers say is compared; the rest
     may be in the asset.
 
