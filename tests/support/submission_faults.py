@@ -49,6 +49,14 @@ def as_crate(folder: Path) -> None:
     path.unlink()
 
 
+def emptied(*numbers: str) -> Fault:
+    def change(folder: Path) -> None:
+        for number in numbers:
+            (folder / stage_name(number)).write_text("")
+
+    return change
+
+
 def without_rows(folder: Path) -> None:
     data = (folder / IMAGE).read_bytes()
     (folder / IMAGE).write_bytes(data.replace(b"177 162", b"177 160", 1))
@@ -165,6 +173,7 @@ LAYOUT = [
         f"X08 {stage_name('04')}",
     ),
     case("empty stage", put(stage_name("07"), ""), "F01 07:/"),
+    case("empty stages", emptied("01", "02"), "F01 01:/", "F01 02:/"),
     case("no USD", put(stage_name("07"), "a stage"), "F01 07:/"),
     case("link out", link(stage_name("08"), "/etc/hostname"), f"X11 {stage_name('08')}"),
     case("link to nothing", link("report.pdf", "nothing"), "X11 report.pdf"),

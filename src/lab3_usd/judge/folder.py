@@ -108,6 +108,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
         digests={
             number: settings.digests.get(result.path) or _digest(Path(result.path))
             for number, result in results.items()
+            if result.verdict != "unreadable"  # two placeholders of a cloud are no copies
         },
         starter=starters.submitted,
         handed_in=handed_in,
