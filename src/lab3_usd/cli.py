@@ -158,7 +158,7 @@ def lab3() -> None:
 
 
 def run() -> NoReturn:
-    """Run the command line, and leave at once: nobody needs usd-core and Python taken down.
+    """Run the command line, and leave at once: taking down usd-core and Python only takes time.
 
     Where threads are left, they are waited for as ever.
     """
@@ -169,7 +169,7 @@ def run() -> NoReturn:
         status = leaving.code
     try:
         sys.stdout.flush()
-    except OSError:  # the reader has gone, or the disk is full: it cannot be said any more
+    except OSError:  # the reader has gone, or the disk is full: nothing can be reported
         _close_output()
         status = status or EXIT_CRASH
     threading = sys.modules.get("threading")

@@ -187,7 +187,7 @@ def is_original(name: str) -> bool:
 
 
 def refuse_existing(target: Path, *, force: bool) -> None:
-    """Raise UsageError where writing would replace a file that nobody said to replace."""
+    """Raise UsageError where writing would replace a file without permission."""
     if target.exists() and not force:
         raise UsageError(f"{target} exists already; use --force to replace it")
 

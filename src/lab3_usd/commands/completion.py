@@ -48,7 +48,7 @@ Register-ArgumentCompleter -Native -CommandName %(prog_name)s -ScriptBlock {
         return [word.strip("'\"") for word in before], incomplete
 
     def format_completion(self, item: CompletionItem) -> str:
-        """Return a value and what is said of it, which PowerShell wants to be something."""
+        """Return a value and its description, which PowerShell requires."""
         return f"{item.value}\t{item.help or item.value}"
 
     def get_completions(self, args: list[str], incomplete: str) -> list[CompletionItem]:

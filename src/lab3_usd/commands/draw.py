@@ -175,7 +175,7 @@ def _linted(path: Path, release: str | None, every_port: bool) -> Drawing:  # no
 
 
 def _paths(drawing: Drawing, folder: Path, ending: str) -> Iterator[Path]:
-    """Yield a file for each picture, none of which is another's where case does not count."""
+    """Yield a file for each picture, all different where case does not count."""
     seen: set[str] = set()
     for picture in drawing.pictures:
         name = drawing.stem + re.sub(r"[^\w-]", "_", picture.title)

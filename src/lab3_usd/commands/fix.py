@@ -135,7 +135,7 @@ def _fix(stage: Path, options: Mapping[str, Any]) -> int:
 
 
 def _diffs(fixed: Fixed) -> Iterator[str]:
-    """Yield a unified diff of each text file; of others it is said that they differ."""
+    """Yield a unified diff of each text file; of others, that they differ."""
     for path, data in fixed.files.items():
         old = fixed.states[path].content
         if not data.startswith(_TEXT):

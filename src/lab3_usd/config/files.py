@@ -25,7 +25,7 @@ def find_file(path: Path) -> Path | None:
     for folder in (start, *start.parents):
         try:
             file = _file_in(folder)
-        except OSError:  # a folder that nobody may look into, or a name too long for one
+        except OSError:  # a folder without permission, or a name too long for one
             continue
         if file is not None:
             return file

@@ -110,7 +110,7 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Catalog) -> Description
 
 
 def _parts(sources: Sequence[Source]) -> _Parts:
-    """Return what the last stage describes, by which the others are told apart."""
+    """Return what the last stage describes, which distinguishes the others."""
     source, stage = sources[-1], sources[-1].stage
     texts = describe_graphs(stage, source.lab, _first_stages(sources))
     if not texts:

@@ -43,8 +43,8 @@ from lab3_usd.stage.read.server_assets import assets_at
 class ClassSettings(Struct, frozen=True):
     """What to grade, with what, and where to write.
 
-    `runner` has the tasks judged; `notify` is told, in a line each, what of a class is passed over.
-    `assets` are folders in which assets of servers lie, by their addresses.
+    `runner` has the tasks judged; `notify` receives a line for each part of a class that is left
+    out. `assets` are folders in which assets of servers lie, by their addresses.
     With `merge_uploads`, what the last upload of a student lacks comes from the ones before. With
     `force`, the lock of a run that was killed is taken.
     """
@@ -68,8 +68,8 @@ def grade_class(
 ) -> Rows:
     """Grade every submission and return the rows of the gradebook, in the order of the students.
 
-    `progress` is told how many of how many are done. What is finished is on disk at once, so
-    that a run which is interrupted can be resumed.
+    `progress` receives the numbers of finished and of all tasks. Finished work is on disk at once,
+    so that an interrupted run can be resumed.
 
     Raises:
         SpecError: the rubric is wrong. Nothing has been graded then.
@@ -164,7 +164,7 @@ def check_apart(submissions: Path | str, out: Path) -> None:
     Raises:
         UsageError: it would lie among them.
     """
-    inside = os.path.isdir(submissions)  # noqa: PTH112 - pathlib raises where nobody may look
+    inside = os.path.isdir(submissions)  # noqa: PTH112 - pathlib raises without permission
     if inside and out.resolve().is_relative_to(Path(submissions).resolve()):
         raise UsageError(f"{out}: lies in {submissions}, which is graded; choose another -o")
 

@@ -184,7 +184,7 @@ def _remove(files: Iterable[Path]) -> None:
 def known_digest(out: Path, submission: StudentSubmission, salt: str, items: Sequence[str]) -> str:
     """Return the digest of what was judged before under the same conditions, '' for nothing.
 
-    `items` are those of the rubric, each of which a result has. Somebody may have edited it.
+    `items` are those of the rubric, which each result has. The file may have been edited.
     """
     row = read_result(out, submission)
     if row is None or row.get("salt") != salt or row.get("status") not in FINISHED:

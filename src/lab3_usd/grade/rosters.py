@@ -94,7 +94,7 @@ def write_for_platform(
     """Write the points of a class as a platform takes them, and return the file.
 
     `roster` is the export of the platform, whose order and ids are kept. `column` is the heading of
-    the points, where the export has several. `notify` is told who is in one of the two only.
+    the points, where the export has several. `notify` receives the students in one of the two only.
 
     Raises:
         UsageError: the export is none of this platform, or leaves open which column is meant.

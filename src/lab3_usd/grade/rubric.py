@@ -435,7 +435,7 @@ def _checklist_faults(lab: Lab, required: tuple[Requirement, ...]) -> Iterator[L
 def _sections_without_points(
     lab: Lab, rubric: Rubric, required: Mapping[str, tuple[Requirement, ...]]
 ) -> Iterator[LabFault]:
-    """Yield the sections of which no item counts any requirement."""
+    """Yield the sections without a requirement that an item counts."""
     lines = {line.text: line for line in lab.submission.checklist}
     paid = {
         requirement.handout

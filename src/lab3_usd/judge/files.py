@@ -50,7 +50,7 @@ def read_recordings(
 ) -> tuple[RecordingShown, ...]:
     """Judge each recording by what was recorded, at the checkpoint in its name, or the last.
 
-    `may_open` is told of each before it is opened, and says why it is not to be.
+    `may_open` receives each before it is opened, and returns a reason not to open it.
     """
     return tuple(_recordings_shown(root, entries, until, may_open))
 
@@ -136,7 +136,7 @@ def judge_maps(
 ) -> RuleResults:
     """Judge the map of the submission, or of the folder `maps`; with a stage, also its walls.
 
-    Nothing is said of a map that is still to come.
+    A map that is still to come is not reported.
     """
     lab = contents.lab
     facts = lab.scene.map

@@ -44,7 +44,7 @@ class FolderSettings(Struct, frozen=True):
 
     With `require_evidence`, saved output that is missing is an error instead of a note. With
     `heeds_ignores`, what notes in a stage ignore on purpose is left out. With `native`, OpenUSD's
-    own validators judge the stages as well. `may_open` is told of each recording before it is
+    own validators judge the stages as well. `may_open` receives each recording before it is
     opened, and says why it is not to be. `digests` are those of files by path, as far as they are
     known. With `handed_in`, what is missing is missed; without, a folder is taken for one that is
     worked on until it holds what concludes the lab.

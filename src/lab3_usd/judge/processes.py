@@ -27,7 +27,7 @@ _PRELOADED = "lab3_usd.judge.preloaded"
 _ENVIRONMENT = {
     # One thread each: others would not live through a fork, and the processors are shared already.
     "PXR_WORK_THREAD_LIMIT": "1",
-    "TF_ENV_SETTING_ALERTS_ENABLED": "0",  # usd-core would say that it was told so
+    "TF_ENV_SETTING_ALERTS_ENABLED": "0",  # usd-core would announce the setting
     "PYTHONSAFEPATH": "1",  # modules in the working directory are none of ours
 }
 _SECONDS_TO_END = 5.0

@@ -234,8 +234,8 @@ def find_map(folder: Path, facts: MapFacts) -> Path:
 def map_subject(yaml_path: Path | None, facts: MapFacts, root: Path | None = None) -> MapSubject:
     """Read a map YAML and the image it names; None says that no map was handed in.
 
-    Files are named relative to `root`, by default the YAML's folder. What cannot be read is said in
-    the subject, not raised. The caller compares it with the walls of a stage.
+    Files are named relative to `root`, by default the YAML's folder. A read error is a fault
+    of the subject, not an exception. The caller compares it with the walls of a stage.
     """
     if yaml_path is None:
         return MapSubject(facts, given=False, file=facts.yaml)

@@ -23,7 +23,7 @@ _ALIKE = re.compile(r"ros_*param(eter)?s?", re.IGNORECASE)
 def read_params(
     path: Path, ros: RosSpec, frames: FrameSpec, root: Path | None = None
 ) -> NavigationSubject:
-    """Read a parameter file; what cannot be read is said in the subject, not raised.
+    """Read a parameter file; a read error is a fault of the subject, not an exception.
 
     The file is named relative to `root`, by default its own folder.
 

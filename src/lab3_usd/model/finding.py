@@ -259,7 +259,7 @@ class ChecklistItem(Struct, frozen=True):
 
 
 class Submission(Struct, frozen=True):
-    """What is said of a student's folder as a whole, beside its stages.
+    """The findings about a student's folder as a whole, beside its stages.
 
     `to_come` are the checkpoints without a stage, in a folder that is worked on (`handed_in` is
     False) and not handed in.

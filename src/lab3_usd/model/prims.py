@@ -61,7 +61,7 @@ class Prim(Struct, eq=False):
         return prim
 
     def __getattr__(self, name: str) -> Any:
-        """Read a field that nobody has asked for before."""
+        """Read a field for the first time."""
         if name.startswith("__") or name == "read" or self.read is None:
             raise AttributeError(name)
         self.read(self, name)

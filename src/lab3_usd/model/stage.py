@@ -141,7 +141,7 @@ class AbsentPrim(Struct, frozen=True):
 class GraphModel(Struct, frozen=True):
     """A graph prim with its nodes in the order of their paths.
 
-    `instanced` tells whether it belongs to an instance, of which Isaac Sim loads no graph.
+    `instanced` is whether it belongs to an instance, of which Isaac Sim loads no graph.
     """
 
     path: str

@@ -113,7 +113,7 @@ class Block(Struct, frozen=True):
 
     @property
     def verdict(self) -> Verdict:
-        """The worst that is said of a stage or of the submission."""
+        """The worst severity in a stage or the submission."""
         verdicts = {stage.result.verdict for stage in self.stages}
         findings = () if self.submission is None else self.submission.findings
         if "fail" in verdicts or any(finding.severity == "error" for finding in findings):

@@ -214,7 +214,7 @@ def fault_lines(block: Block, page: Page) -> Iterator[str]:
 def _repair_order(block_faults: Sequence[Fault], block: Block, page: Page) -> Iterator[str]:
     """Yield the few errors whose repair wins most checkpoints, and then most points.
 
-    Where there are hardly more errors than that, or all are in the same stages, nothing is said.
+    There are none if there are hardly more errors, or all are in the same stages.
     """
     errors = [fault for fault in block_faults if fault.finding.severity == "error" and fault.stages]
     if len(errors) <= MOST or len({fault.stages for fault in errors}) == 1:

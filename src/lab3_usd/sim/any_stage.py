@@ -214,7 +214,7 @@ def _robot_checks(trial: Trial, robot: Robot) -> Iterator[Check]:
 
 
 def as_told(trial: Trial, robot: Robot) -> Iterator[Fault]:
-    """It goes as told; where wheels slide in a turn, it is known only to which side it turns."""
+    """It goes as commanded; where wheels slide in a turn, only the side is known."""
     if robot.has_rollers:
         yield from _that_way(trial)
         return
@@ -226,7 +226,7 @@ def as_told(trial: Trial, robot: Robot) -> Iterator[Fault]:
 
 
 def _that_way(trial: Trial) -> Iterator[Fault]:
-    """It goes the way that it is told; how fast, is up to the gains of such a controller."""
+    """It goes in the commanded direction; the speed depends on the controller's gains."""
     if trial.stands():
         yield trial.motion_fault("does not move", "does-not-move")
         return

@@ -42,7 +42,7 @@ from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.compiled import load_isaac_types
 
-EVERY = 6  # frames of the path, of which one is kept
+EVERY = 6  # frames of the path, for each kept one
 
 
 def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
@@ -293,7 +293,7 @@ def dry_run(
 
 
 def _nothing_yet(lab: Lab, checkpoint: str) -> str:
-    """Say when the graphs come, of which this checkpoint has none."""
+    """Name the first checkpoint with graphs, for one without."""
     numbers = list(lab.checkpoints)
     later = numbers[numbers.index(checkpoint) :]
     first = next((number for number in later if lab.checkpoints[number].graphs), None)

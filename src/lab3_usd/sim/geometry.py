@@ -141,7 +141,7 @@ IN_LINE = 1e-9
 
 
 def straddling(surface: Sequence[Triangle], at: Affine) -> Iterator[Triangle]:
-    """Yield the triangles of a surface that stands at `at` of which z = 0 cuts something out."""
+    """Yield the triangles of a surface that stands at `at`, where z = 0 cuts it."""
     _, _, (g, h, i) = at.rows
     _, _, w = at.origin
     for (x, y, z), (p, q, r), (s, t, u) in surface:

@@ -403,8 +403,8 @@ class DrivePorts(Struct, frozen=True):
     """Which ports of a type move joints.
 
     `path` names the robot and wins where it is set, `target` is its prim otherwise. `joints`: the
-    names of the joints, `indices` their numbers, all where both are empty. `commands`: what they
-    are told.
+    names of the joints, `indices` their numbers, all where both are empty. `commands`: their
+    commands.
     """
 
     path: str

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from lab3_usd.spec.catalog import Catalog, NodeType, Port
 
 _KIND = "inputs:type"
-BASE = "6.0"  # the release that the catalog describes, and by which a stage is judged unless told
+BASE = "6.0"  # the release that the catalog describes, and by which a stage is judged by default
 
 
 class Need(Struct, frozen=True, forbid_unknown_fields=True):

@@ -174,7 +174,7 @@ class FrameSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def reserved(self) -> dict[str, str]:
-        """The root and who alone may place it; empty where nobody does."""
+        """The root, and the only publisher that may place it; empty for none."""
         return {} if self.localization is None else {self.root: self.localization.by}
 
     @property

@@ -53,7 +53,7 @@ class Fence:
 
     `check` looks at the bytes of a layer before usd-core does: it raises StageError, which says
     why and leaves the name of the file to the fence, or returns the text of a text layer. `broken`
-    holds files that are not opened, and why; `announce` is told of every stage before it is
+    holds files that are not opened, and why; `announce` receives every stage before it is
     opened. `graphs` are paths at which a graph belongs, `digests` those of files, as far as they
     are known. Stages in `closed` are not opened again. Files go by their names in the submission.
     `alone` are the layers that lead to no other. `supplied` are folders in which the grader has the

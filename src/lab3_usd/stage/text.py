@@ -302,7 +302,7 @@ def _spec(stage: Usd.Stage, prim_path: str, name: str | None) -> tuple[Sdf.Layer
 
 
 def _saved(specs: Sequence[Any], stage: Usd.Stage) -> Sequence[Any]:
-    """Leave out what the session layer says, unless nobody else says anything."""
+    """Leave out what the session layer says, unless no other layer has an opinion."""
     return [spec for spec in specs if spec.layer != stage.GetSessionLayer()] or specs
 
 

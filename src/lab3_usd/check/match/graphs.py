@@ -129,7 +129,7 @@ def _inside(spec: GraphSpec, host: _Host, specs: Specs) -> Pairs | None:
 
 
 def _is_free_for(spec: GraphSpec, node: Node, users: Mapping[str, list[NodeSpec]]) -> bool:
-    """Whether nobody else needs the node, or somebody who asks the same of it."""
+    """Whether no other role needs the node, or one with the same demands."""
     played = [_demands(role) for role in users.get(node.path, [])]
     return not played or any(
         _demands(role) in played for role in spec.nodes.values() if role.type is node.type

@@ -83,8 +83,8 @@ class GraphSubject(Struct, frozen=True, eq=False):
 class StageSubject(Struct, frozen=True, eq=False):
     """The whole stage at one checkpoint.
 
-    `faulty_prims` holds the prims that already have an error from the rules of their graph: what
-    follows from that error is not said again. `relocations` maps where the handout has the robot
+    `faulty_prims` holds the prims that already have an error from the rules of their graph: its
+    consequences are not reported again. `relocations` maps where the handout has the robot
     and its links to where they stand instead; `lab` reads as if they belonged there.
     `missing_graphs` maps each graph that is missing together with a prim to that prim, whose
     finding names the graph. `graphs` are those of the checkpoint, each as its own rules see it.

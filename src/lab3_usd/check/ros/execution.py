@@ -49,7 +49,7 @@ def _is_met(node: Node, name: str, need: Need) -> bool:
 
 
 def _is_on(node: Node, name: str) -> bool:
-    """Whether a switch is on, by its default where nobody set it."""
+    """Whether a switch is on, by its default if unset."""
     return node.value(INPUT + name) is True
 
 

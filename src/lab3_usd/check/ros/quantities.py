@@ -1,4 +1,4 @@
-"""What values mean: in which unit of length, and of which quantity, they come into an input."""
+"""The unit of length and the quantity of the values that reach an input."""
 
 from __future__ import annotations
 

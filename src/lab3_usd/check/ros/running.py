@@ -140,7 +140,7 @@ def _spread(
 ) -> None:
     """Carry a state on to all that the nodes in it trigger, unless those are surer already.
 
-    What a node triggers of which it is unknown whether it passes a signal on, may run.
+    Nodes behind one that may or may not pass a signal on, may run.
     """
     ahead = [
         path
@@ -189,7 +189,7 @@ def is_opened_first(node: Node) -> bool:
 
 
 def signal_inputs(node: Node) -> tuple[str, ...]:
-    """Return the execution inputs, and those of which nothing is known."""
+    """Return the execution inputs, and the unknown ones."""
     kind = node.type
     if kind is not None and not kind.is_open:
         return kind.execution_inputs

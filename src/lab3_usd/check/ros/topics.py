@@ -89,7 +89,7 @@ PRESET = "inputs:createProfile"
 class Qos(Struct, frozen=True):
     """A QoS profile in the words of ROS 2; times in seconds, 0 for no limit.
 
-    `depth` is None where it comes over a wire that nobody can read.
+    `depth` is None where it comes over a wire with an unknown value.
     """
 
     history: str = "keep_last"

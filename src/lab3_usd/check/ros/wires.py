@@ -89,7 +89,7 @@ def _without_role(ogn_type: str) -> tuple[str, str]:
 
 
 def why_dead(wire: Connection, subject: LintSubject) -> str | None:
-    """Say why there is no node at the source of a wire, None where nobody can know."""
+    """Say why there is no node at the source of a wire, None if that is unknown."""
     stage, path = subject.stage, wire.source_prim
     if stage.unknown_node(path) or subject.catalog.graph.ignores(path):
         return None

@@ -161,7 +161,7 @@ def camera_rate(subject: StageSubject) -> Iterator[Problem]:
 
 
 def _left_alone(subject: StageSubject, camera: PresentSensor) -> Iterator[Problem]:
-    """Yield rates that the camera has by a schema, and that nobody has set."""
+    """Yield rates that the camera has by a schema, and that are not set."""
     spec, prim = camera.spec, camera.prim
     if spec.rate_api not in prim.apis:
         return

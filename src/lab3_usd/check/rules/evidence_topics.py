@@ -25,7 +25,7 @@ _DURABILITIES = ("volatile", "transient_local")
 
 
 def _source(topic: TopicSpec) -> str:
-    """Say what to do where nobody publishes a topic."""
+    """Return the repair for a topic without a publisher."""
     return topic.source or _PLAY
 
 

@@ -30,7 +30,7 @@ def _is_asked(edge: Edge, view: TfView) -> bool:
 
 
 def _site(edges: list[Edge], view: TfView) -> Edge:
-    """Return the transform to put right: of a node that plays no role, else one nobody asks for."""
+    """Return the transform to repair: of a node without a role, else one that is not required."""
     strange = [edge for edge in edges if edge.cause not in view.role_specs]
     unasked = [edge for edge in edges if not _is_asked(edge, view)]
     return next(iter([*strange, *unasked, *edges]))
@@ -240,7 +240,7 @@ _DELETED = "deactivated"
 
 
 class _Placement(Struct, frozen=True):
-    """A node that places `odom`: below which frame, and why nobody hears of it, if so."""
+    """A node that places `odom`: below which frame, and why nothing receives it, if so."""
 
     node: str
     parent: str | None

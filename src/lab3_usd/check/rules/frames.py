@@ -257,7 +257,7 @@ def frame_id_outside_the_tree(view: TfView) -> Iterator[Problem]:
     asset = subject.stage.unknown(*(frames.prim for frames in view.hidden))
     required = {frame for edge in subject.lab.frames.edges for frame in edge}
     frames = {frame for edge in view.edges for frame in (edge.parent, edge.child)} | required
-    extra = [node for roles in subject.roles.values() for node in roles.extra]  # told as such
+    extra = [node for roles in subject.roles.values() for node in roles.extra]  # reported as such
     for endpoint in endpoints(subject.stage, subject.lab):
         if endpoint.runs and endpoint.direction == "publishes" and endpoint.node not in extra:
             for port, frame in _unfaulted_frames(endpoint.node, endpoint.port, view):

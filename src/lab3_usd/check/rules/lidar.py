@@ -212,7 +212,7 @@ def _short(name: str) -> str:
 
 
 def _scanning(subject: StageSubject) -> Iterator[tuple[PresentSensor, ScanSpec]]:
-    """Yield the lidars of which the lab says when they scan, and what it says of each."""
+    """Yield the lidars with a `scan` in the lab, and that `scan`."""
     for lidar in present_sensors(subject, LIDAR):
         if lidar.spec.scan is not None:
             yield lidar, lidar.spec.scan
@@ -261,7 +261,7 @@ def _blind_ranges(prim: Prim, scan: ScanSpec, subject: StageSubject) -> Iterator
     if scan.ranges is None:
         return
     near, far = (_number(prim, name) for name in scan.ranges)
-    is_range = near is None or far is None or 0 <= near < far  # else it is told as none
+    is_range = near is None or far is None or 0 <= near < far  # else it is reported as no range
     found = blind_range(subject, at, near, far) if at is not None and is_range else None
     if found is None:
         return

@@ -143,7 +143,7 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
 def _obstacles(
     joint: Prim, wheels: list[Prim], stage: StageModel
 ) -> Iterator[tuple[str, str | None, str]]:
-    """Yield what keeps a wheel from turning: prim, property, and what is said of it."""
+    """Yield the reasons that keep a wheel from turning: prim, property, message."""
     if is_switched_off(joint, JOINT_ENABLED):
         yield joint.path, JOINT_ENABLED, "is switched off"
     low, high = limits(joint.attributes)

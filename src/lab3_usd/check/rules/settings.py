@@ -54,7 +54,7 @@ def _wrong_type(node: Node, port: Port | None) -> str | None:
     state = None if port is None else node.state(port.name)
     if port is None or state is None or port.is_union:
         return None
-    # No type is told of a port without a value.
+    # A port without a value has no type.
     is_right = not state.usd_type or are_alike(state.usd_type, port.usd_type)
     return None if is_right else state.usd_type
 
@@ -294,13 +294,13 @@ def _aimed(
 ) -> Iterator[tuple[Node, NodeSpec, str, tuple[str, ...]]]:
     """Yield the relationships that the handout leaves empty and that name prims of the student.
 
-    A node that does by itself what a missing node should do for it is told as the missing node.
+    A node that does by itself what a missing node should do for it is reported as the missing node.
     """
     own = subject.lab.catalog.graph.ignored_below
     for node, spec in subject.matched:
         for port in subject.spec.free_targets[spec.role]:
             prims = tuple(path for path in node.targets(port.name) if not path.startswith(own))
-            wrong = wrong_product(node, spec, subject.stage.products)  # of which R04 speaks
+            wrong = wrong_product(node, spec, subject.stage.products)  # R04 reports it
             is_told = wrong is not None and wrong[0] == port.name
             if prims and not is_told and not _lacks_source(subject, spec):
                 yield node, spec, port.name, prims

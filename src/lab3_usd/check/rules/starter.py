@@ -204,7 +204,7 @@ def _severity(*, physics: bool) -> Severity:
 
 
 def _unreported(change: Change, subject: StarterSubject) -> list[Difference]:
-    """Return the differences of which no other rule has spoken, the gravest first."""
+    """Return the differences that no other rule has reported, the gravest first."""
     sites = (change.prim, change.body)
     names = {name for prim, name in subject.faulty_sites if prim in sites}
     if (change.prim, None) in subject.faulty_sites:

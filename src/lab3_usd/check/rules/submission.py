@@ -168,8 +168,7 @@ _SHOWN = 3  # titles that a message names
 def starter_not_there(subject: SubmissionSubject) -> Iterator[Problem]:
     """The supplied starter is missing.
 
-    Why: without it nobody can see whether it was overwritten, and the stages are not compared with
-    it.
+    Why: without it, overwriting cannot be noticed, and the stages are not compared with it.
 
     Fix: put the supplied file into `{assets}`, or give it with `--starter`.
 

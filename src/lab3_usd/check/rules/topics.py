@@ -69,7 +69,7 @@ def _without(
     """Yield what removes the publishers of one graph that repeat those of the lab.
 
     A graph that sends and receives nothing else is a copy, and removed as a whole. Which of two
-    publishers is too many where the lab has none, nobody can tell.
+    publishers is too many where the lab has none, is unknown.
     """
     played, tree = role_specs(subject), subject.lab.policy.tree_topics
     if not all(any(other.node.path in played for other in others) for _, others in repeats):

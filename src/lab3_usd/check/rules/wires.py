@@ -166,7 +166,7 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: `ros2_publish_clock.inputs:queueSize` connected to a constant.
     """
-    # A wire that makes a value wrong, or reaches what must keep its default, is told as that.
+    # A wire that makes a value wrong, or reaches what must keep its default, is reported as that.
     reported = {
         (setting.node.path, setting.setting.port)
         for setting in settings_of(subject)

@@ -51,7 +51,7 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
         is_seen_only = isinstance(name, str) and bool(name) and name.startswith(lab.catalog.looks)
         is_harmful = bool(hit) and not is_seen_only
         if not is_harmful and path in extra:
-            continue  # of which the rule of extra nodes speaks
+            continue  # the rule of extra nodes reports it
         what = f"{hit}.{name}" if hit and isinstance(name, str) and name else hit
         message = f"{node_title(node)} changes {what or 'the scene'} while the simulation runs"
         severity: Severity | None = "warning"

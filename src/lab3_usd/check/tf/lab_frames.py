@@ -149,7 +149,7 @@ def is_reported_elsewhere(edge: Edge, view: TfView) -> bool:
     """Whether another rule already says what is wrong with this transform.
 
     Those are the rules of settings and targets for a node that plays a role, the rule of extra
-    nodes for one that does not, and the rules of transforms that nobody may publish.
+    nodes for one that does not, and the rules of forbidden transforms.
     """
     if edge.child in {view.odom, edge.parent}:
         return True
@@ -206,7 +206,7 @@ class FrameSource(Struct, frozen=True):
 def frame_sources(view: TfView) -> tuple[FrameSource, ...]:
     """Return the nodes whose target prims must become frames, where their frames are sent at all.
 
-    A node that is missing, does not run or whose frames nobody sends as they are is the business
+    A node that is missing, does not run or whose frames are not sent as they are is the business
     of other rules. One that computes nothing is not: then its targets are at fault.
     """
     sources: list[FrameSource] = []
@@ -239,7 +239,7 @@ def _homes(node: Node, target: Target, view: TfView) -> dict[str, str]:
 
 
 def missing_frames(maker: FrameSource, view: TfView) -> list[str]:
-    """Return the required frames that nobody publishes although their prims are in the scene.
+    """Return the required frames that are not published although their prims are in the scene.
 
     A prim that is not in the scene is the business of the scene's rules. One that an asset may
     hold which cannot be found counts as there: what names no target is not published.
@@ -317,7 +317,7 @@ def lacks_only_the_camera(maker: FrameSource, view: TfView) -> bool:
 
 
 def waived_frames(view: TfView) -> set[str]:
-    """Return the required frames whose absence is nobody's fault.
+    """Return the required frames whose absence is no fault.
 
     Those are the ones that a missing asset may hold, and those that F9 itself loses.
     """

@@ -219,7 +219,7 @@ def parent_frame(node: Node, stage: StageModel, lab: Lab) -> str:
 def computed_pairs(node: Node, stage: StageModel, lab: Lab) -> list[Pair]:
     """Return the frames that a node's target prims give, in the order of the targets.
 
-    Targets that do not exist, and those of which a missing asset holds what they stand for, give
+    Targets that do not exist, and those whose frames only a missing asset knows, give
     none.
     """
     sources: list[tuple[str, str]] = []  # target prim, prim of the frame

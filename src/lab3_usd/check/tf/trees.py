@@ -81,9 +81,9 @@ def all_edges(subject: LintSubject) -> tuple[Edge, ...]:
 
 
 def is_tree_known(subject: LintSubject) -> bool:
-    """Whether all frames are told: no node and no asset hides some, and every publisher works.
+    """Whether all frames are known: no node and no asset hides some, and every publisher works.
 
-    What is wrong with a publisher that sends nothing is said of that publisher.
+    The fault of a publisher that sends nothing is reported at that publisher.
     """
     stage, lab = subject.stage, subject.lab
     sending = {edge.publisher for edge in all_edges(subject)}

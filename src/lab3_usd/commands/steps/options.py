@@ -368,7 +368,7 @@ def asset_places(given: Iterable[str]) -> dict[str, Path]:
 
 
 def use_lab(folder: Path | None) -> None:
-    """Name the lab's folder in the environment for this call, where nobody has named another."""
+    """Name the lab's folder in the environment for this call, unless another is named."""
     if folder is None or os.environ.get(LAB_VARIABLE):
         return
     os.environ[LAB_VARIABLE] = str(folder.resolve())

@@ -71,7 +71,7 @@ def selected_findings(
 ) -> tuple[Finding, ...]:
     """Return the findings of a file that are asked for, as grave as the configuration has them.
 
-    That a file could not be read is said in any case. Points are those of all findings.
+    An unreadable file is reported in any case. Points are those of all findings.
     """
     every = tuple(findings)
     if options.get("form") == GRADESCOPE:  # fix has no formats
@@ -140,7 +140,7 @@ def rendered(report: Report, options: Mapping[str, Any]) -> str:
 
 
 def _points(report: Report) -> Mapping[str, float]:
-    """Return what each checkpoint is worth by the lab's rubric, where stages are told together."""
+    """Return the points of each checkpoint in the lab's rubric, for stages reported together."""
     if len(report.results) < 2 or all(result.checkpoint is None for result in report.results):  # noqa: PLR2004
         return {}
     return load_lab().points

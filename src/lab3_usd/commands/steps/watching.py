@@ -254,7 +254,7 @@ class _Session:
         self.judge_changed(frozenset())
 
     def _missed(self) -> frozenset[str]:
-        """Return the stages that were saved when nobody listened yet."""
+        """Return the stages that were saved before watching began."""
         now = ((seen(name), then) for name, then in self._seen.items())
         return frozenset(file for (file, saved), then in now if saved and (file, saved) != then)
 

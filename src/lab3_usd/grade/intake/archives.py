@@ -112,7 +112,7 @@ def unpack_beside(archive: Path, name: str, copy: SubmissionCopy) -> None:
 def unpack(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
     """Take in the files of an archive under `prefix`.
 
-    The one folder that holds everything in a student's archive is left aside.
+    The one folder that holds everything in a student's archive is left out.
 
     Raises:
         ArchiveError: it cannot be read, is damaged from the start, or is of no kind that is known.
@@ -170,7 +170,7 @@ def _zip_entry(
     if reason:
         copy.refuse(name, reason)
         return
-    # A file of which the name alone counts is not opened: it may be of any kind.
+    # A file that counts by its name is not opened: it may be of any kind.
     is_opened = not only_name_counts(entry.filename, entry.file_size)
     try:
         with packed.open(entry) if is_opened else io.BytesIO() as opened:
@@ -265,7 +265,7 @@ class _Link(Struct, frozen=True):
 class _Inside:
     """What the names in one archive say: its single folder, folders of programs, links.
 
-    The one folder that holds everything in a student's archive is left aside, but for the folder
+    The one folder that holds everything in a student's archive is left out, but for the folder
     of stages.
     """
 

@@ -1,7 +1,7 @@
 """Chooses the folder that is the submission, by what the folders of an upload hold.
 
 The one with the most checkpoints that can be read counts, then the newest, then the one that lies
-least deep. What is left aside is said.
+least deep. The others are named.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class StageFolder(Struct, frozen=True):
 
 
 class Choice(Struct, frozen=True):
-    """The folder that is the submission, what has to be said of others, and the files beside it."""
+    """The folder that is the submission, the remarks about others, and the files beside it."""
 
     path: str
     remarks: tuple[Remark, ...] = ()
@@ -156,7 +156,7 @@ def _stray_stages(copy: SubmissionCopy, places: Sequence[str]) -> list[StageFold
 
 
 def _remarks(chosen: StageFolder, aside: Sequence[StageFolder]) -> Iterator[Remark]:
-    """Yield what is said of the folders that are left aside."""
+    """Yield the remarks about the folders that are left out."""
     if not aside:
         return
     judged = f"{_shown(chosen.path)} is judged ({_counted(chosen)})"

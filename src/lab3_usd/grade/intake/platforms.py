@@ -389,7 +389,7 @@ def entries_in(folder: Path) -> list[Entry]:
     Raises:
         OSError: the folder cannot be read.
     """
-    return sorted((name, os.path.isdir(folder / name)) for name in os.listdir(folder))  # noqa: PTH112, PTH208 - pathlib raises where a link leads to what nobody may read
+    return sorted((name, os.path.isdir(folder / name)) for name in os.listdir(folder))  # noqa: PTH112, PTH208 - pathlib raises for a link to something unreadable
 
 
 def is_leftover(name: str) -> bool:

@@ -339,7 +339,7 @@ class SubmissionCopy:
     def _keep_name(self, name: str, path: Path, size: int) -> None:
         """Take in a file by its name alone: a picture or video, whose contents are not judged.
 
-        In the copy of a class it keeps a size, by which it is told once more.
+        In the copy of a class it keeps a size, by which it is recognised.
         """
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -47,7 +47,7 @@ from lab3_usd.judge.folder import is_submission
 # A class in one archive holds many submissions.
 _CLASS = Limits(files=200_000, total_size=16 << 30, file_size=1 << 30)
 _PASSED_OVER = "its name begins with a dot"
-_LeftOut = list[tuple[tuple[str, ...], RefusedFile]]  # parts of a path, and what is said of it
+_LeftOut = list[tuple[tuple[str, ...], RefusedFile]]  # parts of a path, and its reason
 _SLUG = re.compile(r"[^A-Za-z0-9._-]+")
 _LONGEST_SLUG = 80
 _MOST_NAMED = 5
@@ -74,7 +74,7 @@ class ClassLocation(Struct, frozen=True):
 
     `given` is how the user calls it, and `name` whose it is when it is a single submission.
     `left_out` is what is not there because it was not unpacked, by the entry that it belongs to,
-    and `empty_folder` replaces entries of which nothing was unpacked.
+    and `empty_folder` replaces entries that were not unpacked.
     """
 
     where: Path | str
@@ -204,7 +204,7 @@ def find_submissions(
 ) -> tuple[StudentSubmission, ...]:
     """Return every student's submission in a folder, in the order of the students.
 
-    A folder in object storage is given by its address, as text. `notify` is told, in a line each,
+    A folder in object storage is given by its address, as text. `notify` receives, in a line each,
     what is passed over, and of whom the name is not known.
 
     Raises:

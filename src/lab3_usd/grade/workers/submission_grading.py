@@ -165,7 +165,7 @@ def _inside(folder: Path) -> Iterator[None]:
 
 
 def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name: str = "") -> Json:
-    """Return the record of a submission of which nothing could be judged, with a report of why."""
+    """Return the record of a submission that could not be judged, with a report of the reason."""
     facts = SubmissionFacts()
     points = grade_facts(rubric, facts)
     report = ungraded_report(student, reason)
@@ -181,7 +181,7 @@ def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name
 
 
 def ungraded_report(student: str, reason: str) -> Report:
-    """Return the report of a submission of which nothing could be judged."""
+    """Return the report of a submission that could not be judged."""
     finding = _finding(all_rules()["Z01"], student, reason)
     return Report((), (Submission(student, (finding,)),))
 

@@ -167,7 +167,7 @@ def _listen(worker: Worker, stream: IO[bytes]) -> None:
 
 
 def _speak(worker: Worker, stream: IO[bytes]) -> None:
-    """Write what a worker is told; one that has died says so where it is listened to."""
+    """Write a request to a worker; the death of one shows where it is read."""
     with contextlib.suppress(OSError, ValueError), stream:
         while (line := worker.tasks.get()) is not None:
             stream.write(line)
@@ -231,7 +231,7 @@ _KEPT_VARIABLES = ("PATH", "LANG", "LC_ALL", "LD_LIBRARY_PATH", "SYSTEMROOT", "T
 
 
 class WorkerError(Lab3Error):
-    """A worker cannot be started; the line says what it said last."""
+    """A worker cannot be started; the line is its last output."""
 
 
 def never_stopped() -> bool:

@@ -1,4 +1,4 @@
-"""Typed commands in saved text, and which part of it is the output of which."""
+"""Typed commands in saved text, and the output that belongs to each."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ class CommandOutput(Struct, frozen=True):
 def split_outputs(text: str, name: str, ros: RosSpec) -> list[CommandOutput]:
     """Split a saved text at the command lines it holds.
 
-    A text without command lines is one block, told by the name of its file (`name`, without
+    A text without command lines is one block, recognised by the name of its file (`name`, without
     folder), and by what it looks like; an empty list when nothing tells. Commands whose output
     is not shown have no block.
     """

@@ -186,7 +186,7 @@ def _full_name(namespace: str, name: str) -> str:
 
 
 def parse_state(text: str) -> str | None:
-    """Read `ros2 lifecycle get` (ros2lifecycle/verb/get.py): `active [3]`, or what it said."""
+    """Read `ros2 lifecycle get` (ros2lifecycle/verb/get.py): `active [3]`, or its message."""
     lines = [line.strip() for line in text.splitlines()]
     states = [match["state"] for line in lines if (match := _STATE.match(line))]
     return states[-1] if states else next((x for x in lines if x.startswith(_NO_STATE)), None)

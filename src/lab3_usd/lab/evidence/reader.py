@@ -60,7 +60,7 @@ def read_listed(
 
 
 def read_texts(files: Mapping[str, Path], folder: str, ros: RosSpec) -> Evidence:
-    """Read everything that files show, by the names that they are told by.
+    """Read all saved output, by the names of its files.
 
     Texts of no known form are left out. Where the collecting script saved an output, its file
     speaks for that command alone, and its silence says something.

@@ -64,7 +64,7 @@ def dry_run_summary(behaviour: Behaviour, replay: Replay | None) -> DryRunSummar
 
 
 def _leg_marks(behaviour: Behaviour) -> Iterator[tuple[str, bool]]:
-    """Yield what is said of each leg, and whether that is a fault."""
+    """Yield a text for each leg, and whether it is a fault."""
     for leg in behaviour.legs:
         yield f"{leg.name}: {leg.fault}" if leg.fault else leg_text(leg), bool(leg.fault)
 

@@ -60,7 +60,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
 
 
 def _test(item: GradeItem, outputs: dict[str, str]) -> Json:
-    """Return the test of an item, with what was found of its groups, which is told once."""
+    """Return the test of an item, with the findings of its groups, each once."""
     lost = "\n".join(f"- {text(_lost_text(line))}" for line in item.lost)
     blocks = [lost, *(outputs.pop(name, "") for name in item.groups)]
     return {

@@ -110,9 +110,9 @@ def _is_missing(
     node_roles: NodeRoles,
     findings: SiteFindings,
 ) -> bool:
-    """Whether the wire is missing, rather than replaced by one that nobody finds fault with.
+    """Whether the wire is missing, rather than replaced by one without a fault.
 
-    Nothing is said of one that could not be drawn: a node of another type may lack the port.
+    One that could not be drawn does not count: a node of another type may lack the port.
     """
     for end in (curve.source, curve.target):
         node = node_roles.nodes.get(end.key)

@@ -208,7 +208,7 @@ def _side(subject: BoxSubject, name: str, port: Port | None) -> Side:
 
 
 def _value(subject: BoxSubject, name: str, port: Port | None) -> tuple[tuple[str, ...], bool]:
-    """Return the lines to show for an input, and whether it is a default that nobody set.
+    """Return the lines to show for an input, and whether it is an unset default.
 
     An attribute is shown where it matters: a wire takes its place.
     """

@@ -19,7 +19,7 @@ def topics_picture(
 ) -> Picture:
     """Return the nodes of a stage with their topics between them.
 
-    What is sent perhaps, or never, is dashed. `unknown` are nodes whose topics nobody knows,
+    What is sent perhaps, or never, is dashed. `unknown` are nodes with unknown topics,
     `not_judged` says in words what else is not known.
     """
     ends = [end for end in endpoints if end.topic is not None]

@@ -174,7 +174,7 @@ def screen(path: Path) -> None:
 
 
 def _check_index(path: Path) -> None:
-    """Count the records of the index, each of which the library keeps."""
+    """Count the records of the index, which the library all keeps."""
     size = path.stat().st_size
     with path.open("rb") as file:
         file.seek(max(0, size - _FOOTER))

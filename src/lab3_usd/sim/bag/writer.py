@@ -69,7 +69,7 @@ def serialized(message: Message) -> bytes | None:
 
 
 def command(leg: Leg) -> tuple[str, bytes]:
-    """Return what a leg sends, and of which type."""
+    """Return the message of a leg, and its type."""
     if leg.joints:
         names, positions = zip(*leg.joints, strict=True)
         message = Message(JOINTS, 0.0, data=JointStates(names, positions))
@@ -217,7 +217,7 @@ def write_bag(folder: Path, trial: Trial) -> int:
 
     It has what came in the lab's domain from Play to the first Stop, and the commands: after
     another Play the robot is back where it began. Pictures are not in it: its metadata name their
-    topics, so that nobody takes them for silent.
+    topics, so that they do not look silent.
     """
     records = sorted(_records(trial), key=lambda record: record[:2])
     with Writer(folder, version=_WRITTEN, storage_plugin=StoragePlugin.MCAP) as writer:

@@ -60,7 +60,7 @@ def functions() -> Mapping[str, Function]:
 
 
 def function_of(node_type: NodeType) -> Function | None:
-    """Return what a type computes, None where nobody wrote it down."""
+    """Return the function of a type, None if it has none."""
     return functions().get(last_name(node_type.type))
 
 

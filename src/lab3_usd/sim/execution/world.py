@@ -208,7 +208,7 @@ class World(Struct):
 def world_of(
     scene: Scene, profile: dict[str, Any] | None = None, *, has_ground: bool = False
 ) -> World:
-    """Return a scene before it plays, if told so with ground below each robot that has none."""
+    """Return a scene before it plays, if asked for with ground below each robot that has none."""
     machines = Machines(scene, has_ground=has_ground)
     surroundings = Surroundings.of(scene, machines)
     return World(scene, machines, surroundings, Network(""), {}, profile or {})

@@ -163,7 +163,7 @@ class Trial(Struct):
     factor: float = 1.0  # metres that the wheels roll for each metre commanded
     map: OccupancyMap | None = None  # what it is localized in
     map_fault: str = ""  # why that cannot be read
-    # Where the map has the root of TF, from when on; more than one where nobody says.
+    # Where the map has the root of TF, from when on; several if unknown.
     located: tuple[Sequence[tuple[float, Affine]], ...] = ()
     fit: MapFit | None = None  # of its scans on the map
     scrubs: bool = False  # whether its wheels slide in a turn, so that it turns about as commanded

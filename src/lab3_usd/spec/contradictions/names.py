@@ -347,7 +347,7 @@ def _likely(lab: Lab, topic: TopicSpec, ends: Iterable[GraphTopic]) -> str:
 def _navigation(
     lab: Lab, navigation: NavigationSpec, given: list[GraphTopic]
 ) -> Iterator[LabFault]:
-    """Yield the topics of Nav2's parameters that nobody has."""
+    """Yield the topics of Nav2's parameters that do not exist."""
     wanted = {
         "scan_topic": (navigation.scan_topic, False),
         "odom_topic": (navigation.odom_topic, False),

@@ -74,7 +74,7 @@ def _line_key(line: ChecklistSpec, key: str) -> str:
 
 
 def checklist_faults(lab: Lab) -> Iterator[LabFault]:
-    """Yield what the checklists name and nobody hands in or saves."""
+    """Yield names in the checklists that are neither handed in nor saved."""
     saved = {(command.kind.name, command.target) for command in lab.ros.commands} | {(_GOALS, "")}
     for line in lab.submission.checklist:
         for name in line.deliverables:
@@ -103,7 +103,7 @@ def _known(where: str, names: Collection[str]) -> str:
 def rubric_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield what the lab's own rubric leaves out or contradicts.
 
-    Everything else about a rubric is said when points are given (`grade/scoring/`).
+    Other faults of a rubric are reported when points are given (`grade/scoring/`).
 
     Raises:
         SpecError: the file is no YAML.

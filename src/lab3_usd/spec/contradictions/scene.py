@@ -116,6 +116,6 @@ def _prims_below(
 
 
 def _entries(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    """Return a mapping of a file; what is wrong in it is told when it is loaded."""
+    """Return a mapping of a file; its faults are reported when it is loaded."""
     entries = data.get(key)
     return entries if isinstance(entries, dict) else {}

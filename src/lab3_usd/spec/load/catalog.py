@@ -259,7 +259,7 @@ def _named(
 def _by_port(
     facts: Mapping[str, _Fact], prefix: str, ports: Mapping[str, Port], where: str
 ) -> dict[str, _Fact]:
-    """Return what is said of ports by their full names."""
+    """Return the entries of ports by their full names."""
     return dict(zip(_named(facts, prefix, ports, where), facts.values(), strict=True))
 
 
@@ -388,7 +388,7 @@ def assemble_types(folder: Path) -> IsaacTypes:
 
 
 def _with_roles(types: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return the entries of types with what is said of their ports by hand.
+    """Return the entries of types with the facts about their ports that are written by hand.
 
     Raises:
         SpecError: a type is not there.

@@ -61,7 +61,7 @@ class CheckpointsFile(Struct, forbid_unknown_fields=True):
     title: str
     files: str
     policy: Policy
-    checkpoints: dict[str, Any]  # one by one, so that a missing one is said first
+    checkpoints: dict[str, Any]  # one by one, so that a missing one is reported first
     frames: FrameSpec = FrameSpec("")
     handout: Handout = Handout()
 

@@ -75,7 +75,7 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
 
 
 def _evidence(content: RosFile) -> _ByName:
-    """Return how diagnostic commands are written: as in the bundled lab where nothing is said."""
+    """Return how diagnostic commands are written: as in the bundled lab by default."""
     if content.evidence is not None:
         return content.evidence
     evidence: _ByName = read_yaml(data_folder("graphs") / ROS)["evidence"]
@@ -240,7 +240,7 @@ def _catalog_data(own: Path) -> dict[str, Any]:
 
 
 def _named_types(graphs: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the node types that files of graphs name; what is wrong in a file is told later."""
+    """Yield the node types that files of graphs name; faults of a file are reported later."""
     for data in graphs.values():
         nodes = data.get("nodes")
         for node in nodes.values() if isinstance(nodes, dict) else ():

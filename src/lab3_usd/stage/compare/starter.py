@@ -79,7 +79,7 @@ def compare_starter(
 
 def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool) -> Terms:
     robot, tolerance = lab.scene.robot, lab.scene.tolerance
-    # A stage whose unit is nothing is told so elsewhere; here it only must not divide by it.
+    # A stage without a unit is reported elsewhere; here it only must not divide by it.
     length = tolerance.sensor_position / (UsdGeom.GetStageMetersPerUnit(stage) or 1.0)
     return Terms(
         rules=rules,
@@ -107,7 +107,7 @@ def _identity(missing: UnresolvedAsset) -> tuple[str, str]:
 def _changes(comparison: _Comparison) -> Iterator[Change]:
     starter, stage, scope = comparison.starter, comparison.stage, comparison.scope
     gone: list[PrimRecord] = []
-    # What the application keeps is left aside, unless it acts on the robot.
+    # Data of the application is left out, unless it acts on the robot.
     new = [prim for prim in stage.GetPseudoRoot().GetChildren() if _is_ignored(prim, scope)]
     for prim in compare_prims(read_records(starter), stage.GetPseudoRoot(), scope):
         if isinstance(prim, PairedPrim):

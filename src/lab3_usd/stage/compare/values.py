@@ -186,7 +186,7 @@ def _numbers(value: Any) -> Iterator[float]:
 
 
 def same_asset(was: Sdf.AssetPath, now: Sdf.AssetPath) -> bool:
-    """Whether two asset paths lead to the same file, to equal ones, or cannot be told apart.
+    """Whether two asset paths lead to the same file, to equal ones, or cannot be distinguished.
 
     Saving a stage in another folder rewrites its relative paths, and an asset that is not here
     cannot be judged.

@@ -174,7 +174,7 @@ def _restore_presence(session: EditSession, expected: Sdf.PrimSpec) -> None:
 
 
 def _clear_overs_below(session: EditSession, path: str) -> None:
-    """Take poses and schemas off the overs below a prim of which the reference has no spec.
+    """Remove poses and schemas from the overs below a prim without a spec in the reference.
 
     They change parts of what is referred to, which is right by itself. Schemas that are still
     missing there are applied.

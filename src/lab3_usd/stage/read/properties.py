@@ -43,7 +43,7 @@ _QUATERNIONS = {Gf.Quatd, Gf.Quatf, Gf.Quath}
 _KEY = "changes after the start"  # of the session layer's custom data
 _NEAR_ZERO = 1e-6
 RELATIONSHIP = "rel"
-_WITH_VARIABLES = {Sdf.AssetPath, Sdf.AssetPathArray}  # of which the stage makes a path
+_WITH_VARIABLES = {Sdf.AssetPath, Sdf.AssetPathArray}  # the stage makes a path of it
 _CRATE = b"PXR-USDC"  # which a version of three bytes follows
 _CRATE_WITH_SPLINES = bytes((0, 12, 0))
 _SPLINE, _SPLINE_TEXT = "spline", b".spline"
@@ -51,7 +51,7 @@ _VALUE, _SOURCES = "default", "connectionPaths"
 
 
 def plain_value(value: Any) -> Value | None:
-    """Return the value without Gf, Sdf and Vt; None where there is none or nobody asks for it.
+    """Return the value without Gf, Sdf and Vt; None for none, or one that is not needed.
 
     Quaternions come in OGN's order x, y, z, w.
     """

@@ -107,5 +107,7 @@ def forget_files(paths: Iterable[str]) -> None:
     for path in paths:
         layer = Sdf.Layer.Find(path)
         if layer is not None:
-            with suppress(Tf.ErrorException):  # it is damaged; whoever opens it again is told so
+            with suppress(
+                Tf.ErrorException
+            ):  # it is damaged, which is reported when it is opened again
                 layer.Reload(force=True)
