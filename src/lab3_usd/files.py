@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import stat
-import tempfile
 from collections.abc import Iterable, Mapping
 from itertools import chain, count
 from pathlib import Path
@@ -129,6 +128,8 @@ def temporary_beside(target: Path, suffix: str = "") -> Path:
     Raises:
         OSError: it cannot be made.
     """
+    import tempfile  # which loads what most commands do without
+
     handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=suffix)
     os.close(handle)
     temporary = Path(name)
