@@ -410,6 +410,13 @@ def test_in_a_room_that_cannot_be_found_no_range_is_judged() -> None:
     assert [rule for rule, _, _ in told(stage, "05") if rule == "L09"] == []
 
 
+def test_a_range_is_not_judged_by_units_that_are_wrong() -> None:
+    assert {
+        rule
+        for rule, _, _ in told_after("05", lambda stage: stage.SetMetadata("metersPerUnit", 0.01))
+    } == {"S02"}
+
+
 def ball(path: str, radius: float = 0.1) -> Change:
     def change(stage: Usd.Stage) -> None:
         UsdGeom.Sphere.Define(stage, path).CreateRadiusAttr(radius)

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Demand, rule
+from lab3_usd.check.robot.poses import units_of
 from lab3_usd.check.robot.sensors import LIDAR, second_lidars, sensor_group
 from lab3_usd.check.robot.surroundings import blind_range, place_of
 from lab3_usd.check.rules.sensors import (
@@ -256,9 +257,12 @@ def no_scan(subject: StageSubject) -> Iterator[Problem]:
 
 
 def _blind_ranges(prim: Prim, scan: ScanSpec, subject: StageSubject) -> Iterator[_Fault]:
-    """Yield a range within which nothing lies at the start."""
-    at = place_of(prim, subject)
-    if scan.ranges is None:
+    """Yield a range within which nothing lies at the start.
+
+    How far things are no stage tells whose units are wrong.
+    """
+    at, units = place_of(prim, subject), units_of(subject.lab.scene, subject.stage)
+    if scan.ranges is None or units.actual != units.expected:
         return
     near, far = (_number(prim, name) for name in scan.ranges)
     is_range = near is None or far is None or 0 <= near < far  # else it is reported as no range
