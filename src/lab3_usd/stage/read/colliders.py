@@ -37,7 +37,7 @@ class StageColliders(Colliders):
         """Measure the prims of a stage."""
         self._prims = prims
         self._reader = reader
-        self._present: list[str] = []
+        self._present: list[tuple[str, str]] = []  # each path, and with a slash behind
         self._boxes: dict[str, _Box | None] = {}  # None without a shape, its own or below
         self._shapes: dict[str, _Box | None] = {}  # of prims by themselves
         self._colliders: dict[str, Collider | None] = {}  # of collision prims, in metres
@@ -65,8 +65,10 @@ class StageColliders(Colliders):
         start = f"{top.rstrip('/')}/"
         if not self._present:
             colliding = self._prims.with_api(_COLLISION)
-            self._present += (prim.path for prim in colliding if prim.present)
-        paths = [path for path in self._present if f"{path}/".startswith(start) is below]
+            self._present += ((prim.path, f"{prim.path}/") for prim in colliding if prim.present)
+        paths = [
+            path for path, with_slash in self._present if with_slash.startswith(start) is below
+        ]
         with stage_errors(self._reader.name):
             for path in paths:
                 if path not in self._colliders:
@@ -83,7 +85,7 @@ class StageColliders(Colliders):
     def _measure(self, top: Usd.Prim, top_path: str) -> None:
         """Measure a collision prim and those below it, each shape once."""
         transforms = self._reader.transforms
-        if not top.GetAllChildrenNames() and not Usd.Prim.IsInstance(top):
+        if not Usd.Prim.GetAllChildrenNames(top) and not Usd.Prim.IsInstance(top):
             self._boxes[top_path] = self._shapes[top_path] = _world_box(top, top_path, transforms)
             return
         open_boxes: list[list[_Box]] = [[]]

@@ -247,8 +247,9 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
         specs = self.specs
         if len(specs) == 1 and type(specs[0]) is Sdf.AttributeSpec:
             alone = specs[0].default  # of one layer, which needs no composition
-            if type(alone) not in _WITH_VARIABLES:
-                return plain_value(alone)
+            kind = type(alone)
+            if kind not in _WITH_VARIABLES:
+                return alone if kind in _PLAIN else plain_value(alone)
         if not self._is_authored(_VALUE):
             return None
         return plain_value(Usd.Attribute.Get(Usd.Prim.GetAttribute(self.prim, self.name)))
