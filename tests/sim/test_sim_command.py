@@ -476,6 +476,20 @@ def test_a_value_of_another_type_counts_for_nothing(tmp_path: Path) -> None:
     assert behaviour(path)["verdict"] == "ok"
 
 
+@pytest.mark.parametrize("written", ['string {} = "x"', "floot {} = 0.5"])
+@pytest.mark.parametrize(
+    "name", ["double size", "double height", "double radius", "float omni:sensor:tickRate"]
+)
+def test_a_size_or_rate_of_another_type_is_that_of_the_schema(
+    tmp_path: Path, name: str, written: str
+) -> None:
+    path = saved(correct_stage("05"), tmp_path)
+    value = re.compile(rf"{name} = .+")
+    assert value.search(path.read_text())
+    path.write_text(value.sub(written.format(name.split()[1]), path.read_text()))
+    assert behaviour(path)["verdict"] in {"ok", "bad"}
+
+
 def test_a_value_of_another_precision_is_read(tmp_path: Path) -> None:
     path = saved(correct_stage("02"), tmp_path, "Lab3_02.usda")
     words = path.read_text()

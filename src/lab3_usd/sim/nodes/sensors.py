@@ -126,7 +126,13 @@ def camera_helper(node: Running, world: World) -> bool:
 
 def _camera_rate(world: World, product: Product) -> float:
     prim = world.scene.prims[product.sensor]
-    return float(prim.values.get(RATE) or 0.0) if "OmniSensorAPI" in prim.apis else 0.0
+    return _number(prim, RATE) or 0.0 if "OmniSensorAPI" in prim.apis else 0.0
+
+
+def _number(prim: Prim, name: str) -> float | None:
+    """Return a number that a prim has, None where it has none or something else."""
+    value = prim.values.get(name)
+    return float(value) if isinstance(value, (int, float)) else None
 
 
 @computes("ROS2CameraInfoHelper")
@@ -186,12 +192,12 @@ def _publish(node: Running, world: World, prim: Prim, product: Product) -> bool:
         return node.fails(
             f"{prim.path} has no rate, no emitter, or too many rays", "invalid-scan-profile"
         )
-    rate = prim.values.get(RATE)
-    rate = LIDAR_RATE if rate is None else float(rate)
+    rate = _number(prim, RATE)
+    rate = LIDAR_RATE if rate is None else rate
     writer = attach(node, world, product, f"lidar {kind}", rate)
     if writer is None:
         return False
-    writer.turns = float(prim.values.get(f"{CORE}scanRateBaseHz") or 0)
+    writer.turns = _number(prim, f"{CORE}scanRateBaseHz") or 0.0
     writer.beam = beam
     if rate > 0 and not prim.values.get(f"{CORE}accumulateOutputs"):
         writer.covered = min(1.0, writer.turns / rate)
@@ -216,8 +222,7 @@ def _beam(prim: Prim) -> Beam | None:
     """Read the scan (:93-148); without an emitter or a range nothing comes back."""
 
     def number(name: str) -> float:
-        value = prim.values.get(f"{CORE}{name}")
-        return float(value) if isinstance(value, (int, float)) else 0.0
+        return _number(prim, f"{CORE}{name}") or 0.0
 
     turns, firings = number("scanRateBaseHz"), int(number("patternFiringRateHz"))
     if turns <= 0 or firings <= 0:

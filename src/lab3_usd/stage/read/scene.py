@@ -112,6 +112,21 @@ def _value(prim: Usd.Prim, name: str, time: Usd.TimeCode = NO_TIME) -> Any:
     return plain(attribute.Get(time)) if attribute else None
 
 
+def _is_readable(attribute: Usd.Attribute, value: Any) -> bool:
+    """Whether a value has the type of its attribute; any other no simulation can read."""
+    declared = attribute.GetTypeName().defaultValue
+    return declared is not None and type(value) is type(declared)
+
+
+def _size(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Any:
+    """Return a size of a shape or a camera, the schema's own where the file has none to read."""
+    attribute = prim.GetAttribute(name)
+    value = attribute.Get(time)
+    if not _is_readable(attribute, value):
+        value = prim.GetPrimDefinition().GetAttributeFallbackValue(name)
+    return plain(value)
+
+
 def _prim(
     prim: Usd.Prim, path: str, kind: str, time: Usd.TimeCode, before: dict[str, Prim]
 ) -> Prim:
@@ -123,13 +138,12 @@ def _prim(
             continue
         if isinstance(authored, Usd.Attribute):
             value = authored.Get(NO_TIME if name.startswith(TIMELESS) else time)
-            # What a file gives another type than the schema does, no simulation can read.
-            if type(value) is type(authored.GetTypeName().defaultValue):
+            if _is_readable(authored, value):
                 values[name] = plain(value)
         else:
             targets[name] = tuple(map(str, targets_of(authored)))
     if has_sizes:  # by the schema where nothing is authored
-        values.update((name, _value(prim, name, time)) for name in _SIZES[kind])
+        values.update((name, _size(prim, name, time)) for name in _SIZES[kind])
     image = UsdGeom.Imageable(prim)
     is_seen = (
         has_sizes
