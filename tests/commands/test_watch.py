@@ -178,6 +178,14 @@ def test_a_layer_counts_from_when_the_stage_begins_to_use_it(
     assert news(watch(saves, stage)) == told
 
 
+def test_a_layer_that_something_still_holds_is_read_anew(
+    watch: Callable[..., Result], stage: Path
+) -> None:
+    held = Sdf.Layer.FindOrOpen(str(stage))
+    assert news(watch([write(stage, WRONG)], stage)) == ["0 repaired, 1 new; 1 error"]
+    del held
+
+
 def test_folders_that_are_new_in_a_submission_are_watched(
     watch: Callable[..., Result], stage: Path
 ) -> None:

@@ -91,7 +91,7 @@ def test_nothing_of_a_lock_stays(*, is_new: bool, tmp_path: Path) -> None:
     if not is_new:
         out.mkdir()
     with locked(out):
-        assert [path.name for path in out.iterdir()] == [LOCK]
+        assert [path.name for path in out.iterdir()] == [".lab3-grade.lock"]
     assert out.exists() != is_new
 
 

@@ -51,6 +51,7 @@ from lab3_usd.report.formats import html as html_format
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html import pictures as html_pictures
 from lab3_usd.report.options import Options
+from lab3_usd.report.picture.model import HEADER, Box, LegendEntry, Picture
 from lab3_usd.spec.load.loader import load_lab
 
 MARKUP = (
@@ -267,6 +268,16 @@ def test_the_part_beside_a_fault_lies_within_its_picture(faulty_page: Element) -
         assert width == 2 * height
         assert left + width <= picture[2] + 1
         assert top + height <= picture[3] + 1
+
+
+@pytest.mark.parametrize(("down", "top"), [(HEADER, 186), (400.0, 505)])
+def test_the_part_beside_a_fault_begins_at_the_title_or_has_the_row_in_its_middle(
+    down: float, top: int
+) -> None:
+    box = Box("/node", "node", "", "data", x=100.0, y=200.0, w=300.0, h=900.0)
+    legend = (LegendEntry("ok", "", 0.0, 1900.0),)
+    picture = Picture("", "", (box,), (), legend=legend, width=2000.0, height=2000.0)
+    assert html_pictures._view(box, down, picture) == f"60 {top} 380 190"
 
 
 def test_topics_are_listed_once_with_their_checkpoints(faulty_page: Element) -> None:

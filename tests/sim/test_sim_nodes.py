@@ -316,9 +316,9 @@ def test_nothing_of_a_helper_that_is_off(stage: World) -> None:
 def test_a_clock_opens_first_and_then_publishes() -> None:
     here = world()
     clock = node(f"{ROS}ROS2PublishClock", {"timeStamp": 3.5})
-    clock.compute(here)
+    assert clock.compute(here)
     assert here.network.sent == []
-    clock.compute(here)
+    assert clock.compute(here)
     assert [(each.topic, each.stamp) for each in here.network.sent] == [("/clock", 3.5)]
 
 

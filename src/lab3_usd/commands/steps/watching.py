@@ -276,7 +276,8 @@ class _Session:
         is_shared = bool(changed & self._shared_files) or any(holds(top, changed) for top in tops)
         if is_shared:
             self._watched.renew()
-            _forget(changed)
+        _forget(changed)
+        if is_shared:
             self._shared_files |= self._used_by_shared()  # a damaged layer counts on
         names = self._names()
         touched = [
@@ -291,7 +292,6 @@ class _Session:
         if not touched and not gone:
             return
         before = self._whole()
-        _forget(changed)
         for name in gone:
             del self._reports[name]
         try:

@@ -208,8 +208,8 @@ class BlockView(Struct, frozen=True):
     trees: tuple[PagePicture, ...]
     topics: tuple[Topic, ...]
     checks: tuple[ChecklistSection, ...]
-    to_come: str = ""
-    crashes: tuple[tuple[str, Crash], ...] = ()
+    to_come: str
+    crashes: tuple[tuple[str, Crash], ...]
 
     @property
     def unknown(self) -> tuple[tuple[str, str], ...]:
