@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from failing_class import Mistake, hand_in, mistakes
-from fault_chains import drops, facts_in, grade_with, rubric, stage_with
-from grade_files import LAB, built, stage, starter
+from fault_chains import drops, facts_in, grade_with, opened_starter, rubric, stage_with
+from grade_files import LAB, built, stage
 from msgspec.structs import replace
 from pxr import Usd
 from scene_changes import ROBOT, Change, author, deactivate, put, retype
@@ -24,7 +24,6 @@ from lab3_usd.grade.scoring import (
     grade_facts,
 )
 from lab3_usd.judge.folder import FolderSettings, check_folder
-from lab3_usd.judge.starter import open_starter
 
 MADE = {mistake.name: mistake for mistake in mistakes()}
 GROSS = {
@@ -46,7 +45,7 @@ def _small_lab() -> None:
 
 def graded_submission(folder: Path) -> Grade:
     """Grade a folder as `lab3 grade` does, with the maps' faults left out."""
-    settings = FolderSettings(starter=open_starter(starter(), LAB))
+    settings = FolderSettings(starter=opened_starter())
     judged = check_folder(folder, settings)
     found = [each for each in judged.submission.findings if not each.rule.startswith("M")]
     facts = facts_of(judged.results, rubric().required, found)

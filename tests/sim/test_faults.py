@@ -10,7 +10,7 @@ from typing import get_args
 
 import pytest
 from breaking import broken, correct_stage, the_lab
-from dry_runs import INTERFACE, driven
+from dry_runs import DRIVE, INTERFACE, SHORT, driven
 from fault_stages import IMAGE_PRODUCT, MOTION, NAMES, STAGES
 from golden import assert_golden_case
 from places import REPOSITORY
@@ -64,7 +64,8 @@ def faults(kind: FaultKind) -> list[tuple[str, Fault]]:
     change, check = STAGES[kind]
     stage = correct_stage("02" if check in MOTION else "05")
     change(stage)
-    return faults_of(driven(stage))
+    takes_long = check in {*MOTION, "clock"}
+    return faults_of(driven(stage, DRIVE if takes_long else SHORT))
 
 
 @pytest.mark.parametrize("kind", STAGES)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 from breaking import Step, broken, correct_stage
-from dry_runs import driven
+from dry_runs import SHORT, driven
 from pxr import Sdf, Usd
 from scene_changes import LIDAR
 
@@ -21,7 +21,7 @@ NOWHERE = "https://nowhere.invalid/thing.usd"
 
 
 def checks(stage: Usd.Stage) -> dict[str, Check]:
-    return {check.name: check for check in judge(driven(stage))}
+    return {check.name: check for check in judge(driven(stage, SHORT))}
 
 
 def faulty(stage: Usd.Stage, verdict: str = "bad") -> set[str]:
@@ -125,9 +125,10 @@ CORE = "omni:sensor:Core:"
 def test_a_lidar_scans_with_what_it_leaves_to_the_schema(name: str) -> None:
     stage = correct_stage("05")
     stage.GetPrimAtPath(LIDAR).RemoveProperty(f"{CORE}{name}")
-    assert checks(stage)["topics"].verdict == "ok"
-    assert checks(stage)["scan"].verdict == "ok"
-    assert name.rpartition(":")[2] in driven(stage).recording.assumed[LIDAR]
+    trial = driven(stage, SHORT)
+    verdicts = {check.name: check.verdict for check in judge(trial)}
+    assert (verdicts["topics"], verdicts["scan"]) == ("ok", "ok")
+    assert name.rpartition(":")[2] in trial.recording.assumed[LIDAR]
 
 
 def test_a_rate_of_zero_is_not_left_to_the_schema() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from breaking import correct_stage, the_lab
-from dry_runs import INTERFACE, SHORT, driven
+from dry_runs import INTERFACE, driven
 from invoking import invoke
 from pxr import Gf, Usd, UsdGeom
 from scene_changes import LIDAR, ORIENT, put
@@ -19,12 +19,13 @@ from lab3_usd.model.dry_run import HERE, Affine, about
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import MapFit, OccupancyMap
 from lab3_usd.sim.dry_run import dry_run
-from lab3_usd.sim.execution.drive import Leg, Session
+from lab3_usd.sim.execution.drive import Leg, Session, drive_of
 from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, Transform
 from lab3_usd.sim.judge.localization import fit, on_map
 from lab3_usd.sim.judge.trial import Trial
 
 YAML = "turtlebot3_map.yaml"
+AHEAD = "0.15,0,0.3"  # how far it drives is of no importance
 
 
 def maps(folder: Path, before: str = "", after: str = "") -> Path:
@@ -38,7 +39,7 @@ def maps(folder: Path, before: str = "", after: str = "") -> Path:
 
 @pytest.fixture(scope="module")
 def run() -> Trial:
-    return driven(correct_stage("05"), SHORT)
+    return driven(correct_stage("05"), drive_of(AHEAD, INTERFACE.limits))
 
 
 def laid(run: Trial, found: OccupancyMap) -> tuple[MapFit, list[FaultKind]]:
@@ -127,7 +128,7 @@ def saved(stage: Usd.Stage, folder: Path) -> Path:
 
 
 def map_check(path: Path, maps: Path | None = None) -> tuple[str, str | None]:
-    checks = dry_run(path, the_lab(), "07", "0.15,0,1 0,0.8,0.5", maps=maps).behaviour.checks
+    checks = dry_run(path, the_lab(), "07", AHEAD, maps=maps).behaviour.checks
     return next((check.verdict, check.kind) for check in checks if check.name == "map")
 
 
@@ -195,7 +196,7 @@ def test_the_page_draws_the_scan_on_the_map(tmp_path: Path) -> None:
     path = saved(correct_stage("07"), tmp_path)
     maps(tmp_path, "-6.2", "-6.4")
     page = tmp_path / "run.html"
-    assert invoke("sim", path, "--drive", "0.15,0,1 0,0.8,0.5", "--page", page).exit_code == 1
+    assert invoke("sim", path, "--drive", AHEAD, "--page", page).exit_code == 1
     text = page.read_text(encoding="utf-8")
     assert 'class="map"' in text
     assert 'class="off" d="M' in text

@@ -58,8 +58,10 @@ SHORT = drive_of(
 )  # where it is of no importance how it drives
 
 
-def driven(stage: Usd.Stage, drive: Sequence[Session] = DRIVE) -> Trial:
-    return record(read_scene(stage), load_isaac_types().catalog, drive, INTERFACE)
+def driven(
+    stage: Usd.Stage, drive: Sequence[Session] = DRIVE, wanted: Interface = INTERFACE
+) -> Trial:
+    return record(read_scene(stage), load_isaac_types().catalog, drive, wanted)
 
 
 def faults(trial: Trial) -> list[Check]:

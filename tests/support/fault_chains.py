@@ -28,7 +28,7 @@ def _known() -> tuple[Mistake, ...]:
 
 
 @cache
-def _starter() -> Starter:
+def opened_starter() -> Starter:
     return open_starter(starter(), LAB)
 
 
@@ -109,7 +109,7 @@ def facts_in(layer: Sdf.Layer, checkpoint: str, *, play: bool) -> StageFacts:
     with TemporaryDirectory() as folder:
         path = Path(folder) / stage(checkpoint).name
         layer.Export(str(path))
-        result = against_starter(check_stage(path, checkpoint, LAB), _starter(), LAB)
+        result = against_starter(check_stage(path, checkpoint, LAB), opened_starter(), LAB)
         facts = facts_of([result], rubric().required)
         (only,) = with_dry_runs(facts, LAB, {}).stages if play else facts.stages
     return only
