@@ -152,10 +152,6 @@ def test_a_folder_of_other_names_is_its_stages(clock: Path, tmp_path: Path) -> N
     assert [Path(each["path"]).name for each in report["results"]] == ["a.usda", "b.usda"]
 
 
-def test_an_empty_folder_is_wrong_usage(tmp_path: Path) -> None:
-    assert check(tmp_path).returncode == 2
-
-
 def test_the_report_is_written_to_a_file(wrong: Path, tmp_path: Path) -> None:
     output = tmp_path / "report.json"
     done = check(wrong, "--format", "json", "--output", output)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 
 import pytest
 from places import REPOSITORY
@@ -21,6 +22,7 @@ def rows() -> list[list[str]]:
     return [row for row in cells if row[0] != "promise" and set(row[0]) != {"-"}]
 
 
+@cache
 def names_in(name: str) -> set[str]:
     (path,) = (ROOT / "tests").rglob(name)
     tree = ast.parse(path.read_bytes())

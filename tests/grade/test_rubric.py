@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping, Sequence
-from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -261,19 +260,6 @@ def test_of_two_files_for_a_checkpoint_the_worse_one_counts() -> None:
     graded = grade(RUBRIC, [*class_of(), second])
     assert graded.items == grade(RUBRIC, class_of({"01": [WIRE]})).items
     assert graded.lost[0].place == "work/copy.usda"
-
-
-def test_the_same_faults_give_the_same_grade_in_any_order() -> None:
-    faults = [WIRE, NODE, "ROS_Clock/setting/ros2_publish_clock.topicName"]
-    grades = set()
-    for order in permutations(faults):
-        stages = class_of({"01": order, "03": ["Lidar2D/position"], "05": order})
-        shuffled = [
-            replace(stage, requirements=tuple(reversed(stage.requirements)))
-            for stage in sorted(stages, key=lambda each: each.checkpoint, reverse=order[0] == WIRE)
-        ]
-        grades.add(grade(RUBRIC, shuffled))
-    assert len(grades) == 1
 
 
 IDS = sorted({each.id for found in ASKED.values() for each in found})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -29,6 +29,7 @@ from lab3_usd.model.finding import (
 from lab3_usd.report.formats.registry import FORMATS, render
 from lab3_usd.report.options import Options
 from lab3_usd.report.safe_text import LONGEST, truncated, truncated_report, truncated_values
+from lab3_usd.stage.read.opening import kept_open
 
 HUGE = "<" * (1 << 18)
 NAME = "n" * (1 << 18)
@@ -137,15 +138,18 @@ Change = Callable[[Sdf.Layer], None]
 
 
 @pytest.fixture(scope="module", params=[_strings, _one_string, _names, _frames, _arcs])
-def huge(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A stage with huge values."""
+def huge(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Path]:
+    """A stage with huge values, which is read once for all who ask."""
     change: Change = request.param
     layer = Sdf.Layer.OpenAsAnonymous(str(stage("05")))
     change(layer)
     target = tmp_path_factory.mktemp("huge") / stage("05").name
     layer.Export(str(target))
     assert target.stat().st_size > 1 << 18
-    return target
+    with kept_open():
+        yield target
 
 
 def test_no_format_is_large(huge: Path) -> None:
