@@ -32,7 +32,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def students(chromium: Browser) -> list[str]:
     """The students whose rows are shown, from top to bottom."""
-    return [cell.text for cell in chromium.shown("table.students tbody th")]
+    return chromium.texts("table.students tbody th")
 
 
 def press(chromium: Browser, heading: str) -> None:

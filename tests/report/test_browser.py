@@ -85,7 +85,7 @@ def select(chromium: Browser, label: str) -> None:
 
 
 def visible_messages(chromium: Browser) -> list[str]:
-    return [element.text for element in chromium.shown(".card h6")]
+    return chromium.texts(".card h6")
 
 
 @pytest.mark.parametrize("name", ["clean", "faulty", "submission", "graded", "hostile"])
@@ -163,7 +163,7 @@ def test_every_severity_can_be_switched_off(chromium: Browser, pages: dict[str, 
     chromium.one(".toggle.error").click()
     assert chromium.shown(".card.error") == []
     assert len(chromium.shown(".card.note")) == 1
-    assert [each.text for each in chromium.shown(".chapter h4")] == ["Section 8"]
+    assert chromium.texts(".chapter h4") == ["Section 8"]
     total = len(chromium.all(".card"))
     assert chromium.one("output").text == f"1 of {total}"
     chromium.one(".tools button").click()
@@ -177,7 +177,7 @@ def test_a_checkpoint_can_be_chosen(chromium: Browser, pages: dict[str, Path]) -
     assert {card.get_attribute("data-in").split()[0] for card in chromium.shown(".card")} == {"1"}
     drawn = {each.get_attribute("data-in") for each in chromium.shown("figure")}
     assert drawn == {since("01")}
-    assert [each.text for each in chromium.shown("tr[data-in] th")] == ["/klock"]
+    assert chromium.texts("tr[data-in] th") == ["/klock"]
 
 
 def test_a_checkpoint_in_the_list_chooses_itself(chromium: Browser, pages: dict[str, Path]) -> None:
@@ -236,7 +236,7 @@ def test_the_command_of_a_repair_can_be_copied(chromium: Browser, pages: dict[st
         "Object.defineProperty(navigator.clipboard, 'writeText',"
         " {value: async (text) => { window.copied = text; }})"
     )
-    card = next(each for each in chromium.all(".card") if "wheelRadius" in each.text)
+    card = chromium.with_text(".card", "wheelRadius")
     command = card.find_element("css selector", ".command code").text
     card.find_element("css selector", ".command .copy").click()
     assert chromium.run("return window.copied") == command
@@ -275,7 +275,7 @@ def test_a_finding_lights_its_port(
     chromium: Browser, pages: dict[str, Path], size: tuple[int, int]
 ) -> None:
     chromium.open(pages["faulty"], size)
-    link = next(each for each in chromium.all(".card h6 a") if "wheelRadius" in each.text)
+    link = chromium.with_text(".card h6 a", "wheelRadius")
     before = chromium.run(
         "return getComputedStyle(document.getElementById(arguments[0]).querySelector('.hit')).fill",
         link.get_attribute("href").partition("#")[2],
@@ -295,7 +295,7 @@ def test_a_port_shows_its_finding_even_where_the_filter_hides_it(
     chromium.open(pages["faulty"])
     chromium.one(".toggle.error").click()
     assert chromium.shown(".card.error") == []
-    port = next(each for each in chromium.all(".picture a") if "topicName" in each.text)
+    port = chromium.with_text(".picture a", "topicName")
     chromium.run("arguments[0].scrollIntoView({block: 'center', inline: 'center'})", port)
     port.click()
     card = chromium.one(".card:target")
@@ -308,7 +308,7 @@ def test_a_port_shows_its_finding_even_where_the_filter_hides_it(
 def wait_for(condition: Any) -> None:
     from selenium.webdriver.support.ui import WebDriverWait
 
-    WebDriverWait(None, 30).until(lambda _: condition())
+    WebDriverWait(None, 30, poll_frequency=0.02).until(lambda _: condition())
 
 
 def test_the_address_of_a_finding_can_be_sent_to_somebody(

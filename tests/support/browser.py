@@ -29,6 +29,11 @@ SWITCHES = (
     "--force-prefers-reduced-motion",
 )
 DESKTOP = (1280, 900)
+SHOWN = """[...document.querySelectorAll(arguments[0])].filter((each) => {
+  const { width, height } = each.getBoundingClientRect();
+  return (width || height)
+    && each.checkVisibility({ opacityProperty: true, visibilityProperty: true });
+})"""
 PHONE = (390, 844)
 # Text and the colour behind it, as far as the page sets them; pictures have their own test.
 CONTRASTS = """
@@ -115,7 +120,21 @@ class Browser:
         return list(self.driver.find_elements("css selector", selector))
 
     def shown(self, selector: str) -> list[Any]:
-        return [element for element in self.all(selector) if element.is_displayed()]
+        """Return the elements that can be seen, after one question for all of them."""
+        return list(self.run(f"return {SHOWN}", selector))
+
+    def texts(self, selector: str) -> list[str]:
+        """Return the text of the elements that can be seen."""
+        return list(self.run(f"return {SHOWN}.map((each) => each.innerText.trim())", selector))
+
+    def with_text(self, selector: str, words: str) -> Any:
+        """Return the first element with these words in it."""
+        return self.run(
+            "return [...document.querySelectorAll(arguments[0])]"
+            ".find((each) => each.textContent.includes(arguments[1]))",
+            selector,
+            words,
+        )
 
     def one(self, selector: str) -> Any:
         return self.driver.find_element("css selector", selector)
