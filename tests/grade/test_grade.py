@@ -250,10 +250,13 @@ def test_a_result_that_was_cut_short_is_judged_again(
     assert judged(place, tmp_path / "book") == ["fault"]
 
 
-def test_what_ended_a_worker_is_judged_again(place: Path, book: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("change", [{"status": "timeout"}, {"late": True}])
+def test_what_ended_a_worker_and_who_is_late_otherwise_now_is_judged_again(
+    place: Path, book: Path, tmp_path: Path, change: dict[str, object]
+) -> None:
     shutil.copytree(book, tmp_path / "book")
     path = tmp_path / "book" / "students" / "fault" / "result.json"
-    path.write_text(json.dumps({**result(book, "fault"), "status": "timeout"}))
+    path.write_text(json.dumps({**result(book, "fault"), **change}))
     assert judged(place, tmp_path / "book") == ["fault"]
 
 
@@ -272,13 +275,6 @@ def test_the_rubric_may_say_who_was_late(tmp_path: Path) -> None:
         50.0,
         ["late: at most 50%"],
     )
-
-
-def test_who_is_late_now_is_judged_again(place: Path, book: Path, tmp_path: Path) -> None:
-    shutil.copytree(book, tmp_path / "book")
-    path = tmp_path / "book" / "students" / "fault" / "result.json"
-    path.write_text(json.dumps({**result(book, "fault"), "late": True}))
-    assert judged(place, tmp_path / "book") == ["fault"]
 
 
 def answered(answer: dict[str, Any]) -> Any:

@@ -17,6 +17,7 @@ import pytest
 from hostile import crate
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mini_lab import files_below
 
 from lab3_usd.errors import StageError
 from lab3_usd.grade.intake.archives import ArchiveError, _common_top, is_archive, unpack
@@ -215,14 +216,6 @@ def tarred(path: Path, members: list[tuple[tarfile.TarInfo, bytes]]) -> Path:
 
 def plain(name: str) -> tarfile.TarInfo:
     return tarfile.TarInfo(name)
-
-
-def files_below(folder: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
-    }
 
 
 def unpacked(archive: Path, limits: Limits = SMALL) -> tuple[dict[str, bytes], list[str]]:
