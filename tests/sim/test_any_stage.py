@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from any_stages import bad, by_name, played
+from any_stages import BRIEFLY, bad, by_name, played
 from breaking import correct_stage
 from foreign_robots import (
     CONTEXT,
@@ -110,7 +110,7 @@ def test_a_stage_of_the_lab_under_another_name_is_all_right(tmp_path: Path) -> N
 def test_transforms_that_stand_still_do_not_go_with_the_robot(tmp_path: Path) -> None:
     stage = rover()
     stage.GetAttributeAtPath("/World/Odometry/transform.inputs:translation").ClearConnections()
-    assert bad(played(stage, tmp_path)) == {"moving frames"}
+    assert bad(played(stage, tmp_path, drive=BRIEFLY)) == {"moving frames"}
 
 
 def test_a_scan_in_the_frame_of_a_wheel_goes_through_walls(tmp_path: Path) -> None:
@@ -119,13 +119,13 @@ def test_a_scan_in_the_frame_of_a_wheel_goes_through_walls(tmp_path: Path) -> No
     joint = stage.GetPrimAtPath(f"{ROBOT}/left_wheel_joint")
     joint.GetAttribute("physics:localPos0").Set((0, 60, 0))
     set_value(stage, "/World/Lidar/helper.inputs:frameId", "left_wheel")
-    assert "scan" in bad(played(stage, tmp_path))
+    assert "scan" in bad(played(stage, tmp_path, drive=BRIEFLY))
 
 
 def test_a_publisher_that_nothing_drives_is_named(tmp_path: Path) -> None:
     stage = rover()
     stage.GetAttributeAtPath("/World/Clock/clock.inputs:execIn").ClearConnections()
-    found = by_name(played(stage, tmp_path))
+    found = by_name(played(stage, tmp_path, drive=BRIEFLY))
     assert (found["topics"].kind, found["topics"].prim) == ("not-executed", "/World/Clock/clock")
     assert "clock" not in found
 
@@ -144,7 +144,7 @@ def test_robots_in_two_domains_are_each_driven_by_their_own_commands(tmp_path: P
         if prim.GetName() == "context" and prim.GetPath().HasPrefix("/B"):
             prim.CreateAttribute("inputs:domain_id", Sdf.ValueTypeNames.UChar).Set(5)
             prim.CreateAttribute("inputs:useDomainIDEnvVar", Sdf.ValueTypeNames.Bool).Set(False)  # noqa: FBT003
-    found = played(stage, tmp_path)
+    found = played(stage, tmp_path, drive=BRIEFLY)
     assert [(robot.prim, robot.domain) for robot in found.robots] == [
         ("/A/Rover/chassis", 0),
         ("/B/Rover/chassis", 5),
@@ -158,7 +158,11 @@ def test_robots_in_two_domains_are_each_driven_by_their_own_commands(tmp_path: P
     assert {topic.domain for topic in found.topics if topic.name == "/odom"} == {0, 5}
     set_value(stage, "/B/Drive/left.inputs:value", "right_wheel_joint")
     set_value(stage, "/B/Drive/right.inputs:value", "left_wheel_joint")
-    wrong = [check.of for check in played(stage, tmp_path).checks if check.verdict == "bad"]
+    wrong = [
+        check.of
+        for check in played(stage, tmp_path, drive=BRIEFLY).checks
+        if check.verdict == "bad"
+    ]
     assert wrong == ["/B/Rover/chassis"]
 
 
@@ -208,10 +212,10 @@ def warehouse() -> Usd.Stage:
 
 def test_missing_assets_silence_only_what_depends_on_them(tmp_path: Path) -> None:
     stage = warehouse()
-    found = played(stage, tmp_path)
+    found = played(stage, tmp_path, drive=BRIEFLY)
     assert (found.verdict, len(found.not_simulated)) == ("ok", 3)
     swap_wheels(stage)
-    assert bad(played(stage, tmp_path)) == {"follows"}
+    assert bad(played(stage, tmp_path, drive=BRIEFLY)) == {"follows"}
 
 
 def test_a_robot_of_an_asset_that_is_missing_is_not_judged(tmp_path: Path) -> None:

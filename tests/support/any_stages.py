@@ -10,11 +10,13 @@ from pxr import Usd
 from lab3_usd.model.dry_run import Behaviour, Check
 from lab3_usd.sim.dry_run import dry_run
 
+BRIEFLY = "0.15,0,1 0,0.8,0.5"  # where it is of no importance how far it drives
 
-def played(stage: Usd.Stage, folder: Path, topic: str = "") -> Behaviour:
+
+def played(stage: Usd.Stage, folder: Path, topic: str = "", drive: str | None = None) -> Behaviour:
     path = folder / "stage.usda"
     stage.GetRootLayer().Export(str(path))
-    return dry_run(path, the_lab(), "", topic=topic).behaviour
+    return dry_run(path, the_lab(), "", drive, topic).behaviour
 
 
 def by_name(behaviour: Behaviour) -> dict[str, Check]:
