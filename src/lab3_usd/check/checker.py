@@ -23,6 +23,7 @@ from lab3_usd.check.requirements import (
     with_unmet,
 )
 from lab3_usd.check.robot.location import (
+    demanded_prims,
     is_root_articulated,
     lost_graphs,
     relocated_lab,
@@ -187,7 +188,8 @@ def _graph_subjects(
     specs = {name: relocated_spec(spec, relocations) for name, spec in lab.graphs.items()}
     matched = match_all(specs, stage, lab.catalog.scripts)
     roles = {name: matched[name] for name in checkpoint.graphs}
-    lost = lost_graphs(specs, roles, robot, stage)
+    demanded = {*demanded_prims(lab), *(lab.sensors[name].path for name in checkpoint.sensors)}
+    lost = lost_graphs(specs, roles, demanded, robot, stage)
     for name in checkpoint.graphs:
         yield GraphSubject(
             lab=lab,

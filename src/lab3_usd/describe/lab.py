@@ -118,7 +118,7 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     graphs = {text.spec.name: text.spec for text in texts}
     stems = [source.stem for source in sources]
     names = names_of_stages(stems) if len(stems) > 1 else file_names(source.stem, graphs)
-    scene = describe_scene(stage, graphs, source.lab, names.ids[-1])
+    scene = describe_scene(stage, sources[0].stage, graphs, source.lab, names.ids[-1])
     sections = {prim.path: graphs[_home(prim.path, texts)].handout for prim in source.sensors}
     sensors = describe_sensors(source, sections, scene["robot"]["path"])
     scene |= {"sensors": sensors} if sensors else {}

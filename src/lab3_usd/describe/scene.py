@@ -200,11 +200,12 @@ def looks_below(source: Source, lab: Lab) -> list[str]:
 
 
 def describe_scene(
-    stage: StageModel, graphs: Mapping[str, GraphSpec], lab: Lab, until: str
+    stage: StageModel, first: StageModel, graphs: Mapping[str, GraphSpec], lab: Lab, until: str
 ) -> dict[str, Any]:
     """Describe units, robot and world; sensors are added by who knows their checkpoints.
 
-    `lab` is the bundled one, whose tolerances hold; `until` is the last checkpoint.
+    `first` is the stage of the first checkpoint, which has what all of them have. `lab` is the
+    bundled one, whose tolerances hold; `until` is the last checkpoint.
 
     Raises:
         UsageError: the stage has no robot.
@@ -219,7 +220,7 @@ def describe_scene(
         },
         "tolerance": to_builtins(lab.scene.tolerance),
         "robot": robot,
-        "world": {"graph_parent": {"path": _parent(stage, graphs, robot["path"]), "handout": PART}},
+        "world": {"graph_parent": {"path": _parent(first, graphs, robot["path"]), "handout": PART}},
     }
     moved = moved_joints(stage, robot["path"], robot["links"], graphs.values())
     wheels = {"handout": PART, "joints": moved, "joints_below": "", "distance": 0.0}
@@ -242,10 +243,12 @@ def describe_scene(
 
 
 def _parent(stage: StageModel, graphs: Mapping[str, GraphSpec], robot: str) -> str:
-    """Return the prim below which graphs stand that are not on the robot."""
+    """Return the prim of the first stage below which graphs stand that are not on the robot."""
     for graph in graphs.values():
         parent = graph.path.rpartition("/")[0]
-        if parent and not is_at_or_below(parent, robot) and stage.prim(parent) is not None:
+        while parent and stage.prim(parent) is None:
+            parent = parent.rpartition("/")[0]
+        if parent and not is_at_or_below(parent, robot):
             return parent
     return f"/{robot.split('/')[1]}"
 

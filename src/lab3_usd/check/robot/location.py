@@ -5,7 +5,7 @@ That is a mistake of its own, reported once: what moved along is judged where it
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from msgspec.structs import replace
 
@@ -87,22 +87,34 @@ def same_named_prims(stage: StageModel, root: str, name: str) -> tuple[str, ...]
     return tuple(sorted(path for path in has_type if is_at_or_below(path, root)))
 
 
+def demanded_prims(lab: Lab) -> dict[str, str]:
+    """Return the prims that every stage holds, with the sections that say so."""
+    robot, parent = lab.scene.robot, lab.scene.world.graph_parent
+    return {parent.path: parent.handout} | dict.fromkeys(
+        (robot.path, *robot.link_paths), robot.handout
+    )
+
+
 def lost_graphs(
-    specs: Mapping[str, GraphSpec], roles: Mapping[str, Roles], robot: str, stage: StageModel
+    specs: Mapping[str, GraphSpec],
+    roles: Mapping[str, Roles],
+    demanded: Collection[str],
+    robot: str,
+    stage: StageModel,
 ) -> dict[str, str]:
     """Map each graph that is missing together with a prim to that prim, whose finding names it.
 
-    That is the topmost prim above it that is not in the scene, or the robot at `robot` where it
-    stands elsewhere ('' where it does not) and none of its graphs came along.
+    That is the topmost `demanded` prim above it that is not in the scene, or the robot at `robot`
+    where it stands elsewhere ('' where it does not) and none of its graphs came along.
     """
     lost: dict[str, str] = {}
     on_robot = [name for name in roles if robot and is_at_or_below(specs[name].path, robot)]
     stayed_behind = all(roles[name].graph is None for name in on_robot)
     for name in (name for name, players in roles.items() if players.graph is None):
-        missing = ""  # the topmost prim above the graph that is not in the scene
+        missing = ""
         path = specs[name].path.rpartition("/")[0]
         while path:
-            missing = path if stage.prim(path) is None else missing
+            missing = path if path in demanded and stage.prim(path) is None else missing
             path = path.rpartition("/")[0]
         if name in on_robot and stayed_behind:
             lost[name] = robot

@@ -9,7 +9,7 @@ from msgspec import Struct
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import SCENE, Demand, rule
 from lab3_usd.check.robot.axles import held_at, holder_of, rest_frames
-from lab3_usd.check.robot.location import same_named_prims
+from lab3_usd.check.robot.location import demanded_prims, same_named_prims
 from lab3_usd.check.robot.poses import (
     is_near,
     pose_errors,
@@ -38,10 +38,7 @@ from lab3_usd.spec.lab import Checkpoint, Lab
 
 def _supplied_prims(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     del checkpoint
-    parent, robot = lab.scene.world.graph_parent, lab.scene.robot
-    handouts = {parent.path: parent.handout}
-    handouts |= dict.fromkeys((robot.path, *robot.link_paths), robot.handout)
-    for path, handout in handouts.items():
+    for path, handout in demanded_prims(lab).items():
         yield Demand(_prim_demand(path), f"{path} exists", path, handout)
 
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.registry import Demand, Demands, rule
+from lab3_usd.check.robot.location import demanded_prims
 from lab3_usd.check.robot.poses import (
     OPERATIONS,
     ORDER,
@@ -126,12 +127,13 @@ def present_sensors(subject: StageSubject, kind: str) -> tuple[PresentSensor, ..
 def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     """Yield each sensor that is not in the scene; S01 reports a missing link."""
     stage = subject.stage
+    gone = [path for path in demanded_prims(subject.lab) if stage.prim(path) is None]
     for sensor in sensors_of(subject, kind):
         location = find_sensor(subject.lab, stage, sensor)
         if location.prim is not None or location.wrong_type_prim is not None:
             continue
-        path, link = location.path, location.path.rpartition("/")[0]
-        if stage.prim(link) is not None:
+        path = location.path
+        if not any(is_at_or_below(path, above) for above in gone):
             reason = absence_reason(stage, path)
             yield Problem(
                 path,

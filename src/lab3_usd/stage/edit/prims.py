@@ -25,7 +25,7 @@ from lab3_usd.model.changes import (
 )
 from lab3_usd.spec.values import are_alike
 from lab3_usd.stage.edit.session import EditSession
-from lab3_usd.stage.write.graphs import author_graph, catalog_value
+from lab3_usd.stage.write.graphs import author_graph, catalog_value, define_parents
 
 _PORTS = ("inputs:", "outputs:")
 _SCHEMAS = "apiSchemas"
@@ -250,6 +250,7 @@ def copy_prim(session: EditSession, source: Sdf.Layer, path: str, to: str) -> No
     layer = session.prim_layer(parent) if parent != "/" else session.stage.GetRootLayer()
     session.touch(layer, to)
     if parent != "/":
+        define_parents(layer, session.stage, to)
         Sdf.CreatePrimInLayer(layer, parent)
     Sdf.CopySpec(source, path, layer, to)
 

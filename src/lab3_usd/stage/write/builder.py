@@ -17,7 +17,7 @@ from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_root
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import open_stage, quiet
-from lab3_usd.stage.write.graphs import author_graph, author_pose, author_sensor
+from lab3_usd.stage.write.graphs import author_graph, author_pose, author_sensor, define_parents
 from lab3_usd.stage.write.starter import is_root_articulated, starter_layer, starter_problems
 
 _URI = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")
@@ -141,7 +141,7 @@ def _open_starter(lab: Lab, starter: Path | None) -> Usd.Stage:
     """Open the starter and make sure that it can carry the lab."""
     if starter is None:
         stage = Usd.Stage.Open(starter_layer(lab.folder))
-        name = "the bundled starter"
+        name = "the lab's starter"
     else:
         stage = open_stage(starter)
         name = str(starter)
@@ -186,6 +186,7 @@ def _checkpoint_layers(
                 asset = options.lidar_asset if spec.kind == LIDAR else None
                 author_sensor(layer, spec, lab.scene.stage.meters_per_unit, asset)
             for name in checkpoint.new:
+                define_parents(layer, stage, lab.graphs[name].path)
                 author_graph(layer, lab.graphs[name], lab.catalog)
         if checkpoint.id in targets:
             yield targets[checkpoint.id], layer

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from pxr import Gf, Sdf
+from pxr import Gf, Sdf, Usd
 
 from lab3_usd.spec.catalog import Catalog, Port
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
@@ -18,6 +18,7 @@ _TARGET = {"omni": {"graph": {"relType": "target"}}}
 _POSITION = "ui:nodegraph:node:pos"
 _EXPANSION = "ui:nodegraph:node:expansionState"
 _QUATERNION = "quatd"
+_PARENT = "Scope"
 _DIGITS = 12  # sines differ in the last bits between machines, and that of 180 degrees is not 0
 
 
@@ -36,6 +37,13 @@ def author_graph(layer: Sdf.Layer, spec: GraphSpec, catalog: Catalog) -> None:
         target = Sdf.Path(f"{spec.path}/{wire.target.role}").AppendProperty(wire.target.port)
         source = Sdf.Path(f"{spec.path}/{wire.source.role}").AppendProperty(wire.source.port)
         layer.GetAttributeAtPath(target).connectionPathList.prependedItems.append(source)
+
+
+def define_parents(layer: Sdf.Layer, stage: Usd.Stage, path: str) -> None:
+    """Define each prim above a path that neither the stage nor the layer has."""
+    for above in Sdf.Path(path).GetParentPath().GetPrefixes():
+        if not stage.GetPrimAtPath(above) and layer.GetPrimAtPath(above) is None:
+            _define_prim(layer, str(above), _PARENT)
 
 
 def author_sensor(

@@ -11,6 +11,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from lab3_usd.data import lab_folder
 from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.files import write_whole
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.spec.lab import STARTER, Lab
 from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec, load_starter_spec
 from lab3_usd.stage.read.assets import layer_files
@@ -82,7 +83,7 @@ def _needed(lab: Lab) -> Iterator[str]:
         yield sensor.path.rpartition("/")[0]
     for graph in lab.graphs.values():
         parent = graph.path.rpartition("/")[0]
-        if parent not in made:
+        if parent not in made and is_at_or_below(parent, robot.path):
             yield parent
         targets = (path for node in graph.nodes.values() for t in node.targets for path in t.prims)
         yield from (path for path in targets if path not in made)
