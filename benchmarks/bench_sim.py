@@ -76,7 +76,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         path = build_checkpoint(None, CHECKPOINT, Path(folder) / "Lab3_05.usda")
         scene = read_scene(open_stage(path))
-    drive = fixed_drive(options.slow)
+    drive = fixed_drive(slow=options.slow)
     short = 0
     for name, each in (("with scan", scene), ("without scan", without_scan(scene))):
         found = [measured(each, drive) for _ in range(options.runs)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -63,3 +64,34 @@ def test_a_clock_that_is_to_go_on_may_not_begin_anew(lab: Path) -> None:
     Path(stage).write_text(text.replace("inputs:resetOnStop = 0", "inputs:resetOnStop = 1"))
     played = json.loads(invoke("--lab", lab, "sim", stage, "--format", "json").stdout)
     assert {check["name"]: check["verdict"] for check in played["checks"]}["clock"] == "bad"
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        "maxAngularSpeed: 0.5, maxLinearSpeed: 0.1",
+        "maxAngularSpeed: 5.0, maxLinearSpeed: 1.5",
+        "maxAngularSpeed: 2.0, maxLinearSpeed: 0.5, maxWheelSpeed: 4.0",
+    ],
+)
+def test_the_drive_stays_below_the_limits_of_the_robot_and_shows_them(
+    limits: str, lab: Path
+) -> None:
+    drive = lab / "Drive.yaml"
+    written = "maxAngularSpeed: 2.0, maxLinearSpeed: 0.5"
+    drive.write_text(drive.read_text().replace(written, limits))
+    assert set(verdicts(lab).values()) == {"ok"}
+
+
+def test_a_robot_turns_about_the_point_between_its_wheels(lab: Path) -> None:
+    starter, ahead = lab / "starter.yaml", r"[0.1, \1, 0.03]"
+    starter.write_text(re.sub(r"\[0\.0, (-?0\.05625), 0\.03\]", ahead, starter.read_text()))
+    assert verdicts(lab)["follows"] == "bad"  # by a lab that has the wheels below its base
+    stage = next((lab / "out").iterdir())
+    described = invoke("lab", "new", lab / "new", "--from", stage)
+    assert "sim ok" in described.output, described.output
+    assert load_lab(lab / "new").scene.robot.wheels.centre == (0.1, 0.0)
+    played = json.loads(
+        invoke("sim", shutil.copy(stage, lab / "robot.usda"), "--format", "json").stdout
+    )
+    assert {check["verdict"] for check in played["checks"] if check["name"] == "follows"} == {"ok"}

@@ -23,7 +23,8 @@ def isaac_script(lab: Lab, script: Path) -> str:
     Raises:
         UsageError: the lab has no topic to drive its robot by.
     """
-    topic = interface(lab, [*lab.checkpoints.values()][-1]).commands
+    wanted = interface(lab, [*lab.checkpoints.values()][-1])
+    topic = wanted.commands
     if not topic:
         raise UsageError(
             f"{lab.title} has no topic of velocity commands to send; play its stages by hand, "
@@ -33,7 +34,7 @@ def isaac_script(lab: Lab, script: Path) -> str:
     domain = lab.ros.system.domain
     drives = [
         (name, session.environment or "0", " ".join(map(_leg_text, session.legs)))
-        for name, session in zip(_NAMES, fixed_drive(), strict=True)
+        for name, session in zip(_NAMES, fixed_drive(wanted.limits), strict=True)
     ]
     return fill_template(
         "play.py.j2",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from lab3_usd.check.match.subject import StageSubject
@@ -30,7 +30,7 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
-from lab3_usd.model.transforms import IDENTITY, Vector, decompose, distance, dot, euler_angles
+from lab3_usd.model.transforms import IDENTITY, decompose, distance, dot, euler_angles
 from lab3_usd.spec.graph import GraphSpec
 
 PART = "A1"
@@ -172,8 +172,8 @@ def pose(local: Matrix | None, metres: float) -> dict[str, Any]:
     }
 
 
-def plain(vector: Vector) -> list[float]:
-    """Return three numbers without float noise."""
+def plain(vector: Sequence[float]) -> list[float]:
+    """Return numbers without float noise."""
     return [round(number, 6) + 0.0 for number in vector]
 
 
@@ -212,6 +212,7 @@ def describe_wheels(subject: StageSubject) -> dict[str, Any]:
         return {}
     robot = subject.lab.scene.robot
     sides = [dot(axles[0], place) for place in places]
+    centre = [(a + b) / 2 for a, b in zip(*places, strict=True)][:2]
     folder = wheels[0].site.rpartition("/")[0].removeprefix(robot.path).lstrip("/")
     return {
         "handout": PART,
@@ -220,4 +221,5 @@ def describe_wheels(subject: StageSubject) -> dict[str, Any]:
         "distance": round(distance(*places), 6),
         "axle": plain(axles[0]),
         "left": wheels[sides.index(max(sides))].name,
+        **({"centre": plain(centre)} if any(plain(centre)) else {}),
     }

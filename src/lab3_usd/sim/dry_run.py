@@ -141,7 +141,7 @@ def is_asked(name: str, trial: Trial) -> bool:
     legs = trial.drive[0].legs
     driven = {
         "follows": any(leg.command and any(leg.command[::2]) for leg in legs),
-        "limits": any(leg.name in {"fast", "spin"} for leg in legs),
+        "limits": any(leg.name in {"fast", "spin"} for leg in legs) and any(wanted.limits),
         "again": len(trial.drive) > 1,
     }
     return bool(wanted.commands) and driven.get(name, True)
@@ -270,9 +270,7 @@ def dry_run(
         UsageError: the drive is none, or the topic is not that of a robot.
     """
     wanted = interface(lab, lab.checkpoints[checkpoint]) if checkpoint else interface_of(None)
-    sessions = fixed_drive() if drive is None else drive_of(drive, wanted.limits)
-    if wanted.goes_with_environment:
-        sessions = tuple(session for session in sessions if not session.environment)
+    sessions = () if drive is None else drive_of(drive, wanted.limits)
     try:
         scene = scene_of(path)
     except StageError as error:
@@ -283,6 +281,9 @@ def dry_run(
     if not checkpoint:
         played = play_any(scene, catalog, drive, topic)
         return DryRun(outcome_of_any(str(path), played), played.plays[0])
+    sessions = sessions or fixed_drive(wanted.limits)
+    if wanted.goes_with_environment:
+        sessions = tuple(session for session in sessions if not session.environment)
     trial = record(scene, catalog, sessions, wanted)
     if lab.checkpoints[checkpoint].localization:
         _lay_on_map(trial, path, maps, lab)

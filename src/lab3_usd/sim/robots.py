@@ -9,7 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
-from lab3_usd.model.dry_run import HERE, Affine, Scene
+from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, joint_drive
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.running import Running
@@ -37,7 +37,8 @@ NO_LIMITS = (math.inf, math.inf)
 class Robot(Struct, frozen=True):
     """A robot that commands over ROS are to move.
 
-    `body` is the link by which it is watched, and `start` where that is when playing starts.
+    `body` is the link by which it is watched, `start` where that is when playing starts, and
+    `centre` the point between its driven wheels in the frame of that link, about which it turns.
     `odometry` and `scan` are the nodes that publish them, '' where none does.
     """
 
@@ -47,6 +48,7 @@ class Robot(Struct, frozen=True):
     kind: str = TWIST  # of the commands
     body: str = ""
     start: Affine = HERE
+    centre: tuple[float, float] = (0.0, 0.0)
     speeds: tuple[float, float] = (AHEAD, TURN)  # that its controllers let through
     ramp: float = 0.0  # seconds until it moves as commanded
     wheel_base: float = 0.0  # metres, of a car
@@ -177,7 +179,26 @@ def _watched(robot: Robot, machine: Machine, player: Player) -> Robot:
     )
     world.machines.reset()
     start = in_metres(world.machines.place(body), world.scene.meters_per_unit)
-    return replace(robot, body=body, start=start, odometry=publisher, scan=next(carried, ""))
+    return replace(
+        robot,
+        body=body,
+        start=start,
+        centre=_centre(machine, start, world.scene.meters_per_unit),
+        odometry=publisher,
+        scan=next(carried, ""),
+    )
+
+
+def _centre(machine: Machine, start: Affine, unit: float) -> tuple[float, float]:
+    """Return the point between the driven wheels, as seen from where the watched body starts."""
+    contacts = [wheel.contact for wheel in machine.wheels if wheel.joint.holds]
+    if not contacts:
+        return (0.0, 0.0)
+    x, y = (sum(places) / len(contacts) for places in zip(*contacts, strict=True))
+    base = machine.start.origin
+    level = Affine(about(AXES[2], heading(start)), start.origin)
+    ahead, left, _ = level.inverse().point((unit * (base[0] + x), unit * (base[1] + y), 0.0))
+    return (ahead, left)
 
 
 def interface_of(robot: Robot | None) -> Interface:
@@ -200,6 +221,7 @@ def interface_of(robot: Robot | None) -> Interface:
         looks=(0.0, 0.0, 0.0),
         upward=(0.0, 0.0, 0.0),
         wheel_radius=robot.wheel_radius if robot is not None else 0.0,
+        centre=robot.centre if robot is not None else (0.0, 0.0),
         robot=robot.body if robot is not None else "",
         has_ground=True,
     )

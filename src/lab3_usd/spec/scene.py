@@ -74,7 +74,8 @@ class LinkSpec(Struct, frozen=True, forbid_unknown_fields=True):
 class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """The wheels: by joint, the link that it turns.
 
-    `axle` is the direction about which they drive forward.
+    `axle` is the direction about which they drive forward. The robot turns about `centre`,
+    the point between them, along X and Y of the base.
     """
 
     handout: str
@@ -83,6 +84,7 @@ class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
     distance: Number
     axle: Number3
     left: str = ""
+    centre: tuple[Number, Number] = (0.0, 0.0)
 
 
 class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):

@@ -14,6 +14,8 @@ from lab3_usd.errors import UsageError
 RATE = 60.0  # frames a second
 COMMANDS = 10.0  # a second
 LONGEST = 3600.0  # seconds of a drive
+LONGEST_LEG = 10.0  # seconds of a leg of the fixed one
+USUAL, BEYOND = (0.15, 0.8), (1.0, 4.0)  # metres and radians a second
 _NUMBERS = 3
 
 
@@ -58,24 +60,31 @@ def command_frames(session: Session) -> Iterator[tuple[int, Leg]]:
         first += count
 
 
-def fixed_drive(slow: float = 1.0) -> tuple[Session, ...]:
-    """Return the drive that every stage is judged by; `slow` makes it longer."""
-    ahead, turn, rest = 0.15 / slow, 0.8 / slow, 0.3 * slow
+def fixed_drive(limits: tuple[float, float] = (0.0, 0.0), slow: float = 1.0) -> tuple[Session, ...]:
+    """Return the drive that every stage is judged by; `slow` makes it longer.
+
+    It stays within the robot's limits, and exceeds them where they are to be shown: metres and
+    radians a second, 0 for none.
+    """
+    steady, turn = (min(v, 0.8 * most or v) for v, most in zip(USUAL, limits, strict=True))
+    fast, spin = (max(v, 2 * most) for v, most in zip(BEYOND, limits, strict=True))
+    ahead, turn, rest = steady / slow, turn / slow, 0.3 * slow
+    straight, quarter = (min(LONGEST_LEG * slow, way) for way in (0.3 / ahead, math.pi / 2 / turn))
     legs = (
         Leg("idle", 0.5 * slow),
-        Leg("ahead", 0.3 / ahead, (ahead, 0.0, 0.0)),
+        Leg("ahead", straight, (ahead, 0.0, 0.0)),
         Leg("stop", rest, (0.0, 0.0, 0.0)),
-        Leg("back", 0.3 / ahead, (-ahead, 0.0, 0.0)),
+        Leg("back", straight, (-ahead, 0.0, 0.0)),
         Leg("stop", rest, (0.0, 0.0, 0.0)),
-        Leg("left", math.pi / 2 / turn, (0.0, 0.0, turn)),
+        Leg("left", quarter, (0.0, 0.0, turn)),
         Leg("stop", rest, (0.0, 0.0, 0.0)),
         Leg("sideways", rest, (0.0, 0.2, 0.0)),
-        Leg("fast", 0.4, (1.0, 0.0, 0.0)),
+        Leg("fast", 0.4, (fast, 0.0, 0.0)),
         Leg("stop", rest, (0.0, 0.0, 0.0)),
-        Leg("spin", 0.4, (0.0, 0.0, 4.0)),
+        Leg("spin", 0.4, (0.0, 0.0, spin)),
         Leg("stop", rest, (0.0, 0.0, 0.0)),
     )
-    again = (Leg("idle", rest), Leg("ahead", 0.5, (0.15, 0.0, 0.0)))
+    again = (Leg("idle", rest), Leg("ahead", 0.5, (steady, 0.0, 0.0)))
     return (Session(legs), Session(again), Session(again, "7"))
 
 

@@ -101,7 +101,9 @@ def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
             f" {math.degrees(sense * stretch.turned):.1f}{trial.expected_text(commanded, '.1f')}"
         )
         return trial.motion_fault(text, "wrong-turn")
-    if math.hypot(ahead, left) > trial.tolerance.slip[0]:
+    (x, y), c, s = trial.wanted.centre, math.cos(stretch.turned), math.sin(stretch.turned)
+    off = math.hypot(ahead - (x - c * x + s * y), left - (y - s * x - c * y))
+    if off > trial.tolerance.slip[0]:
         return trial.motion_fault("commanded to turn, drove away", "turn-off-centre")
     return None
 

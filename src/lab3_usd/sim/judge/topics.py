@@ -31,7 +31,7 @@ _MAP = "nav_msgs/msg/OccupancyGrid"
 _KEPT = "transient_local"
 _RATE, _TURNS = "omni:sensor:tickRate", "omni:sensor:Core:scanRateBaseHz"
 _LIMITS = ("maxLinearSpeed", "maxAngularSpeed")
-_RADIUS = "wheelRadius"
+_RADIUS, _DISTANCE, _RIM = "wheelRadius", "wheelDistance", "maxWheelSpeed"
 _BY_ENVIRONMENT = f"{INPUT}useDomainIDEnvVar"
 _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 
@@ -50,7 +50,6 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
     root, base = _frames_of_odometry(lab)
     lidar, camera = map(lab.first_sensor, ("lidar", "camera"))
     view = camera.looks if camera else None
-    ahead, turning, radius = _drive_settings(lab, *_LIMITS, _RADIUS)
     return Interface(
         types={topic.name: topic.type for topic in required if not topic.subscribed},
         domain=lab.ros.system.domain,
@@ -60,12 +59,13 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         base=base or lab.scene.robot.base_frame,
         scan_rate=_rate(lidar, _RATE),
         image_rate=_rate(camera, _RATE),
-        limits=(ahead, turning),
+        limits=_limits(lab),
         looks=view.along if view else (0.0, 0.0, 0.0),
         upward=view.up if view else (0.0, 0.0, 0.0),
         turn_rate=_rate(lidar, _TURNS),
         frames=tuple(child for _, child in lab.frames.edges) if checkpoint.frames else (),
-        wheel_radius=radius,
+        wheel_radius=_drive_settings(lab, _RADIUS)[0],
+        centre=lab.scene.robot.wheels.centre,
         profile={name: attribute.value for name, attribute in lidar.attributes.items()}
         if lidar
         else {},
@@ -139,6 +139,17 @@ def _rate(sensor: SensorSpec | None, name: str) -> float:
     """Return the rate that is asked of a sensor, 0 where none is."""
     rate = None if sensor is None else sensor.attributes.get(name)
     return 0.0 if rate is None else float(rate.value)
+
+
+def _limits(lab: Lab) -> tuple[float, float]:
+    """Return how fast the lab's controllers let a robot go and turn; 0 where they do not say."""
+    ahead, turning, radius, distance, rim = _drive_settings(lab, *_LIMITS, _RADIUS, _DISTANCE, _RIM)
+    by_wheels = (rim * radius, 2 * rim * radius / distance if distance else 0.0)
+    limits = (
+        min(filter(None, both), default=0.0)
+        for both in zip((ahead, turning), by_wheels, strict=True)
+    )
+    return (next(limits), next(limits))
 
 
 def _drive_settings(lab: Lab, *names: str) -> tuple[float, ...]:
