@@ -20,6 +20,7 @@ from workers_here import workers_here
 from lab3_usd.errors import UsageError
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import Finding
+from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 
@@ -225,3 +226,53 @@ def test_stages_without_velocity_commands_are_played_by_hand(
 def test_commands_are_heard_on_the_topic_of_the_course(lab: Lab) -> None:
     assert lab.ros.topics[COMMANDS].subscribed
     assert lab.ros.topics[STATES].type == "sensor_msgs/msg/JointState"
+
+
+# What a dry run at the last checkpoint shows of the joints, and the words that say why.
+SHOWN: dict[str, tuple[Mistake | None, str, tuple[str, ...]]] = {
+    "nothing wrong": (None, "ok", ()),
+    "commands on another topic": (
+        sets("Commands/listen", "topicName", "other"),
+        "bad",
+        ("move no joint", "listens to /other"),
+    ),
+    "commands in another domain": (
+        sets("Commands/context", "domain_id", 3),
+        "bad",
+        ("move no joint", "listens in domain 3"),
+    ),
+    "a controller of no arm": (
+        aims("Commands/motors", "targetPrim", "/World/Clock"),
+        "bad",
+        ("no articulation",),
+    ),
+    "commands that reach no motor": (
+        lambda stage: [
+            cuts("Commands/motors", f"{kind}Command")(stage)
+            for kind in ("position", "velocity", "effort")
+        ],
+        "bad",
+        ("nothing is connected to its command inputs",),
+    ),
+    "no node that listens": (
+        lambda stage: stage.RemovePrim("/World/Commands/listen"),
+        "bad",
+        ("move no joint",),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_a_dry_run_at_a_checkpoint_commands_the_joints(
+    name: str, described: tuple[list[Path], Path, str], lab: Lab, tmp_path: Path
+) -> None:
+    mistake, verdict, words = SHOWN[name]
+    stage = Usd.Stage.Open(str(described[0][-1]))
+    if mistake is not None:
+        mistake(stage)
+    path = tmp_path / f"{FILES[-1]}.usda"
+    stage.Export(str(path))
+    behaviour = dry_run(path, lab, "5").behaviour
+    joints = next(check for check in behaviour.checks if check.name == "joints")
+    assert (joints.verdict, behaviour.verdict) == (verdict, verdict)
+    assert [word for word in words if word not in joints.text] == []

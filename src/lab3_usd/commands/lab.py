@@ -131,6 +131,8 @@ def _judge(stage: Path, step: Step, lab: Lab) -> bool:
     for check in behaviour.checks:
         if check.verdict == "bad":
             click.echo(f"sim: {check.name}: {printable(check.text)}")
+    if behaviour.verdict == "not judged":
+        click.echo(f"sim: not judged: {printable(behaviour.missing)}")
     click.echo(f"{shown}; sim {behaviour.verdict}")
     return result.verdict == "pass" and behaviour.verdict == "ok"
 

@@ -23,13 +23,22 @@ from lab3_usd.sim.judge.topics import clock, tree
 from lab3_usd.sim.judge.trial import (
     Cause,
     Fault,
+    Interface,
     Trial,
     agree,
     displacement,
     in_root,
 )
 from lab3_usd.sim.nodes.transforms import frame_name
-from lab3_usd.sim.robots import NO_LIMITS, TWIST, Robot, drive_for, interface_of, robots_of
+from lab3_usd.sim.robots import (
+    NO_LIMITS,
+    TWIST,
+    Robot,
+    drive_for,
+    interface_of,
+    listening_robots,
+    robots_of,
+)
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.catalog import Catalog
 
@@ -82,6 +91,37 @@ def play_any(scene: Scene, catalog: Catalog, drive: str | None, topic: str = "")
             looks = arm_checks(play, scene) if robot.kind == JOINTS else _robot_checks(own, robot)
         checks += [replace(check, of=name) for check in looks]
     return Played(robots, tuple(plays), tuple(checks))
+
+
+def commanded_joints(
+    scene: Scene, catalog: Catalog, wanted: Interface
+) -> tuple[Robot | None, tuple[Check, ...]]:
+    """Play a stage with commands to the joints that a lab moves by them.
+
+    Return the robot that listens to them, if any, and what its joints show.
+    """
+    topic, domain = wanted.joint_commands, wanted.domain
+    robot = next(
+        (
+            robot
+            for robot in listening_robots(scene, catalog)
+            if robot.kind == JOINTS
+            and (robot.commands.topic, robot.commands.domain) == (topic, domain)
+        ),
+        None,
+    )
+    seen = replace(interface_of(robot), commands=topic, domain=domain)
+    play = record(scene, catalog, drive_for(robot, scene.meters_per_unit), seen)
+    if robot is None:
+        text = f"commands on {topic} in domain {domain} move no joint"
+        cause = play.causes.of_joints() if isinstance(play.causes, RunCauses) else None
+        fault = Fault(text, "does-not-move")
+        if cause is not None:
+            fault = Fault(text, cause.kind or fault.kind, cause.prim, cause.reason)
+        return None, (verdict("joints", [fault], play),)
+    if robot.machine is None:
+        return robot, (replace(_unmoved(robot, play), name="joints"),)
+    return robot, tuple(arm_checks(play, scene))
 
 
 def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:

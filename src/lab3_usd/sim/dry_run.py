@@ -28,7 +28,7 @@ from lab3_usd.model.dry_run import (
     heading,
     rotation,
 )
-from lab3_usd.sim.any_stage import Played, domain_of, play_any
+from lab3_usd.sim.any_stage import Played, commanded_joints, domain_of, play_any
 from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Scan
 from lab3_usd.sim.judge.checks import judge, whole_verdict
@@ -36,9 +36,10 @@ from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.motion import leg_fault
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.judge.topics import interface
-from lab3_usd.sim.judge.trial import Stretch, Trial, displacement, in_root
+from lab3_usd.sim.judge.trial import Interface, Stretch, Trial, displacement, in_root
 from lab3_usd.sim.robots import interface_of
 from lab3_usd.sim.timeline import record
+from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.compiled import load_isaac_types
 
@@ -288,9 +289,24 @@ def dry_run(
     if lab.checkpoints[checkpoint].localization:
         _lay_on_map(trial, path, maps, lab)
     behaviour = outcome(str(path), checkpoint, trial)
+    if wanted.joint_commands:
+        behaviour = _with_joints(behaviour, scene, catalog, wanted)
     if not behaviour.checks and not lab.checkpoints[checkpoint].graphs:
         behaviour = replace(behaviour, missing=_nothing_yet(lab, checkpoint), is_early=True)
     return DryRun(behaviour, trial)
+
+
+def _with_joints(
+    behaviour: Behaviour, scene: Scene, catalog: Catalog, wanted: Interface
+) -> Behaviour:
+    """Add what the joints show that the lab moves by commands of their own."""
+    robot, shown = commanded_joints(scene, catalog, wanted)
+    of = wanted.joint_commands if wanted.commands else ""
+    checks = (*behaviour.checks, *(replace(check, of=of) for check in shown))
+    verdict, missing = whole_verdict(checks)
+    topic, domain = wanted.joint_commands, wanted.domain
+    robots = (Driven(robot.name, topic, domain),) if robot is not None else ()
+    return replace(behaviour, checks=checks, verdict=verdict, missing=missing, robots=robots)
 
 
 def _nothing_yet(lab: Lab, checkpoint: str) -> str:

@@ -69,10 +69,7 @@ def robots_of(scene: Scene, catalog: Catalog, topic: str = "") -> tuple[Robot, .
     Raises:
         UsageError: nothing listens to the topic, or one robot listens to several.
     """
-    player = player_of(scene, catalog, interface_of(None))
-    for _ in range(LOOKED_AT):
-        player.step()
-    found = list(_listening(player))
+    found = listening_robots(scene, catalog)
     known = sorted({robot.commands.topic for robot in found})
     if topic and topic not in known:
         raise UsageError(f"--topic {topic}: moves no robot; robots listen to {known or 'nothing'}")
@@ -85,6 +82,14 @@ def robots_of(scene: Scene, catalog: Catalog, topic: str = "") -> tuple[Robot, .
             topics = f"{other.topic} and {robot.commands.topic}"
             raise UsageError(f"{robot.name} listens to {topics}: name one with --topic")
     return tuple(robots.values())
+
+
+def listening_robots(scene: Scene, catalog: Catalog) -> list[Robot]:
+    """Return a robot for each way from a subscriber of commands to a controller."""
+    player = player_of(scene, catalog, interface_of(None))
+    for _ in range(LOOKED_AT):
+        player.step()
+    return list(_listening(player))
 
 
 def _listening(player: Player) -> Iterator[Robot]:

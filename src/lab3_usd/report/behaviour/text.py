@@ -36,8 +36,12 @@ LOOKS = {
     "camera": "image and info belong together, in the frame of a camera that looks where it should",
     "again": "drives again after Stop and Play, with any ROS_DOMAIN_ID",
 }
-
-
+LOOKS_OF_JOINTS = {
+    "joints": "each joint moves as commanded",
+    "links": "TF agrees with the links",
+    "joint states": "joint states agree with the joints",
+    "again": "drives again after Stop and Play",
+}
 LOOKS_OF_ANY_STAGE = {
     **LOOKS,
     "topics": "every enabled publisher sends",
@@ -45,10 +49,7 @@ LOOKS_OF_ANY_STAGE = {
     "moving frames": "TF moves the base as the robot moves",
     "mounted": "the lidar moves with the robot",
     "scan": "scans show the walls where TF has the lidar",
-    "again": "drives again after Stop and Play",
-    "joints": "each joint moves as commanded",
-    "links": "TF agrees with the links",
-    "joint states": "joint states agree with the joints",
+    **LOOKS_OF_JOINTS,
 }
 LOOKS_OF_A_RECORDING = {
     **LOOKS,
@@ -72,7 +73,9 @@ def looks_of(behaviour: Behaviour) -> Mapping[str, str]:
     """Return what each check that is ok has shown."""
     if behaviour.recording:
         return LOOKS_OF_A_RECORDING
-    return LOOKS if behaviour.checkpoint else LOOKS_OF_ANY_STAGE
+    if behaviour.checkpoint:
+        return LOOKS | LOOKS_OF_JOINTS if behaviour.robots else LOOKS
+    return LOOKS_OF_ANY_STAGE
 
 
 def rate(hz: float) -> str:

@@ -26,7 +26,7 @@ _PARTS = {
     "image": "sensor_msgs/msg/Image",
     "info": "sensor_msgs/msg/CameraInfo",
 }
-_COMMANDS = "geometry_msgs/msg/Twist"
+_COMMANDS, _JOINTS = "geometry_msgs/msg/Twist", "sensor_msgs/msg/JointState"
 _MAP = "nav_msgs/msg/OccupancyGrid"
 _KEPT = "transient_local"
 _RATE, _TURNS = "omni:sensor:tickRate", "omni:sensor:Core:scanRateBaseHz"
@@ -54,6 +54,7 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         types={topic.name: topic.type for topic in required if not topic.subscribed},
         domain=lab.ros.system.domain,
         commands=_named(required, _COMMANDS),
+        joint_commands=_named([topic for topic in required if topic.subscribed], _JOINTS),
         **names,
         root=root or lab.frames.root,
         base=base or lab.scene.robot.base_frame,

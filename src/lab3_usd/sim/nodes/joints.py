@@ -91,7 +91,7 @@ def subscribe_joint_state(node: Running, world: World) -> bool:
     """RN/nodes/OgnROS2SubscribeJointState.cpp:40-150: what a message leaves out is no number."""
     states = received(node, world, JointStates)
     if not isinstance(states, JointStates):
-        return "endpoint" in node.memory
+        return node.failure is None and "endpoint" in node.memory
     count = len(states.names)
     arrays = (states.positions, states.velocities, states.efforts)
     if not count or all(len(array) != count for array in arrays):  # RM:1287-1302

@@ -155,6 +155,9 @@ def _command(node: Running, world: World, joints: list[Joint]) -> bool:
             )
         if not all(isinstance(value, (int, float)) for value in targets):
             return node.fails("its commands are not numbers", "non-numeric-command")
+    commands = {f"{kind}Command" for kind in ("position", "velocity", "effort")}
+    if not (position or velocity or effort or node.fed & commands):
+        return node.fails("nothing is connected to its command inputs", "no-vector-input")
     # What is no number leaves the target as it is (:138-162).
     for joint, value in zip(joints, position, strict=False):
         joint.target_position = joint.target_position if math.isnan(value) else float(value)
