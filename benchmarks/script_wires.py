@@ -9,6 +9,7 @@ of the script. Fails on an error. Nothing of the scripts is kept.
 
 from __future__ import annotations
 
+import argparse
 import ast
 import subprocess
 import sys
@@ -178,4 +179,6 @@ def _node(stage: Usd.Stage, path: str, node_type: str, port: str) -> Usd.Attribu
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1])))
+    parser = argparse.ArgumentParser(description="Judge the wires in NVIDIA's own scripts.")
+    parser.add_argument("clone", type=Path, help="a git clone of isaac-sim/IsaacSim with its tags")
+    sys.exit(main(parser.parse_args().clone))

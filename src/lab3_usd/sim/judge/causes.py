@@ -198,9 +198,8 @@ def _of_robot(robot: Machine) -> Iterator[Cause]:
     yield from filter(None, (_of_joint(joint, base) for joint in _rolling(robot)))
     for wheel in robot.wheels:
         if wheel.pull != Pull():
-            what = f"the drive of {wheel.joint.name} is too weak for the weight of the robot"
-            if wheel.joint.is_acceleration:
-                what = f"the drive of {wheel.joint.name} is for a unit of inertia, not of force"
+            kind = "of type acceleration " if wheel.joint.is_acceleration else ""
+            what = f"the drive {kind}of {wheel.joint.name} is too weak for the weight of the robot"
             yield Cause(base, what, "weak-drive")
 
 
