@@ -8,34 +8,42 @@ from pathlib import Path
 
 import pytest
 from failing_class import Mistake, hand_in, mistakes
-from fault_chains import drops, facts_in, grade_with, opened_starter, rubric, stage_with
+from fault_chains import (
+    drops,
+    grade_with,
+    judged,
+    opened_starter,
+    played,
+    rubric,
+)
 from grade_files import LAB, built, stage
 from msgspec.structs import replace
-from pxr import Usd
 from scene_changes import ROBOT, Change, author, deactivate, put, retype
+from submissions import checked
 
 from lab3_usd.grade import dry_runs
 from lab3_usd.grade.dry_runs import with_dry_runs
 from lab3_usd.grade.scoring import (
     Grade,
+    StageFacts,
     SubmissionFacts,
+    _kept,
     _own_losses,
     facts_of,
     grade_facts,
 )
-from lab3_usd.judge.folder import FolderSettings, check_folder
 
 MADE = {mistake.name: mistake for mistake in mistakes()}
+EVERY_GRAPH = {"clock", "drive", "scan", "camera", "odometry"}
 GROSS = {
-    "all graphs on demand": {"clock", "drive", "scan", "camera", "odometry", "tree"},
-    "no tick wired": {"clock", "drive", "scan", "camera", "odometry", "tree"},
-    "all five topics wrong": {"clock", "drive", "scan", "camera", "odometry"},
-    "a namespace at every node": {"clock", "drive", "scan", "camera", "odometry"},
-    "a second controller": {"starter", "drive"},
+    "all graphs on demand": EVERY_GRAPH | {"tree"},
+    "no tick wired": EVERY_GRAPH | {"tree"},
+    "a namespace at every node": EVERY_GRAPH,
     "scene no wheel_left_link": {"starter", "drive"},
     "fault locked-joint": {"starter", "drive"},
     "fault no-lidar-schema": {"scan"},
 }
+GROSS_IN_ALL = {"all five topics wrong": EVERY_GRAPH, "a second controller": {"starter", "drive"}}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -45,35 +53,41 @@ def _small_lab() -> None:
 
 def graded_submission(folder: Path) -> Grade:
     """Grade a folder as `lab3 grade` does, with the maps' faults left out."""
-    settings = FolderSettings(starter=opened_starter())
-    judged = check_folder(folder, settings)
-    found = [each for each in judged.submission.findings if not each.rule.startswith("M")]
-    facts = facts_of(judged.results, rubric().required, found)
+    result = checked(folder, starter=opened_starter())
+    found = [each for each in result.submission.findings if not each.rule.startswith("M")]
+    facts = facts_of(result.results, rubric().required, found)
     return grade_facts(rubric(), with_dry_runs(facts, LAB, {}))
-
-
-def handed_in(mistake: Mistake, folder: Path) -> Grade:
-    hand_in(mistake, built(), folder / "student")
-    return graded_submission(folder / "student")
 
 
 def lost_items(graded: Grade) -> set[str]:
     return {item.id for item in graded.items if not item.earned}
 
 
+def items_lost_in(stage: StageFacts) -> set[str]:
+    """Return the items of which this stage, of whatever checkpoint, leaves nothing."""
+    losses = {item: [*_own_losses(rubric(), item, stage)] for item in rubric().items}
+    return {item.id for item, found in losses.items() if not _kept(item, found)}
+
+
 @pytest.fixture(scope="module")
-def until_5(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The right stages until the graphs are complete."""
+def graded_in_all(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Grade]:
+    """The grades of stages until the graphs are complete, with one mistake in each stage."""
     later = [f"{entry.file}.usda" for number, entry in LAB.checkpoints.items() if number > "05"]
-    ignored = shutil.ignore_patterns(*later)
-    return shutil.copytree(built(), tmp_path_factory.mktemp("right") / "until 5", ignore=ignored)
+    folder = tmp_path_factory.mktemp("gross")
+    right = shutil.copytree(built(), folder / "right", ignore=shutil.ignore_patterns(*later))
+    for name in GROSS_IN_ALL:
+        hand_in(MADE[name], right, folder / name)
+    return {name: graded_submission(folder / name) for name in GROSS_IN_ALL}
 
 
 @pytest.mark.parametrize("name", GROSS)
-def test_what_does_not_work_is_not_paid(name: str, until_5: Path, tmp_path: Path) -> None:
-    hand_in(MADE[name], until_5, tmp_path / "student")
-    lost = lost_items(graded_submission(tmp_path / "student"))
-    assert lost == GROSS[name] | {"qos", "amcl", "nav2"}
+def test_what_does_not_work_is_not_paid(name: str) -> None:
+    assert items_lost_in(played("05", MADE[name])) == GROSS[name]
+
+
+@pytest.mark.parametrize("name", GROSS_IN_ALL)
+def test_what_works_in_no_stage_is_not_paid(name: str, graded_in_all: Mapping[str, Grade]) -> None:
+    assert lost_items(graded_in_all[name]) == GROSS_IN_ALL[name] | {"qos", "amcl", "nav2"}
 
 
 @pytest.mark.parametrize(
@@ -88,8 +102,8 @@ def test_what_does_not_work_is_not_paid(name: str, until_5: Path, tmp_path: Path
         "case P04 a profile by a wire",
     ],
 )
-def test_no_mistake_that_fails_a_stage_earns_all(name: str, tmp_path: Path) -> None:
-    graded = handed_in(MADE[name], tmp_path)
+def test_no_mistake_that_fails_a_stage_earns_all(name: str) -> None:
+    graded = grade_with("08", MADE[name])
     assert graded.possible == rubric().points
     assert graded.earned < graded.possible
     assert graded.percent is not None
@@ -97,10 +111,11 @@ def test_no_mistake_that_fails_a_stage_earns_all(name: str, tmp_path: Path) -> N
     assert any(line.rule and line.place for line in graded.lost)
 
 
-def test_every_deduction_names_its_rule_and_place(tmp_path: Path) -> None:
-    graded = handed_in(MADE["all five topics wrong"], tmp_path)
-    assert {line.rule for line in graded.lost if line.points} == {"P01"}
-    assert all(line.place.startswith(str(tmp_path)) for line in graded.lost if line.points)
+def test_every_deduction_names_its_rule_and_place(graded_in_all: Mapping[str, Grade]) -> None:
+    topics_wrong = graded_in_all["all five topics wrong"]
+    lines = [line for line in topics_wrong.lost if line.points and "is missing" not in line.title]
+    assert {line.rule for line in lines} == {"P01"}
+    assert all("all five topics wrong/work/" in line.place for line in lines)
 
 
 def copied(folder: Path, copies: Mapping[str, str]) -> Grade:
@@ -157,8 +172,8 @@ def test_one_mistake_more_never_earns_more(number: int) -> None:
 def test_what_hides_a_fault_in_the_dry_run_gives_nothing_back(name: str, hidden_by: str) -> None:
     tyre = put(f"{ROBOT}/wheel_right_link/collisions/tyre", "radius", 0.03)
     second = MADE.get(hidden_by, Mistake(hidden_by, (tyre,)))
-    one = grade_with(stage_with("02", MADE[name]), "02")
-    both = grade_with(stage_with("02", MADE[name], second), "02")
+    one = grade_with("02", MADE[name])
+    both = grade_with("02", MADE[name], second)
     assert lost_items(one) >= {"starter", "drive"}
     assert both.earned <= one.earned
 
@@ -168,20 +183,19 @@ CONTROLLER = f"{ROBOT}/ROS_Drive/differential_controller"
 
 def drive_with(**values: object) -> float:
     """Return what the drive earns with these inputs of its controller."""
-    layer = stage_with("02")
-    opened = Usd.Stage.Open(layer)
-    for name, value in values.items():
-        put(CONTROLLER, f"inputs:{name}", value)(opened)
-    graded = grade_with(layer, "02")
-    return next(item.earned for item in graded.items if item.id == "drive")
+    changes = (put(CONTROLLER, f"inputs:{name}", value) for name, value in values.items())
+    return earned_by_drive(*changes)
 
 
 def with_conversion(name: str) -> float:
     """Return what the drive earns where speeds are converted in this way."""
-    layer = stage_with("02")
-    scale = f"{ROBOT}/ROS_Drive/scale_linear_velocity"
-    put(scale, "inputs:conversion", name)(Usd.Stage.Open(layer))
-    graded = grade_with(layer, "02")
+    return earned_by_drive(
+        put(f"{ROBOT}/ROS_Drive/scale_linear_velocity", "inputs:conversion", name)
+    )
+
+
+def earned_by_drive(*changes: Change) -> float:
+    graded = grade_with("02", Mistake("", changes))
     return next(item.earned for item in graded.items if item.id == "drive")
 
 
@@ -226,46 +240,40 @@ SCAN_JOINT = f"{ROBOT}/joints/scan_joint"
     ],
 )
 def test_a_joint_that_no_longer_holds_the_lidar_elsewhere_gives_nothing_back(hides: Change) -> None:
-    one = grade_with(stage_with("02", MADE["scene lidar link held elsewhere"]), "02")
-    second = Mistake("no longer held", (hides,))
-    both = grade_with(stage_with("02", MADE["scene lidar link held elsewhere"], second), "02")
-    alone = grade_with(stage_with("02", second), "02")
+    held, second = MADE["scene lidar link held elsewhere"], Mistake("no longer held", (hides,))
+    one, both, alone = (grade_with("02", *made) for made in ([held], [held, second], [second]))
     assert both.earned <= one.earned < alone.earned
 
 
 def test_a_namespace_on_the_robot_takes_every_item_whose_topics_it_moves() -> None:
-    facts = facts_in(stage_with("05", MADE["case P10"]), "05", play=False)
-    losses = {item.id: [*_own_losses(rubric(), item, facts)] for item in rubric().items}
-    taken = {name for name, found in losses.items() if any(loss.share == 1 for loss in found)}
+    taken = items_lost_in(judged("05", MADE["case P10"]))
     assert taken == {"drive", "scan", "camera", "odometry", "tree"}
 
 
-def test_repairing_the_odometry_does_not_cost_the_tree(tmp_path: Path) -> None:
-    graded = handed_in(MADE["fault wrong-odometry-frame"], tmp_path)
+def test_repairing_the_odometry_does_not_cost_the_tree() -> None:
+    graded = grade_with("05", MADE["fault wrong-odometry-frame"])
     assert graded.possible == 100
     assert graded.earned < 100
 
 
-def test_stages_without_errors_are_not_played() -> None:
-    facts = facts_of(check_folder(built(), FolderSettings()).results, rubric().required)
+def fail(*_arguments: object) -> None:
+    raise ZeroDivisionError("of its own")
+
+
+def test_stages_without_errors_and_unreadable_ones_are_not_played(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(dry_runs, "shown_by", fail)
+    faulty = judged("04", MADE["scene focal length"])
+    facts = SubmissionFacts((judged("03"), replace(faulty, readable=False)))
     assert with_dry_runs(facts, LAB, {}) == facts
-    faulty = SubmissionFacts(
-        tuple(replace(each, path="nowhere.usda", readable=False) for each in facts.stages)
-    )
-    assert with_dry_runs(faulty, LAB, {}) == faulty
 
 
 def test_a_dry_run_that_fails_itself_is_told_and_costs_nothing(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    hand_in(MADE["scene focal length"], built(), tmp_path / "student")
-    results = check_folder(tmp_path / "student", FolderSettings()).results
-    facts = facts_of(results, rubric().required)
-
-    def fail(*_arguments: object) -> None:
-        raise ZeroDivisionError("of its own")
-
-    monkeypatch.setattr(dry_runs, "record", fail)
-    played = with_dry_runs(facts, LAB, {})
-    assert played.stages == facts.stages
-    assert set(played.crashes.values()) == {"ZeroDivisionError: of its own"}
+    monkeypatch.setattr(dry_runs, "scene_of", fail)
+    facts = SubmissionFacts((judged("04", MADE["scene focal length"]),))
+    tried = with_dry_runs(facts, LAB, {})
+    assert tried.stages == facts.stages
+    assert set(tried.crashes.values()) == {"ZeroDivisionError: of its own"}

@@ -43,16 +43,20 @@ class Mistake(Struct, frozen=True):
 
     def make(self, stage: Usd.Stage) -> bool:
         """Make it as far as the stage has what it is about, and return whether anything is."""
+        before = stage.GetRootLayer().ExportToString() if self.changes else ""
+        return self.made_in(stage, before) != before
+
+    def made_in(self, stage: Usd.Stage, text: str) -> str:
+        """Make it in a stage of this text, as far as it can be made, and return the text then."""
         layer = stage.GetRootLayer()
-        first = before = layer.ExportToString() if self.changes else ""
         for change in self.changes:
             try:
                 change(stage)
             except Exception:  # noqa: BLE001, PERF203 - usd-core raises whatever it likes for what is not there
-                layer.ImportFromString(before)
+                layer.ImportFromString(text)
             else:
-                before = layer.ExportToString()
-        return before != first
+                text = layer.ExportToString()
+        return text
 
 
 def _each(step: Callable[[str], list[Step]], names: tuple[str, ...]) -> tuple[Change, ...]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import cache, lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -47,72 +48,70 @@ def chain(number: int, checkpoint: str) -> Iterator[tuple[str, Grade]]:
     """
     chance = random.Random(f"{number} {checkpoint}")  # noqa: S311 - no secret
     made: list[Mistake] = []
-    yield "right", _graded_alone(None, checkpoint)
+    yield "right", grade_with(checkpoint)
     for mistake in chance.sample(_known(), TRIED):
-        layer = stage_with(checkpoint, *made, mistake)
-        if not made and _is_fault(mistake, checkpoint):
-            yield mistake.name, _graded_alone(mistake, checkpoint)
-        elif _stands_beside(mistake, made, layer, checkpoint) and _is_fault(mistake, checkpoint):
-            yield mistake.name, grade_with(layer, checkpoint)
-        else:
-            continue
-        made.append(mistake)
+        if _stands_beside(mistake, made, checkpoint) and judged(checkpoint, mistake).faults:
+            made.append(mistake)
+            yield mistake.name, grade_with(checkpoint, *made)
         if len(made) == LONGEST:
             return
 
 
-def _stands_beside(
-    mistake: Mistake, made: list[Mistake], layer: Sdf.Layer, checkpoint: str
-) -> bool:
+def _stands_beside(mistake: Mistake, made: list[Mistake], checkpoint: str) -> bool:
     """Whether a stage with a mistake more has all of them, in whatever order they are made."""
-    lines = _lines(layer)
+    lines = _lines(checkpoint, *made, mistake)
     without = ([other for other in made if other is not one] for one in made)
     return (
-        lines != _lines(stage_with(checkpoint, *made))
-        and lines == _lines(stage_with(checkpoint, mistake, *made))
-        and all(lines != _lines(stage_with(checkpoint, *others, mistake)) for others in without)
+        lines != _lines(checkpoint, *made)
+        and lines == _lines(checkpoint, mistake, *made)
+        and all(lines != _lines(checkpoint, *others, mistake) for others in without)
     )
 
 
-@cache
-def _is_fault(mistake: Mistake, checkpoint: str) -> bool:
-    return bool(facts_in(stage_with(checkpoint, mistake), checkpoint, play=False).faults)
+def _lines(checkpoint: str, *made: Mistake) -> list[str]:
+    return sorted(_broken(checkpoint, *made)[1].splitlines())
 
 
-@cache
-def _graded_alone(mistake: Mistake | None, checkpoint: str) -> Grade:
-    """Return the grade of a stage with at most one mistake."""
-    return grade_with(stage_with(checkpoint, *filter(None, [mistake])), checkpoint)
-
-
-def stage_with(checkpoint: str, *made: Mistake) -> Sdf.Layer:
-    """Return the right stage of a checkpoint after mistakes."""
+@lru_cache(200)
+def _broken(checkpoint: str, *made: Mistake) -> tuple[Sdf.Layer, str]:
+    """Return the right stage of a checkpoint after mistakes, to be copied, and its text."""
+    if not made:
+        layer = Sdf.Layer.FindOrOpen(str(stage(checkpoint)))
+        return layer, layer.ExportToString()
+    before, text = _broken(checkpoint, *made[:-1])
     layer = Sdf.Layer.CreateAnonymous(".usda")
-    layer.TransferContent(Sdf.Layer.FindOrOpen(str(stage(checkpoint))))
-    for mistake in made:
-        mistake.make(Usd.Stage.Open(layer))
-    return layer
+    layer.TransferContent(before)
+    return layer, made[-1].made_in(Usd.Stage.Open(layer), text)
 
 
-def _lines(layer: Sdf.Layer) -> list[str]:
-    return sorted(layer.ExportToString().splitlines())
-
-
-def grade_with(layer: Sdf.Layer, checkpoint: str) -> Grade:
-    """Return the grade of a submission of right stages, with this one of a checkpoint."""
+@cache
+def grade_with(checkpoint: str, *made: Mistake) -> Grade:
+    """Return the grade of a submission of right stages, with mistakes in that of a checkpoint."""
     stages = [StageFacts(other, other, readable=True) for other in LAB.checkpoints]
-    stages[[*LAB.checkpoints].index(checkpoint)] = facts_in(layer, checkpoint, play=True)
+    stages[[*LAB.checkpoints].index(checkpoint)] = played(checkpoint, *made)
     return grade_facts(rubric(), SubmissionFacts(tuple(stages)))
 
 
-def facts_in(layer: Sdf.Layer, checkpoint: str, *, play: bool) -> StageFacts:
+@cache
+def judged(checkpoint: str, *made: Mistake) -> StageFacts:
+    """Return what a grade needs to know of a stage with mistakes, without a dry run."""
+    with _judged(checkpoint, made) as facts:
+        return facts.stages[0]
+
+
+def played(checkpoint: str, *made: Mistake) -> StageFacts:
+    """Return what a grade needs to know of a stage with mistakes."""
+    with _judged(checkpoint, made) as facts:
+        return with_dry_runs(facts, LAB, {}).stages[0]
+
+
+@contextmanager
+def _judged(checkpoint: str, made: Sequence[Mistake]) -> Iterator[SubmissionFacts]:
     with TemporaryDirectory() as folder:
         path = Path(folder) / stage(checkpoint).name
-        layer.Export(str(path))
+        path.write_text(_broken(checkpoint, *made)[1])
         result = against_starter(check_stage(path, checkpoint, LAB), opened_starter(), LAB)
-        facts = facts_of([result], rubric().required)
-        (only,) = with_dry_runs(facts, LAB, {}).stages if play else facts.stages
-    return only
+        yield facts_of([result], rubric().required)
 
 
 def drops(number: int, checkpoint: str) -> list[str]:
