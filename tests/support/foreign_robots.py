@@ -6,8 +6,10 @@ Written with pxr alone, as their makers would: in other units, with another up a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache, wraps
 from typing import Any
 
+from breaking import copied
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
 from lab3_usd.spec.load.compiled import load_isaac_types
@@ -151,6 +153,13 @@ CONTEXT = ("ros.ROS2Context", {})
 TIME = ("core.IsaacReadSimulationTime", {"resetOnStop": True})
 
 
+def made_once(make: Callable[[], Usd.Stage]) -> Callable[[], Usd.Stage]:
+    """Let whoever asks for a robot again have a copy of the first."""
+    first = cache(make)
+    return wraps(make)(lambda: copied(first().GetRootLayer()))
+
+
+@made_once
 def rover() -> Usd.Stage:
     """A differential robot in centimetres: clock, drive, odometry, TF, lidar, camera, joints."""
     stage = rover_scene()
@@ -158,6 +167,7 @@ def rover() -> Usd.Stage:
     return stage
 
 
+@made_once
 def rover_scene() -> Usd.Stage:
     """The same robot without a graph."""
     stage = empty_stage("Z", 0.01)
@@ -316,6 +326,7 @@ def sensor_graph(
     )
 
 
+@made_once
 def truck() -> Usd.Stage:
     """A car of four wheels with Y up, in a namespace: steering by position, driving by velocity."""
     stage = empty_stage("Y", 1.0)
@@ -417,6 +428,7 @@ _TOLD = ("clock", "odometry", "transform", "tree")
 _POSE = ("position", "orientation", "linearVelocity", "angularVelocity")
 
 
+@made_once
 def arm() -> Usd.Stage:
     """An arm that is told joint states and tells its own, with an inertial sensor, at the root."""
     stage = empty_stage("Z", 1.0)

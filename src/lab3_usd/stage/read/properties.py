@@ -109,15 +109,19 @@ def hold_start_values(stage: Usd.Stage) -> None:
     if _KEY in session.customLayerData:
         return
     layers = stage.GetUsedLayers()
-    if not any(layer.ListAllTimeSamples() or _may_have_splines(layer) for layer in layers):
+    has_samples = any(layer.ListAllTimeSamples() for layer in layers)
+    if not (has_samples or any(map(_may_have_splines, layers))):
         return
     start = stage.GetStartTimeCode()
     sampled = [
         attribute
         for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate)
-        for attribute in prim.GetAuthoredAttributes()
-        if attribute.GetNumTimeSamples() or attribute.HasSpline()
+        for attribute in Usd.Prim.GetAuthoredAttributes(prim)
+        if Usd.Attribute.HasSpline(attribute)
+        or (has_samples and Usd.Attribute.GetNumTimeSamples(attribute))
     ]
+    if not sampled:
+        return
     held = [(attribute, attribute.Get(start)) for attribute in sampled]
     changes = [change for attribute, value in held for change in _changes(attribute, value, start)]
     with Sdf.ChangeBlock():
@@ -133,8 +137,8 @@ def hold_start_values(stage: Usd.Stage) -> None:
 def _may_have_splines(layer: Sdf.Layer) -> bool:
     """Whether attributes of a layer may have splines, which usd-core lists nowhere.
 
-    A binary file with splines is of a format that has them; to look at every property of any other
-    layer takes a tenth of the time of judging it.
+    A binary file with splines is of a format that has them. To look at every property takes a tenth
+    of the time of judging a stage.
     """
     if layer.empty:
         return False
@@ -145,14 +149,7 @@ def _may_have_splines(layer: Sdf.Layer) -> bool:
                 return data[len(_CRATE) : len(_CRATE) + 3] >= _CRATE_WITH_SPLINES
             return data.rfind(_SPLINE_TEXT) >= 0  # which takes half the time of `in`
     except (OSError, ValueError):  # in memory, or in a package
-        found: list[Sdf.Path] = []
-
-        def visit(path: Sdf.Path) -> None:
-            if path.IsPropertyPath() and layer.GetPropertyAtPath(path).HasInfo(_SPLINE):
-                found.append(path)
-
-        layer.Traverse(Sdf.Path.absoluteRootPath, visit)
-        return bool(found)
+        return True
 
 
 def release_start_values(stage: Usd.Stage) -> None:
