@@ -17,17 +17,18 @@ from ros_outputs import good_outputs
 from lab3_usd.data import data_folder
 from lab3_usd.judge import files as folder_checks
 from lab3_usd.judge import folder as judge_folder
-from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
+from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder, find_starters
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter, open_starter
 from lab3_usd.lab.nav2 import read_params
 from lab3_usd.lab.scripts import nav2_files
 from lab3_usd.model.finding import StageResult
-from lab3_usd.model.folder import Agreement, NavigationSubject
+from lab3_usd.model.folder import Agreement, Listing, NavigationSubject
 from lab3_usd.spec.lab import FrameSpec, Lab
 from lab3_usd.spec.load.lab import load_ros, load_submission
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.ros import MapFacts, RosSpec
+from lab3_usd.stage.read.opening import kept_open
 from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
 from lab3_usd.stage.write.starter import build_starter
 
@@ -89,14 +90,29 @@ def _template() -> Path:
 
 
 def checked(folder: Path, **settings: object) -> FolderResult:
-    """Judge a folder; a file that is as it was built is judged once for all folders."""
+    """Judge a folder with its stages kept open, as commands do.
+
+    A file that is as it was built is judged once for all folders.
+    """
+    _is_as_built.cache_clear()
     with (
+        kept_open(),
+        patch.object(judge_folder, "find_starters", _find_once),
         patch.object(judge_folder, "check_stage", _check_once),
         patch.object(judge_folder, "against_starter", _compare_once),
         patch.object(folder_checks, "_wall_agreements", _agree_once),
         patch.object(folder_checks, "read_params", _read_once),
     ):
         return check_folder(folder, FolderSettings(**settings))  # type: ignore[arg-type]
+
+
+def _find_once(
+    folder: Path, listing: Listing, supplied: Path | Starter | None, lab: Lab
+) -> object:
+    is_built = listing.starter == STARTER and _is_as_built(folder / STARTER, STARTER)
+    if supplied is not None or not is_built:
+        return find_starters(folder, listing, supplied, lab)
+    return _built_starters(listing.starter)
 
 
 def _check_once(path: str, number: str, lab: Lab) -> StageResult:
@@ -129,9 +145,21 @@ def _read_once(path: Path, ros: RosSpec, frames: FrameSpec, root: Path) -> Navig
     return replace(_built_params(path.name), file=path.relative_to(root).as_posix())
 
 
+@cache
 def _is_as_built(path: Path, name: str) -> bool:
-    built = _template() / name
-    return path.is_file() and built.is_file() and path.read_bytes() == built.read_bytes()
+    return path.is_file() and path.read_bytes() == _built_files().get(name)
+
+
+@cache
+def _built_files() -> dict[str, bytes]:
+    folder = _template()
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+
+
+@cache
+def _built_starters(starter: str) -> object:
+    return find_starters(_template(), Listing((), starter=starter), None, LAB)
 
 
 @cache
