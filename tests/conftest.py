@@ -20,7 +20,6 @@ from starter_once import starter_made_once
 
 from lab3_usd.grade.workers import worker_process
 
-
 MEMORY = Path("/dev/shm")  # noqa: S108 - a file system, not a file in it
 ROOM = 4_000_000_000  # bytes, many times what the tests leave there at any time
 

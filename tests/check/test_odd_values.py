@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ros_outputs import good_outputs
+from submissions import checked
 
 from lab3_usd.data import data_folder
-from lab3_usd.judge.folder import FolderSettings, check_folder
 from lab3_usd.lab.maps import MapError, read_pgm
 from lab3_usd.lab.plain_yaml import load_plain
 from lab3_usd.lab.scripts import PARAMS_FILE, nav2_files
@@ -72,7 +72,9 @@ ODD = (
     "=",
     "",
 )
-odd = st.sampled_from(ODD) | st.text(max_size=20) | st.floats().map(repr) | st.integers().map(str)
+# The default alphabet takes a second to find what UTF-8 can encode.
+texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+odd = st.sampled_from(ODD) | texts | st.floats().map(repr) | st.integers().map(str)
 _VALUE = re.compile(r"(?m)^(?P<key>[ \t-]*[\w:/*. ]+:[ \t]+)(?P<value>\S.*)$")
 _NUMBER = re.compile(r"-?\d+(\.\d+)?(e-?\d+)?")
 
@@ -106,7 +108,7 @@ def judged(
     """Judge a submission that holds this, report it, and return the messages of each rule."""
     with TemporaryDirectory() as place:
         folder = submitted(Path(place), map_text, params, outputs)
-        found = check_folder(folder, FolderSettings())
+        found = checked(folder)
     assert found.submission.crashes == ()
     assert [crash for result in found.results for crash in result.crashes] == []
     dump(report_json(Report(found.results, (found.submission,)))).encode()

@@ -16,7 +16,7 @@ from lab3_usd.spec.lab import FrameSpec
 from lab3_usd.spec.ros import RosSpec
 
 _PARAMETERS = "ros__parameters"
-_EXPONENT = re.compile(r"[-+]?\d+\.?\d*[eE][-+]?\d+")
+_EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+")
 _ALIKE = re.compile(r"ros_*param(eter)?s?", re.IGNORECASE)
 
 
