@@ -106,9 +106,7 @@ def checked(folder: Path, **settings: object) -> FolderResult:
         return check_folder(folder, FolderSettings(**settings))  # type: ignore[arg-type]
 
 
-def _find_once(
-    folder: Path, listing: Listing, supplied: Path | Starter | None, lab: Lab
-) -> object:
+def _find_once(folder: Path, listing: Listing, supplied: Path | Starter | None, lab: Lab) -> object:
     is_built = listing.starter == STARTER and _is_as_built(folder / STARTER, STARTER)
     if supplied is not None or not is_built:
         return find_starters(folder, listing, supplied, lab)

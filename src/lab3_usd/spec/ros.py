@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 from msgspec import Struct
 
@@ -222,6 +223,7 @@ class RosSpec(Struct, frozen=True):
     navigation: NavigationSpec | None
 
 
+@lru_cache(maxsize=1024)
 def file_word(name: str) -> str:
     """Write a topic, node or pair of frames as part of a file name (`camera_image_raw`)."""
     return "_".join("".join(c if c.isalnum() else " " for c in name).split())
