@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import quick_yaml
 from invoking import invoke
+from places import REPOSITORY
 from pxr import Usd
 
 Edit = Callable[[dict[str, dict[str, Any]]], None]
@@ -116,18 +117,24 @@ DOES_NOT_WORK = {
 }
 
 
-@pytest.fixture(params=LACKS)
-def lab(request: pytest.FixtureRequest, repository: Path, tmp_path: Path) -> Path:
-    """The second lab without one of its parts."""
-    folder = tmp_path / "lab"
-    shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
+def edited(folder: Path, *edits: Edit) -> Path:
+    """Write the second lab after these edits, and without a rubric."""
+    shutil.copytree(REPOSITORY / "docs" / "examples" / "labs" / "jetbot", folder)
     files = {name: quick_yaml.load((folder / f"{name}.yaml").read_text()) for name in FILES}
-    if request.param in {"IMU", "sensors"}:
-        _drop_target(folder)
-    LACKS[request.param](files)
+    for edit in edits:
+        edit(files)
     for name, data in files.items():
         (folder / f"{name}.yaml").write_text(quick_yaml.dump(data))
     (folder / "rubric.yaml").unlink()
+    return folder
+
+
+@pytest.fixture(params=LACKS)
+def lab(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """The second lab without one of its parts."""
+    folder = edited(tmp_path / "lab", LACKS[request.param])
+    if request.param in {"IMU", "sensors"}:
+        _drop_target(folder)
     return folder
 
 
@@ -154,31 +161,31 @@ def test_its_stages_pass_and_nothing_is_said_of_what_it_lacks(
     assert {f["rule"] for each in found["results"] for f in each["findings"]} <= {"P09"}
     assert run(lab, "check", "--format", "html", built[-1]).startswith("<!DOCTYPE html>")
     assert run(lab, "draw", built[-1], "--out", tmp_path / "pictures")
-    played = json.loads(invoke("--lab", lab, "sim", built[-1], "--format", "json").stdout)
+    short = ("--drive", "0.15,0,1 0,0.8,0.5")
+    played = json.loads(invoke("--lab", lab, "sim", built[-1], *short, "--format", "json").stdout)
     bad = {check["name"] for check in played["checks"] if check["verdict"] == "bad"}
     part = request.node.callspec.params["lab"]
     assert bad == DOES_NOT_WORK.get(part, set())
 
 
-def test_a_robot_without_wheels_still_needs_its_joints(repository: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "lab"
-    shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
-    files = {name: quick_yaml.load((folder / f"{name}.yaml").read_text()) for name in FILES}
-    no_wheels(files)
-    (folder / "rubric.yaml").unlink()
+def no_mast_joint(files: dict[str, dict[str, Any]]) -> None:
     del jetbot(files)["chassis"]["children"]["mast_joint"]
-    for name, data in files.items():
-        (folder / f"{name}.yaml").write_text(quick_yaml.dump(data))
+
+
+def no_first_checkpoint(files: dict[str, dict[str, Any]]) -> None:
+    without_graph(files, "1")
+
+
+def test_a_robot_without_wheels_still_needs_its_joints(tmp_path: Path) -> None:
+    folder = edited(tmp_path / "lab", no_wheels, no_mast_joint)
     built = run(folder, "build", "--out", tmp_path / "out", "--only", "1").split()
-    arguments = ["--lab", str(folder), "check", "--format", "json", *built]
-    result = invoke(*arguments)
+    result = invoke("--lab", folder, "check", "--format", "json", *built)
     (stage,) = json.loads(result.stdout)["results"]
     assert [(f["rule"], f["prim"]) for f in stage["findings"]] == [("S12", "/World/Jetbot/mast")]
 
 
-def test_stamps_that_restart_with_the_clock_are_no_note(repository: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "lab"
-    shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
+def test_stamps_that_restart_with_the_clock_are_no_note(tmp_path: Path) -> None:
+    folder = edited(tmp_path / "lab")
     for path in folder.glob("*.yaml"):
         said = path.read_text().replace("resetOnStop: false", "resetOnStop: true")
         path.write_text(said)
@@ -187,16 +194,8 @@ def test_stamps_that_restart_with_the_clock_are_no_note(repository: Path, tmp_pa
     assert stage["findings"] == []
 
 
-def test_a_stage_in_centimetres_shows_what_its_panel_should_show(
-    repository: Path, tmp_path: Path
-) -> None:
-    folder = tmp_path / "lab"
-    shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
-    files = {name: quick_yaml.load((folder / f"{name}.yaml").read_text()) for name in FILES}
-    metres(files)
-    (folder / "rubric.yaml").unlink()
-    for name, data in files.items():
-        (folder / f"{name}.yaml").write_text(quick_yaml.dump(data))
+def test_a_stage_in_centimetres_shows_what_its_panel_should_show(tmp_path: Path) -> None:
+    folder = edited(tmp_path / "lab", metres)
     (path,) = run(folder, "build", "--out", tmp_path / "out", "--only", "5").split()
     stage = Usd.Stage.Open(path)
     place = stage.GetPrimAtPath("/World/Jetbot/chassis/Imu").GetAttribute("xformOp:translate")
@@ -212,17 +211,9 @@ def test_a_stage_in_centimetres_shows_what_its_panel_should_show(
     assert errors == [("D04", "(0, 0, 0.05)", "(0, 0, 5)")]
 
 
-def test_a_starter_is_not_told_of_what_the_first_checkpoint_adds(
-    repository: Path, tmp_path: Path
-) -> None:
-    folder, starter = tmp_path / "lab", tmp_path / "starter.usda"
-    shutil.copytree(repository / "docs" / "examples" / "labs" / "jetbot", folder)
-    run(folder, "starter", "--out", starter)
-    files = {name: quick_yaml.load((folder / f"{name}.yaml").read_text()) for name in FILES}
-    del files["checkpoints"]["checkpoints"]["1"]
-    files["submission"]["stages"]["differ"].remove("1")
-    (folder / "rubric.yaml").unlink()
-    for name, data in files.items():
-        (folder / f"{name}.yaml").write_text(quick_yaml.dump(data))
+def test_a_starter_is_not_told_of_what_the_first_checkpoint_adds(tmp_path: Path) -> None:
+    starter = tmp_path / "starter.usda"
+    run(edited(tmp_path / "whole"), "starter", "--out", starter)
+    folder = edited(tmp_path / "lab", no_first_checkpoint)
     result = invoke("--lab", folder, "build", starter, "--out", tmp_path / "out", "--only", "2")
     assert (result.exit_code, result.stderr) == (0, "")
