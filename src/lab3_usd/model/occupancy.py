@@ -42,7 +42,8 @@ class OccupancyMap(Struct, frozen=True):
     def walls_within(self, cells: int) -> frozenset[Cell]:
         """Return the cells that are no further than so many from a wall, diagonals included."""
         steps = range(-cells, cells + 1)
-        return frozenset((u + i, v + j) for u, v in self.walls for i in steps for j in steps)
+        beside = {(u + i, v) for u, v in self.walls for i in steps}
+        return frozenset({(u, v + j) for u, v in beside for j in steps})
 
 
 class MapFit(Struct, frozen=True):

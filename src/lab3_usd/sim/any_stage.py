@@ -374,7 +374,9 @@ def _own(robot: Robot, played: Trial, scene: Scene) -> Trial:
         else m
         for m in messages
     ]
-    recording = replace(played.recording, messages=below, static=_static(below), _sorted={})
+    recording = replace(
+        played.recording, messages=below, static=_static(below), _sorted={}, _trees={}
+    )
     trial = replace(
         played,
         recording=recording,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from typing import Any
 
 from msgspec import Struct, field
@@ -144,6 +145,30 @@ class Held(Struct, frozen=True):
     links: dict[str, Affine]
 
 
+class Tree(Struct):
+    """The transforms of TF messages by their children, each with the number of its message."""
+
+    times: list[float] = field(default_factory=list)  # of the messages, none before another
+    numbers: dict[str, list[int]] = field(default_factory=dict)
+    transforms: dict[str, list[Transform]] = field(default_factory=dict)
+
+    def add(self, message: Message) -> None:
+        """Add the transforms of the next message."""
+        for transform in message.transforms:
+            self.numbers.setdefault(transform.child, []).append(len(self.times))
+            self.transforms.setdefault(transform.child, []).append(transform)
+        if self.numbers:
+            self.times.append(max([message.at, *self.times[-1:]]))
+
+    def at(self, time: float) -> dict[str, Transform]:
+        """Return the last transform of each frame at a time, at least those that came first."""
+        sent = max(bisect_right(self.times, time), 1)
+        counts = {child: bisect_left(numbers, sent) for child, numbers in self.numbers.items()}
+        return {
+            child: self.transforms[child][count - 1] for child, count in counts.items() if count
+        }
+
+
 class Recording(Struct):
     """A run."""
 
@@ -159,6 +184,7 @@ class Recording(Struct):
     static: tuple[tuple[Transform, str], ...] = ()
 
     _sorted: dict[tuple[str, int | None], list[Message]] = field(default_factory=dict)
+    _trees: dict[tuple[str, int], Tree] = field(default_factory=dict)
 
     def topic(self, name: str, session: int | None = None) -> list[Message]:
         """Return what was sent on a topic in the lab's domain."""
@@ -168,3 +194,12 @@ class Recording(Struct):
                     self._sorted.setdefault((message.topic, message.session), []).append(message)
                     self._sorted.setdefault((message.topic, None), []).append(message)
         return self._sorted.get((name, session), [])
+
+    def tree(self, topic: str, session: int) -> Tree:
+        """Return the transforms that were sent on a topic in a session."""
+        key = (topic, session)
+        if key not in self._trees:
+            self._trees[key] = Tree()
+            for message in self.topic(*key):
+                self._trees[key].add(message)
+        return self._trees[key]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from heapq import nlargest
+from operator import itemgetter
 from typing import NamedTuple
 
 from msgspec.structs import replace
@@ -123,13 +125,13 @@ def _shifted(best: MapFit, rays: Sequence[Ray], near: frozenset[Cell], located: 
     rows = [row for _, row in (*grid.walls, *points)]
     half = max(rows) - min(rows) + 1
     walls = [column * 2 * half + row for column, row in grid.walls]
-    votes: Counter[int] = Counter()
+    votes: defaultdict[int, int] = defaultdict(int)  # unlike a Counter it counts without Python
     for (right, up), count in corners:
         end = right * 2 * half + up
         for wall in walls:
             votes[end - wall] += count
     tried = []
-    for number, count in votes.most_common(_TRIED):
+    for number, count in nlargest(_TRIED, votes.items(), itemgetter(1)):
         column, row = divmod(number + half, 2 * half)
         shift = (column, row - half)
         tried.append((_met(points, near, shift), count, shift))
@@ -149,12 +151,18 @@ def _is_of_the_room(trial: Trial, grid: OccupancyMap, located: Located) -> bool:
         return False
     back = trial.start.then(located[-1][1].inverse())
     reach = (trial.tolerance.cells + 0.5) * grid.resolution
-    standing, last = len(grid.walls), trial.room[0]
-    for column, row in sorted(grid.walls):  # so that most stand where the one before stands
+    room = [
+        (wall, min(a, c) - reach, max(a, c) + reach, min(b, d) - reach, max(b, d) + reach)
+        for wall in trial.room
+        for a, b, c, d in [wall]
+    ]
+    standing = len(grid.walls)
+    for column, row in grid.walls:
         x, y, _ = back.point((*grid.point(column + 0.5, row + 0.5), 0.0))
-        near = (wall for wall in (last, *trial.room) if distance((wall,), x, y) <= reach)
-        wall = next(near, None)
-        last, standing = wall or last, standing - (wall is None)
+        standing -= not any(
+            left <= x <= right and low <= y <= high and distance((wall,), x, y) <= reach
+            for wall, left, right, low, high in room
+        )
         if standing < _OF_THIS_ROOM * len(grid.walls):
             return False
     return True

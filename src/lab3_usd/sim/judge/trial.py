@@ -14,7 +14,7 @@ from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import MapFit, OccupancyMap
 from lab3_usd.model.transforms import length, minus
 from lab3_usd.sim.execution.drive import RATE, Leg, Session
-from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, Transform
+from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan
 
 SIZE = (0.6, 1.5)  # how much of a command a robot with mass that follows it may do
 SOON = 6  # frames in which a robot may come to rest
@@ -239,18 +239,14 @@ PLACE = (0.02, math.radians(2.0))  # of a sensor, between TF and where it is
 
 def in_root(trial: Trial, message: Message) -> Affine | None:
     """Return where TF has the frame of a message, or None where it does not have it."""
-    static = {frame.child: (frame.parent, frame) for frame, _ in trial.recording.static}
-    latest: dict[str, tuple[str, Transform]] = {}
-    for sent in trial.recording.topic(trial.wanted.transforms, message.session):
-        if sent.at > message.at and latest:
-            break
-        latest |= {frame.child: (frame.parent, frame) for frame in sent.transforms}
-    frames = static | latest
+    sent = trial.recording.tree(trial.wanted.transforms, message.session)
+    frames = {frame.child: frame for frame, _ in trial.recording.static} | sent.at(message.at)
     frame, place = message.frame, HERE
     for _ in range(len(frames)):
         if frame not in frames:
             break
-        frame, transform = frames[frame]
+        transform = frames[frame]
+        frame = transform.parent
         place = Affine(rotation(transform.rotation), transform.translation).then(place)
     return place if frame == trial.wanted.root else None
 

@@ -179,6 +179,7 @@ class Machine(Struct):
     scrubs: bool = False  # whether wheels slide in a turn, as four that do not steer
     walls: list[Segment] = field(default_factory=list)
     steps: dict[str, tuple[Affine, Affine]] = field(default_factory=dict)  # as kept by `_step`
+    firm: dict[str, Affine] = field(default_factory=dict)  # the bodies that never move in the base
 
     def link_of(self, joint: Joint) -> str:
         """Return the body that hangs on a joint."""
@@ -208,6 +209,8 @@ class Machine(Struct):
         joint = self.parents.get(body)
         if joint is None:
             return self.rest[body]
+        if body in self.firm:
+            return self.firm[body]
         inner = 1 if joint.bodies[1] == body else 0
         parent = joint.bodies[1 - inner]
         own, back = self._step(body, parent, joint.frames[inner])
@@ -218,7 +221,10 @@ class Machine(Struct):
                 x, y, z = joint.axis
                 moved = Affine(AXES, (x * way, y * way, z * way))
             own = own.then(joint.frames[inner]).then(moved).then(back)
-        return self.offset(parent).then(own)
+        offset = self.offset(parent).then(own)
+        if joint.kind == FIXED and (parent == self.base or parent in self.firm):
+            self.firm[body] = offset
+        return offset
 
     def _step(self, body: str, parent: str, frame: Affine) -> tuple[Affine, Affine]:
         """Return where a body rests in its parent, and the way back from the frame of its joint."""

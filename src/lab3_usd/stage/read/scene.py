@@ -9,6 +9,7 @@ from pxr import Usd, UsdGeom
 from lab3_usd.model.dry_run import HERE, RENDER_PRODUCT, Affine, Graph, Input, Node, Prim, Scene
 from lab3_usd.stage.read.assets import find_unresolved
 from lab3_usd.stage.read.properties import CENTIMETRES, stage_number, targets_of
+from lab3_usd.stage.read.transforms import ORDER
 
 GRAPH, NODE = "OmniGraph", "OmniGraphNode"
 VARIABLE = "graph:variable:"  # how the attributes begin that hold variables of a graph
@@ -131,10 +132,11 @@ def _prim(
     prim: Usd.Prim, path: str, kind: str, time: Usd.TimeCode, before: dict[str, Prim]
 ) -> Prim:
     values, targets = {}, {}
-    has_sizes = kind in SHAPES or kind == "Camera"
+    has_sizes, is_placed = kind in SHAPES or kind == "Camera", False
     for authored in prim.GetAuthoredProperties():
         name = str(authored.GetName())
         if name.startswith(("xformOp", "primvars", "ui:")):
+            is_placed = is_placed or name == ORDER
             continue
         if isinstance(authored, Usd.Attribute):
             value = authored.Get(NO_TIME if name.startswith(TIMELESS) else time)
@@ -151,9 +153,11 @@ def _prim(
         and (image.ComputeVisibility(time) != "invisible")
     )
     parent = before.get(path.rpartition("/")[0])
-    xform = UsdGeom.Xformable(prim)
-    local = _affine(xform.GetLocalTransformation(time))
-    above = parent.world if parent and not xform.GetResetXformStack() else HERE
+    local, is_loose = HERE, False
+    if is_placed:
+        xform = UsdGeom.Xformable(prim)
+        local, is_loose = _affine(xform.GetLocalTransformation(time)), xform.GetResetXformStack()
+    above = parent.world if parent and not is_loose else HERE
     return Prim(
         path,
         kind,
@@ -162,15 +166,14 @@ def _prim(
         values,
         targets,
         is_seen,
-        bool(xform.GetResetXformStack()),
+        is_loose,
     )
 
 
 def _affine(matrix: Any) -> Affine:
     """Return a matrix of USD, which multiplies rows from the left."""
-    m = [list(matrix.GetRow(row)) for row in range(4)]
-    rows = tuple(tuple(bounded(m[j][i]) for j in range(3)) for i in range(3))
-    return Affine(rows, (bounded(m[3][0]), bounded(m[3][1]), bounded(m[3][2])))  # type: ignore[arg-type]
+    *axes, origin = (tuple(bounded(matrix[row, k]) for k in range(3)) for row in range(4))
+    return Affine(tuple(zip(*axes, strict=True)), origin)  # type: ignore[arg-type]
 
 
 def bounded(number: float) -> float:
