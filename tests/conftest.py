@@ -11,7 +11,6 @@ from pathlib import Path
 from unittest.mock import patch
 
 import forking
-import hypothesis
 import pytest
 from browser import Browser, started
 from parsed_once import yaml_parsed_once
@@ -35,6 +34,9 @@ def pytest_configure() -> None:
         if there.f_bavail * there.f_frsize > ROOM and not there.f_flag & os.ST_NOEXEC:
             os.environ["TMPDIR"] = str(MEMORY)
             tempfile.tempdir = None  # to be looked up again
+    os.environ["HYPOTHESIS_NO_PLUGINS"] = "1"  # that of trio, which selenium brings, loads trio
+    import hypothesis
+
     hypothesis.settings.register_profile("untimed", deadline=None)
     hypothesis.settings.load_profile("untimed")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -231,9 +231,11 @@ def run_blocks(page: Path, sandbox: Sandbox) -> None:
 
 
 def is_run(page: Path) -> bool:
-    return RUN.search(page.read_text(encoding="utf-8")) is not None
+    """The README is run too, with the installed package: tests/house/test_wheel.py."""
+    return page.name != "README.md" and RUN.search(page.read_text(encoding="utf-8")) is not None
 
 
+@pytest.mark.usefixtures("forked_workers")
 @pytest.mark.parametrize("page", [page for page in PAGES if is_run(page)], ids=name_of)
 def test_what_a_page_shows_is_what_happens(page: Path, sandbox: Sandbox) -> None:
     run_blocks(page, sandbox)
