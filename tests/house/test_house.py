@@ -152,7 +152,8 @@ def is_safe(call: ast.Call, module: object) -> bool:
 
 
 def test_yaml_is_loaded_safely_everywhere() -> None:
-    calls = [(path, call) for path in SOURCES for call in yaml_calls(ast.parse(path.read_bytes()))]
+    naming = [path for path in SOURCES if "yaml" in path.read_text()]
+    calls = [(path, call) for path in naming for call in yaml_calls(ast.parse(path.read_text()))]
     unsafe = []
     for path, call in calls:
         name = ".".join(path.relative_to(ROOT / "src").with_suffix("").parts)
