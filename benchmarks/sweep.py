@@ -15,14 +15,16 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
 
+from breaking import copied
 from lab_sabotage import lab_scene_faults
-from pxr import Sdf, Usd
+from pxr import Sdf
 from sabotage import Fault, graph_faults
 from scene_sabotage import scene_sabotage
 
-from lab3_usd.check.checker import judge
+from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.data import LAB_VARIABLE, own_lab
 from lab3_usd.model.finding import Finding
+from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Checkpoint
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.reader import read_model
@@ -34,13 +36,16 @@ ONLY_IN_THE_STARTER = ("in the starter", "lidar link moved")
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What the rules said of one fault: errors and warnings.
-
-    A robot that stands elsewhere is a warning from checkpoint 06 on.
-    """
+    """What the rules said of one fault."""
 
     fault: Fault
-    told: tuple[Finding, ...]
+    stage: StageModel
+    judged: Judgement
+
+    @property
+    def told(self) -> tuple[Finding, ...]:
+        """The errors and warnings: a robot that stands elsewhere is one from checkpoint 06 on."""
+        return tuple(each for each in self.judged.findings if each.severity != "note")
 
     @property
     def errors(self) -> tuple[Finding, ...]:
@@ -71,15 +76,13 @@ def sweep(checkpoint: str, every: int = 1, start: int = 0) -> Iterator[Outcome]:
         of_scene = scene_faults(asked) if own_lab() is None else lab_scene_faults(lab, asked)
         faults = [*graph_faults(lab, asked), *of_scene]
         for fault in faults[start::every]:
-            copy = Sdf.Layer.CreateAnonymous(".usda")
-            copy.TransferContent(layer)
-            stage = Usd.Stage.Open(copy)
+            stage = copied(layer)
             fault.break_it(stage)
-            judged = judge(lab, asked, read_model(stage, lab, clean.name))
+            model = read_model(stage, lab, clean.name)
+            judged = judge(lab, asked, model)
             if judged.crashes:
                 raise RuntimeError(judged.crashes)
-            told = tuple(finding for finding in judged.findings if finding.severity != "note")
-            yield Outcome(fault, told)
+            yield Outcome(fault, model, judged)
 
 
 def scene_faults(asked: Checkpoint) -> Iterator[Fault]:

@@ -1,14 +1,19 @@
-"""Every single fault is found, at its place, and said once: an evenly spread part of them all."""
+"""Every single fault is found, at its place, and said once, and what it costs is explained.
+
+An evenly spread part of them all.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations
 from types import ModuleType
+from typing import Any
 
 import pytest
 from benchmark import load_benchmark
 from breaking import the_lab
+from explained import unexplained
 from msgspec.structs import replace
 from plain_graphs import (
     errors_of,
@@ -45,6 +50,13 @@ def test_single_faults_are_found_at_their_place(benchmark: ModuleType, checkpoin
     assert [graph.fault.name for graph in of_graphs if not graph.errors] == []
     mean = sum(len(outcome.errors) for outcome in outcomes) / len(outcomes)
     assert mean <= MOST_PER_FAULT
+    assert [outcome.fault.name for outcome in outcomes if points_without_a_word(outcome)] == []
+
+
+def points_without_a_word(outcome: Any) -> list[str]:
+    """Return the points that a fault costs and no finding explains."""
+    found = outcome.judged
+    return unexplained(the_lab(), outcome.stage, found.requirements, found.findings)
 
 
 def test_later_checkpoints_find_what_the_fifth_finds(benchmark: ModuleType) -> None:
