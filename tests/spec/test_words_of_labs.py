@@ -12,7 +12,7 @@ from invoking import invoke
 from mini_lab import files_below
 from places import REPOSITORY
 from pxr import Usd
-from seven_joints import write_stages
+from seven_joints import describe, write_stages
 from workers_here import workers_here
 
 from lab3_usd.commands.table import COMMANDS
@@ -48,8 +48,7 @@ def _lab_of(name: str, folder: Path) -> tuple[Path, list[Path]]:
         invoke("--lab", JETBOT, "build", "--out", folder / "stages")
         return JETBOT, sorted((folder / "stages").iterdir())
     stages = write_stages(folder)
-    invoke("lab", "new", folder / "lab", *(word for path in stages for word in ("--from", path)))
-    return folder / "lab", stages
+    return describe(stages, folder / "lab"), stages
 
 
 def _said(lab: Path, stages: list[Path], folder: Path) -> Iterator[tuple[str, str]]:
@@ -74,10 +73,10 @@ def _said(lab: Path, stages: list[Path], folder: Path) -> Iterator[tuple[str, st
     for form in FORMATS:
         what = student if form in {"html", "json"} else last
         yield f"check --format {form}", ran("check", "--format", form, what)
-    for command in ("tf", "topics", "fix", "sim"):
+    for command in ("tf", "topics", "fix"):
         yield command, ran(command, last)
+    yield "sim", ran("sim", last, "--page", folder / "sim.html")
     yield "sim --format json", ran("sim", "--format", "json", last)
-    ran("sim", last, "--page", folder / "sim.html")
     ran("draw", last, "--out", folder / "pictures")
     ran("collect", "-o", folder / "collect.sh")
     yield "diff", ran("diff", stages[0], last)

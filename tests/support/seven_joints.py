@@ -11,6 +11,10 @@ from pathlib import Path
 from foreign_robots import Nodes, add_api, body, empty_stage, revolute, write_graph
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
+from lab3_usd.describe.lab import describe_lab
+from lab3_usd.spec.load.compiled import load_isaac_types
+from lab3_usd.spec.load.loader import load_lab
+
 ROBOT = "/World/Panda"
 LINKS = tuple(f"link{number}" for number in range(8))
 JOINTS = tuple(f"joint{number}" for number in range(1, 8))
@@ -120,3 +124,12 @@ def write_stages(folder: Path) -> list[Path]:
         written.append(folder / f"{name}.usda")
         stage.GetRootLayer().Export(str(written[-1]))
     return written
+
+
+def describe(stages: list[Path], folder: Path) -> Path:
+    """Write the lab that is described after the stages, none of which is judged by it."""
+    files = describe_lab(stages, load_lab(), load_isaac_types().catalog).files
+    folder.mkdir()
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    return folder
