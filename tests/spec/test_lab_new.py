@@ -65,10 +65,11 @@ def pair(described: Path) -> tuple[Lab, Lab]:
     return load_lab(described), load_lab()
 
 
-@pytest.fixture
-def robot(tmp_path: Path) -> tuple[Path, Path]:
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """A stage of another robot, and the lab that is described after it."""
-    stage, folder = write_stage(tmp_path), tmp_path / "lab"
+    made = tmp_path_factory.mktemp("robot")
+    stage, folder = write_stage(made), made / "lab"
     assert "checkpoint yard, pass, " in ran("lab", "new", folder, "--from", stage)[1]
     return stage, folder
 

@@ -65,7 +65,7 @@ def test_what_is_above_a_graph_is_built_with_it(lab: Path, stages: list[Path]) -
 def test_the_first_stage_passes_by_a_lab_whose_graphs_have_a_folder_of_their_own(
     stages: list[Path], tmp_path: Path
 ) -> None:
-    named = [word for stage in stages for word in ("--from", stage)]
+    named = [word for stage in stages[:2] for word in ("--from", stage)]
     shown = invoke("lab", "new", tmp_path / "lab", *named)
     assert shown.exit_code == 0, shown.output
     assert load_lab(tmp_path / "lab").scene.world.graph_parent.path == "/World"
