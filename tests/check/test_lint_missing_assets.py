@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from foreign_robots import ROBOTS, TICK, rover, write_graph
+from linting import said_by
 from missing_assets import ROVER, rover_of_a_missing_asset
 from pxr import Sdf, Usd
 
@@ -281,14 +282,6 @@ def test_a_target_that_is_elsewhere_may_be_in_a_stage_above(
     assert found["K14"] == severity
 
 
-def changed(stage: Usd.Stage, change: Callable[[Sdf.Layer], None], path: Path) -> StageResult:
-    layer = Sdf.Layer.CreateAnonymous(".usda")
-    layer.TransferContent(stage.GetRootLayer())
-    change(layer)
-    layer.Export(str(path))
-    return lint_stage(path)
-
-
 def in_an_asset(layer: Sdf.Layer, place: str) -> None:
     """Leave of a prim what is saved where all of it, and below it, is in an asset."""
     spec = layer.GetPrimAtPath(place)
@@ -310,18 +303,17 @@ def in_a_sublayer(layer: Sdf.Layer, place: str) -> None:
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("take_away", [in_an_asset, in_a_sublayer])
 def test_what_a_missing_asset_has_is_never_an_error(
-    robot: str, take_away: Callable[[Sdf.Layer, str], None], tmp_path: Path
+    robot: str, take_away: Callable[[Sdf.Layer, str], None]
 ) -> None:
     stage = ROBOTS[robot]()
     prims = [str(prim.GetPath()) for prim in stage.TraverseAll()]
     places = [place for place in prims if place.count("/") <= 3]
     assert len(places) > 10
     for place in places:
-
-        def change(layer: Sdf.Layer, place: str = place) -> None:
-            take_away(layer, place)
-
-        assert errors(changed(stage, change, tmp_path / "stage.usda")) == set(), place
+        layer = Sdf.Layer.CreateAnonymous(".usdc")
+        layer.TransferContent(stage.GetRootLayer())
+        take_away(layer, place)
+        assert said_by(Usd.Stage.Open(layer), "error") == [], place
 
 
 def test_nodes_of_one_unknown_type_are_one_note_that_names_the_others(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, Literal
 
 from msgspec import Struct
@@ -158,6 +159,7 @@ def is_within(release: str, since: str, until: str) -> bool:
     )
 
 
+@lru_cache(maxsize=64)
 def order(release: str) -> tuple[int, ...]:
     """Return what sorts releases."""
     return tuple(int(part) for part in release.split("."))

@@ -20,7 +20,7 @@ from lab3_usd.model.physics import (
     is_switched_off,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.catalog import INPUT, OUTPUT, DrivePorts
 from lab3_usd.spec.isaac import BodyOf, is_within
 from lab3_usd.spec.values import Value
@@ -46,8 +46,13 @@ class Command(Struct, frozen=True, eq=False):
     unknown: UnresolvedAsset | None
 
 
-def commands(subject: LintSubject) -> Iterator[Command]:
-    """Yield every live node that moves joints, in the order of the stage."""
+@once_per_stage
+def commands(subject: LintSubject) -> tuple[Command, ...]:
+    """Return every live node that moves joints, in the order of the stage."""
+    return tuple(_commands(subject))
+
+
+def _commands(subject: LintSubject) -> Iterator[Command]:
     for node in subject.live.values():
         ports = None if node.type is None else node.type.drives
         if ports is None:
