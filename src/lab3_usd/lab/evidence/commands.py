@@ -60,6 +60,8 @@ def is_prompt(line: str) -> bool:
     text = line.strip()
     if text.startswith(_BEGINS) or text == "$":
         return True
+    if "@" not in text:
+        return False
     words = text.split(maxsplit=_LONGEST_PROMPT)
     who = next((i for i, word in enumerate(words[:4]) if "@" in word.strip("@")), None)
     return who is not None and any(word.endswith(_ENDS) for word in words[who:_LONGEST_PROMPT])
