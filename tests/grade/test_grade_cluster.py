@@ -10,13 +10,15 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from multiprocessing import forkserver
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
-from mini_lab import cut_wire, files_below, stage, starter, submission
+from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
 
+from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.intake.remote import entries_at, fetched, is_address
@@ -54,15 +56,29 @@ def alone(place: Path) -> dict[str, bytes]:
     return files_below(out)
 
 
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Any]:
-    """A scheduler and two worker processes."""
+@pytest.fixture(scope="module", autouse=True)
+def _own_fork_server() -> Iterator[None]:
+    """Leave no process that machines were forked from to whoever forks next."""
+    yield
+    forkserver._forkserver._stop()  # type: ignore[attr-defined]
+
+
+@contextmanager
+def cluster_of(workers: int, temporary: Path) -> Iterator[Any]:
+    """A scheduler and worker processes whose temporary folders lie in a place of their own."""
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     dask = pytest.importorskip("dask")
+    temporary.mkdir()
+    quick = {
+        "distributed.admin.log-format": "",
+        "distributed.worker.multiprocessing-method": "forkserver",
+        "distributed.nanny.environ": {"TMPDIR": str(temporary), LAB_VARIABLE: str(MINI)},
+        "logging.distributed": "critical",
+    }
     with (
-        dask.config.set({"distributed.admin.log-format": "", "logging.distributed": "critical"}),
+        dask.config.set(quick),
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
         ) as running,
     ):
         yield running
@@ -76,35 +92,21 @@ def graded_on(cluster: Any, place: Path | str, out: Path, **changes: Any) -> dic
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_loses_a_machine_gives_the_same_gradebook(
-    cluster: Any, place: Path, alone: dict[str, bytes], tmp_path: Path
+    place: Path, alone: dict[str, bytes], tmp_path: Path
 ) -> None:
     killed: list[int] = []
+    with cluster_of(2, tmp_path / "temporary") as cluster:
 
-    def kill(done: int, total: int) -> None:
-        del total
-        if done == 2:
-            victim = next(iter(cluster.workers.values())).pid
-            os.kill(victim, signal.SIGKILL)
-            killed.append(victim)
+        def kill(done: int, total: int) -> None:
+            del total
+            if done == 2:
+                victim = next(iter(cluster.workers.values())).pid
+                os.kill(victim, signal.SIGKILL)
+                killed.append(victim)
 
-    found = graded_on(cluster, place, tmp_path / "book", progress=kill)
+        found = graded_on(cluster, place, tmp_path / "book", progress=kill)
     assert len(killed) == 1
     assert found == alone
-
-
-@contextmanager
-def cluster_of(workers: int, temporary: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    """A scheduler and worker processes whose temporary folders lie in a place of their own."""
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
-    temporary.mkdir()
-    monkeypatch.setenv("TMPDIR", str(temporary))
-    with distributed.LocalCluster(
-        n_workers=workers,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address=None,
-    ) as running:
-        yield running
 
 
 def dismiss_workers(cluster: Any) -> None:
@@ -125,7 +127,7 @@ def test_a_cluster_without_workers_is_an_error_that_says_what_to_start(
 ) -> None:
     monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_CONNECT", 0.3)
     with (
-        cluster_of(0, tmp_path / "temporary", monkeypatch) as empty,
+        cluster_of(0, tmp_path / "temporary") as empty,
         pytest.raises(UsageError, match=r"no worker; start one with `dask worker tcp://"),
     ):
         graded_on(empty, place, tmp_path / "book")
@@ -133,10 +135,10 @@ def test_a_cluster_without_workers_is_an_error_that_says_what_to_start(
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_machine_that_joins_later_goes_on_for_the_first(
-    place: Path, alone: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    place: Path, alone: dict[str, bytes], tmp_path: Path
 ) -> None:
     killed: list[int] = []
-    with cluster_of(1, tmp_path / "temporary", monkeypatch) as lone:
+    with cluster_of(1, tmp_path / "temporary") as lone:
 
         def exchange(done: int, total: int) -> None:
             del total
@@ -161,7 +163,7 @@ def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
 ) -> None:
     monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_RETURN", 0.5)
     with (
-        cluster_of(1, tmp_path / "temporary", monkeypatch) as lone,
+        cluster_of(1, tmp_path / "temporary") as lone,
         pytest.raises(WorkerError, match=r"have gone; start others .* --resume"),
     ):
         graded_on(
@@ -199,23 +201,40 @@ def test_workers_are_waited_for_anew_each_time_that_they_go(
         workers.look()
 
 
-@pytest.mark.filterwarnings("ignore")
-def test_a_cluster_that_is_closed_leaves_no_files_of_students(
-    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    temporary = tmp_path / "temporary"
-    with cluster_of(1, temporary, monkeypatch) as lone:
-        graded_on(lone, place, tmp_path / "book")
-        assert list(temporary.glob("lab3-grade-*"))
-        assert list(temporary.glob("lab3-starter-*"))
-    assert list(temporary.glob("lab3-*")) == []
+class ClosedCluster(NamedTuple):
+    """A gradebook of submissions by address, and what lay in the temporary folder of its worker."""
+
+    book: dict[str, bytes]
+    while_open: set[str]
+    after: set[str]
+
+
+@pytest.fixture(scope="module")
+def closed(place: Path, tmp_path_factory: pytest.TempPathFactory) -> ClosedCluster:
+    folder = tmp_path_factory.mktemp("closed")
+    temporary = folder / "temporary"
+    with cluster_of(1, temporary) as lone:
+        book = graded_on(lone, place.as_uri(), folder / "book")
+        while_open = names_in(temporary)
+    return ClosedCluster(book, while_open, names_in(temporary))
+
+
+def names_in(temporary: Path) -> set[str]:
+    """Return the beginnings of the names of what grading keeps there."""
+    return {path.name.rpartition("-")[0] for path in temporary.glob("lab3-*")}
 
 
 @pytest.mark.filterwarnings("ignore")
 def test_submissions_by_address_give_the_same_gradebook(
-    cluster: Any, place: Path, alone: dict[str, bytes], tmp_path: Path
+    closed: ClosedCluster, alone: dict[str, bytes]
 ) -> None:
-    assert graded_on(cluster, place.as_uri(), tmp_path / "book") == alone
+    assert closed.book == alone
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_that_is_closed_leaves_no_files_of_students(closed: ClosedCluster) -> None:
+    assert closed.while_open == {"lab3-grade", "lab3-starter"}
+    assert closed.after == set()
 
 
 def test_submissions_by_address_are_judged_without_a_cluster(
