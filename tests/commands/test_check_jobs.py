@@ -48,7 +48,7 @@ def set_topic(stage: Usd.Stage) -> None:
 
 @pytest.fixture(scope="module")
 def stages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Right, wrong and unreadable stages, each several times."""
+    """A wrong stage, a right one twice, and one that cannot be read."""
     folder = tmp_path_factory.mktemp("stages")
     right = build_checkpoint(None, "01", folder / CLOCK)
     wrong = Path(shutil.copy(right, folder / "Lab3_01_wrong.usda"))
@@ -57,16 +57,16 @@ def stages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     stage.Save()
     torn = folder / "Lab3_01_torn.usda"
     torn.write_text("#usda 1.0\ndef")
-    return [wrong, right, torn, right, wrong, right, wrong]
+    return [wrong, right, torn, right]
 
 
 @pytest.fixture(scope="module")
 def submissions(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """A right submission, one with a wrong stage, and one that lacks a stage."""
+    """A submission with a wrong stage, and one that lacks a stage."""
     folder = tmp_path_factory.mktemp("class")
-    found = [write_submission(folder / name) for name in ("ana", "ben", "cy")]
-    edit("03", set_topic)(found[1])
-    delete(stage_name("02"))(found[2])
+    found = [write_submission(folder / name) for name in ("ana", "ben")]
+    edit("03", set_topic)(found[0])
+    delete(stage_name("02"))(found[1])
     return found
 
 
@@ -81,7 +81,7 @@ def hostile(name: str, folder: Path) -> Path:
 # A line for each finding, all that a result holds, and what is read of the files once more.
 @pytest.mark.parametrize("form", ["text", "json", "html"])
 def test_a_report_has_the_same_bytes(stages: list[Path], form: str) -> None:
-    one, two = (check("--format", form, "--jobs", n, *stages[:4]) for n in (1, 2))
+    one, two = (check("--format", form, "--jobs", n, *stages) for n in (1, 2))
     assert (one.exit_code, two.exit_code) == (1, 1)
     assert one.stdout_bytes == two.stdout_bytes
 
@@ -93,7 +93,7 @@ def test_submissions_have_the_same_bytes(submissions: list[Path], stages: list[P
     one, three = (check("--jobs", n, *calls) for n in (1, 3))
     report = json.loads(one.stdout)
     assert_valid(report)
-    assert len(report["submissions"]) == 3
+    assert len(report["submissions"]) == 2
     assert one.stdout_bytes == three.stdout_bytes
     assert one.exit_code == three.exit_code == 1
 
@@ -110,13 +110,12 @@ def test_the_stages_of_a_folder_have_the_same_bytes(stages: list[Path], tmp_path
         shutil.copy(stage, tmp_path / f"{number}.usda")
     one, two = (check("--jobs", n, "--checkpoint", "01", tmp_path) for n in (1, 2))
     assert one.stdout_bytes == two.stdout_bytes
-    assert "7 files: 3 passed, 4 failed" in one.stdout
+    assert "4 files: 2 passed, 2 failed" in one.stdout
 
 
 @pytest.mark.parametrize(
     ("name", "options"),
     [
-        ("nested_prims", ()),
         ("nested_prims", ("--exit-zero",)),
         ("nested_dictionaries", ("--ignore", "F", "--quiet")),
     ],
@@ -152,12 +151,12 @@ def test_a_submission_that_ends_its_process_is_a_crash(
 ) -> None:
     fatal = Path(shutil.copytree(submissions[0], tmp_path / "dan"))
     shutil.copy(hostile("nested_prims", tmp_path / "fatal"), fatal / stage_name("05"))
-    done = check("--format", "json", "--jobs", 2, submissions[0], fatal, submissions[1])
+    done = check("--format", "json", "--jobs", 2, fatal, submissions[1])
     assert done.exit_code == 3
     report = json.loads(done.stdout)
     assert_valid(report)
     told = {each["path"]: "crashes" in each for each in report["submissions"]}
-    assert told == {str(submissions[0]): False, str(fatal): True, str(submissions[1]): False}
+    assert told == {str(fatal): True, str(submissions[1]): False}
 
 
 def test_one_process_judges_without_others(
@@ -301,7 +300,7 @@ def wait_until(is_so: Callable[[], bool], seconds: float = 60) -> bool:
 @pytest.mark.parametrize("count", [3, 5], ids=["while usd-core is imported", "while it judges"])
 def test_ctrl_c_is_one_line_and_leaves_nobody(stages: list[Path], count: int) -> None:
     running = subprocess.Popen(
-        [sys.executable, "-m", "lab3_usd", "check", "--jobs", "2", *[stages[1]] * 5000],
+        [sys.executable, "-m", "lab3_usd", "check", "--jobs", "2", *[stages[1]] * 1000],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
     # The command, a helper and the server of multiprocessing, then two that judge.
