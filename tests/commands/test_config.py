@@ -115,9 +115,17 @@ def test_a_hidden_file_counts_before_an_open_one(wrong: Path) -> None:
     assert found(wrong) == {("P01", "error")}
 
 
-@pytest.mark.parametrize("command", [("check",), ("lint",), ("fix", "--in-place")])
-@pytest.mark.parametrize("pattern", ["spoilt", "Lab3_02*spoilt.usda", "work/spoilt/*"])
-@pytest.mark.parametrize("key", ["exclude", "extend-exclude"])
+@pytest.mark.parametrize(
+    ("key", "pattern", "command"),
+    [
+        ("exclude", "spoilt", ("check",)),
+        ("exclude", "Lab3_02*spoilt.usda", ("check",)),
+        ("exclude", "work/spoilt/*", ("check",)),
+        ("extend-exclude", "spoilt", ("check",)),
+        ("exclude", "spoilt", ("lint",)),
+        ("exclude", "spoilt", ("fix", "--in-place")),
+    ],
+)
 def test_what_is_excluded_is_passed_over_in_folders(
     wrong: Path, key: str, pattern: str, command: tuple[str, ...]
 ) -> None:
