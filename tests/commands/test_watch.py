@@ -8,7 +8,6 @@ import queue
 import re
 import shutil
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -16,6 +15,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import forking
 import pytest
 from breaking import Step, broken, place
 from browser import Browser
@@ -467,10 +467,10 @@ class Watcher:
 
     def __init__(self, *arguments: Path | str) -> None:
         command = [sys.executable, "-m", "lab3_usd", "check", "--watch", "--quiet"]
-        self.process = subprocess.Popen(
+        self.process = forking.Popen(
             [*command, *map(str, arguments)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stdout=forking.PIPE,
+            stderr=forking.PIPE,
             text=True,
         )
         self.lines: queue.Queue[str] = queue.Queue()
@@ -498,7 +498,7 @@ def watcher() -> Iterator[Callable[..., Watcher]]:
     def start(*arguments: Path | str) -> Watcher:
         started.append(Watcher(*arguments))
         started[-1].wait_for("watching")
-        time.sleep(0.5)  # until the system tells of events
+        time.sleep(0.1)  # until the system tells of events; what it does not is seen in a second
         return started[-1]
 
     yield start
@@ -533,7 +533,7 @@ def test_a_binary_stage_that_is_written_slowly_in_place_is_judged_when_it_is_who
     versions = [binary(each, stage.parents[1]) for each in (WRONG, RIGHT)]
     path.write_bytes(versions[1])
     running = watcher(path)
-    for number in range(6):
+    for number in range(3):
         data = versions[number % 2]
         with path.open("wb") as file:
             for start in range(0, len(data), len(data) // 4):
@@ -577,7 +577,7 @@ def test_text_may_be_written_while_it_is_read(tmp_path: Path, ending: str) -> No
     path, is_over = tmp_path / f"part{ending}", threading.Event()
     path.write_bytes(RIGHT)
     (tmp_path / "root.usda").write_text(over(RIGHT, f"./part{ending}"))
-    reader = subprocess.Popen([sys.executable, "-c", READ_OFTEN, tmp_path / "root.usda"])
+    reader = forking.Popen([sys.executable, "-c", READ_OFTEN, tmp_path / "root.usda"])
     with path.open("rb+") as file:
         writer = threading.Thread(
             target=keeps_cutting_short, args=(file.fileno(), RIGHT, is_over), daemon=True
@@ -598,7 +598,7 @@ def test_a_folder_that_goes_and_comes_back_is_heard_again(
     stage.parent.mkdir()
     stage.write_bytes(WRONG)
     running.wait_for("P01")
-    time.sleep(0.5)
+    time.sleep(0.1)
     stage.write_bytes(RIGHT)
     assert "1 repaired, 0 new" in running.wait_for("repaired,")
 
