@@ -23,6 +23,7 @@ def all_right(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "sandbox", lambda: Check("sandbox", "ok", ""))
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_here_everything_that_is_needed_works() -> None:
     result = invoke("doctor")
     firsts = [line for line in result.stdout.splitlines()[1:] if line[0] != " "]

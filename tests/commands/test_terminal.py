@@ -146,6 +146,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.usefixtures("forked_workers")
 @pytest.mark.parametrize("arguments", COMMANDS.values(), ids=COMMANDS)
 def test_no_command_lets_usd_core_speak(
     arguments: list[str],
