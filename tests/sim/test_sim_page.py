@@ -262,7 +262,6 @@ def test_it_fits_and_can_be_read(chromium: Browser, page: Path, size: tuple[int,
         found = chromium.run(CONTRASTS)
         assert len(found) > 60
         assert [(scheme, kind) for ratio, kind in found if ratio < 4.5] == []
-    chromium.keep(f"sim-{size[0]}")
 
 
 def test_a_report_with_a_dry_run_shows_its_maps(chromium: Browser, tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import base64
+import itertools
 import json
 import shutil
 from collections.abc import Iterator
@@ -12,9 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
-from places import TESTS
 
-ARTIFACTS = TESTS / "artifacts"
 SWITCHES = (
     "--headless=new",
     "--no-sandbox",
@@ -87,6 +85,7 @@ class Browser:
 
     def __init__(self, driver: Any) -> None:
         self.driver = driver
+        self.openings = itertools.count()
 
     def open(
         self, path: Path, size: tuple[int, int] = DESKTOP, scheme: str = "light", at: str = ""
@@ -94,10 +93,10 @@ class Browser:
         """Open a page in a window of this size, as if for the first time."""
         self.resize(size)
         self.scheme(scheme)
-        self.driver.get("about:blank")
         self.logs()
         self.requests()
-        self.driver.get(path.as_uri() + (f"#{at}" if at else ""))
+        address = f"{path.as_uri()}?{next(self.openings)}"  # another one is loaded, not shown again
+        self.driver.get(address + (f"#{at}" if at else ""))
 
     def resize(self, size: tuple[int, int]) -> None:
         metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1}
@@ -151,15 +150,3 @@ class Browser:
             if message["method"] == "Network.requestWillBeSent":
                 found.append(message["params"]["request"]["url"])
         return found
-
-    def keep(self, name: str, most: int = 2400) -> Path:
-        """Keep a picture of the page, down to `most` pixels, among the artifacts."""
-        width, height = self.run(
-            "return [innerWidth, Math.ceil(document.documentElement.scrollHeight)]"
-        )
-        clip = {"x": 0, "y": 0, "width": width, "height": min(height, most), "scale": 1}
-        taken = self.command("Page.captureScreenshot", captureBeyondViewport=True, clip=clip)
-        ARTIFACTS.mkdir(exist_ok=True)
-        target = ARTIFACTS / f"{name}.png"
-        target.write_bytes(base64.b64decode(taken["data"]))
-        return target
