@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
+from unittest.mock import patch
 
+import quick_yaml
 from breaking import correct_stage
 from click.testing import CliRunner
 from msgspec import Struct
 from rosbags.interfaces import Connection, Qos, QosDurability
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
+from rosbags.rosbag2 import metadata as qos_metadata
+from rosbags.rosbag2 import writer as bag_writer
 from rosbags.typesys import Stores, get_typestore
 
 from lab3_usd.commands.sim import command as sim_command
@@ -47,6 +51,16 @@ class Sent(Struct):
         return self.held
 
 
+class QuickYaml:
+    """What stands for the YAML of ruamel where rosbags writes metadata."""
+
+    def __init__(self, **_: str) -> None:
+        """Take the type of loader that rosbags names."""
+
+    def dump(self, document: object, stream: TextIO) -> None:
+        stream.write(quick_yaml.dump(document))
+
+
 Change = Callable[[Sent], Iterator[Sent]]
 
 
@@ -79,7 +93,8 @@ def rewritten(
     writer = Writer(folder, version=8, storage_plugin=storage)
     writer.set_compression(packing, CompressionFormat.ZSTD)
     sent = sorted((each for one in messages(bag) for each in change(one)), key=lambda e: e.time)
-    with writer:
+    quickly = (patch.object(module, "YAML", QuickYaml) for module in (qos_metadata, bag_writer))
+    with next(quickly), next(quickly), writer:
         connections: dict[tuple[str, str], Any] = {}
         for each in sent:
             key = (each.topic, each.type)
