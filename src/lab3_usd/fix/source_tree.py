@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
+from functools import lru_cache
 
 from msgspec import Struct, field
 
@@ -66,7 +68,8 @@ def parent_path(path: str) -> str:
     return path.rpartition("/")[0] or ROOT
 
 
-def read_blocks(text: str) -> dict[str, Block]:
+@lru_cache(maxsize=8)  # several edits look at one text
+def read_blocks(text: str) -> Mapping[str, Block]:
     """Return the blocks of a layer by their paths; the layer's own is `/`.
 
     The text is one that OpenUSD accepts.
