@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mini_lab import LAB, cut_wire, stage, starter, submission
+from mini_lab import LAB, cut_wire, files_below, stage, starter, submission
 from workers_here import graded_here
 
 from lab3_usd.grade.class_run import ClassSettings
@@ -140,27 +140,29 @@ def capitals(folder: Path) -> None:
     ],
 )
 def test_the_folder_with_the_most_checkpoints_is_the_submission(
-    alone: dict[str, Any],
-    beside: Callable[[Path], None],
-    name: str,
-    form: str,
-    tmp_path: Path,
+    beside: Callable[[Path], None], name: str, form: str, tmp_path: Path
 ) -> None:
     submission(tmp_path / "ana" / "Lab3" / "")
     beside(tmp_path / "ana")
-    row = graded(handed_in(form, tmp_path / "ana"))
-    assert (row["status"], row["earned"]) == (alone["status"], alone["earned"])
-    assert row["verdicts"] == dict.fromkeys(ALL, "pass")
+    (source,) = handed_in(form, tmp_path / "ana").iterdir()
+    found = staged(source)
+    assert found.folder.name == "Lab3"
+    right = {stage(number).name: stage(number).read_bytes() for number in ALL}
+    assert files_below(found.folder / "work") == right
     if name != "LAB3":
-        (remark,) = row["remarks"]
-        assert remark.startswith("Lab3 is judged (6 checkpoints")
-        assert f"left out: {name} (" in remark
+        (remark,) = found.remarks
+        assert remark.text.startswith("Lab3 is judged (6 checkpoints")
+        assert f"left out: {name} (" in remark.text
 
 
-def test_what_was_chosen_is_said_in_a_finding_the_gradebook_and_the_page(tmp_path: Path) -> None:
+def test_what_was_chosen_is_said_in_a_finding_the_gradebook_and_the_page(
+    alone: dict[str, Any], tmp_path: Path
+) -> None:
     submission(tmp_path / "class" / "ana" / "Lab3")
     submission(tmp_path / "class" / "ana" / "Backup", "00")
     row = graded(tmp_path / "class")
+    assert (row["status"], row["earned"]) == (alone["status"], alone["earned"])
+    assert row["verdicts"] == dict.fromkeys(ALL, "pass")
     (remark,) = row["remarks"]
     assert findings(row)["Z03"] == ["Lab3"]
     with (row["out"] / "grades.csv").open(newline="", encoding="utf-8") as file:

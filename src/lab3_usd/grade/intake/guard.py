@@ -25,6 +25,7 @@ _TOKENS = re.compile(
     rb"@@@.*?@@@|@[^@\n]*@|#[^\n]*|[()\[\]{}]",
     re.DOTALL,
 )
+_OPENING, _CLOSING = (b"(", b"[", b"{"), (b")", b"]", b"}")
 _PRIM = re.compile(rb"^[ \t]*(?:def|over|class)\b", re.MULTILINE)
 _BOOTSTRAP = struct.Struct("<8s8sq")
 _SECTION = struct.Struct("<16sqq")
@@ -96,19 +97,18 @@ def _depth(data: bytes) -> int:
 
 
 def _depth_at_end(data: bytes) -> int:
-    depth = 0
-    for depth in _depths(data):  # noqa: B007 - the last one is asked for
-        pass
-    return depth
+    tokens = _TOKENS.findall(data)
+    opened, closed = (sum(map(tokens.count, brackets)) for brackets in (_OPENING, _CLOSING))
+    return opened - closed
 
 
 def _depths(data: bytes) -> Iterator[int]:
     """Yield how deep brackets lie in one another after each of them."""
     depth = 0
     for token in _TOKENS.finditer(data):
-        if token[0] in b"([{":
+        if token[0] in _OPENING:
             depth += 1
-        elif token[0] in b")]}":
+        elif token[0] in _CLOSING:
             depth -= 1
         yield depth
 
