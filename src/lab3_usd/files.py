@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 from lab3_usd.errors import UsageError
 
-_DEVICES = ("/", "dev")
+_DEVICES = Path("/dev")
+_MEMORY = Path("/dev/shm")  # noqa: S108 - below it are files as anywhere
 _ORIGINAL = re.compile(r"\.orig(\.[0-9]+)?$")
 _LINE = re.compile("[^\n]*\n|[^\n]+")
 _RANDOM = re.compile("[a-z0-9_]{8}")  # what tempfile puts behind a prefix
@@ -30,14 +31,15 @@ def write_whole(target: Path, data: bytes, *, force: bool) -> None:
 def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
     """Write one part after the other to a new file beside `target`, then rename it to `target`.
 
-    Devices, pipes and what lies below /dev, as /dev/stdout does, are written to and stay.
+    Devices, pipes and what lies below /dev, as /dev/stdout does, are written to and stay; the files
+    in /dev/shm are ordinary ones.
 
     Raises:
         UsageError: `target` exists and `force` is not set, or it cannot be written.
     """
     refuse_existing(target, force=force)
     try:
-        if target.exists() and (not target.is_file() or target.parts[:2] == _DEVICES):
+        if target.exists() and (not target.is_file() or _is_among_devices(target)):
             with target.open("wb") as file:
                 file.writelines(parts)
             return
@@ -51,6 +53,10 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         raise UsageError(f"{target} cannot be written ({error.strerror})") from error
+
+
+def _is_among_devices(path: Path) -> bool:
+    return path.is_relative_to(_DEVICES) and not path.is_relative_to(_MEMORY)
 
 
 class FileState(NamedTuple):

@@ -173,13 +173,15 @@ def test_the_report_goes_into_a_pipe_which_stays_one(wrong: Path, tmp_path: Path
 def test_what_lies_among_devices_is_written_to_and_not_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Root could put a file in the place of /dev/stdout, for everybody."""
+    """Root could put a file in the place of /dev/stdout, for everybody. In /dev/shm are files."""
+    monkeypatch.setattr(files, "_DEVICES", tmp_path)
+    monkeypatch.setattr(files, "_MEMORY", tmp_path)
     output = tmp_path / "stdout"
     output.write_text("before")
     number = output.stat().st_ino
     write_whole(output, b"replaced", force=True)
     assert output.stat().st_ino != number
-    monkeypatch.setattr(files, "_DEVICES", tmp_path.parts[:2])
+    monkeypatch.setattr(files, "_MEMORY", tmp_path / "memory")
     number = output.stat().st_ino
     write_whole(output, b"written", force=True)
     assert (output.stat().st_ino, output.read_bytes()) == (number, b"written")
@@ -213,6 +215,15 @@ def test_two_runs_give_the_same_bytes(wrong: Path) -> None:
     assert here.returncode == 1
 
 
+@pytest.fixture(scope="module")
+def handed_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two correct stages."""
+    folder = tmp_path_factory.mktemp("handed_in")
+    for number, name in (("00", "Lab3_00_student_start"), ("01", "Lab3_01_ros_clock")):
+        build_checkpoint(None, number, folder / f"{name}.usda")
+    return folder
+
+
 @pytest.mark.parametrize(
     ("options", "missing"),
     [
@@ -223,18 +234,14 @@ def test_two_runs_give_the_same_bytes(wrong: Path) -> None:
     ],
 )
 def test_what_is_missing_counts_in_a_folder_that_is_handed_in(
-    tmp_path: Path, options: tuple[str, ...], missing: int
+    handed_in: Path, options: tuple[str, ...], missing: int
 ) -> None:
-    for number, name in (("00", "Lab3_00_student_start"), ("01", "Lab3_01_ros_clock")):
-        build_checkpoint(None, number, tmp_path / f"{name}.usda")
-    result = lab3("check", tmp_path, *options)
+    result = lab3("check", handed_in, *options)
     assert result.stdout.count("the stage of checkpoint") == missing
     assert result.returncode == (1 if missing else 0)
 
 
-def test_a_gradescope_result_has_the_points_of_grading(tmp_path: Path) -> None:
-    for number, name in (("00", "Lab3_00_student_start"), ("01", "Lab3_01_ros_clock")):
-        build_checkpoint(None, number, tmp_path / f"{name}.usda")
-    results = json.loads(lab3("check", tmp_path, "--format", "gradescope").stdout)
+def test_a_gradescope_result_has_the_points_of_grading(handed_in: Path) -> None:
+    results = json.loads(lab3("check", handed_in, "--format", "gradescope").stdout)
     assert sum(test.get("max_score", 0.0) for test in results["tests"]) == 100.0
     assert results["score"] == sum(test.get("score", 0.0) for test in results["tests"]) == 15.0
