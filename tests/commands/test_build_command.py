@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, cast
+from typing import IO, Any, cast
 
 import pytest
 from mini_lab import LAB, in_force
@@ -234,21 +234,18 @@ def test_a_damaged_binary_starter_is_one_line_and_status_2(
     assert not out.exists()
 
 
-def test_a_missing_starter_is_one_line_and_status_2(build: Run, tmp_path: Path, out: Path) -> None:
-    refused_in_one_line(build(tmp_path / "none.usda"), tmp_path / "none.usda")
-    assert not out.exists()
+NO_FILE: dict[str, Callable[[Path], Any]] = {
+    "missing": lambda _: None,
+    "a folder": Path.mkdir,
+    "a link to nowhere": lambda path: path.symlink_to("none.usda"),
+}
 
 
-def test_a_folder_as_starter_is_one_line_and_status_2(
-    build: Run, tmp_path: Path, out: Path
+@pytest.mark.parametrize("put", NO_FILE.values(), ids=NO_FILE)
+def test_a_starter_that_is_no_file_is_one_line_and_status_2(
+    put: Callable[[Path], Any], build: Run, tmp_path: Path, out: Path
 ) -> None:
-    (tmp_path / "scene.usda").mkdir()
-    refused_in_one_line(build(tmp_path / "scene.usda"), tmp_path / "scene.usda")
-    assert not out.exists()
-
-
-def test_a_link_to_nowhere_is_one_line_and_status_2(build: Run, tmp_path: Path, out: Path) -> None:
-    (tmp_path / "scene.usda").symlink_to(tmp_path / "none.usda")
+    put(tmp_path / "scene.usda")
     refused_in_one_line(build(tmp_path / "scene.usda"), tmp_path / "scene.usda")
     assert not out.exists()
 
