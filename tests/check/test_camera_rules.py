@@ -110,17 +110,13 @@ def test_a_rate_of_zero_is_a_fault() -> None:
 
 
 def test_a_rate_behind_a_missing_asset_is_not_verifiable() -> None:
-    stage = built("04")
-    clear(CAMERA, TICK)(stage)
-    refer(CAMERA, "camera.usd")(stage)
-    assert told(stage, "04") == [("F02", CAMERA, None)]
+    found = told_after("04", clear(CAMERA, TICK), refer(CAMERA, "camera.usd"))
+    assert found == [("F02", CAMERA, None)]
 
 
 def test_a_camera_of_the_world_with_its_name_is_not_the_robots() -> None:
-    stage = built("04")
-    remove(CAMERA)(stage)
-    define("/World/Camera_1", "Camera")(stage)
-    assert told(stage, "04") == [("C01", CAMERA, None)]
+    found = told_after("04", remove(CAMERA), define("/World/Camera_1", "Camera"))
+    assert found == [("C01", CAMERA, None)]
 
 
 def test_the_handouts_fallback_typed_into_the_orient_field_is_named_as_that() -> None:
@@ -183,10 +179,8 @@ def test_an_early_camera_is_a_warning(checkpoint: str) -> None:
 
 
 def test_a_lens_behind_a_missing_asset_is_not_verifiable() -> None:
-    stage = built("04")
-    clear(CAMERA, "focalLength")(stage)
-    refer(CAMERA, "camera.usd")(stage)
-    assert told(stage, "04") == [("F02", CAMERA, None)]
+    found = told_after("04", clear(CAMERA, "focalLength"), refer(CAMERA, "camera.usd"))
+    assert found == [("F02", CAMERA, None)]
 
 
 @pytest.mark.parametrize("checkpoint", ["00", "01", "03"])
@@ -195,9 +189,8 @@ def test_a_camera_of_the_world_is_not_early_whatever_its_name(checkpoint: str) -
 
 
 def test_a_camera_of_another_name_on_the_robot_is_early() -> None:
-    stage = built("03")
-    define(f"{ROBOT}/base_scan/Camera", "Camera")(stage)
-    assert told(stage, "03") == [("C09", f"{ROBOT}/base_scan/Camera", None)]
+    found = told_after("03", define(f"{ROBOT}/base_scan/Camera", "Camera"))
+    assert found == [("C09", f"{ROBOT}/base_scan/Camera", None)]
 
 
 def test_a_pivot_that_moves_the_camera_is_named_in_the_repair() -> None:

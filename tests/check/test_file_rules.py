@@ -102,9 +102,8 @@ def test_an_address_is_told_as_it_was_written() -> None:
 
 
 def test_a_reference_to_a_prim_that_was_deleted_hides_nothing() -> None:
-    stage = built("01")
-    remove(f"{ROBOT}/colliders/wheel")(stage)
-    assert [each[0] for each in told(stage, "01")] == ["S06", "S06"]
+    found = told_after("01", remove(f"{ROBOT}/colliders/wheel"))
+    assert [each[0] for each in found] == ["S06", "S06"]
 
 
 def test_a_missing_sublayer_is_one_error() -> None:

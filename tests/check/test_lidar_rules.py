@@ -32,7 +32,7 @@ from scene_changes import (
     turn,
     without_api,
 )
-from scene_stages import built, findings_of, found_after, model_of, told, told_after
+from scene_stages import built, found_after, model_of, told, told_after
 
 from lab3_usd.check.checker import judge
 from lab3_usd.check.robot.sensors import sensor_relocations
@@ -100,10 +100,8 @@ def test_the_inside_of_a_misplaced_lidar_is_judged() -> None:
 
 
 def test_what_is_said_of_a_misplaced_lidar_relates_to_its_path() -> None:
-    stage = built("03")
-    move_prim(LIDAR, ELSEWHERE)(stage)
-    put(ELSEWHERE, TICK, 30.0)(stage)
-    assert [finding.related for finding in findings_of(stage, "03")] == [(LIDAR,)] * 2
+    found = found_after("03", move_prim(LIDAR, ELSEWHERE), put(ELSEWHERE, TICK, 30.0))
+    assert [finding.related for finding in found] == [(LIDAR,)] * 2
 
 
 def test_a_lidar_with_the_right_name_is_the_misplaced_one_of_two() -> None:
@@ -114,10 +112,8 @@ def test_a_lidar_with_the_right_name_is_the_misplaced_one_of_two() -> None:
 
 
 def test_an_active_lidar_beside_a_deactivated_one_is_misplaced() -> None:
-    stage = built("03")
-    deactivate(LIDAR)(stage)
-    define(ELSEWHERE, "OmniLidar")(stage)
-    rules = [each[0] for each in told(stage, "03")]
+    found = told_after("03", deactivate(LIDAR), define(ELSEWHERE, "OmniLidar"))
+    rules = [each[0] for each in found]
     assert rules == ["L02", "L05", "L05", "L06"]
 
 
@@ -137,16 +133,13 @@ def test_a_lidar_below_a_missing_link_is_not_told_again() -> None:
 
 
 def test_a_second_lidar_below_the_first_is_told() -> None:
-    stage = built("03")
-    define(f"{LIDAR}/Lidar", "OmniLidar")(stage)
-    assert told(stage, "03") == [("L07", f"{LIDAR}/Lidar", None)]
+    found = told_after("03", define(f"{LIDAR}/Lidar", "OmniLidar"))
+    assert found == [("L07", f"{LIDAR}/Lidar", None)]
 
 
 def test_a_named_leftover_is_told_once_with_the_lidar_in_it() -> None:
-    stage = built("05")
-    define(ELSEWHERE, "Xform")(stage)
-    define(f"{ELSEWHERE}/sensor", "OmniLidar")(stage)
-    assert told(stage, "05") == [("L07", ELSEWHERE, None)]
+    found = told_after("05", define(ELSEWHERE, "Xform"), define(f"{ELSEWHERE}/sensor", "OmniLidar"))
+    assert found == [("L07", ELSEWHERE, None)]
 
 
 @pytest.mark.parametrize("checkpoint", ["01", "02"])
@@ -210,9 +203,8 @@ def test_a_scan_rate_that_is_not_written_is_a_warning() -> None:
 
 
 def test_rates_of_a_lidar_without_its_schema_have_no_values_of_their_own() -> None:
-    stage = built("03")
-    several(without_api(LIDAR, API), clear(LIDAR, TICK))(stage)
-    assert told(stage, "03") == [("L05", LIDAR, TICK), ("L06", LIDAR, None)]
+    found = told_after("03", without_api(LIDAR, API), clear(LIDAR, TICK))
+    assert found == [("L05", LIDAR, TICK), ("L06", LIDAR, None)]
 
 
 @pytest.mark.parametrize(("near", "far"), [(5.0, 5.0), (5.0, 1.0), (0.12, -1.0)])
@@ -224,16 +216,13 @@ def test_a_nearest_range_beyond_the_farthest_is_one_fault(near: float, far: floa
 
 
 def test_fewer_beams_than_turns_are_no_scan() -> None:
-    stage = built("03")
-    put(LIDAR, f"{CORE}patternFiringRateHz", 10)(stage)
-    assert told(stage, "03") == [("L09", LIDAR, f"{CORE}patternFiringRateHz")]
+    found = told_after("03", put(LIDAR, f"{CORE}patternFiringRateHz", 10))
+    assert found == [("L09", LIDAR, f"{CORE}patternFiringRateHz")]
 
 
 def test_a_value_that_gives_no_scan_is_a_fault_over_a_missing_asset() -> None:
-    stage = built("03")
-    vendors(stage)
-    put(LIDAR, f"{CORE}farRangeM", 0.0)(stage)
-    assert ("L09", LIDAR, f"{CORE}farRangeM") in told(stage, "03")
+    found = told_after("03", vendors, put(LIDAR, f"{CORE}farRangeM", 0.0))
+    assert ("L09", LIDAR, f"{CORE}farRangeM") in found
 
 
 OTHERS: dict[str, tuple[Change, str]] = {
@@ -325,10 +314,8 @@ def test_of_two_lidars_the_wired_one_is_the_labs() -> None:
 
 
 def test_of_two_unused_lidars_the_one_at_the_path_is_the_labs() -> None:
-    stage = built("03")
-    remove(f"{LIDAR}/ROS_Lidar2D")(stage)
-    define(ELSEWHERE, "OmniLidar")(stage)
-    assert told(stage, "03") == [("L07", ELSEWHERE, None)]
+    found = told_after("03", remove(f"{LIDAR}/ROS_Lidar2D"), define(ELSEWHERE, "OmniLidar"))
+    assert found == [("L07", ELSEWHERE, None)]
 
 
 def test_a_lidar_at_the_path_with_the_graph_is_the_labs_whatever_the_graph_names() -> None:

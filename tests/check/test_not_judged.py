@@ -35,7 +35,7 @@ from scene_changes import (
     weld,
     without_api,
 )
-from scene_stages import built, model_of, told, told_after
+from scene_stages import built, model_of, told_after
 
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.check.registry import Rule
@@ -358,6 +358,5 @@ def test_place_and_type_of_a_sensor_may_be_in_a_missing_asset(
 def test_a_type_that_is_written_is_judged_beside_a_missing_asset(
     checkpoint: str, sensor: str, rule: str
 ) -> None:
-    stage = built(checkpoint)
-    several(retype(sensor, "Xform"), refer(sensor, "sensor.usd"))(stage)
-    assert (rule, sensor, None) in told(stage, checkpoint)
+    found = told_after(checkpoint, retype(sensor, "Xform"), refer(sensor, "sensor.usd"))
+    assert (rule, sensor, None) in found
