@@ -65,12 +65,6 @@ def test_it_is_judged_without_what_it_does_not_have(lab: Path, built: Path) -> N
     assert found["submissions"][0]["checklist"] == []
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_a_file_alone_says_its_checkpoint(lab: Path, built: Path, name: str) -> None:
-    shown = run(lab, "check", built / f"{name}.usda").stdout
-    assert f"checkpoint {name.split('_')[1]}, pass" in shown
-
-
 def test_every_graph_and_the_tree_are_drawn(lab: Path, built: Path, tmp_path: Path) -> None:
     assert run(lab, "draw", built / f"{FILES[-1]}.usda", "--out", tmp_path).exit_code == 0
     names = load_lab(lab).graphs
