@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
@@ -13,7 +12,6 @@ from typing import Any
 import pytest
 from click.testing import Result
 from invoking import invoke
-from jsonschema import Draft202012Validator
 from msgspec.structs import replace
 
 pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
@@ -28,10 +26,10 @@ from recordings import (
     rewritten,
     tied,
 )
+from report_schema import dry_run_of
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 
 from lab3_usd.commands import bag as module
-from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Behaviour, Frame, Topic, Unknown
 from lab3_usd.report.behaviour.text import LOOKS_OF_A_RECORDING
@@ -66,9 +64,7 @@ def bag(path: Path, *arguments: str) -> Result:
 
 def judged(path: Path, *arguments: str) -> dict[str, Any]:
     done = bag(path, "--format", "json", *arguments)
-    document: dict[str, Any] = json.loads(done.stdout)
-    schema = json.loads((data_folder("schema") / "sim-2.json").read_text(encoding="utf-8"))
-    assert [error.message for error in Draft202012Validator(schema).iter_errors(document)] == []
+    document = dry_run_of(done.stdout)
     assert done.exit_code == {"ok": 0, "bad": 1, "unreadable": 2}[document["verdict"]]
     return document
 

@@ -26,9 +26,16 @@ RESULT_ORDER = [
 
 
 @cache
-def validator() -> Draft202012Validator:
-    text = (data_folder("schema") / "report-2.json").read_text(encoding="utf-8")
+def validator(name: str = "report-2") -> Draft202012Validator:
+    text = (data_folder("schema") / f"{name}.json").read_text(encoding="utf-8")
     return Draft202012Validator(json.loads(text))
+
+
+def dry_run_of(text: str) -> dict[str, Any]:
+    """Return what is said of a dry run or a recording, which is as `schema/sim-2.json` says."""
+    document: dict[str, Any] = json.loads(text)
+    assert [error.message for error in validator("sim-2").iter_errors(document)] == []
+    return document
 
 
 def problems_of(report: Any) -> list[str]:
