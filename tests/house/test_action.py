@@ -258,21 +258,6 @@ def test_the_action_installs_the_pinned_versions(action: dict[str, Any]) -> None
     assert all((ROOT / "requirements" / name).is_file() for name in named)
 
 
-def test_shellcheck_finds_nothing_in_the_action(action: dict[str, Any]) -> None:
-    shellcheck = shutil.which("shellcheck")
-    if not shellcheck:
-        pytest.skip("ShellCheck is not installed")
-    for step in steps(action).values():
-        done = subprocess.run(
-            [shellcheck, "--shell=bash", "-"],
-            input=step["run"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.stdout == ""
-
-
 # ---- the example workflow
 
 

@@ -18,6 +18,9 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 from places import REPOSITORY
 
+from lab3_usd.lab.scripts import collect_script
+from lab3_usd.spec.load.loader import load_lab
+
 if sys.version_info >= (3, 11):
     import tomllib
 else:
@@ -247,10 +250,22 @@ def test_a_python_of_another_version_than_asked_for_is_not_taken(tmp_path: Path)
     assert find_python(tmp_path, "3.9").returncode == 1
 
 
-def test_shell_scripts_are_clean() -> None:
+def shell_scripts() -> dict[str, str]:
+    """Return our scripts, the one that collects evidence, and the steps of the action."""
+    ours = {
+        name: (ROOT / ".ci" / name).read_text() for name in ("run", "find-python", "suite", "test")
+    }
+    action = yaml.safe_load((ROOT / "action.yml").read_text())
+    steps = {step["name"]: f"#!/bin/bash\n{step['run']}" for step in action["runs"]["steps"]}
+    return ours | steps | {"collect": collect_script(load_lab())}
+
+
+@pytest.mark.parametrize("name", shell_scripts())
+def test_a_shell_script_is_clean(name: str) -> None:
     shellcheck = shutil.which("shellcheck")
     if not shellcheck:
         pytest.skip("ShellCheck is not installed")
-    scripts = [str(ROOT / ".ci" / name) for name in ("run", "find-python", "suite", "test")]
-    done = subprocess.run([shellcheck, *scripts], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [shellcheck, "-"], input=shell_scripts()[name], capture_output=True, text=True, check=False
+    )
     assert done.stdout == ""
