@@ -1,4 +1,4 @@
-"""The seed of Python's hashes changes nothing that is built, matched, found or printed."""
+"""The seed of Python's hashes changes nothing that is built, matched, found, drawn or printed."""
 
 from __future__ import annotations
 
@@ -16,11 +16,19 @@ import sys
 from pathlib import Path
 from mini_lab import in_force
 from plain_graphs import doubled, graph_of, judged_model, with_graphs
+from lab3_usd.check.registry import all_rules
 from lab3_usd.judge.stage import check_stage
+from lab3_usd.model.finding import Report
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.picture.svg import svg_file
+from lab3_usd.report.pictures.graph_picture import spec_picture
+from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
 stage, given, out = map(Path, sys.argv[1:])
-print(check_stage(stage))
+report = Report((check_stage(stage),))
+print(report, render("html", report, all_rules()))
+print(svg_file(spec_picture(load_lab().graphs["ROS_OdomTF"])))
 for name in ("ROS_Drive", "ROS_OdomTF"):
     print(judged_model(with_graphs(doubled(graph_of(name)))))
 build_starter(out / "starter.usda")
@@ -49,6 +57,7 @@ def test_no_hash_seed_changes_anything(tmp_path: Path) -> None:
         printed.append(subprocess.run(command, env=env, capture_output=True, check=True).stdout)
         written.append(files_below(out))
     assert printed[0].count(b"N07") > 1
+    assert printed[0].count(b"<figure") > 1
     assert len(written[0]) == 3
     assert printed == printed[:1] * 3
     assert written == written[:1] * 3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from base64 import b64encode
 from hashlib import sha256
@@ -443,21 +442,6 @@ def test_the_policy_lets_in_only_the_page_itself() -> None:
 def test_no_address_leads_out_of_the_page(faulty: Report) -> None:
     addresses = set(re.findall(r"\w+://[^\s'\"<>)]*", page(faulty)))
     assert addresses == {"http://www.w3.org/2000/svg"}
-
-
-def test_every_run_gives_the_same_page(tmp_path: Path) -> None:
-    path = stages(tmp_path, break_ten_times, "02")[0]
-    pages = [
-        subprocess.run(
-            [sys.executable, "-m", "lab3_usd", "check", str(path), "--format", "html"],
-            env={"PYTHONHASHSEED": seed, "PYTHONPATH": ":".join(sys.path)},
-            capture_output=True,
-            check=False,
-        ).stdout
-        for seed in ("1", "2")
-    ]
-    assert len(pages[0]) > 10_000
-    assert pages[0] == pages[1]
 
 
 def test_the_title_tells_the_verdict() -> None:
