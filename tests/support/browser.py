@@ -86,6 +86,7 @@ class Browser:
     def __init__(self, driver: Any) -> None:
         self.driver = driver
         self.openings = itertools.count()
+        self.emulated: dict[str, Any] = {}
 
     def open(
         self, path: Path, size: tuple[int, int] = DESKTOP, scheme: str = "light", at: str = ""
@@ -100,14 +101,20 @@ class Browser:
 
     def resize(self, size: tuple[int, int]) -> None:
         metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1}
-        self.command("Emulation.setDeviceMetricsOverride", mobile=size[0] < 500, **metrics)
+        self.emulate("setDeviceMetricsOverride", mobile=size[0] < 500, **metrics)
 
     def scheme(self, scheme: str, media: str = "") -> None:
         features = [{"name": "prefers-color-scheme", "value": scheme}]
-        self.command("Emulation.setEmulatedMedia", media=media, features=features)
+        self.emulate("setEmulatedMedia", media=media, features=features)
 
     def scripts(self, *, on: bool) -> None:
-        self.command("Emulation.setScriptExecutionDisabled", value=not on)
+        self.emulate("setScriptExecutionDisabled", value=not on)
+
+    def emulate(self, name: str, **values: Any) -> None:
+        """Emulate this for all pages that follow, where it is not so already."""
+        if self.emulated.get(name) != values:
+            self.emulated[name] = values
+            self.command(f"Emulation.{name}", **values)
 
     def command(self, name: str, **values: Any) -> Any:
         return self.driver.execute_cdp_cmd(name, values)
