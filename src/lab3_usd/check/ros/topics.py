@@ -57,8 +57,11 @@ def likely_type(written: str, known: Collection[str]) -> str | None:
     same = [name for name in known if name.rpartition(".")[2].removeprefix("Ogn") == last]
     if len(same) == 1 and last and (not before or before[0] in parts):
         return same[0]
+    near = _of_like_length(written, known, _NEAR_TYPE)
+    if not near:
+        return None
     letters = _NUMBER.sub("", written)  # of any text, which is not kept
-    return _near(written, [name for name in known if _letters(name) != letters], _NEAR_TYPE)
+    return _near(written, [name for name in near if _letters(name) != letters], _NEAR_TYPE)
 
 
 @cache
@@ -66,12 +69,16 @@ def _letters(name: str) -> str:
     return _NUMBER.sub("", name)
 
 
+def _of_like_length(written: str, known: Collection[str], least: float) -> list[str]:
+    """Return the names that can be near: what two have in common is no longer than the shorter."""
+    length = len(written)
+    return [name for name in known if 2 * min(length, len(name)) >= least * (length + len(name))]
+
+
 def _near(written: str, known: Collection[str], least: float) -> str | None:
     from difflib import get_close_matches
 
-    # What two names have in common is no longer than the shorter: of a huge text nothing is near.
-    length = len(written)
-    fitting = [name for name in known if 2 * min(length, len(name)) >= least * (length + len(name))]
+    fitting = _of_like_length(written, known, least)
     near = get_close_matches(written, fitting, 1, least) if fitting else ()
     return near[0] if near else None
 
