@@ -94,8 +94,8 @@ def test_everything_can_be_read_without_a_script(chromium: Browser, page: Path) 
 BESIDE_A_SCROLL_BAR = (DESKTOP[0] - 15, DESKTOP[1])
 
 
-@pytest.fixture
-def wide_class(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def wide_class(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of a class where the texts are long and every state of an item occurs."""
     rubric = load_rubric(None, load_lab())
     points = to_builtins(grade(rubric, ()))
@@ -111,7 +111,7 @@ def wide_class(tmp_path: Path) -> Path:
         row("open") | of("open", 0.0),
         row("dev", status="empty", reason=f"{'x' * 90}: a link") | points | {"percent": 0.0},
     ]
-    path = tmp_path / "index.html"
+    path = tmp_path_factory.mktemp("wide") / "index.html"
     path.write_text(page_of("Lab 3", items, rows), encoding="utf-8")
     return path
 
