@@ -86,7 +86,7 @@ def nested_prims(folder: Path, kit: Kit) -> None:
 @hostile
 def nested_prims_in_a_crate(folder: Path, kit: Kit) -> None:
     layer = Sdf.Layer.CreateAnonymous(".usdc")
-    Sdf.CreatePrimInLayer(layer, "/" + "/".join(["a"] * 1500))
+    Sdf.CreatePrimInLayer(layer, "/" + "/".join(["a"] * 700))
     layer.Export(str(folder / f"{NAME}.usd"))
 
 
@@ -111,14 +111,14 @@ def nested_variants(folder: Path, kit: Kit) -> None:
 
 
 @hostile
-def a_million_prims(folder: Path, kit: Kit) -> None:
-    body = "".join(f'def "p{index}" {{\n}}\n' for index in range(1_000_000))
+def a_quarter_of_a_million_prims(folder: Path, kit: Kit) -> None:
+    body = "".join(f'def "p{index}" {{\n}}\n' for index in range(250_000))
     text(folder, "#usda 1.0\n" + body)
 
 
 @hostile
 def a_huge_array(folder: Path, kit: Kit) -> None:
-    numbers = ", ".join(["1"] * 1_000_000)
+    numbers = ", ".join(["1"] * 300_000)
     text(folder, f'#usda 1.0\ndef "World" {{\n int[] x = [{numbers}]\n}}\n')
 
 
@@ -528,14 +528,14 @@ def a_zip_with_a_link(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_zip_bomb(folder: Path, kit: Kit) -> None:
-    zipped(folder, [(f"{NAME}.usda", b"#usda 1.0\n" + b"\n" * 60_000_000)])
+    zipped(folder, [(f"{NAME}.usda", b"#usda 1.0\n" + b"\n" * 12_000_000)])
 
 
 @hostile
 def a_zip_bomb_in_a_zip(folder: Path, kit: Kit) -> None:
     inner = io.BytesIO()
     with zipfile.ZipFile(inner, "w", zipfile.ZIP_DEFLATED) as packed:
-        packed.writestr(f"{NAME}.usda", b"#usda 1.0\n" + b"\n" * 30_000_000)
+        packed.writestr(f"{NAME}.usda", b"#usda 1.0\n" + b"\n" * 12_000_000)
     zipped(folder, [("inner.zip", inner.getvalue())])
 
 
@@ -615,7 +615,7 @@ def a_tar_with_names_that_lead_out(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_tar_bomb(folder: Path, kit: Kit) -> None:
-    data = b"\n" * 60_000_000
+    data = b"\n" * 12_000_000
     tarred(folder, iter([(tarfile.TarInfo(f"{NAME}.usda"), data)]), ".tar.gz")
 
 
