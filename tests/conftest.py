@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import shutil
@@ -22,27 +23,19 @@ from lab3_usd.grade.workers import worker_process
 
 MEMORY = Path("/dev/shm")  # noqa: S108 - a file system, not a file in it
 ROOM = 4_000_000_000  # bytes, many times what the tests leave there at any time
-IN_MEMORY: list[str] = []  # the folder of this run, in the process that began it
 
 
 def pytest_configure() -> None:
     """Time no example, and let Ctrl-C end what tests start, which background jobs ignore.
 
     Temporary files are written into memory where there is room and programs may be run from there:
-    to copy a submission takes a tenth of the time. Those of a run without failures are removed.
+    to copy a submission takes a tenth of the time.
     """
     if "TMPDIR" not in os.environ and MEMORY.is_dir():
         there = os.statvfs(MEMORY)
         if there.f_bavail * there.f_frsize > ROOM and not there.f_flag & os.ST_NOEXEC:
             os.environ["TMPDIR"] = tempfile.tempdir = tempfile.mkdtemp(prefix="suite-", dir=MEMORY)
-            IN_MEMORY.append(tempfile.tempdir)
-
-
-@pytest.hookimpl(trylast=True)
-def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Give the memory back; processes that run tests end without cleaning up."""
-    for folder in () if session.testsfailed else IN_MEMORY:
-        shutil.rmtree(folder, ignore_errors=True)
+            atexit.register(_give_back, tempfile.tempdir)  # after what others clean up in it
     os.environ["HYPOTHESIS_NO_PLUGINS"] = "1"  # that of trio, which selenium brings, loads trio
     import hypothesis
 
@@ -50,6 +43,17 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     hypothesis.settings.load_profile("untimed")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _give_back(folder: str) -> None:
+    """Remove the temporary files of a run; the processes of its tests end without that."""
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Keep the temporary files of a run with failures."""
+    if session.testsfailed:
+        atexit.unregister(_give_back)
 
 
 def pytest_collection_finish() -> None:
