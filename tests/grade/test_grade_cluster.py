@@ -14,6 +14,7 @@ from multiprocessing import forkserver
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 import pytest
 from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
@@ -76,6 +77,7 @@ def cluster_of(workers: int, temporary: Path) -> Iterator[Any]:
         "logging.distributed": "critical",
     }
     with (
+        patch.dict(os.environ, {"TMPDIR": str(temporary)}),  # which goes before what Dask is told
         dask.config.set(quick),
         distributed.LocalCluster(
             n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
