@@ -197,6 +197,7 @@ def sandbox(program: Path, tmp_path: Path) -> Iterator[Sandbox]:
         "PATH": f"{programs}{os.pathsep}{environment['PATH']}",
         "PYTHONPATH": str(folder / "src"),
         "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "" if installed else "1",
+        "PYTEST_ADDOPTS": "-p no:anyio",  # which loads trio and asyncio
     }
     yield Sandbox(folder, environment)
     program.mkdir()
