@@ -13,6 +13,7 @@ import forking
 import pytest
 from mini_lab import LAB, LAST, in_force
 from pxr import Sdf, Tf, Usd, UsdUtils
+from scene_changes import deactivate, define, remove, several
 from starters import (
     BASE_SCAN,
     COMMENT,
@@ -584,22 +585,6 @@ def reasons(starter: Path, out: Path) -> list[str]:
     return [reason.split(" ")[0] for reason in refused.value.reasons]
 
 
-def remove(*paths: str) -> Change:
-    def change(stage: Usd.Stage) -> None:
-        for path in paths:
-            stage.RemovePrim(path)
-
-    return change
-
-
-def deactivate(path: str) -> Change:
-    return lambda stage: stage.GetPrimAtPath(path).SetActive(False)  # noqa: FBT003 - no keyword
-
-
-def define(path: str, type_name: str = "") -> Change:
-    return lambda stage: stage.DefinePrim(path, type_name)
-
-
 def leave_over(path: str) -> Change:
     def change(stage: Usd.Stage) -> None:
         prim = stage.OverridePrim(path)
@@ -625,14 +610,14 @@ def robot_as_over(stage: Usd.Stage) -> None:
 REFUSED: dict[str, tuple[Change, list[str]]] = {
     "no world": (remove("/World"), ["/World"]),
     "no robot": (remove(ROBOT), [ROBOT]),
-    "no world and no robot": (remove("/World", ROBOT), ["/World", ROBOT]),
+    "no world and no robot": (several(remove("/World"), remove(ROBOT)), ["/World", ROBOT]),
     "two links missing": (
-        remove(BASE_SCAN, f"{ROBOT}/wheel_left_link"),
+        several(remove(BASE_SCAN), remove(f"{ROBOT}/wheel_left_link")),
         [BASE_SCAN, f"{ROBOT}/wheel_left_link"],
     ),
     "a graph there": (define(GRAPHS[0], "OmniGraph"), [GRAPHS[0]]),
     "every graph there": (
-        lambda stage: [define(path, "OmniGraph")(stage) for path in GRAPHS],
+        several(*(define(path, "OmniGraph") for path in GRAPHS)),
         [LIDAR, *GRAPHS],
     ),
     "a lidar there": (define(LIDAR, "OmniLidar"), [LIDAR]),
@@ -643,7 +628,7 @@ REFUSED: dict[str, tuple[Change, list[str]]] = {
     "deactivated link": (deactivate(FOOTPRINT), [FOOTPRINT]),
     "robot out of reach": (robot_as_over, [ROBOT, OFFLINE]),
     "missing and too much": (
-        lambda stage: [remove("/World")(stage), define(LIDAR, "OmniLidar")(stage)],
+        several(remove("/World"), define(LIDAR, "OmniLidar")),
         ["/World", LIDAR],
     ),
 }

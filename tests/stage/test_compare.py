@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from breaking import copied, correct_stage
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
+from scene_changes import aim, clear, put, retype, switch, without_api
 
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import Change, Difference
@@ -48,10 +49,6 @@ def only(changes: tuple[Change, ...]) -> Change:
 def difference(changes: tuple[Change, ...]) -> Difference:
     (found,) = only(changes).differences
     return found
-
-
-def put(prim: str, name: str, value: object) -> Edit:
-    return lambda stage: stage.GetPrimAtPath(prim).GetAttribute(name).Set(value)
 
 
 def move(old: str, new: str) -> Edit:
@@ -211,27 +208,12 @@ GROUND, CAMERA = f"{ROOM}/GroundPlane/CollisionPlane", "/World/ObservationCamera
 FOOT = f"{ROBOT}/base_footprint"
 
 
-def on(prim: str, edit: Callable[[Usd.Prim], object]) -> Edit:
-    return lambda stage: edit(stage.GetPrimAtPath(prim))
-
-
-def aim(prim: str, name: str, target: str) -> Edit:
-    return on(prim, lambda found: found.GetRelationship(name).SetTargets([target]))
-
-
-def without(prim: str, name: str) -> Edit:
-    return on(prim, lambda found: found.RemoveProperty(name))
-
-
 def move_corner(stage: Usd.Stage) -> None:
     points = stage.GetPrimAtPath(FLOOR).GetAttribute("points").Get()
     put(CORNER, "points", points)(stage)
 
 
-def pass_through(wall: Usd.Prim) -> None:
-    UsdPhysics.CollisionAPI(wall).CreateCollisionEnabledAttr(False)  # noqa: FBT003 - pxr
-
-
+COLLISION = "physics:collisionEnabled"
 STIFF, DAMPING = "drive:angular:physics:stiffness", "drive:angular:physics:damping"
 SOLVER, BINDING = "physxArticulation:solverPositionIterationCount", "material:binding:physics"
 PLACE, TURN, SIZE = "xformOp:translate", "xformOp:orient", "xformOp:scale"
@@ -253,12 +235,15 @@ DIFFERENCES: dict[str, tuple[Edit, tuple[str, str, str]]] = {
         aim(JOINT, "physics:body1", f"{ROBOT}/wheel_right_link"),
         ("physics", JOINT, "physics:body1"),
     ),
-    "body of no joint": (without(JOINT, "physics:body0"), ("physics", JOINT, "physics:body0")),
-    "value taken back": (without(JOINT, DAMPING), ("physics", JOINT, DAMPING)),
-    "default overruled": (on(WALL, pass_through), ("physics", WALL, "physics:collisionEnabled")),
-    "type": (on(JOINT, lambda prim: prim.SetTypeName("PhysicsFixedJoint")), ("type", JOINT, "")),
+    "body of no joint": (clear(JOINT, "physics:body0"), ("physics", JOINT, "physics:body0")),
+    "value taken back": (clear(JOINT, DAMPING), ("physics", JOINT, DAMPING)),
+    "default overruled": (
+        switch(WALL, "physics:collisionEnabled"),
+        ("physics", WALL, "physics:collisionEnabled"),
+    ),
+    "type": (retype(JOINT, "PhysicsFixedJoint"), ("type", JOINT, "")),
     "collision": (
-        on(WALL, lambda prim: prim.RemoveAppliedSchema("PhysicsCollisionAPI")),
+        without_api(WALL, "PhysicsCollisionAPI"),
         ("schema", WALL, ""),
     ),
 }
@@ -271,11 +256,11 @@ ONLY_SEEN: dict[str, tuple[Edit, tuple[str, str, str]]] = {
     "sun": (put(SUN, "inputs:angle", 5.0), ("look", SUN, "inputs:angle")),
     "lens": (put(CAMERA, "focalLength", 50.0), ("look", CAMERA, "focalLength")),
     "unseen": (
-        on(WALL, lambda prim: UsdGeom.Imageable(prim).MakeInvisible()),
+        lambda stage: UsdGeom.Imageable(stage.GetPrimAtPath(WALL)).MakeInvisible(),
         ("look", WALL, "visibility"),
     ),
     "robot's schema": (
-        on(ROBOT, lambda prim: prim.RemoveAppliedSchema("IsaacRobotAPI")),
+        without_api(ROBOT, "IsaacRobotAPI"),
         ("schema", ROBOT, ""),
     ),
 }

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pytest
 from breaking import copied, correct_stage
-from pxr import Gf, Sdf, Usd, UsdShade
-from scene_changes import move_prim, several, switch, weld, with_api
+from pxr import Gf, Usd, UsdShade
+from scene_changes import author, define, move_prim, several, switch, weld, with_api
 from submissions import LAB, SPEC
 
 from lab3_usd.check.registry import rules_of
@@ -25,7 +25,6 @@ BALL = "/Environment/PhysicsMaterials/Ball"
 TYRE = "/Environment/PhysicsMaterials/Tyre"
 GROUP = "/World/Group"
 Edit = Callable[[Usd.Stage], object]
-KINDS = Sdf.ValueTypeNames
 
 
 @pytest.fixture(scope="module")
@@ -39,16 +38,8 @@ def changes(starter: Usd.Stage, edit: Edit) -> tuple[Change, ...]:
     return compare_starter(starter, stage, LAB, "08").changes
 
 
-def add(path: str, name: str, kind: Sdf.ValueTypeName, value: object) -> Edit:
-    return lambda stage: stage.GetPrimAtPath(path).CreateAttribute(name, kind).Set(value)
-
-
 def relate(path: str, name: str, *targets: str) -> Edit:
     return lambda stage: stage.GetPrimAtPath(path).CreateRelationship(name).SetTargets(targets)
-
-
-def define(path: str, kind: str) -> Edit:
-    return lambda stage: stage.DefinePrim(path, kind)
 
 
 def bind(path: str, material: str, purpose: str, *, strongly: bool = False) -> Edit:
@@ -63,22 +54,18 @@ def bind(path: str, material: str, purpose: str, *, strongly: bool = False) -> E
     return change
 
 
-def both(*edits: Edit) -> Edit:
-    return lambda stage: [edit(stage) for edit in edits]
-
-
 MOVES: dict[str, tuple[Edit, str]] = {
-    "damping": (add(BASE, "physxRigidBody:linearDamping", KINDS.Float, 50.0), BASE),
-    "locked axis": (add(FOOT, "physxRigidBody:lockedPosAxis", KINDS.Int, 3), FOOT),
-    "friction of a joint": (add(JOINT, "physxJoint:jointFriction", KINDS.Float, 5.0), JOINT),
-    "slower joint": (add(JOINT, "physxJoint:maxJointVelocity", KINDS.Float, 1.0), JOINT),
-    "time step": (add(SCENE, "physxScene:timeStepsPerSecond", KINDS.UInt, 5), SCENE),
-    "physics switched off": (add(SCENE, "physxScene:updateType", KINDS.Token, "Disabled"), SCENE),
-    "soft tyres": (add(TYRE, "physxMaterial:compliantContactStiffness", KINDS.Float, 9.0), TYRE),
+    "damping": (author(BASE, "physxRigidBody:linearDamping", "Float", 50.0), BASE),
+    "locked axis": (author(FOOT, "physxRigidBody:lockedPosAxis", "Int", 3), FOOT),
+    "friction of a joint": (author(JOINT, "physxJoint:jointFriction", "Float", 5.0), JOINT),
+    "slower joint": (author(JOINT, "physxJoint:maxJointVelocity", "Float", 1.0), JOINT),
+    "time step": (author(SCENE, "physxScene:timeStepsPerSecond", "UInt", 5), SCENE),
+    "physics switched off": (author(SCENE, "physxScene:updateType", "Token", "Disabled"), SCENE),
+    "soft tyres": (author(TYRE, "physxMaterial:compliantContactStiffness", "Float", 9.0), TYRE),
     "filtered pairs": (relate(WHEEL, "physics:filteredPairs", "/Environment/GroundPlane"), WHEEL),
     "mimic joint": (with_api(JOINT, "PhysxMimicJointAPI:rotX"), JOINT),
     "another owner": (
-        both(
+        several(
             define("/World/Moon", "PhysicsScene"),
             relate(BASE, "physics:simulationOwner", "/World/Moon"),
         ),
@@ -86,18 +73,18 @@ MOVES: dict[str, tuple[Edit, str]] = {
     ),
     "second scene": (define("/World/Moon", "PhysicsScene"), "/World/Moon"),
     "collision group": (
-        both(
+        several(
             define(GROUP, "PhysicsCollisionGroup"), relate(GROUP, "physics:filteredGroups", GROUP)
         ),
         GROUP,
     ),
     "slippery robot": (bind(ROBOT, BALL, "physics", strongly=True), ROBOT),
     "a shape on the robot": (
-        both(define(f"{BASE}/skid", "Cube"), with_api(f"{BASE}/skid", "PhysicsCollisionAPI")),
+        several(define(f"{BASE}/skid", "Cube"), with_api(f"{BASE}/skid", "PhysicsCollisionAPI")),
         f"{BASE}/skid",
     ),
     "a body on the robot": (
-        both(
+        several(
             define(f"{ROBOT}/trailer", "Xform"), with_api(f"{ROBOT}/trailer", "PhysicsRigidBodyAPI")
         ),
         f"{ROBOT}/trailer",
@@ -116,14 +103,14 @@ MOVES: dict[str, tuple[Edit, str]] = {
         "/Environment/Walls",
     ),
     "a root that is held": (
-        both(
+        several(
             with_api(ROBOT, "PhysicsRigidBodyAPI"),
             switch(ROBOT, "physics:kinematicEnabled", on=True),
         ),
         ROBOT,
     ),
     "a wall that could be kinematic": (
-        both(with_api(WALL, "PhysicsRigidBodyAPI"), switch(WALL, "physics:kinematicEnabled")),
+        several(with_api(WALL, "PhysicsRigidBodyAPI"), switch(WALL, "physics:kinematicEnabled")),
         WALL,
     ),
 }
@@ -146,32 +133,32 @@ def told(found: tuple[Change, ...], *blamed: tuple[str, str | None]) -> list[tup
 
 
 STAYS: dict[str, Edit] = {
-    "the default": add(BASE, "physxRigidBody:linearDamping", KINDS.Float, 0.0),
+    "the default": author(BASE, "physxRigidBody:linearDamping", "Float", 0.0),
     "a schema without a value": with_api(BASE, "PhysxRigidBodyAPI"),
-    "pairs without a target": both(
+    "pairs without a target": several(
         with_api(WHEEL, "PhysicsFilteredPairsAPI"), relate(WHEEL, "physics:filteredPairs")
     ),
     "the only scene as owner": relate(BASE, "physics:simulationOwner", SCENE),
     "a group that filters nothing": define(GROUP, "PhysicsCollisionGroup"),
-    "state of a joint": both(
+    "state of a joint": several(
         with_api(JOINT, "PhysicsJointStateAPI:angular"),
-        add(JOINT, "state:angular:physics:velocity", KINDS.Float, 4.0),
+        author(JOINT, "state:angular:physics:velocity", "Float", 4.0),
     ),
-    "a velocity": add(FOOT, "physics:velocity", KINDS.Vector3f, Gf.Vec3f(1, 0, 0)),
-    "a target of a drive": add(JOINT, "drive:angular:physics:targetPosition", KINDS.Float, 9.0),
-    "where physics is computed": add(SCENE, "physxScene:enableGPUDynamics", KINDS.Bool, False),  # noqa: FBT003
-    "looks on the robot": both(
+    "a velocity": author(FOOT, "physics:velocity", "Vector3f", Gf.Vec3f(1, 0, 0)),
+    "a target of a drive": author(JOINT, "drive:angular:physics:targetPosition", "Float", 9.0),
+    "where physics is computed": author(SCENE, "physxScene:enableGPUDynamics", "Bool", False),  # noqa: FBT003
+    "looks on the robot": several(
         define("/World/Paint", "Material"), bind(ROBOT, "/World/Paint", "", strongly=True)
     ),
     "a material that the wheels overrule": bind(WHEEL, BALL, ""),
-    "a box in the room": both(
+    "a box in the room": several(
         define("/World/Box", "Cube"), with_api("/World/Box", "PhysicsCollisionAPI")
     ),
     "a shape that is only seen": define(f"{BASE}/antenna", "Cylinder"),
-    "a wall that stays": both(
+    "a wall that stays": several(
         with_api(WALL, "PhysicsRigidBodyAPI"), switch(WALL, "physics:kinematicEnabled", on=True)
     ),
-    "a wall whose body is off": both(
+    "a wall whose body is off": several(
         with_api(WALL, "PhysicsRigidBodyAPI"), switch(WALL, "physics:rigidBodyEnabled")
     ),
     "a switch of no body": switch(WALL, "physics:kinematicEnabled", on=True),

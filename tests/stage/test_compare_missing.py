@@ -8,7 +8,18 @@ from pathlib import Path
 import pytest
 from breaking import copied, correct_stage
 from pxr import Gf, Sdf, Usd
-from scene_changes import deactivate, put, refer, retype, several, switch, without_api
+from scene_changes import (
+    aim,
+    clear,
+    deactivate,
+    put,
+    refer,
+    remove,
+    retype,
+    several,
+    switch,
+    without_api,
+)
 from starters import layered_starter
 
 from lab3_usd.model.changes import Change
@@ -72,12 +83,7 @@ CHANGES: dict[str, tuple[Edit, tuple[str, str]]] = {
     "joint deactivated": (deactivate(JOINT), (JOINT, "deactivated")),
     "joint fixed": (retype(JOINT, "PhysicsFixedJoint"), (JOINT, "type")),
     "joint aimed": (
-        lambda stage: (
-            stage.GetPrimAtPath(JOINT)
-            .GetRelationship("physics:body1")
-            .SetTargets([f"{ROBOT}/wheel_right_link"])
-            and None
-        ),
+        aim(JOINT, "physics:body1", f"{ROBOT}/wheel_right_link"),
         (JOINT, "physics:body1"),
     ),
     "schema listed away": (
@@ -117,24 +123,12 @@ def test_a_missing_asset_alone_is_no_change(starter: Usd.Stage, top: str) -> Non
     assert compared(starter, refer(top, "bogus.usd")) == ()
 
 
-def removed(path: str) -> Edit:
-    return lambda stage: void(stage.RemovePrim(path))
-
-
-def cleared(path: str, name: str) -> Edit:
-    return lambda stage: void(stage.GetPrimAtPath(path).RemoveProperty(name))
-
-
-def void(_: object) -> None:
-    """Drop what the USD API returns."""
-
-
 UNSAID: dict[str, tuple[str, Edit]] = {
-    "a prim": ("/Environment", removed(WALL)),
-    "a subtree": (ROBOT, removed(f"{ROBOT}/joints")),
-    "a value": (ROBOT, cleared(BASE, "physics:diagonalInertia")),
-    "a target": (ROBOT, cleared(JOINT, "physics:body1")),
-    "a place": ("/Environment", several(cleared(WALL, TRANSLATE), cleared(WALL, "xformOpOrder"))),
+    "a prim": ("/Environment", remove(WALL)),
+    "a subtree": (ROBOT, remove(f"{ROBOT}/joints")),
+    "a value": (ROBOT, clear(BASE, "physics:diagonalInertia")),
+    "a target": (ROBOT, clear(JOINT, "physics:body1")),
+    "a place": ("/Environment", several(clear(WALL, TRANSLATE), clear(WALL, "xformOpOrder"))),
     "a type": (ROBOT, retype(JOINT, "")),
     "what a run changes": (
         ROBOT,
