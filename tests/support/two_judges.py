@@ -23,6 +23,7 @@ from sabotage import Fault, graph_faults
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import against_starter, open_starter
 from lab3_usd.model.finding import Finding
+from lab3_usd.sim.execution.drive import fixed_drive
 from lab3_usd.sim.execution.recording import Recording
 from lab3_usd.stage.write.starter import build_starter
 
@@ -30,6 +31,7 @@ sys.path.insert(0, str(REPOSITORY / "benchmarks"))
 
 from sweep import scene_faults
 
+DRIVE = fixed_drive()
 CHECKPOINT = "05"
 TABLE = TESTS / "disagreements.yaml"
 
@@ -59,7 +61,7 @@ def verdicts(fault: Fault) -> Verdicts:
     fault.break_it(stage)
     found = judged(stage, CHECKPOINT).findings
     rules = tuple(each.rule for each in found if each.severity != "note")
-    bad = faults(driven(stage))
+    bad = faults(driven(stage, DRIVE))
     return Verdicts(
         fault.name,
         rules,
@@ -126,7 +128,7 @@ class Silence(Struct, frozen=True):
 
 @cache
 def _unedited() -> Recording:
-    return driven(correct_stage(CHECKPOINT)).recording
+    return driven(correct_stage(CHECKPOINT), DRIVE).recording
 
 
 @cache
@@ -142,7 +144,7 @@ def silent(number: int) -> Silence:
     """Make the edit of this number and ask both judges; the rules get the starter as well."""
     stage = correct_stage(CHECKPOINT)
     edited = edit(stage, number)
-    changes = differences(_unedited(), driven(stage).recording)
+    changes = differences(_unedited(), driven(stage, DRIVE).recording)
     told = list(judged(stage, CHECKPOINT).findings)
     if changes and not any(each.severity != "note" for each in told):
         told += _against_starter(stage, number)
