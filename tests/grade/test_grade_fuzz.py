@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from types import ModuleType
 
 import pytest
@@ -53,9 +54,19 @@ def test_the_same_seed_gives_the_same_inputs() -> None:
     assert first != generate(stages, 5, 6)
 
 
+@pytest.mark.parametrize(("kind", "status"), [("fail", 0), ("tool failed", 1)])
 def test_the_command_counts_its_inputs(
-    fuzz: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    fuzz: ModuleType,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    kind: str,
+    status: int,
 ) -> None:
-    monkeypatch.setattr(sys, "argv", ["fuzz.py", "--count", "6", "--seed", "3", "--jobs", "1"])
-    assert fuzz.main() == 0
-    assert capsys.readouterr().out.splitlines()[-1].startswith("6 inputs, ")
+    monkeypatch.setattr(sys, "argv", ["fuzz.py", "--count", "1200"])
+    monkeypatch.setattr(fuzz, "fuzz", lambda count, *_settings: Counter({kind: count}))
+    assert fuzz.main() == status
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.partition(",")[0] for line in lines] == [
+        "500 inputs", "1000 inputs", "1200 inputs",
+    ]  # fmt: skip
+    assert lines[-1].endswith(f": 1200 {kind}")

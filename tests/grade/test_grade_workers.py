@@ -133,6 +133,15 @@ def task(student: str) -> Task:
     return Task(student, student, ())
 
 
+def judged_in_turn(settings: PoolSettings, *students: str) -> list[tuple[Task, dict[str, Any]]]:
+    """Have tasks judged in one slot, each as it is judged last, with its answer."""
+    slot = WorkerSlot(settings)
+    try:
+        return [judge_in(slot, task(student), never_stopped) for student in students]
+    finally:
+        slot.stop()
+
+
 # What a worker does over the second file, and what is known of its end.
 ENDS = {
     "closes": "stopped answering",
@@ -232,12 +241,7 @@ def test_a_file_at_which_a_worker_ended_is_read_once_more(
     end: str,
 ) -> None:
     monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
-    slot = WorkerSlot(odd)
-    try:
-        _, well = judge_in(slot, task(once), never_stopped)
-        _, ended = judge_in(slot, task(always), never_stopped)
-    finally:
-        slot.stop()
+    (_, well), (_, ended) = judged_in_turn(odd, once, always)
     assert (well["status"], well["broken"]) == ("graded", {})
     assert ended["broken"] == {"second.usda": end}
 
@@ -247,11 +251,7 @@ def test_workers_that_never_begin_are_the_tools_fault(
 ) -> None:
     silent = worker_process._MAIN.replace("for line in sys.stdin:", "for line in []:")
     monkeypatch.setattr(worker_process, "_MAIN", silent)
-    slot = WorkerSlot(odd)
-    try:
-        _, answer = judge_in(slot, task("well"), never_stopped)
-    finally:
-        slot.stop()
+    ((_, answer),) = judged_in_turn(odd, "well")
     assert status_of(answer["failed"]) == "tool failed"
 
 
@@ -329,21 +329,13 @@ def test_how_a_worker_ended_gives_the_status(how: str, status: str) -> None:
 def test_a_submission_is_judged_again_without_the_file_that_ended_the_worker(
     odd: PoolSettings,
 ) -> None:
-    slot = WorkerSlot(odd)
-    try:
-        judged, answer = judge_in(slot, task("crashes"), never_stopped)
-    finally:
-        slot.stop()
+    ((judged, answer),) = judged_in_turn(odd, "crashes")
     assert answer["broken"] == {"second.usda": "crashed usd-core (SIGSEGV)"}
     assert judged.broken == answer["broken"]
 
 
 def test_a_submission_that_ends_every_worker_is_given_up(odd: PoolSettings) -> None:
-    slot = WorkerSlot(odd)
-    try:
-        _, answer = judge_in(slot, task("early"), never_stopped)
-    finally:
-        slot.stop()
+    ((_, answer),) = judged_in_turn(odd, "early")
     assert answer == {"failed": "ran out of time (0.6 s)"}
 
 
@@ -609,11 +601,8 @@ def test_a_real_worker_unpacks_the_archive_of_a_student(tmp_path: Path) -> None:
     (tmp_path / "jane").mkdir()
     with tarfile.open(tmp_path / "jane" / "Lab3.tar.gz", "w:gz") as tar:
         tar.add(tmp_path / "Lab3", "Lab3")
-    made = start_worker(settings_for(tmp_path))
-    try:
-        answer = ask(made, Task("jane", "jane", (Source(tmp_path / "jane"),)), never_stopped)
-    finally:
-        end_worker(made)
+    sent = Task("jane", "jane", (Source(tmp_path / "jane"),))
+    ((_, answer),) = run_tasks([sent], settings_for(tmp_path))
     assert answer["verdicts"] == {"00": "pass", "01": "pass"}
 
 

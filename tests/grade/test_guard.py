@@ -21,7 +21,7 @@ from mini_lab import files_below
 
 from lab3_usd.errors import StageError
 from lab3_usd.grade.intake.archives import ArchiveError, _common_top, is_archive, unpack
-from lab3_usd.grade.intake.guard import check_layer
+from lab3_usd.grade.intake.guard import can_be_read, check_layer
 from lab3_usd.grade.intake.staging import Source, stage_submission
 from lab3_usd.grade.intake.submission_copy import Limits, SubmissionCopy, TooLargeError
 
@@ -71,8 +71,9 @@ def test_text_as_deep_as_allowed_passes(tmp_path: Path) -> None:
     ['string s = "' + "{" * 50 + '"', "# " + "(" * 50, 'doc = """' + "[\n" * 50 + '"""'],
 )
 def test_brackets_in_strings_and_comments_do_not_nest(tmp_path: Path, harmless: str) -> None:
-    text = f"#usda 1.0\n{harmless}\n"
-    assert check_layer(write(tmp_path / "a.usda", text), SMALL) == text.encode()
+    path = write(tmp_path / "a.usda", f"#usda 1.0\n{harmless}\n")
+    assert check_layer(path, SMALL) == path.read_bytes()
+    assert can_be_read(path, SMALL)
 
 
 @given(st.text(alphabet="{}()[]\"'#@\\ \na", max_size=80))

@@ -26,7 +26,7 @@ GOOD = "a_good_one"
 LIMITS = Limits(seconds=20, files=900)
 # What never comes to an end ends as early as one likes.
 ENDLESS = ("an_instancing_bomb", "instances_of_instances")
-SOON = replace(LIMITS, seconds=0.3)
+SOON = replace(LIMITS, seconds=0.1)
 STATUSES = {
     "a_cut_zip": "unreadable",
     "a_tar_bomb": "too large",

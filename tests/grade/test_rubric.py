@@ -69,6 +69,23 @@ def only(**spec: Any) -> Any:
     return change
 
 
+def with_item(name: str, **spec: Any) -> Any:
+    """Change one item of a rubric."""
+    return lambda data: data["items"][name].update(spec)
+
+
+def stages_with(*findings: Finding, number: str) -> list[StageResult]:
+    """The right stages, with findings in one of them."""
+    return [
+        replace(stage, findings=findings) if stage.checkpoint == number else stage
+        for stage in class_of()
+    ]
+
+
+def finding(rule: str, severity: Any = "error") -> Finding:
+    return Finding(rule, "name", severity, "/", "what is wrong")
+
+
 WIRE = "ROS_Clock/wire/ros2_publish_clock.execIn"
 NODE = "ROS_Clock/node/ros2_publish_clock"
 
@@ -113,10 +130,8 @@ def test_a_node_with_faults_is_one_blemish_and_each_requirement_its_share(tmp_pa
 
 
 def test_what_contradicts_the_title_takes_the_whole_item(tmp_path: Path) -> None:
-    def change(data: dict[str, Any]) -> None:
-        data["items"]["clock"]["breaks"] = ["ROS_Clock/wire/*"]
-
-    graded = grade(made(tmp_path, change), class_of({"01": [NODE, WIRE]}))
+    rubric = made(tmp_path, with_item("clock", breaks=["ROS_Clock/wire/*"]))
+    graded = grade(rubric, class_of({"01": [NODE, WIRE]}))
     assert item(graded, "clock").state == "none"
     assert [(each.requirement, each.points) for each in graded.lost] == [(WIRE, 10.0), (NODE, 0.0)]
 
@@ -172,28 +187,22 @@ def test_an_item_needs_something_of_what_its_checkpoint_adds(tmp_path: Path) -> 
 
 
 def test_an_error_that_fails_no_requirement_costs_the_item_of_its_part() -> None:
-    stages = class_of()
     script = replace(finding("N08"), costs=("ROS_Drive",))
-    stages[2] = replace(stages[2], findings=(script,))
-    (lost,) = grade(RUBRIC, stages).lost
+    (lost,) = grade(RUBRIC, stages_with(script, number="02")).lost
     assert (lost.item, lost.points, lost.rule) == ("drive", 2.0, "N08")
 
 
 def test_an_error_about_another_part_takes_the_item_that_names_it(tmp_path: Path) -> None:
-    named = {"breaks": ["Scene/error/S05"]}
-    rubric = made(tmp_path, lambda data: data["items"]["drive"].update(named))
-    stages = class_of()
-    stages[2] = replace(stages[2], findings=(replace(finding("S05"), costs=("Scene",)),))
+    rubric = made(tmp_path, with_item("drive", breaks=["Scene/error/S05"]))
+    stages = stages_with(replace(finding("S05"), costs=("Scene",)), number="02")
     assert item(grade(rubric, stages), "drive").earned == 0
     assert item(grade(RUBRIC, stages), "drive").earned > 19
     with pytest.raises(SpecError, match="Scene/error/S99"):
-        made(tmp_path, lambda data: data["items"]["drive"].update(breaks=["Scene/error/S99"]))
+        made(tmp_path, with_item("drive", breaks=["Scene/error/S99"]))
 
 
 def test_an_error_of_no_part_costs_the_items_of_its_stage() -> None:
-    stages = class_of()
-    stages[4] = replace(stages[4], findings=(finding("Z02"),))
-    lost = grade(RUBRIC, stages).lost
+    lost = grade(RUBRIC, stages_with(finding("Z02"), number="04")).lost
     assert [(each.item, each.points) for each in lost] == [("odometry", 2.0), ("tree", 1.0)]
 
 
@@ -216,7 +225,7 @@ def shown(rubric: Rubric, stages: Sequence[StageResult], number: str, **seen: st
 
 
 def test_what_the_dry_run_shows_to_be_wrong_takes_the_whole_item(tmp_path: Path) -> None:
-    rubric = made(tmp_path, lambda data: data["items"]["drive"].update(dry_run=["follows"]))
+    rubric = made(tmp_path, with_item("drive", dry_run=["follows"]))
     graded = shown(rubric, class_of(), "02", follows="does not move", clock="does not run")
     assert [each.id for each in graded.items if each.earned == 0] == ["drive"]
     assert graded.lost[0].title == "dry run: does not move"
@@ -226,10 +235,7 @@ def test_what_the_dry_run_shows_to_be_wrong_takes_the_whole_item(tmp_path: Path)
 def test_errors_in_files_beside_the_stages_cost_the_item_that_names_their_rules(
     tmp_path: Path,
 ) -> None:
-    def change(data: dict[str, Any]) -> None:
-        data["items"]["nav2"] |= {"files": ["M"], "breaks": ["M01"]}
-
-    rubric = made(tmp_path, change)
+    rubric = made(tmp_path, with_item("nav2", files=["M"], breaks=["M01"]))
     wrong = replace(finding("M06"), prim="maps/map.yaml")
     assert grade(rubric, class_of(), findings=[wrong]).earned == 99.5
     assert grade(rubric, class_of(), findings=[replace(wrong, rule="M01")]).earned == 95
@@ -334,43 +340,29 @@ def test_requirements_can_be_chosen_by_pattern(tmp_path: Path) -> None:
 
 
 def test_an_optional_item_adds_points_and_costs_none(tmp_path: Path) -> None:
-    def change(data: dict[str, Any]) -> None:
-        data["items"]["nav2"]["optional"] = True
-
-    rubric = made(tmp_path, change)
+    rubric = made(tmp_path, with_item("nav2", optional=True))
     assert rubric.points == 95
     assert grade(rubric, class_of()).percent == round(100 * 100 / 95, 2)
     assert grade(rubric, class_of()[:-1]).percent == 100.0
 
 
 def test_what_an_optional_item_lost_still_counts_at_later_items(tmp_path: Path) -> None:
-    def change(data: dict[str, Any]) -> None:
-        data["items"]["clock"]["optional"] = True
-
-    graded = grade(made(tmp_path, change), class_of(everywhere(WIRE)))
+    rubric = made(tmp_path, with_item("clock", optional=True))
+    graded = grade(rubric, class_of(everywhere(WIRE)))
     assert [each.item for each in graded.lost] == ["clock", "nav2"]
-
-
-def finding(rule: str, severity: Any = "error") -> Finding:
-    return Finding(rule, "name", severity, "/", "what is wrong")
 
 
 @pytest.mark.parametrize(("severity", "earned"), [("error", 5.0), ("warning", 10.0)])
 def test_a_cap_limits_an_item_where_its_rule_finds_an_error(severity: str, earned: float) -> None:
-    stages = class_of()
-    stages[4] = replace(stages[4], findings=(finding("T07", severity),))
-    tree = item(grade(RUBRIC, stages), "tree")
+    tree = item(grade(RUBRIC, stages_with(finding("T07", severity), number="04")), "tree")
     assert tree.earned == earned
     assert ("8.11" in tree.because) == (severity == "error")
 
 
 def test_a_cap_without_items_limits_every_item_of_the_checkpoint(tmp_path: Path) -> None:
-    def change(data: dict[str, Any]) -> None:
-        data["caps"] = [{"rules": ["T07"], "at_most": 0, "because": "no"}]
-
-    stages = class_of()
-    stages[4] = replace(stages[4], findings=(finding("T07"),))
-    graded = grade(made(tmp_path, change), stages)
+    cap = {"rules": ["T07"], "at_most": 0, "because": "no"}
+    rubric = made(tmp_path, lambda data: data.update(caps=[cap]))
+    graded = grade(rubric, stages_with(finding("T07"), number="04"))
     assert [each.id for each in graded.items if each.earned == 0] == ["odometry", "tree"]
 
 
@@ -414,8 +406,7 @@ def test_a_cap_may_say_in_whose_stages_an_error_counts(
         cap = {"rules": ["T07"], "checkpoints": checkpoints, "at_most": 0, "because": "no"}
         data["caps"] = [cap]
 
-    stages = class_of()
-    stages[4] = replace(stages[4], findings=(finding("T07"),))
+    stages = stages_with(finding("T07"), number="04")
     assert grade(made(tmp_path, change), stages).earned == earned
 
 
@@ -529,11 +520,11 @@ WRONG: dict[str, tuple[Any, str]] = {
         "in common",
     ),
     "needs what comes later": (
-        lambda data: data["items"]["clock"].update(needs=["drive"]),
+        with_item("clock", needs=["drive"]),
         "only need items above it, so move 'drive' up",
     ),
-    "needs itself": (lambda data: data["items"]["clock"].update(needs=["clock"]), "itself"),
-    "needs nobody": (lambda data: data["items"]["drive"].update(needs=["clok"]), "clock"),
+    "needs itself": (with_item("clock", needs=["clock"]), "itself"),
+    "needs nobody": (with_item("drive", needs=["clok"]), "clock"),
     "needs each other": (
         lambda data: (
             data["items"]["clock"].update(needs=["drive"]),

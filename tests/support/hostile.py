@@ -642,9 +642,9 @@ TEXTS: dict[str, Callable[[Path, Kit], str | bytes]] = {
         'def "a" {\n double3 x = ' + "(" * 100_000 + ")" * 100_000 + "\n}\n"
     ),
     "an_enormous_string": lambda folder, kit: (
-        '#usda 1.0\ndef "World" {\n string s = "' + "x" * 10_000_000 + '"\n}\n'
+        '#usda 1.0\ndef "World" {\n string s = "' + "x" * 3_000_000 + '"\n}\n'
     ),
-    "an_enormous_prim_name": lambda folder, kit: f'#usda 1.0\ndef "{"n" * 3_000_000}" {{\n}}\n',
+    "an_enormous_prim_name": lambda folder, kit: f'#usda 1.0\ndef "{"n" * 1_000_000}" {{\n}}\n',
     "ten_thousand_missing_sublayers": lambda folder, kit: sublayers(
         *(f"@./gone_{index}.usda@" for index in range(10_000))
     ),
