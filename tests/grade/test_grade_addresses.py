@@ -17,9 +17,15 @@ from workers_here import graded_here
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings
-from lab3_usd.grade.intake.remote import _sorted_out, fetched, local_path
+from lab3_usd.grade.intake.remote import (
+    _sorted_out,
+    entries_at,
+    fetched,
+    is_address,
+    local_path,
+)
 from lab3_usd.grade.intake.staging import Source
-from lab3_usd.grade.intake.submission_copy import Limits
+from lab3_usd.grade.intake.submission_copy import Limits, TooLargeError
 from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions, submissions_in
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
@@ -106,6 +112,56 @@ def test_an_address_on_this_computer_is_a_path(tmp_path: Path) -> None:
     assert local_path("memory://class") == "memory://class"
 
 
+def test_addresses_are_told_from_paths() -> None:
+    assert is_address("s3://course/lab3")
+    assert not is_address("/course/lab3")
+    assert not is_address("C:\\course")
+
+
+@pytest.mark.parametrize("address", ["nonsense://course", "file:///no/such/folder"])
+def test_an_address_that_cannot_be_listed_is_an_error(address: str) -> None:
+    with pytest.raises(UsageError, match=address):
+        entries_at(address)
+
+
+def test_a_file_and_a_folder_are_fetched_and_a_task_at_hand_is_left_alone(tmp_path: Path) -> None:
+    put({"a.zip": b"PK", "jane/work/a.usda": b"#usda 1.0"})
+    sources = (
+        Source(Path("a.zip"), "a.zip", "memory://class/a.zip"),
+        Source(Path("jane"), "", "memory://class/jane"),
+    )
+    here = fetched(sources, tmp_path, Limits())
+    assert [(source.path.name, source.name) for source in here] == [
+        ("a.zip", "a.zip"),
+        ("jane", ""),
+    ]
+    assert sorted(files_below(tmp_path).values()) == [b"#usda 1.0", b"PK"]
+    at_hand = (Source(tmp_path),)
+    assert fetched(at_hand, tmp_path, Limits()) == at_hand
+
+
+def test_a_key_with_dots_is_not_written_outside(tmp_path: Path) -> None:
+    put({"jane/../../../escaped.usda": b"x", "jane/good.usda": b"y"})
+    target = tmp_path / "target"
+    got("memory://class/jane", target)
+    assert list(files_below(target).values()) == [b"y"]
+    assert not list(tmp_path.rglob("escaped.usda"))
+
+
+@pytest.mark.parametrize("limits", [Limits(files=1), Limits(total_size=3)])
+def test_more_than_a_submission_may_hold_is_not_fetched(tmp_path: Path, limits: Limits) -> None:
+    put({f"jane/{name}.usda": b"#usda" for name in ("a", "b")})
+    with pytest.raises(TooLargeError):
+        got("memory://class/jane", tmp_path, limits)
+    assert files_below(tmp_path) == {}
+
+
+def test_files_that_nobody_hands_in_are_neither_fetched_nor_counted(tmp_path: Path) -> None:
+    put({f"jane/{name}": b"#usda" for name in ("work/a.usda", ".git/b", "__MACOSX/c")})
+    got("memory://class/jane", tmp_path, Limits(files=1))
+    assert [path.rpartition("/")[2] for path in files_below(tmp_path)] == ["a.usda"]
+
+
 def test_a_link_at_an_address_on_this_computer_is_not_followed(tmp_path: Path) -> None:
     submission(tmp_path / "outside", "00")
     submission(tmp_path / "class" / "honest", "00")
@@ -184,13 +240,14 @@ def test_of_a_listing_files_are_fetched_and_no_folders() -> None:
     )
 
 
-def test_a_file_and_a_folder_of_one_name_cost_only_one_of_them(tmp_path: Path) -> None:
+def test_a_file_that_no_place_is_left_for_costs_itself_alone(tmp_path: Path) -> None:
     put({"jane/a": b"x", "jane/b.usda": b"z"})
     storage = fsspec.filesystem("memory")
     storage.store["/class/jane/a/c.usda"] = memory.MemoryFile(storage, "/class/jane/a/c.usda", b"y")
     source = got("memory://class/jane", tmp_path)
     assert files_below(source.path)["b.usda"] == b"z"
     assert source.fault == ""
+    assert [file.path for file in source.left_out] == ["a/c.usda"]
 
 
 def found_at(address: str) -> tuple[dict[str, StudentSubmission], list[str]]:
@@ -282,10 +339,3 @@ def test_fetching_ends_when_the_run_does(tmp_path: Path) -> None:
     source = Source(Path("hanging"), "", "faulty://class/hanging")
     (here,) = fetched((source,), tmp_path, Limits(), lambda: True)
     assert "cannot be fetched" in here.fault
-
-
-def test_a_file_that_no_place_is_left_for_is_named(tmp_path: Path) -> None:
-    put({"jane/a": b"x", "jane/b.usda": b"z"})
-    storage = fsspec.filesystem("memory")
-    storage.store["/class/jane/a/c.usda"] = memory.MemoryFile(storage, "/class/jane/a/c.usda", b"y")
-    assert [file.path for file in got("memory://class/jane", tmp_path).left_out] == ["a/c.usda"]

@@ -22,9 +22,8 @@ from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.intake.remote import entries_at, fetched, is_address
 from lab3_usd.grade.intake.staging import Source
-from lab3_usd.grade.intake.submission_copy import Limits, TooLargeError
+from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.cluster import Shipment, _Workers, cluster_runner, judge_here
 from lab3_usd.grade.workers.messages import PoolSettings, Task, encode
 from lab3_usd.grade.workers.pool import run_tasks
@@ -279,78 +278,6 @@ def test_without_the_extra_the_error_says_what_to_install(
     )
     with pytest.raises(UsageError, match=r"the extra cluster"):
         grade_class(settings)
-
-
-def test_addresses_are_told_from_paths() -> None:
-    assert is_address("s3://course/lab3")
-    assert not is_address("/course/lab3")
-    assert not is_address("C:\\course")
-
-
-@pytest.mark.parametrize("address", ["nonsense://course", "file:///no/such/folder"])
-def test_an_address_that_cannot_be_listed_is_an_error(address: str) -> None:
-    pytest.importorskip("fsspec", reason="fsspec is not installed")
-    with pytest.raises(UsageError, match=address):
-        entries_at(address)
-
-
-def memory_file(path: str, data: bytes) -> str:
-    """Put a file into fsspec's storage in memory, and return its address."""
-    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
-    fsspec.filesystem("memory").pipe_file(path, data)
-    return f"memory:/{path}"
-
-
-def test_a_file_and_a_folder_are_fetched_and_a_task_at_hand_is_left_alone(tmp_path: Path) -> None:
-    single = memory_file("/fetch/a.zip", b"PK")
-    memory_file("/fetch/jane/work/a.usda", b"#usda 1.0")
-    sources = (
-        Source(Path("a.zip"), "a.zip", single),
-        Source(Path("jane"), "", "memory://fetch/jane"),
-    )
-    here = fetched(sources, tmp_path, Limits())
-    assert [(source.path.name, source.name) for source in here] == [
-        ("a.zip", "a.zip"),
-        ("jane", ""),
-    ]
-    assert sorted(files_below(tmp_path).values()) == [b"#usda 1.0", b"PK"]
-    at_hand = (Source(tmp_path),)
-    assert fetched(at_hand, tmp_path, Limits()) == at_hand
-
-
-def test_a_key_with_dots_is_not_written_outside(tmp_path: Path) -> None:
-    memory_file("/dots/jane/../../../escaped.usda", b"x")
-    memory_file("/dots/jane/good.usda", b"y")
-    source = Source(Path("jane"), "", "memory://dots/jane")
-    target = tmp_path / "target"
-    fetched((source,), target, Limits())
-    assert list(files_below(target).values()) == [b"y"]
-    assert not list(tmp_path.rglob("escaped.usda"))
-
-
-@pytest.mark.parametrize("limits", [Limits(files=1), Limits(total_size=3)])
-def test_more_than_a_submission_may_hold_is_not_fetched(tmp_path: Path, limits: Limits) -> None:
-    for name in ("a", "b"):
-        memory_file(f"/many/jane/{name}.usda", b"#usda")
-    source = Source(Path("jane"), "", "memory://many/jane")
-    with pytest.raises(TooLargeError):
-        fetched((source,), tmp_path, limits)
-    assert files_below(tmp_path) == {}
-
-
-def test_files_that_nobody_hands_in_are_neither_fetched_nor_counted(tmp_path: Path) -> None:
-    for name in ("work/a.usda", ".git/b", "__MACOSX/c"):
-        memory_file(f"/litter/jane/{name}", b"#usda")
-    fetched((Source(Path("jane"), "", "memory://litter/jane"),), tmp_path, Limits(files=1))
-    assert [path.rpartition("/")[2] for path in files_below(tmp_path)] == ["a.usda"]
-
-
-def test_what_is_too_much_to_fetch_is_recorded(tmp_path: Path) -> None:
-    memory_file("/much/jane/a.usda", bytes(100))
-    source = Source(Path("jane"), "", "memory://much/jane")
-    settings = PoolSettings(starter(), None, Limits(total_size=10), (tmp_path,))
-    ((_, answer),) = run_tasks([Task("jane", "jane", (source,))], settings)
-    assert answer["failed"].startswith("too large: holds more than")
 
 
 def test_a_machine_with_another_version_refuses_to_judge() -> None:
