@@ -404,10 +404,10 @@ CHANGES: list[Step] = [
 ]
 
 
-@pytest.fixture
-def changed(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def changed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A stage with a changed value, a removed node, a removed wire and a new graph."""
-    return saved(broken("05", CHANGES), tmp_path)
+    return saved(broken("05", CHANGES), tmp_path_factory.mktemp("changed"))
 
 
 def test_all_changes_at_once_are_told_as_they_were(right: Path, tmp_path: Path) -> None:
@@ -454,10 +454,13 @@ def test_pictures_mark_what_was_removed_changed_and_added(
 def test_pictures_are_not_replaced_unless_told_so(
     right: Path, changed: Path, tmp_path: Path
 ) -> None:
-    diff("--pictures", tmp_path / "drawn", right, changed)
+    old = tmp_path / "ROS_Drive.svg"
+    old.write_text("mine")
     with pytest.raises(UsageError):
-        diff("--pictures", tmp_path / "drawn", right, changed)
-    assert diff("--pictures", tmp_path / "drawn", "--force", right, changed).exit_code == 1
+        diff("--pictures", tmp_path, right, changed)
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
+    assert diff("--pictures", tmp_path, "--force", right, changed).exit_code == 1
+    assert old.read_text() != "mine"
 
 
 def test_what_cannot_be_opened_is_said(right: Path, tmp_path: Path) -> None:
