@@ -7,6 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import rules_of
+from lab3_usd.check.tf.lab_frames import repeated_publishers
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
 from lab3_usd.spec.values import Value
@@ -111,6 +112,24 @@ def test_a_publisher_that_is_signalled_once_is_no_second_one() -> None:
 def test_several_publishers_of_the_tree_are_normal() -> None:
     graph = driven("/Graph/tf/sender", RAW_TYPE, parentFrameId="base_link", childFrameId="imu")
     assert sites(m.stage(graph)) == []
+
+
+def test_several_publishers_of_the_tree_of_another_robot_are_normal() -> None:
+    copy = copy_of("ROS_OdomTF", "/Robot2")
+    nodes = tuple(m.valued(node, "inputs:nodeNamespace", "robot2") for node in copy.nodes)
+    assert sites(m.stage(replace(copy, nodes=nodes))) == []
+
+
+def test_a_publisher_whose_topic_the_lab_leaves_at_its_default_has_no_second() -> None:
+    lab = m.lab()
+    clock = lab.graphs["ROS_Clock"]
+    spec = clock.nodes["ros2_publish_clock"]
+    kept = replace(spec, settings=tuple(s for s in spec.settings if s.port != TOPIC))
+    graph = replace(clock, nodes={**clock.nodes, "ros2_publish_clock": kept})
+    lab = replace(lab, graphs={**lab.graphs, "ROS_Clock": graph})
+    subject = replace(m.subject(m.stage(copy_of("ROS_Clock"))), lab=lab)
+    (again, _), *others = repeated_publishers(subject)
+    assert (again.node.path, others) == ("/Graph/ROS_Clock/ros2_publish_clock", [])
 
 
 def test_a_copy_that_does_not_run_is_no_second_publisher() -> None:

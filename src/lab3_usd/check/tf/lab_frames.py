@@ -10,7 +10,7 @@ from msgspec import Struct
 from lab3_usd.check.match.conformance import setting_matches, setting_value, target_matches
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.ros.running import live_nodes, running_nodes
-from lab3_usd.check.ros.topics import Endpoint, endpoints, resolve
+from lab3_usd.check.ros.topics import TRANSFORMS, Endpoint, endpoints, resolve
 from lab3_usd.check.tf.frames import Edge, published_edges, unresolved_frames
 from lab3_usd.check.tf.targets import (
     FRAME_APIS,
@@ -65,21 +65,20 @@ def required_topics(lab: Lab, checkpoint: Checkpoint) -> frozenset[str]:
 def repeated_publishers(subject: StageSubject) -> Iterator[tuple[Endpoint, tuple[Endpoint, ...]]]:
     """Yield each publisher of a topic that has one already, with those others.
 
-    Left out are the topics of the TF tree, a node whose setting differs from its role's (the rule
-    of settings says so) and an extra node in a graph of the lab (the rule of extra nodes does).
+    Left out are transforms, a node whose setting differs from its role's (the rule of settings says
+    so) and an extra node in a graph of the lab (the rule of extra nodes does).
     """
-    played = role_specs(subject)
+    played, tree = role_specs(subject), subject.lab.policy.tree_topics
     required_by_lab = required_topics(subject.lab, subject.checkpoint)
     lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
     together: dict[str, list[Endpoint]] = {}
     for endpoint in endpoints(subject.stage, subject.lab):
         if endpoint.topic and endpoint.runs and endpoint.direction == "publishes":
             required = required_topic(played.get(endpoint.node.path), endpoint.port)
-            if endpoint.node.path not in played or required == endpoint.topic:
+            is_tree = endpoint.topic in tree or endpoint.type == TRANSFORMS
+            if not is_tree and required in (None, endpoint.topic):
                 together.setdefault(endpoint.topic, []).append(endpoint)
     for topic, group in together.items():
-        if topic in subject.lab.policy.tree_topics:
-            continue
         owner = next((endpoint for endpoint in group if endpoint.node.path in played), group[0])
         for endpoint in group:
             is_lab_graph = _graph_of(endpoint) in lab_graphs and topic in required_by_lab
