@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator
 
 from lab3_usd.check.registry import rule
@@ -217,7 +218,7 @@ def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
         for port in command.ports.commands if command.names else ():
             given, named = number_of_commands(command, port, subject), len(command.names or ())
             is_right = not given or given == named or (may_spread and given == 1)
-            if not is_right and not _has_gaps(command, subject):
+            if not is_right and not _has_empty_element(command, subject):
                 yield Problem(
                     command.node.path,
                     f"{port} and {command.ports.joints} differ in length: {given} and {named}",
@@ -228,12 +229,12 @@ def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
                 )
 
 
-def _has_gaps(command: Command, subject: LintSubject) -> bool:
-    """Whether an array that comes in is not as long as it looks: another rule speaks of it."""
+def _has_empty_element(command: Command, subject: LintSubject) -> bool:
+    """Whether an array that comes in has an element without a value: another rule speaks of it."""
     ports = (command.ports.joints, *command.ports.commands)
     sources = (node for port in ports for node, _ in live_sources(command.node, port, subject.live))
     arrays = (array_items(node) for node in sources)
-    return any(items.beyond or items.empty for items in arrays if items is not None)
+    return any(items.empty for items in arrays if items is not None)
 
 
 @rule("K69", "ignored-indices", scope="lint", severity="warning")
@@ -337,18 +338,28 @@ def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K65", "joint-commanded-twice", scope="lint", formerly="joint-of-two-controllers")
 def joint_of_two_controllers(subject: LintSubject) -> Iterator[Problem]:
-    """Two nodes command the same joint.
+    """Two nodes command the same joint, or one names it twice.
 
-    Why: each overwrites the command of the other at every update. A controller without joint names
-    commands all joints. If the names come over a wire, as in the graph of the menu for joint
-    states, and the other controller commands all joints, it is a warning.
+    Why: each command overwrites the other at every update, and the joint that it was meant for may
+    have none. A controller without joint names commands all joints. If the names come over a wire,
+    as in the graph of the menu for joint states, and the other controller commands all joints, it
+    is a warning.
 
-    Fix: delete one of the controllers, or give each only its own joints.
+    Fix: delete one of the controllers, or give each only its own joints; name each joint once.
 
     Example: the menu's Differential Controller graph beside another one on the same robot.
     """
     running = [command for command in commands(subject) if subject.runs(command.node.path)]
     for index, command in enumerate(running):
+        for name, count in Counter(command.names or ()).items():
+            if name and count > 1:
+                yield Problem(
+                    command.node.path,
+                    f"{command.ports.joints} names {name} {count} times",
+                    property=command.ports.joints,
+                    expected="each joint once",
+                    actual=", ".join(command.names or ()),
+                )
         for other in running[:index]:
             shared, is_sure = _shared(command, other, subject)
             if shared:
