@@ -69,6 +69,26 @@ def result(out: Path, student: str) -> dict[str, Any]:
     return found
 
 
+@pytest.fixture
+def copied(book: Path, tmp_path: Path) -> Path:
+    """The gradebook of the class once more, to be gone on with."""
+    return shutil.copytree(book, tmp_path / "book")
+
+
+def graded(folder: Path, **changes: Any) -> dict[str, dict[str, Any]]:
+    """Grade the class in a folder into a gradebook beside it, and return its rows."""
+    graded_here(ClassSettings(folder / "class", starter(), folder / "book", **changes))
+    return rows(folder / "book")
+
+
+def rubric_with_late(folder: Path, late: str) -> Path:
+    """Write a rubric that is the lab's but for who was late."""
+    text = (MINI / "rubric.yaml").read_text(encoding="utf-8")
+    rubric = folder / "mine.yaml"
+    rubric.write_text(text.replace("late: {at_most: 1.0}", f"late: {late}"), encoding="utf-8")
+    return rubric
+
+
 def test_every_student_has_a_row_and_a_report_folder(book: Path) -> None:
     assert sorted(rows(book)) == ["77", "fault", "rubbish", "whole"]
     assert sorted(path.name for path in book.iterdir()) == [
@@ -122,7 +142,7 @@ def test_the_table_can_be_read_by_a_spreadsheet(book: Path) -> None:
 def test_no_cell_is_a_formula(tmp_path: Path) -> None:
     submission(tmp_path / "class" / "=1+1", "00")
     submission(tmp_path / "class" / "jane", "00")
-    graded_here(ClassSettings(tmp_path / "class", starter(), tmp_path / "book"))
+    graded(tmp_path)
     assert "'=1+1" in (tmp_path / "book" / "grades.csv").read_text()
 
 
@@ -213,63 +233,50 @@ def test_an_interrupted_run_goes_on_where_it_was(place: Path, book: Path, tmp_pa
     assert files_below(out) == files_below(book)
 
 
-def test_a_finished_run_repeats_nothing(place: Path, book: Path, tmp_path: Path) -> None:
-    shutil.copytree(book, tmp_path / "book")
-    before = files_below(tmp_path / "book")
-    assert judged(place, tmp_path / "book") == []
-    assert files_below(tmp_path / "book") == before
+def test_a_finished_run_repeats_nothing(place: Path, copied: Path) -> None:
+    before = files_below(copied)
+    assert judged(place, copied) == []
+    assert files_below(copied) == before
 
 
-def test_what_changed_is_judged_again(place: Path, book: Path, tmp_path: Path) -> None:
-    shutil.copytree(book, tmp_path / "book")
+def test_what_changed_is_judged_again(place: Path, copied: Path, tmp_path: Path) -> None:
     shutil.copytree(place, tmp_path / "class")
     shutil.copyfile(stage("01"), tmp_path / "class" / "fault" / "work" / stage("01").name)
-    assert judged(tmp_path / "class", tmp_path / "book") == ["fault"]
-    assert rows(tmp_path / "book")["fault"]["earned"] == 15.0
+    assert judged(tmp_path / "class", copied) == ["fault"]
+    assert rows(copied)["fault"]["earned"] == 15.0
 
 
 def test_another_starter_or_rubric_judges_everybody_again(
-    place: Path, book: Path, tmp_path: Path
+    place: Path, copied: Path, tmp_path: Path
 ) -> None:
-    shutil.copytree(book, tmp_path / "book")
     other = tmp_path / "starter.usda"
     other.write_text(starter().read_text() + "\n")
-    assert len(judged(place, tmp_path / "book", starter=other)) == 4
+    assert len(judged(place, copied, starter=other)) == 4
     rubric = tmp_path / "mine.yaml"
     rubric.write_text(
         'title: T\nitems:\n  all: {title: All, checkpoint: "00", points: 1}\n', encoding="utf-8"
     )
-    assert len(judged(place, tmp_path / "book", starter=other, rubric=rubric)) == 4
+    assert len(judged(place, copied, starter=other, rubric=rubric)) == 4
 
 
-def test_a_result_that_was_cut_short_is_judged_again(
-    place: Path, book: Path, tmp_path: Path
-) -> None:
-    shutil.copytree(book, tmp_path / "book")
-    (tmp_path / "book" / "students" / "fault" / "result.json").write_text('{"version": 1')
-    assert judged(place, tmp_path / "book") == ["fault"]
+def test_a_result_that_was_cut_short_is_judged_again(place: Path, copied: Path) -> None:
+    (copied / "students" / "fault" / "result.json").write_text('{"version": 1')
+    assert judged(place, copied) == ["fault"]
 
 
 @pytest.mark.parametrize("change", [{"status": "timeout"}, {"late": True}])
 def test_what_ended_a_worker_and_who_is_late_otherwise_now_is_judged_again(
-    place: Path, book: Path, tmp_path: Path, change: dict[str, object]
+    place: Path, copied: Path, change: dict[str, object]
 ) -> None:
-    shutil.copytree(book, tmp_path / "book")
-    path = tmp_path / "book" / "students" / "fault" / "result.json"
-    path.write_text(json.dumps({**result(book, "fault"), **change}))
-    assert judged(place, tmp_path / "book") == ["fault"]
+    path = copied / "students" / "fault" / "result.json"
+    path.write_text(json.dumps({**result(copied, "fault"), **change}))
+    assert judged(place, copied) == ["fault"]
 
 
 def test_the_rubric_may_say_who_was_late(tmp_path: Path) -> None:
     submission(tmp_path / "class" / "whole")
-    rubric = tmp_path / "mine.yaml"
-    text = (MINI / "rubric.yaml").read_text(encoding="utf-8")
-    rubric.write_text(
-        text.replace("late: {at_most: 1.0}", "late: {at_most: 0.5, students: [whole]}"),
-        encoding="utf-8",
-    )
-    graded_here(ClassSettings(tmp_path / "class", starter(), tmp_path / "book", rubric=rubric))
-    whole = rows(tmp_path / "book")["whole"]
+    rubric = rubric_with_late(tmp_path, "{at_most: 0.5, students: [whole]}")
+    whole = graded(tmp_path, rubric=rubric)["whole"]
     assert (whole["late"], whole["percent"], whole["because"]) == (
         True,
         50.0,
@@ -326,16 +333,7 @@ def test_the_command_says_where_the_gradebook_is(tmp_path: Path) -> None:
     out = tmp_path / "book"
     for student in ("ana", "ben"):
         submission(tmp_path / "class" / student, "00")
-    arguments = [
-        str(tmp_path / "class"),
-        "--starter",
-        str(starter()),
-        "-o",
-        str(out),
-        "--jobs",
-        "1",
-    ]
-    done = invoke("grade", *arguments)
+    done = invoke("grade", tmp_path / "class", "--starter", starter(), "-o", out, "--jobs", "1")
     assert done.exit_code == 0
     assert done.output == f"2 submissions (2 graded): {out / 'index.html'}\n"
     assert set(rows(out)) == {"ana", "ben"}
@@ -462,7 +460,7 @@ def test_a_gradebook_among_the_submissions_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seconds", ["nan", "inf", "-inf", "0", "x"])
 def test_seconds_are_a_number_within_bounds(place: Path, tmp_path: Path, seconds: str) -> None:
-    options = ["--starter", str(starter()), "-o", str(tmp_path / "book"), "--timeout", seconds]
+    options = ["--starter", starter(), "-o", tmp_path / "book", "--timeout", seconds]
     done = invoke("grade", place, *options)
     assert done.exit_code == 2
     assert not (tmp_path / "book").exists()
@@ -479,9 +477,8 @@ def test_no_name_is_not_the_current_folder(tmp_path: Path, name: str) -> None:
 def test_what_is_passed_over_is_said_on_stderr(tmp_path: Path) -> None:
     submission(tmp_path / "class" / "jane", "00")
     (tmp_path / "class" / "bob.pdf").touch()
-    arguments = [str(tmp_path / "class"), "--starter", str(starter())]
     with workers_here():
-        done = invoke("grade", *arguments, "-o", tmp_path / "book")
+        done = invoke("grade", tmp_path / "class", "--starter", starter(), "-o", tmp_path / "book")
     assert done.exit_code == 0
     assert done.stderr.startswith("lab3: ")
     assert done.stderr.endswith(": bob.pdf\n")
@@ -492,8 +489,7 @@ def test_the_newer_of_two_uploads_is_graded(tmp_path: Path) -> None:
     name = stage("00").name
     (tmp_path / "class" / f"bob_7_998_{name}").write_text("rubbish")
     shutil.copyfile(stage("00"), tmp_path / "class" / f"bob_7_1002_{name.replace('.', '-1.')}")
-    graded_here(ClassSettings(tmp_path / "class", starter(), tmp_path / "book"))
-    assert rows(tmp_path / "book")["7"]["verdicts"] == {"00": "pass"}
+    assert graded(tmp_path)["7"]["verdicts"] == {"00": "pass"}
 
 
 def test_two_who_claim_one_number_each_have_their_own_grade(tmp_path: Path) -> None:
@@ -502,8 +498,7 @@ def test_two_who_claim_one_number_each_have_their_own_grade(tmp_path: Path) -> N
     who = "submission_{0}:\n  :submitters:\n  - :name: N{0}\n    :sid: '7'\n"
     metadata = who.format(1) + who.format(2)
     (tmp_path / "class" / "submission_metadata.yml").write_text(metadata)
-    graded_here(ClassSettings(tmp_path / "class", starter(), tmp_path / "book"))
-    found = rows(tmp_path / "book")
+    found = graded(tmp_path)
     assert {student: row["name"] for student, row in found.items()} == {
         "7 (submission_1)": "N1",
         "7 (submission_2)": "N2",
@@ -518,12 +513,8 @@ def test_who_is_late_by_a_number_that_two_claim_is_late(tmp_path: Path) -> None:
         submission(tmp_path / "class" / f"submission_{number}", "00")
     metadata = who.format(1, 7) + who.format(2, 7) + who.format(3, 8)
     (tmp_path / "class" / "submission_metadata.yml").write_text(metadata)
-    rubric = tmp_path / "mine.yaml"
-    text = (MINI / "rubric.yaml").read_text(encoding="utf-8")
-    late = text.replace("late: {at_most: 1.0}", 'late: {at_most: 0.5, students: ["7"]}')
-    rubric.write_text(late, encoding="utf-8")
-    graded_here(ClassSettings(tmp_path / "class", starter(), tmp_path / "book", rubric=rubric))
-    found = rows(tmp_path / "book")
+    rubric = rubric_with_late(tmp_path, '{at_most: 0.5, students: ["7"]}')
+    found = graded(tmp_path, rubric=rubric)
     assert {student: row["late"] for student, row in found.items()} == {
         "7 (submission_1)": True,
         "7 (submission_2)": True,
