@@ -22,7 +22,7 @@ from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.sim.execution.drive import Leg, Session, drive_of
 from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, Transform
 from lab3_usd.sim.judge.localization import fit, on_map
-from lab3_usd.sim.judge.trial import Trial
+from lab3_usd.sim.judge.trial import Trial, in_root
 
 YAML = "turtlebot3_map.yaml"
 AHEAD = "0.15,0,0.3"  # how far it drives is of no importance
@@ -118,6 +118,34 @@ def test_a_ray_has_no_wall_before_its_end() -> None:
     """The middle of the first ray is (5.25, 1)."""
     found = one_scan((8.5, 8.5), (9, 1), (1, 9), (5, 1))
     assert (found.near, found.through) == (1.0, 0.5)
+
+
+def sent(at: float, x: float, *children: str) -> Message:
+    frames = (Transform("odom", child, (x, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)) for child in children)
+    return Message("", at, data=tuple(frames), topic="/tf", at=at)
+
+
+@pytest.mark.parametrize(
+    ("at", "places"),
+    [
+        (0.5, {"first": 1.0}),  # before all that was sent the first counts
+        (1.0, {"first": 1.0}),
+        (1.9, {"first": 1.0}),
+        (2.0, {"first": 2.0, "second": 2.0}),
+        (3.5, {"first": 2.0, "second": 3.0}),
+    ],
+)
+def test_a_frame_stands_where_its_last_transform_put_it(
+    at: float, places: dict[str, float]
+) -> None:
+    messages = [
+        sent(1.0, 1.0, "first"),
+        sent(2.0, 2.0, "first", "second"),
+        sent(3.0, 3.0, "second"),
+    ]
+    trial = Trial(Recording(4.0, messages), (), INTERFACE)
+    found = {name: in_root(trial, Message("", at, name, at=at)) for name in ("first", "second")}
+    assert {name: place.origin[0] for name, place in found.items() if place} == places
 
 
 def saved(stage: Usd.Stage, folder: Path) -> Path:

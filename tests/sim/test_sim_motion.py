@@ -6,8 +6,20 @@ import math
 
 import pytest
 from breaking import correct_stage
-from pxr import Gf, Sdf, Usd, UsdGeom
-from scene_changes import FLOOR, JOINTS, ROBOT, Change, deactivate, put, remove, several, weld
+from pxr import Gf, Sdf, UsdGeom
+from scene_changes import (
+    FLOOR,
+    JOINTS,
+    ROBOT,
+    Change,
+    deactivate,
+    define,
+    put,
+    remove,
+    several,
+    weld,
+    with_api,
+)
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Prim, about, rotation
 from lab3_usd.sim.geometry import cut, distance, height_at, joined, placed
@@ -102,17 +114,28 @@ def test_a_robot_that_hangs_on_the_world_stays() -> None:
     assert (robot.x, robot.yaw) == (0.0, 0.0)
 
 
+HUB = f"{ROBOT}/hub"
+ON_A_WHEEL = several(
+    define(HUB, "Xform"),
+    with_api(HUB, "PhysicsRigidBodyAPI"),
+    weld(f"{JOINTS}/hub", body0=f"{ROBOT}/wheel_left_link", body1=HUB),
+)
+
+
 def test_a_second_joint_locks_a_wheel_and_what_is_fixed_on_it_does_not() -> None:
     lock = weld(f"{JOINTS}/lock", body0=f"{ROBOT}/base_link", body1=f"{ROBOT}/wheel_left_link")
     assert machine(lock)[1].joints["wheel_left_joint"].locked
-
-    def hub(stage: Usd.Stage) -> None:
-        stage.DefinePrim(f"{ROBOT}/hub", "Xform").AddAppliedSchema("PhysicsRigidBodyAPI")
-        weld(f"{JOINTS}/hub", body0=f"{ROBOT}/wheel_left_link", body1=f"{ROBOT}/hub")(stage)
-
-    robot = machine(hub)[1]
-    assert f"{ROBOT}/hub" in robot.rest
+    robot = machine(ON_A_WHEEL)[1]
+    assert HUB in robot.rest
     assert not robot.joints["wheel_left_joint"].locked
+
+
+def test_what_is_fixed_on_a_wheel_turns_with_it() -> None:
+    machines, robot = machine(ON_A_WHEEL)
+    for frames in (0, 10):
+        turned(machines, robot, left=2.0, right=2.0, frames=frames)
+        hub, wheel = (machines.place(path) for path in (HUB, f"{ROBOT}/wheel_left_link"))
+        assert hub.quaternion() == pytest.approx(wheel.quaternion())
 
 
 def test_a_lifted_robot_falls_on_its_wheels_and_without_ground_it_falls_on() -> None:
