@@ -125,6 +125,23 @@ def test_a_publisher_that_nothing_drives_is_named(tmp_path: Path) -> None:
     assert "clock" not in found
 
 
+@pytest.mark.parametrize(
+    ("node", "says"),
+    [("/World/Odometry/odometry", "sends nothing"), (f"{DRIVE}/twist", "receives nothing")],
+)
+def test_a_profile_with_a_misspelt_word_opens_nothing(tmp_path: Path, node: str, says: str) -> None:
+    stage = rover()
+    profile = (
+        '{"history": "keepLast", "depth": 10, "reliability": "relyable", "durability": "volatile",'
+        '"deadline": 0.0, "lifespan": 0.0, "liveliness": "automatic", "leaseDuration": 0.0}'
+    )
+    port = stage.GetPrimAtPath(node).CreateAttribute("inputs:qosProfile", Sdf.ValueTypeNames.String)
+    port.Set(profile)
+    check = by_name(played(stage, tmp_path, drive=BRIEFLY))["topics"]
+    assert (check.verdict, check.message) == ("bad", f"{node} {says}")
+    assert (check.prim, check.kind) == (node, "invalid-qos-profile")
+
+
 def test_robots_in_two_domains_are_each_driven_by_their_own_commands(tmp_path: Path) -> None:
     rover_file = tmp_path / "rover.usda"
     single = rover()

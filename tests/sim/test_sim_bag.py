@@ -22,7 +22,7 @@ decoder = pytest.importorskip("mcap_ros2.decoder", reason="mcap-ros2-support is 
 
 SENSOR_DATA = {
     "history": "keepLast", "depth": 5, "reliability": "bestEffort", "durability": "volatile",
-    "deadline": 0, "lifespan": 0, "liveliness": "automatic", "leaseDuration": 0,
+    "deadline": 0.0, "lifespan": 0.0, "liveliness": "automatic", "leaseDuration": 0.0,
 }  # fmt: skip
 RELIABLE, BEST_EFFORT, VOLATILE = 1, 2, 2  # as Humble writes them
 WHEELS = 0.033 / 0.025

@@ -344,6 +344,16 @@ def test_a_publisher_that_cannot_open_stays_silent(values: dict[str, Any]) -> No
     assert here.network.sent == []
 
 
+@pytest.mark.parametrize("static", [False, True])
+def test_a_static_publisher_does_not_read_its_profile(*, static: bool) -> None:
+    here = world()
+    values = {"staticPublisher": static, "qosProfile": "fast", "childFrameId": "base"}
+    raw = node(f"{ROS}ROS2PublishRawTransformTree", values)
+    for _ in range(2):
+        raw.compute(here)
+    assert bool(here.network.sent) == static
+
+
 def test_odometry_is_the_way_since_play_in_the_frame_of_the_start(stage: World) -> None:
     machine = stage.machines.articulation(ROBOT)
     assert machine is not None
@@ -529,15 +539,37 @@ def test_names_lose_what_is_no_letter_at_their_ends(name: str, known: str) -> No
     assert trimmed(name) == known
 
 
+PROFILE = {
+    "history": "keepLast", "depth": 1, "reliability": "bestEffort", "durability": "volatile",
+    "deadline": 0.0, "lifespan": 0.0, "liveliness": "automatic", "leaseDuration": 0.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"reliability": "relyable"},
+        {"history": "keep_last"},
+        {"durability": None},
+        {"liveliness": "manualByNode"},
+        {"depth": 10.0},
+        {"depth": -1},
+        {"depth": True},
+        {"deadline": 0},
+        {"lifespan": -1.0},
+        {"leaseDuration": math.inf},
+    ],
+    ids=str,
+)
+def test_a_profile_is_taken_only_as_isaac_sim_writes_it(wrong: dict[str, Any]) -> None:
+    assert profile_of(json.dumps(PROFILE | wrong), 0) is None
+
+
 def test_a_profile_is_whole_or_nothing() -> None:
-    whole = {
-        "history": "keepLast", "depth": 1, "reliability": "bestEffort", "durability": "volatile",
-        "deadline": 0, "lifespan": 0, "liveliness": "automatic", "leaseDuration": 0,
-    }  # fmt: skip
     kept = {"history": "keepAll", "reliability": "reliable", "durability": "transientLocal"}
     assert profile_of("", 5) == Profile(depth=5)
-    assert profile_of(json.dumps(whole), 5) == Profile(depth=1, is_reliable=False)
-    assert profile_of(json.dumps(whole | kept), 5) == Profile(depth=0, is_durable=True)
+    assert profile_of(json.dumps(PROFILE), 5) == Profile(depth=1, is_reliable=False)
+    assert profile_of(json.dumps(PROFILE | kept), 5) == Profile(depth=0, is_durable=True)
     assert profile_of('{"depth": 1}', 5) is None
     assert profile_of("1", 5) is None
 

@@ -15,7 +15,8 @@ from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, arm_checks
 from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.execution.recording import Message, Recording, Transform
-from lab3_usd.sim.judge.causes import RunCauses
+from lab3_usd.sim.execution.world import NOT_OPENED
+from lab3_usd.sim.judge.causes import SUBSCRIBER, RunCauses
 from lab3_usd.sim.judge.checks import graphs, verdict
 from lab3_usd.sim.judge.motion import again, follows, odometry, rest
 from lab3_usd.sim.judge.sensors import MISSED, WALL, mounted
@@ -129,8 +130,8 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
     recording = trial.recording
     if recording.fired or any(trial.causes.of_graphs() if trial.causes is not None else ()):
         yield verdict("graphs", list(graphs(trial)), trial)
-    if any(_publishers(trial)):
-        yield verdict("topics", list(published(trial)), trial)
+    if any(_publishers(trial)) or any(_closed(trial)):
+        yield verdict("topics", [*published(trial), *_closed(trial)], trial)
     topics = dict.fromkeys(
         (message.type, domain_of(message, trial), message.topic)
         for message in recording.messages
@@ -169,6 +170,16 @@ def published(trial: Trial) -> Iterator[Fault]:
         else:
             kind = cause.kind or "silent-topic"
             yield Fault(f"{path} sends nothing", kind, cause.prim, cause.reason)
+
+
+def _closed(trial: Trial) -> Iterator[Fault]:
+    """Yield the subscribers that are never opened."""
+    causes = trial.causes
+    for node in causes.program.nodes.values() if isinstance(causes, RunCauses) else ():
+        failure = node.failure if SUBSCRIBER in node.type.role else None
+        if failure is not None and failure.kind in NOT_OPENED:
+            text = f"{node.path} receives nothing"
+            yield Fault(text, failure.kind, node.path, failure.reason)
 
 
 def domain_of(message: Message, trial: Trial) -> int:

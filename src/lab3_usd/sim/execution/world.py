@@ -8,12 +8,15 @@ A render product has writers, which publish what its sensor sees.
 from __future__ import annotations
 
 import json
+import math
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from msgspec import Struct, field
 
 from lab3_usd.model.dry_run import Scene
+from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.recording import Message, Profile
@@ -22,9 +25,15 @@ from lab3_usd.sim.lidar import Beam, Surroundings
 from lab3_usd.sim.robot.machines import Machines
 
 _NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
-_FIELDS = (
-    "history", "depth", "reliability", "durability",
-    "deadline", "lifespan", "liveliness", "leaseDuration",
+_POLICIES = {  # words of a QoS profile (Ros2QoS.h:169-213)
+    "history": ("keepLast", "keepAll", "systemDefault", "unknown"),
+    "reliability": ("reliable", "bestEffort", "systemDefault", "unknown"),
+    "durability": ("volatile", "transientLocal", "systemDefault", "unknown"),
+    "liveliness": ("automatic", "manualByTopic", "systemDefault", "unknown"),
+}
+_TIMES = ("deadline", "lifespan", "leaseDuration")
+NOT_OPENED: tuple[FaultKind, ...] = (
+    "invalid-context", "invalid-qos-profile", "invalid-topic-name",
 )  # fmt: skip
 DEFAULT_CONTEXT = 0
 STATIC = Profile(depth=1, is_durable=True)  # of static transforms, whatever their node says
@@ -87,7 +96,10 @@ def open_endpoint(node: Running, world: World, start: str = "") -> Endpoint | No
     space = trimmed(namespace_of(node, world, start))  # Ros2Node.h:139
     name = node.text("topicName", world)
     topic = f"{'/' + space if space else ''}/{trimmed(name)}" if name else ""
-    profile = profile_of(node.text("qosProfile", world), int(node.number("queueSize", world)))
+    # A static publisher does not read its profile (RN/nodes/OgnROS2PublishTransformTree.cpp:167).
+    is_static = node.flag("staticPublisher", world)
+    text = "" if is_static else node.text("qosProfile", world)
+    profile = profile_of(text, int(node.number("queueSize", world)))
     if domain is None:
         node.fails("its context is invalid", "invalid-context")
     elif profile is None:
@@ -107,13 +119,23 @@ def profile_of(text: str, queue_size: int) -> Profile | None:
         qos = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(qos, dict) or not set(_FIELDS) <= qos.keys():
+    if not isinstance(qos, dict) or not _is_profile(qos):
         return None
-    depth = qos["depth"] if isinstance(qos["depth"], int) else 0
     return Profile(
-        depth=0 if qos["history"] == "keepAll" else max(depth, 1),
+        depth=0 if qos["history"] == "keepAll" else max(qos["depth"], 1),
         is_reliable=qos["reliability"] != "bestEffort",
         is_durable=qos["durability"] == "transientLocal",
+    )
+
+
+def _is_profile(qos: Mapping[str, Any]) -> bool:
+    """Whether Isaac Sim takes a profile: its words, times with a point, and the depth without."""
+    times, depth = [qos.get(name) for name in _TIMES], qos.get("depth")
+    return (
+        all(qos.get(name) in words for name, words in _POLICIES.items())
+        and all(isinstance(time, float) and 0 <= time < math.inf for time in times)
+        and type(depth) is int
+        and depth >= 0
     )
 
 
