@@ -9,7 +9,7 @@ from breaking import Step, broken, correct_stage, the_lab
 from dry_runs import DRIVE, SHORT, driven, faults
 from fault_stages import MOTION
 from layerings import one_text_file
-from pxr import Usd
+from pxr import Gf, Usd, UsdGeom
 from scene_changes import ROBOT
 from second_author import Style
 
@@ -200,6 +200,30 @@ def test_what_drives_is_not_faulted(step: Step) -> None:
 @pytest.mark.parametrize("targets", [(ROBOT, CAMERA), (ROBOT, f"{ROBOT}/base_scan", CAMERA)])
 def test_targets_of_the_tree_may_be_named_otherwise(targets: tuple[str, ...]) -> None:
     assert faults(driven(broken("05", [{"targets": [TARGETS, *targets]}]), SHORT)) == []
+
+
+def crate(stage: Usd.Stage, ahead: float, size: float) -> None:
+    cube = UsdGeom.Cube.Define(stage, "/World/Crate")
+    cube.CreateSizeAttr(size)
+    cube.AddTranslateOp().Set(Gf.Vec3d(1.8 + ahead, 0, size / 2))
+    cube.GetPrim().AddAppliedSchema("PhysicsCollisionAPI")
+
+
+@pytest.mark.parametrize(("ahead", "size"), [(0.16, 0.1), (0.0, 0.5)], ids=["ahead", "around it"])
+def test_what_stops_the_robot_is_no_fault_of_its_controller(ahead: float, size: float) -> None:
+    stage = correct_stage("02")
+    crate(stage, ahead, size)
+    found = faults(driven(stage, wanted=DRIVING))
+    assert {each.verdict for each in found} == {"not judged"}
+    assert all("a wall stops it" in each.message for each in found)
+
+
+def test_a_wall_hides_no_fault_of_what_comes_after_it() -> None:
+    stage = broken(
+        "02", [{"set": ["ROS_Drive/differential_controller.inputs:maxLinearSpeed", 0.1]}]
+    )
+    crate(stage, 0.16, 0.1)
+    assert "limits" in {each.name for each in faults(driven(stage)) if each.verdict == "bad"}
 
 
 # What another author writes, whose reading of the handout is not the builder's, drives as well.

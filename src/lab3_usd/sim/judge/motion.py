@@ -79,15 +79,23 @@ def _straight(trial: Trial, stretch: Stretch) -> Fault | None:
     commanded, steady = leg.forward * leg.seconds, stretch.steady
     part, _, _ = displacement(steady.before, steady.poses[-1])
     if not trial.follows(part, leg.forward * steady.seconds):
-        if any(pose.blocked for pose in poses) and 0 <= ahead / commanded < trial.factor:
-            text = f"commanded to go {commanded:.2f} m, a wall stops it after {ahead:.2f} m"
-            return Fault(text, "wall-ahead", sure=False)
+        if _is_stopped(trial, stretch, ahead / commanded):
+            return _wall(f"commanded to go {commanded:.2f} m", f"after {ahead:.2f} m")
         text = f"commanded to go {commanded:.2f} m, went {ahead:.2f}"
         text += trial.expected_text(commanded, ".2f")
         return trial.motion_fault(text, "wrong-distance")
     if abs(left) > trial.tolerance.slip[0] or abs(turned) > trial.tolerance.slip[1]:
         return trial.motion_fault(f"commanded to go {leg.name}, moved sideways", "sideways-drift")
     return None
+
+
+def _is_stopped(trial: Trial, stretch: Stretch, part: float) -> bool:
+    """Whether a wall is why a robot does only this part of a command."""
+    return any(pose.blocked for pose in stretch.poses) and 0 <= part < trial.factor
+
+
+def _wall(command: str, done: str) -> Fault:
+    return Fault(f"{command}, a wall stops it {done}", "wall-ahead", sure=False)
 
 
 def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
@@ -113,11 +121,11 @@ def _arc(trial: Trial, stretch: Stretch) -> Fault | None:
     length, turn = abs(leg.forward) * steady.seconds, leg.turn * steady.seconds
     if trial.follows(steady.way, length) and trial.follows(steady.turned, turn, turning=True):
         return None
-    commanded = f"{abs(leg.forward) * leg.seconds:.2f} m"
-    text = (
-        f"commanded to go {commanded} and turn {math.degrees(leg.turn * leg.seconds):.0f} degrees,"
-    )
-    text += f" did {stretch.way:.2f} m and {math.degrees(stretch.turned):.0f}"
+    text = f"commanded to go {abs(leg.forward) * leg.seconds:.2f} m and turn"
+    text += f" {math.degrees(leg.turn * leg.seconds):.0f} degrees"
+    if _is_stopped(trial, stretch, steady.way / length):
+        return _wall(text, f"after {stretch.way:.2f} m")
+    text += f", did {stretch.way:.2f} m and {math.degrees(stretch.turned):.0f}"
     return trial.motion_fault(text, "wrong-arc")
 
 
@@ -136,10 +144,11 @@ def _at_limit(trial: Trial, stretch: Stretch) -> Fault | None:
         return None
     ahead, left, _ = displacement(steady.before, steady.poses[-1])
     speed = (abs(steady.turned) if turning else math.hypot(ahead, left)) / steady.seconds
-    stopped = speed < limit and any(pose.blocked for pose in stretch.poses)
-    if trial.follows(speed, limit, turning=turning) or stopped:
+    if trial.follows(speed, limit, turning=turning):
         return None
     unit = "rad" if turning else "m"
+    if _is_stopped(trial, stretch, speed / limit):
+        return _wall(f"commanded to go {name}", f"at {speed:.2f} of {limit} {unit}/s")
     text = f"commanded to go {name}, does {speed:.2f} of {limit} {unit}/s"
     return trial.motion_fault(text + trial.expected_text(limit, ".2f"), "wrong-speed-limit")
 
@@ -172,10 +181,12 @@ def again(trial: Trial) -> Iterator[Fault]:
             continue
         steady = Stretch(leg, poses[0], poses[1:]).steady
         ahead, left, _ = displacement(steady.before, steady.poses[-1])
-        follows = trial.follows(ahead, leg.forward * steady.seconds)
-        if not follows or abs(left) > trial.tolerance.slip[0]:
-            text = f"does not follow {trial.wanted.commands}{trial.when([number])}"
-            yield trial.motion_fault(text, kind)
+        commanded, when = leg.forward * steady.seconds, trial.when([number])
+        follows = trial.follows(ahead, commanded)
+        if not follows and _is_stopped(trial, steady, ahead / commanded):
+            yield _wall(f"commanded to go {commanded:.2f} m{when}", f"after {ahead:.2f} m")
+        elif not follows or abs(left) > trial.tolerance.slip[0]:
+            yield trial.motion_fault(f"does not follow {trial.wanted.commands}{when}", kind)
 
 
 ODOMETRY = (0.02, math.radians(2.0))

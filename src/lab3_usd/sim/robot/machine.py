@@ -285,8 +285,8 @@ class Machine(Struct):
         chord = math.sin(half) / half if half else 1.0
         c, s = math.cos(middle) * chord * dt, math.sin(middle) * chord * dt
         dx, dy = vx * c - vy * s, vx * s + vy * c
-        if self._meets(dx, dy):
-            self.blocked = True
+        self.blocked = self._meets(dx, dy)
+        if self.blocked:
             return (0.0, 0.0, 0.0)
         self.x, self.y, self.yaw = self.x + dx, self.y + dy, self.yaw + w * dt
         return (vx, vy, w)
