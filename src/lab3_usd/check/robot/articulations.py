@@ -18,6 +18,7 @@ from lab3_usd.model.physics import (
     is_excluded,
     is_joint_type,
     is_switched_off,
+    number,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
@@ -25,9 +26,13 @@ from lab3_usd.spec.catalog import INPUT, OUTPUT, DrivePorts
 from lab3_usd.spec.isaac import BodyOf, is_within
 from lab3_usd.spec.values import Value
 
+_DRIVE = "PhysicsDriveAPI"
 AXES = {REVOLUTE: "angular", "PhysicsPrismaticJoint": "linear"}  # others have several drives
 _MIMIC = "Mimic"
 _PAIR = 2
+POSITION, EFFORT = "inputs:positionCommand", "inputs:effortCommand"
+# An effort of 1 turns a joint by 1 / damping degrees a second: below 1 % of a speed of 1 rad/s.
+_HOLDING = 2.0
 
 
 class Command(Struct, frozen=True, eq=False):
@@ -197,6 +202,41 @@ def wired_commands(command: Command) -> list[str]:
         if state is not None and (state.sources or state.value):
             given.append(port)
     return given
+
+
+def drive_of(joint: Prim) -> str | None:
+    """Return what the attributes of a joint's drive begin with, None for a joint without one."""
+    kinds = (api for api in joint.apis if api.startswith(f"{_DRIVE}:{AXES.get(joint.type, '')}"))
+    kind = next(kinds, None)
+    return None if kind is None else f"drive:{kind.partition(':')[2]}:physics:"
+
+
+def leaves_joints(command: Command, port: str, subject: LintSubject) -> bool:
+    """Whether speeds that come in as positions or efforts surely move none of the joints.
+
+    A drive without stiffness goes to no position; damping holds a joint against a small effort.
+    """
+    joints = told_joints(command, port, subject) if command.roots else []
+    told = {joint.name for joint in joints}
+    others = (
+        named_joints(other, subject)
+        for other in commands(subject)
+        if other is not command and set(other.roots) & set(command.roots)
+    )
+    is_alone = wired_commands(command) == [port] and all(
+        names is not None and not told & set(names) for names in others
+    )
+    return is_alone and bool(joints) and all(_leaves(joint, port) for joint in joints)
+
+
+def _leaves(joint: Prim, port: str) -> bool:
+    drive = drive_of(joint) or ""
+    stiffness, damping = (
+        number(joint.attributes.get(f"{drive}{word}")) or 0.0 for word in ("stiffness", "damping")
+    )
+    if port == POSITION:
+        return not drive or stiffness <= 0.0
+    return port == EFFORT and joint.type == REVOLUTE and damping >= _HOLDING
 
 
 def number_of_commands(command: Command, port: str, subject: LintSubject) -> int | None:

@@ -23,8 +23,8 @@ from lab3_usd.spec.isaac import Need, is_within
 from lab3_usd.spec.values import Value
 
 
-def unmet_needs(node: Node, subject: LintSubject) -> Iterator[Need]:
-    """Yield what a node needs by the catalog and does not get."""
+def needs_of(node: Node, subject: LintSubject) -> Iterator[Need]:
+    """Yield what a node needs by the catalog, as it is set and wired."""
     kind = node.type
     for need in subject.types.needs.get(kind.type, ()) if kind is not None else ():
         if not is_within(subject.release, "", need.until):
@@ -35,7 +35,13 @@ def unmet_needs(node: Node, subject: LintSubject) -> Iterator[Need]:
             continue
         if need.unless and _is_on(node, need.unless):
             continue
-        names = [name for name in need.inputs if kind and INPUT + name in kind.ports]
+        yield need
+
+
+def unmet_needs(node: Node, subject: LintSubject) -> Iterator[Need]:
+    """Yield what a node needs by the catalog and does not get."""
+    for need in needs_of(node, subject):
+        names = [name for name in need.inputs if node.type and INPUT + name in node.type.ports]
         if names and not any(_is_met(node, name, need) for name in names):
             yield need
 

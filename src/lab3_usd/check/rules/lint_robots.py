@@ -9,10 +9,10 @@ from collections.abc import Iterable, Iterator
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.articulations import (
-    AXES,
     Command,
     Followed,
     commands,
+    drive_of,
     driven_pairs,
     followed_bodies,
     has_joint,
@@ -38,7 +38,6 @@ from lab3_usd.model.transforms import Vector, distance, transform_point
 from lab3_usd.spec.isaac import is_within
 
 _VELOCITY = "inputs:velocityCommand"
-_DRIVE = "PhysicsDriveAPI"
 
 
 @rule("K60", "no-articulation", scope="lint")
@@ -142,9 +141,7 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
 
 
 def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
-    drives = [api for api in joint.apis if api.startswith(f"{_DRIVE}:{AXES.get(joint.type, '')}")]
-    kind = next(iter(drives), "")
-    wrong = _wrong_value(joint, f"drive:{kind.partition(':')[2]}:physics:", is_driven=bool(kind))
+    wrong = _wrong_value(joint, drive_of(joint))
     if wrong is not None:
         message = f"{wrong[0]}, but {command.node.path} commands a velocity"
         yield Problem(
@@ -152,13 +149,11 @@ def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
         )
 
 
-def _wrong_value(
-    joint: Prim, drive: str, *, is_driven: bool
-) -> tuple[str, str | None, str, str | None] | None:
+def _wrong_value(joint: Prim, drive: str | None) -> tuple[str, str | None, str, str | None] | None:
     """Return why a joint ignores a velocity: the property, what it should be, and what it is."""
     names = [f"{drive}{word}" for word in ("damping", "stiffness", "maxForce")]
     damping, stiffness, force = (number(joint.attributes.get(name)) for name in names)
-    if not is_driven:
+    if drive is None:
         return "has no drive", None, "damping above 0", None
     if damping is None or damping <= 0.0:
         return "has a drive without damping", names[0], "damping above 0", None

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.execution import has_side_effects, is_nothing
+from lab3_usd.check.robot.articulations import commands, leaves_joints
+from lab3_usd.check.ros.clocks import STAMP
+from lab3_usd.check.ros.execution import has_side_effects, is_nothing, needs_of
 from lab3_usd.check.ros.quantities import quantity_of
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.ros.topics import did_you_mean, likely_name
@@ -19,6 +21,7 @@ from lab3_usd.check.ros.wires import (
 )
 from lab3_usd.model.changes import Connect, Edit, RenameProperty
 from lab3_usd.model.finding import Problem, display
+from lab3_usd.model.stage import Node
 from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType, Port, can_connect
 
 
@@ -314,18 +317,22 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
     """A wire brings another quantity than its input expects.
 
     Why: a wire carries any number. A speed in place of a position, or a sideways speed in place of
-    a forward speed, gives no error, but the robot does not follow its commands.
+    a forward speed, gives no error, but the robot does not follow its commands. It is an error
+    where nothing moves: speeds as positions of joints whose drives have no stiffness, or as efforts
+    against their damping. So is a time step as a time stamp: the time of the messages stands still,
+    and no transform fits it.
 
     Fix: connect the output, or the component of the vector, that the input expects.
 
     Example: `linear.y` is connected to `inputs:linearVelocity` of a Differential Controller.
     """
     for node in subject.live.values():
-        meant = None if node.type is None else subject.types.quantities.get(node.type.type)
-        for short, quantities in meant.takes.items() if meant is not None else ():
-            port = INPUT + short
+        for port, quantities in _quantities(node, subject).items():
             given = quantity_of(node, port, subject)
             if given is not None and given.name not in quantities:
+                is_still = given.name == _STEP or (
+                    given.name in _SPEEDS and _moves_nothing(node, port, subject)
+                )
                 yield Problem(
                     node.path,
                     f"{port} takes {' or '.join(quantities)}, and {given.maker.name} gives "
@@ -334,4 +341,24 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
                     expected=" or ".join(quantities),
                     actual=given.name,
                     related=(given.maker.path,),
+                    severity="error" if is_still else None,
                 )
+
+
+_TIME, _STEP = "the time", "a time step"
+_SPEEDS = ("speeds of wheels", "speeds of joints")
+
+
+def _quantities(node: Node, subject: LintSubject) -> dict[str, tuple[str, ...]]:
+    """Return the quantities that the inputs of a node are meant for; a stamp that counts is one."""
+    known = None if node.type is None else subject.types.quantities.get(node.type.type)
+    takes = {} if known is None else {INPUT + short: each for short, each in known.takes.items()}
+    needed = {INPUT + name for need in needs_of(node, subject) for name in need.inputs}
+    return {**takes, STAMP: (_TIME,)} if STAMP in needed else takes
+
+
+def _moves_nothing(node: Node, port: str, subject: LintSubject) -> bool:
+    return any(
+        command.node is node and leaves_joints(command, port, subject)
+        for command in commands(subject)
+    )
