@@ -43,7 +43,7 @@ pytestmark = pytest.mark.usefixtures("forked_workers")
 ODD = """
 import json, os, resource, signal, sys, time
 sys.stdin.readline()
-turn = 0
+turn, parent = 0, os.getppid()
 say = lambda message: print(json.dumps({"turn": turn, **message}), flush=True)
 most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 peak = most if sys.platform == "darwin" else most * 1024
@@ -89,6 +89,9 @@ for line in sys.stdin:
     while student == "busy":
         say({"open": "second.usda"})
         time.sleep(0.1)
+    while student == "hangs":  # until whoever started it is gone
+        time.sleep(0.1)
+        os.getppid() == parent or os._exit(0)
     if student == "deaf":
         for number in set(signal.Signals) - {signal.SIGKILL, signal.SIGSTOP}:
             signal.signal(number, signal.SIG_IGN)
