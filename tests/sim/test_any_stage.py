@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -95,6 +96,30 @@ def test_a_radius_that_is_not_that_of_the_wheels_is_said(tmp_path: Path) -> None
     )
     set_value(stage, f"{DRIVE}/drive.inputs:wheelRadius", 5.0)
     assert bad(played(stage, tmp_path)) == {"follows", "again"}
+
+
+def in_metres(stage: Usd.Stage) -> None:
+    """Let the controller of the rover have metres, though its stage has centimetres."""
+    linear = stage.GetAttributeAtPath(f"{DRIVE}/linear.inputs:tuple")
+    linear.SetConnections([f"{DRIVE}/twist.outputs:linearVelocity"])
+    for name, value in (("wheelRadius", 0.1), ("wheelDistance", 0.4), ("maxLinearSpeed", 1.5)):
+        set_value(stage, f"{DRIVE}/drive.inputs:{name}", value)
+
+
+def slow(stage: Usd.Stage) -> None:
+    """Let the rover go 5 cm a second at most."""
+    set_value(stage, f"{DRIVE}/drive.inputs:maxLinearSpeed", 5.0)
+
+
+@pytest.mark.parametrize("change", [in_metres, slow])
+def test_the_sizes_of_a_controller_are_in_the_unit_of_its_commands(
+    tmp_path: Path, change: Callable[[Usd.Stage], None]
+) -> None:
+    stage = rover()
+    change(stage)
+    found = played(stage, tmp_path)
+    assert bad(found) == set()
+    assert not any("wheels measure" in remark for remark in found.remarks)
 
 
 def test_a_stage_of_the_lab_under_another_name_is_all_right(tmp_path: Path) -> None:

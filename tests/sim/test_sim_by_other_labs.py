@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import quick_yaml
 from breaking import the_lab
+from foreign_robots import rover
 from invoking import invoke
 from msgspec.structs import replace
 
@@ -81,6 +82,17 @@ def test_the_drive_stays_below_the_limits_of_the_robot_and_shows_them(
     written = "maxAngularSpeed: 2.0, maxLinearSpeed: 0.5"
     drive.write_text(drive.read_text().replace(written, limits))
     assert set(verdicts(lab).values()) == {"ok"}
+
+
+def test_limits_of_a_lab_in_centimetres_are_turned_into_metres(tmp_path: Path) -> None:
+    stage = rover()
+    stage.SetDefaultPrim(stage.GetPrimAtPath("/World"))
+    stage.GetRootLayer().Export(str(tmp_path / "Rover_1.usda"))
+    invoke("lab", "new", tmp_path / "lab", "--from", tmp_path / "Rover_1.usda")
+    described = load_lab(tmp_path / "lab")
+    checkpoint = described.checkpoints[described.last]
+    wanted = interface(described, checkpoint)
+    assert (wanted.limits, wanted.wheel_radius) == ((1.5, 0.0), 0.1)
 
 
 def test_a_robot_turns_about_the_point_between_its_wheels(lab: Path) -> None:

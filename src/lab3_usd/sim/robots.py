@@ -137,8 +137,9 @@ def _behind(scene: Scene, start: str) -> list[str]:
 
 def _stated_size(name: str, nodes: Sequence[Running], world: World) -> float:
     """Return the size that a controller states, in metres; 0 where none is."""
-    values = (node.number(name, world) for node in nodes if name in node.values)
-    return next(values, 0.0) * world.scene.meters_per_unit
+    unit = world.scene.meters_per_unit
+    values = (node.number(name, world) * node.unit(unit) for node in nodes if name in node.values)
+    return next(values, 0.0)
 
 
 def _allowed(nodes: Sequence[Running], world: World) -> tuple[tuple[float, float], float]:
@@ -148,14 +149,16 @@ def _allowed(nodes: Sequence[Running], world: World) -> tuple[tuple[float, float
         if not node.type.step_limits:
             continue
         value = {name: abs(node.number(name, world)) for name in node.values}
-        ahead = min(ahead, 0.9 * (value.get("maxLinearSpeed") or math.inf))
+        unit = node.unit(world.scene.meters_per_unit)
+        ahead = min(ahead, 0.9 * unit * (value.get("maxLinearSpeed") or math.inf))
         turn = min(turn, 0.9 * (value.get("maxAngularSpeed") or math.inf))
         rim = value.get("maxWheelSpeed", 0.0) * value.get("wheelRadius", 0.0)
         if rim:
-            ahead = min(ahead, 0.9 * rim)
+            ahead = min(ahead, 0.9 * unit * rim)
             turn = min(turn, 1.8 * rim / (value.get("wheelDistance") or math.inf))
         if value.get("maxAcceleration") and value.get("maxDeceleration"):
-            ramp = max(ramp, ahead / min(value["maxAcceleration"], value["maxDeceleration"]))
+            least = unit * min(value["maxAcceleration"], value["maxDeceleration"])
+            ramp = max(ramp, ahead / least)
         if value.get("maxAngularAcceleration"):
             ramp = max(ramp, turn / value["maxAngularAcceleration"])
     return (ahead, turn), ramp

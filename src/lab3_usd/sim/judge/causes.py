@@ -115,7 +115,9 @@ class RunCauses(Struct, frozen=True):
         radii = {round(wheel.radius, 4) for wheel in robot.wheels} if robot is not None else set()
         nodes = [node for node in self.program.nodes.values() if node.type.step_limits]
         sizes = {
-            running.values.get(_RADIUS) or 0.0 for running in nodes if _RADIUS not in running.wires
+            running.unit(self.unit) / self.unit * (running.values.get(_RADIUS) or 0.0)
+            for running in nodes
+            if _RADIUS not in running.wires
         }
         if len(radii) == len(sizes) == 1 and radii != sizes and all(sizes):
             wheel, size = radii.pop() * self.unit, sizes.pop() * self.unit

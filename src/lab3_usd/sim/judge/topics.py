@@ -32,6 +32,7 @@ _KEPT = "transient_local"
 _RATE, _TURNS = "omni:sensor:tickRate", "omni:sensor:Core:scanRateBaseHz"
 _LIMITS = ("maxLinearSpeed", "maxAngularSpeed")
 _RADIUS, _DISTANCE, _RIM = "wheelRadius", "wheelDistance", "maxWheelSpeed"
+_LENGTHS = (_LIMITS[0], _RADIUS, _DISTANCE)
 _BY_ENVIRONMENT = f"{INPUT}useDomainIDEnvVar"
 _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 
@@ -154,14 +155,30 @@ def _limits(lab: Lab) -> tuple[float, float]:
 
 
 def _drive_settings(lab: Lab, *names: str) -> tuple[float, ...]:
-    """Return the values that the lab asks of controllers, by input; 0 where it asks for none."""
-    settings: dict[str, Any] = {
-        setting.port.rpartition(":")[2]: setting.value
-        for graph in lab.graphs.values()
-        for node in graph.nodes.values()
-        for setting in node.settings
-    }
-    return tuple(float(settings.get(name, 0.0)) for name in names)
+    """Return the values that the lab asks of controllers, by input; 0 where it asks for none.
+
+    Lengths are metres.
+    """
+    settings: dict[str, Any] = {}
+    for graph in lab.graphs.values():
+        for node in graph.nodes.values():
+            for setting in node.settings:
+                name = setting.port.rpartition(":")[2]
+                if name in names:
+                    unit = _unit_of(lab, graph, node) if name in _LENGTHS else 1.0
+                    settings[name] = setting.value, unit
+    values = (settings.get(name, (0.0, 1.0)) for name in names)
+    return tuple(float(value) * unit for value, unit in values)
+
+
+def _unit_of(lab: Lab, graph: GraphSpec, node: NodeSpec) -> float:
+    """Return how many metres are 1 in what comes to a node: a conversion makes units of metres."""
+    feeding, before = {node.role}, 0
+    while len(feeding) > before:
+        before = len(feeding)
+        feeding |= {wire.source.role for wire in graph.wires if wire.target.role in feeding}
+    converts = any(graph.nodes[role].type.same_in_metres for role in feeding)
+    return lab.scene.stage.meters_per_unit if converts else 1.0
 
 
 def topics(trial: Trial) -> Iterator[Fault]:
