@@ -34,7 +34,7 @@ from lab3_usd.check.robot.sensors import sensor_relocations
 from lab3_usd.check.rule_runs import NOTHING, run_rule
 from lab3_usd.check.tf.lab_frames import tf_view
 from lab3_usd.model.finding import Crash, Finding, NotJudged, Requirement
-from lab3_usd.model.stage import Node, StageModel
+from lab3_usd.model.stage import Node, StageModel, is_nested
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_root
 
 GRAPH_FAMILIES = ("G", "N", "P", "R", "W")
@@ -114,7 +114,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         with_unknown(judged, run.left_open, whole, lab),
         tuple(run.crashes),
         tuple(run.not_judged),
-        tuple(_gaps(placed, stage, run.not_judged)),
+        (*_gaps(placed, stage, run.not_judged), *_nested_nodes(subjects)),
     )
 
 
@@ -135,6 +135,17 @@ def _gaps(lab: Lab, stage: StageModel, left_open: Iterable[NotJudged]) -> Iterat
                 else f"{count} requirements of the robot wait"
             )
             yield f"{left} for {name}, which cannot be found"
+
+
+def _nested_nodes(subjects: Iterable[GraphSubject]) -> Iterator[str]:
+    """Yield the nodes of roles that are not direct children of a graph."""
+    for subject in subjects:
+        for node, _ in subject.matched:
+            if is_nested(node, subject.stage):
+                yield (
+                    f"{node.path} is no direct child of its graph: whether Isaac Sim runs it is "
+                    "unknown; drag it onto the graph in the Stage panel"
+                )
 
 
 def _without_repeats(findings: list[Finding]) -> list[Finding]:

@@ -25,7 +25,7 @@ from lab3_usd.check.tf.lab_frames import tf_view, waived_frames
 from lab3_usd.model.dry_run import FOLLOWS
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import GraphModel, Node, same_value
+from lab3_usd.model.stage import GraphModel, Node, is_nested, same_value
 from lab3_usd.spec.graph import GraphSpec, Setting, Target, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 
@@ -68,7 +68,10 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
                 unmet = replace(unmet, slight=True)
         else:
             is_met = type(expected) is not Target or target_matches(node, expected)
-        yield item.met if is_met else unmet
+        met = item.met
+        if node is not None and is_nested(node, subject.stage):
+            met = replace(met, judged=False)
+        yield met if is_met else unmet
 
 
 def _items_of(subject: GraphSubject) -> list[_GraphItem]:

@@ -397,6 +397,12 @@ def missing_graphs_text(missing_graphs: Mapping[str, str], path: str) -> str:
     return f"; missing with it: {', '.join(names)}" if names else ""
 
 
+def is_nested(node: Node, stage: StageModel) -> bool:
+    """Whether a node is below another prim than a graph: whether Isaac Sim runs it is unknown."""
+    parent = node.path.rpartition("/")[0]
+    return all(parent != graph.path for graph in stage.graphs)
+
+
 def nodes_outside_graphs(stage: StageModel) -> Iterator[Node]:
     """Yield the nodes outside every graph.
 

@@ -179,8 +179,12 @@ def _running(graph: Graph, catalog: Catalog, program: Program) -> Iterator[tuple
         function = function_of(known) if known is not None else None
         if last_name(node.type) == READ_VARIABLE and is_written:
             function = None
-        if known is None or function is None:
-            program.not_simulated[node.path] = f"node type {node.type or 'none'}"
+        is_direct = node.path.rpartition("/")[0] == graph.path
+        if known is None or function is None or not is_direct:
+            reason = f"node type {node.type or 'none'}"
+            if not is_direct:
+                reason = "whether a node runs that is no direct child of its graph, is unknown"
+            program.not_simulated[node.path] = reason
             program.unwritten[node.path] = known
             continue
         running = Running(node.path, known, function, initial(known), node)

@@ -48,7 +48,9 @@ def read_scene(stage: Usd.Stage) -> Scene:
             graphs[path], nodes[path] = prim, []
         if kind == NODE:
             parent = path.rpartition("/")[0]
-            if parent in nodes:
+            while parent and parent not in nodes:
+                parent = parent.rpartition("/")[0]
+            if parent:
                 nodes[parent].append(_node(prim, path, time))
         else:
             prims[path] = _prim(prim, path, kind, time, prims)
