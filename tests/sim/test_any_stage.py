@@ -27,6 +27,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from report_schema import dry_run_of
 
 from lab3_usd.errors import UsageError
+from lab3_usd.model.dry_run import Behaviour
 
 NOWHERE = "https://nowhere.invalid/thing.usd"
 ROBOT, DRIVE = "/World/Rover", "/World/Drive"
@@ -201,6 +202,41 @@ def test_robots_in_two_domains_are_each_driven_by_their_own_commands(tmp_path: P
         if check.verdict == "bad"
     ]
     assert wrong == ["/B/Rover/chassis"]
+
+
+def two_rovers() -> Usd.Stage:
+    """The rover, and another beside it with a drive of its own and no transforms."""
+    stage = rover()
+    layer = stage.GetRootLayer()
+    for path in (ROBOT, DRIVE):
+        Sdf.CopySpec(layer, path, layer, f"{path}2")
+    moved = stage.GetPrimAtPath(f"{DRIVE}2/move").GetRelationship("inputs:targetPrim")
+    moved.SetTargets([f"{ROBOT}2"])
+    set_value(stage, f"{DRIVE}2/twist.inputs:topicName", "other/cmd_vel")
+    placed = UsdGeom.Xformable(stage.GetPrimAtPath(f"{ROBOT}2"))
+    placed.AddTranslateOp().Set(Gf.Vec3d(0, 200, 0))
+    return stage
+
+
+def frames_of(found: Behaviour) -> dict[str, str]:
+    return {check.of: check.verdict for check in found.checks if check.name == "moving frames"}
+
+
+def test_the_transforms_of_one_robot_are_not_held_against_another(tmp_path: Path) -> None:
+    stage = two_rovers()
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    assert [robot.prim for robot in found.robots] == [f"{ROBOT}/chassis", f"{ROBOT}2/chassis"]
+    assert bad(found) == set()
+    assert frames_of(found) == {f"{ROBOT}/chassis": "ok"}
+
+
+def test_of_several_robots_one_is_held_against_its_transforms(tmp_path: Path) -> None:
+    stage = two_rovers()
+    transform = stage.GetPrimAtPath("/World/Odometry/transform")
+    for port in ("translation", "rotation"):
+        transform.GetAttribute(f"inputs:{port}").ClearConnections()
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    assert frames_of(found) == {f"{ROBOT}/chassis": "bad"}
 
 
 def test_of_two_topics_that_move_one_robot_one_is_to_be_named(tmp_path: Path) -> None:

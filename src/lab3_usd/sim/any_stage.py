@@ -14,7 +14,9 @@ from msgspec.structs import replace
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, arm_checks
 from lab3_usd.sim.execution.drive import drive_of
+from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Message, Recording, Transform
+from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.execution.world import NOT_OPENED
 from lab3_usd.sim.judge.causes import SUBSCRIBER, RunCauses
 from lab3_usd.sim.judge.checks import graphs, verdict
@@ -85,7 +87,7 @@ def play_any(scene: Scene, catalog: Catalog, drive: str | None, topic: str = "")
     checks = [*_stage_checks(plays[0], robots)]
     for robot, play in zip(robots, plays, strict=False):
         name = robot.name if len(robots) > 1 else ""
-        own = _own(robot, play, scene) if robot.machine is not None else play
+        own = _own(robot, robots, play, scene) if robot.machine is not None else play
         if robot.machine is None:
             looks = iter([_unmoved(robot, own)])
         else:
@@ -352,12 +354,47 @@ def placed_scan(trial: Trial) -> Iterator[Fault]:
         yield Fault(text, "scan-off-walls", message.node)
 
 
-def _own(robot: Robot, played: Trial, scene: Scene) -> Trial:
+def _is_of_another(node: str, robot: Robot, robots: Sequence[Robot], played: Trial) -> bool:
+    """Whether the transforms of a node are those of another robot, or of several by one name.
+
+    Those of no robot are held against the one that has odometry.
+    """
+    causes = played.causes
+    running = causes.program.nodes.get(node) if isinstance(causes, RunCauses) else None
+    prims = _followed(running) if running is not None else set()
+    names = {
+        other.name
+        for other in robots
+        for body in (other.machine.rest if other.machine is not None else ())
+        if is_within(body, prims) or any(is_within(prim, (body,)) for prim in prims)
+    }
+    if not names:
+        return len(robots) > 1 and not robot.odometry
+    others = names - {robot.name}
+    ends = {name.rpartition("/")[2] for name in others}
+    return bool(others) and (names == others or robot.name.rpartition("/")[2] in ends)
+
+
+def _followed(publisher: Running) -> set[str]:
+    """Return the prims whose places reach a publisher, but those from which they are seen."""
+    return {
+        prim
+        for node in publisher.feeding
+        for port, prims in node.node.targets.items()
+        if node.type.tf is None or port not in node.type.tf.prims[:1]
+        for prim in prims
+    }
+
+
+def _own(robot: Robot, robots: Sequence[Robot], played: Trial, scene: Scene) -> Trial:
     """Return the play of a robot with the topics and frames that are its own.
 
     What hangs above the frame of its odometry is left out: the robot is seen from there.
     """
     messages = [message for message in played.recording.messages if message.away is None]
+    nodes = dict.fromkeys(message.node for message in messages if message.type == TRANSFORMS)
+    away = {node for node in nodes if _is_of_another(node, robot, robots, played)}
+    messages = [message for message in messages if message.node not in away]
     first = next((message for message in messages if message.node == robot.odometry), None)
     named = first.data.child if first is not None else ""
     base = named or (frame_name(scene.prims[robot.body]) if robot.body else "")

@@ -138,15 +138,20 @@ class Running(Struct):
         """Return the prims that an input refers to."""
         return self.node.targets.get(INPUT + name, ())
 
-    def unit(self, meters_per_unit: float) -> float:
-        """Return how many metres are 1 in what comes here: a conversion makes units of metres."""
-        feeding = {self.path: self}
+    @property
+    def feeding(self) -> list[Running]:
+        """This node, and those from which values come to it."""
+        found = {self.path: self}
         waiting = [self]
         while waiting:
             sources = {source.path: source for source, _ in waiting.pop().wires.values()}
-            waiting += [sources[path] for path in sources.keys() - feeding.keys()]
-            feeding |= sources
-        converts = any(node.type.same_in_metres for node in feeding.values())
+            waiting += [source for path, source in sources.items() if path not in found]
+            found |= sources
+        return [*found.values()]
+
+    def unit(self, meters_per_unit: float) -> float:
+        """Return how many metres are 1 in what comes here: a conversion makes units of metres."""
+        converts = any(node.type.same_in_metres for node in self.feeding)
         return meters_per_unit if converts else 1.0
 
     def compute(self, world: World) -> bool:
