@@ -11,6 +11,7 @@ from lab3_usd.model.stage import Node
 from lab3_usd.spec.catalog import INPUT, OUTPUT
 
 _CONTEXT = "context"
+LAST_DOMAIN = 232  # its ports begin at 7400 + 250 * domain (DDS-RTPS), and end at 65535
 DOMAIN, FROM_ENVIRONMENT = "inputs:domain_id", "inputs:useDomainIDEnvVar"
 
 

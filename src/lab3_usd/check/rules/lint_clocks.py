@@ -9,6 +9,7 @@ from lab3_usd.check.ros.clocks import CLOCK, Stamp, stamps
 from lab3_usd.check.ros.contexts import (
     DOMAIN,
     FROM_ENVIRONMENT,
+    LAST_DOMAIN,
     Domain,
     context_inputs,
     domain_of,
@@ -101,6 +102,30 @@ def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
                     expected="False",
                     actual="True",
                 )
+
+
+@rule("K17", "domain-range", scope="lint")
+def domain_range(subject: LintSubject) -> Iterator[Problem]:
+    """A context names a domain that ROS 2 does not have.
+
+    Why: DDS uses the network ports from 7400 + 250 x domain on, and there is no port above 65535.
+    Above domain 232 no node can communicate. If `ROS_DOMAIN_ID` can replace the number, it is a
+    warning.
+
+    Fix: choose a Domain Id from 0 to 232; up to 101 is safe on all systems.
+
+    Example: a ROS2 Context with `inputs:domain_id = 250`.
+    """
+    for domain, contexts in domains(subject).items():
+        for context in contexts if (domain.number or 0) > LAST_DOMAIN else ():
+            yield Problem(
+                context.path,
+                f"{DOMAIN} is {domain.number}, and the last domain of ROS 2 is {LAST_DOMAIN}",
+                property=DOMAIN,
+                expected=f"0 to {LAST_DOMAIN}",
+                actual=domain.name,
+                severity="warning" if domain.from_environment else None,
+            )
 
 
 @rule("K44", "two-clocks", scope="lint", severity="warning")
