@@ -6,7 +6,10 @@ stage that was saved after a run has the robot, and all of its bodies, wherever 
 
 from __future__ import annotations
 
+import math
 from typing import Any
+
+from msgspec import Struct
 
 from lab3_usd.check.match.subject import StageSubject
 from lab3_usd.check.robot.wheels import WheelJoint, base_side, ends_of, wheel_side
@@ -21,7 +24,7 @@ from lab3_usd.model.physics import (
     vector,
 )
 from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
-from lab3_usd.model.stage import once_per_stage
+from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import (
     AXES,
     IDENTITY,
@@ -41,6 +44,8 @@ from lab3_usd.spec.values import Value
 _ALONG: dict[Any, Vector] = dict(zip("XYZ", AXES, strict=True))
 AXIS, _SHAPE_AXIS = "physics:axis", "axis"
 _ROLLING = ("Cylinder", "Capsule")  # which roll about their own axis
+_SQUARE = 0.999  # how far along an axis an axis must point
+_ALIKE = 0.02
 _FRAMES = tuple(f"physics:local{part}{side}" for part in ("Pos", "Rot") for side in (0, 1))
 
 
@@ -96,6 +101,39 @@ def own_axle(joint: WheelJoint, subject: StageSubject) -> tuple[Vector, Vector] 
             return None
         found = turned, own
     return found
+
+
+class Disc(Struct, frozen=True):
+    """The shape of a wheel in the world: its sizes in metres, and the axis it rolls about."""
+
+    radius: float
+    width: float
+    axis: Vector
+
+
+def disc_of(wheel: Prim, stage: StageModel) -> Disc | None:
+    """Return the shape of a wheel, None where nothing tells it.
+
+    A wheel is as high as it is long: two sides of the box around it are alike. A wheel that was
+    saved turned has a larger box, so that none is taken then.
+    """
+    boxes = list(stage.colliders.below(wheel.path))
+    if wheel.world is None or not _is_square(wheel.world) or not boxes:
+        return None
+    sides = [
+        max(box.high[axis] for box in boxes) - min(box.low[axis] for box in boxes)
+        for axis in range(3)
+    ]
+    width, height, length = sorted(sides)
+    if not math.isclose(height, length, rel_tol=_ALIKE) or width >= height:
+        return None
+    return Disc(length / 2, width, AXES[sides.index(width)])
+
+
+def _is_square(world: Matrix) -> bool:
+    """Whether the axes of a prim point along those of the world."""
+    rows = (world[0:3], world[4:7], world[8:11])
+    return all(max(map(abs, row)) > _SQUARE * math.hypot(*row) for row in rows)
 
 
 def anchor(joint: WheelJoint, subject: StageSubject) -> Vector | None:

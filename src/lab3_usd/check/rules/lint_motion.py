@@ -14,7 +14,7 @@ from lab3_usd.check.robot.articulations import (
     followed_bodies,
     told_joints,
 )
-from lab3_usd.check.robot.axles import joint_axis
+from lab3_usd.check.robot.axles import AXIS, disc_of, joint_axis
 from lab3_usd.check.ros.quantities import quantity_of
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.model.finding import Problem
@@ -34,10 +34,11 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel
-from lab3_usd.model.transforms import dot
+from lab3_usd.model.transforms import decompose, dot, rotate_vector
 
 _VELOCITY = "inputs:velocityCommand"
-_APART = -0.9  # cosine of the angle between two axes
+_APART, _ACROSS = -0.9, 0.5  # cosine of the angle between two axes
+_FLAT = 1.8  # widths of a wheel by its radius, from which on nothing tells its axis
 _WHEEL_SPEEDS = "speeds of wheels"
 
 
@@ -113,14 +114,14 @@ def _body(path: str, stage: StageModel) -> Prim | None:
 
 @rule("K82", "wheel-cannot-turn", scope="lint")
 def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
-    """Body, joint or limit stop a commanded wheel.
+    """Body, joint or limit stop a commanded wheel or its robot.
 
     Why: a disabled joint moves nothing, and a joint with limits stops there. A body that is
-    kinematic, disabled or not a rigid body does not move, nor does one that a fixed joint ties to
-    another.
+    kinematic, disabled or not a rigid body does not move, be it the wheel or the chassis, nor does
+    a wheel that a fixed joint ties to another body.
 
-    Fix: enable the joint and the body, switch Kinematic off, and delete limits and fixed joints of
-    the wheel.
+    Fix: enable the joint and the bodies, switch Kinematic off, and delete limits and fixed joints
+    of the wheel.
 
     Example: `physics:upperLimit = 90` on the joint of a wheel.
     """
@@ -138,6 +139,27 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
                     related=(command.node.path,),
                     rests_on=subject.stage.unknown(site, *joint.relationships.get(name or "", ())),
                 )
+        for base in sorted(_bases(wheels, subject.stage)):
+            body = _body(base, subject.stage)
+            if body is None or body.path in judged:
+                continue
+            judged.add(body.path)
+            for name, message in _stops(body):
+                yield Problem(
+                    body.path,
+                    f"{message}, but {command.node.path} drives its wheels",
+                    property=name,
+                    related=(command.node.path,),
+                    rests_on=subject.stage.unknown(body.path),
+                )
+
+
+def _stops(body: Prim) -> Iterator[tuple[str, str]]:
+    """Yield the switches of a body that keep it where it is: property, message."""
+    if is_switched_off(body, BODY_ENABLED):
+        yield BODY_ENABLED, "is switched off as a rigid body"
+    if body.attributes.get(KINEMATIC) is True:
+        yield KINEMATIC, "is kinematic"
 
 
 def _obstacles(
@@ -158,10 +180,7 @@ def _obstacles(
         side = BODIES[ends(joint).index(wheel)]
         yield joint.path, side, f"moves {wheel}, which is not a rigid body"
         return
-    if is_switched_off(body, BODY_ENABLED):
-        yield body.path, BODY_ENABLED, "is switched off as a rigid body"
-    if body.attributes.get(KINEMATIC) is True:
-        yield body.path, KINEMATIC, "is kinematic"
+    yield from ((body.path, name, message) for name, message in _stops(body))
     for other in joints(stage):
         if other.type == FIXED and wheel in bodies(other):
             held = next((path for path in bodies(other) if path != wheel), "")
@@ -220,16 +239,30 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K84", "wheels-turn-apart", scope="lint")
 def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
-    """The joints of two wheels turn opposite ways.
+    """The joints of two wheels turn opposite ways, or one turns its wheel across its axis.
 
     Why: a Differential Controller gives both wheels a positive speed to drive ahead. If the axis of
     one joint points the other way, the robot turns on the spot instead, and drives when it should
-    turn.
+    turn. A wheel that turns about another axis than its own, or than the other wheel, tips over
+    instead of rolling.
 
-    Fix: turn the frame of that joint by 180 degrees, so that both axes point to the same side.
+    Fix: turn the frame of that joint by 180 degrees, or choose its Axis, so that both axes point to
+    the same side, along the axes of the wheels.
 
     Example: `physics:localRot0` of the left wheel's joint is turned half a circle about Z.
     """
+    judged: set[str] = set()
+    for command, wheels in _wheel_commands(subject):
+        for joint in wheels:
+            if joint.path not in judged and _is_across(joint, wheels, subject.stage):
+                judged.add(joint.path)
+                yield Problem(
+                    joint.path,
+                    "turns its wheel across the wheel's own axis: the wheel cannot roll",
+                    property=AXIS,
+                    related=(command.node.path,),
+                    rests_on=subject.stage.unknown(joint.path),
+                )
     for command, controller, pair in driven_pairs(subject):
         bases = _bases(list(pair), subject.stage)
         sides = [next((i for i, path in enumerate(bodies(j)) if path in bases), None) for j in pair]
@@ -237,11 +270,32 @@ def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
             None if side is None else joint_axis(joint, side)
             for joint, side in zip(pair, sides, strict=True)
         ]
-        if len(bases) == 1 and axes[0] and axes[1] and dot(axes[0], axes[1]) < _APART:
+        if len(bases) != 1 or not axes[0] or not axes[1] or pair[1].path in judged:
+            continue
+        cosine, effect = dot(axes[0], axes[1]), ""
+        if cosine < _APART:
+            turns = f"{controller.path} turns the robot when it should drive ahead"
+            effect = f"against that of {pair[1].path}: {turns}"
+        elif abs(cosine) < _ACROSS:
+            effect = f"across the axis of {pair[1].path}: one of the two wheels cannot roll"
+        if effect and pair[0].path not in judged:
+            judged.add(pair[0].path)
             yield Problem(
                 pair[0].path,
-                f"turns its wheel against that of {pair[1].path}: {controller.path} turns the "
-                "robot when it should drive ahead",
+                f"turns its wheel {effect}",
                 related=(pair[1].path, command.node.path),
                 rests_on=subject.stage.unknown(pair[0].path, pair[1].path),
             )
+
+
+def _is_across(joint: Prim, wheels: list[Prim], stage: StageModel) -> bool:
+    """Whether a joint turns a flat wheel about another axis than the wheel's own."""
+    wheel = stage.prim(_wheel(joint, wheels, stage) or "")
+    disc = None if wheel is None else disc_of(wheel, stage)
+    if wheel is None or wheel.world is None or disc is None:
+        return False
+    turned = joint_axis(joint, bodies(joint).index(wheel.path))
+    if turned is None or disc.width > _FLAT * disc.radius:
+        return False
+    seen = rotate_vector(turned, decompose(wheel.world).rotation)
+    return abs(dot(seen, disc.axis)) < _ACROSS

@@ -23,6 +23,7 @@ from lab3_usd.check.robot.articulations import (
     told_joints,
     wired_commands,
 )
+from lab3_usd.check.robot.axles import disc_of
 from lab3_usd.check.ros.execution import array_items
 from lab3_usd.check.ros.quantities import unit_of
 from lab3_usd.check.ros.rewiring import step_wire
@@ -32,7 +33,7 @@ from lab3_usd.check.rules.limits import stopping_limits, unknown_limits
 from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import number
-from lab3_usd.model.prims import Matrix, Prim
+from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel, UnresolvedAsset
 from lab3_usd.model.transforms import Vector, distance, transform_point
 from lab3_usd.spec.isaac import is_within
@@ -66,6 +67,25 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
             severity="warning" if is_by_path and subject.is_module else None,
             rests_on=command.unknown,
         )
+
+
+@rule("K85", "nested-articulation", scope="lint", severity="warning")
+def nested_articulation(subject: LintSubject) -> Iterator[Problem]:
+    """An articulation root of a commanded robot is below another.
+
+    Why: PhysX does not allow it. Which of the two holds the joints is not defined.
+
+    Fix: remove Articulation Root from one of the two prims.
+
+    Example: `/World/robot` and `/World/robot/base_link` both have an articulation root.
+
+    Basis: OpenUSD's validators reject it, as `NestedArticulation`. PhysX's parser is not public.
+    """
+    roots = dict.fromkeys(root for command in commands(subject) for root in command.roots)
+    for root in roots:
+        above = next((top for top in roots if root.startswith(f"{top}/")), None)
+        if above is not None:
+            yield Problem(root, f"is an articulation root below another, {above}", related=(above,))
 
 
 @rule("K61", "unknown-joint", scope="lint")
@@ -258,8 +278,6 @@ def indices_are_ignored(subject: LintSubject) -> Iterator[Problem]:
 
 
 _BODIES = ("physics:body0", "physics:body1")
-_SQUARE = 0.999  # how far along an axis an axis must point
-_ALIKE = 0.02
 
 _RADIUS, _DISTANCE = "inputs:wheelRadius", "inputs:wheelDistance"
 _SPEED = "inputs:linearVelocity"
@@ -425,29 +443,10 @@ def _body(joint: Prim, side: int, stage: StageModel) -> Prim | None:
 
 
 def _wheel_radius(joint: Prim, stage: StageModel) -> float | None:
-    """Return the radius of the wheel that a joint turns, in metres; None where nothing tells it.
-
-    A wheel is as high as it is long: two sides of the box around it are alike. A wheel that was
-    saved turned has a larger box, so that none is taken then.
-    """
+    """Return the radius of the wheel that a joint turns, None where nothing tells it."""
     wheel = _body(joint, 1, stage)
-    if wheel is None or wheel.world is None or not _is_square(wheel.world):
-        return None
-    boxes = list(stage.colliders.below(wheel.path))
-    if not boxes:
-        return None
-    sides = sorted(
-        max(box.high[axis] for box in boxes) - min(box.low[axis] for box in boxes)
-        for axis in range(3)
-    )
-    is_wheel = math.isclose(sides[1], sides[2], rel_tol=_ALIKE) and sides[0] < sides[1]
-    return sides[2] / 2 if is_wheel else None
-
-
-def _is_square(world: Matrix) -> bool:
-    """Whether the axes of a prim point along those of the world."""
-    rows = (world[0:3], world[4:7], world[8:11])
-    return all(max(map(abs, row)) > _SQUARE * math.hypot(*row) for row in rows)
+    disc = None if wheel is None else disc_of(wheel, stage)
+    return None if disc is None else disc.radius
 
 
 def _anchor(joint: Prim, stage: StageModel) -> Vector | None:
