@@ -8,7 +8,7 @@ import pytest
 from breaking import Step, broken, correct_stage
 from dry_runs import SHORT, driven
 from pxr import Sdf, Usd
-from scene_changes import LIDAR
+from scene_changes import LIDAR, Change, clear, put, several
 
 from lab3_usd.model.dry_run import Check
 from lab3_usd.sim.judge.checks import judge
@@ -129,6 +129,52 @@ def test_a_lidar_scans_with_what_it_leaves_to_the_schema(name: str) -> None:
     verdicts = {check.name: check.verdict for check in judge(trial)}
     assert (verdicts["topics"], verdicts["scan"]) == ("ok", "ok")
     assert name.rpartition(":")[2] in trial.recording.assumed[LIDAR]
+
+
+ELSEWHERE: dict[str, Change] = {
+    "up": put(LIDAR, f"{CORE}emitterState:s001:elevationDeg", [90.0]),
+    "down": put(LIDAR, f"{CORE}emitterState:s001:elevationDeg", [-80.0]),
+    "ten degrees": put(LIDAR, f"{CORE}validEndAzimuthDeg", 10.0),
+    "nothing of the circle": put(LIDAR, f"{CORE}validEndAzimuthDeg", 0.0),
+    "from a later start": several(
+        put(LIDAR, f"{CORE}validStartAzimuthDeg", 90.0), clear(LIDAR, f"{CORE}validEndAzimuthDeg")
+    ),
+    "offset": put(LIDAR, f"{CORE}startAzimuthOffsetDeg", 45.0),
+    "solid state": put(LIDAR, f"{CORE}scanType", "SOLID_STATE"),
+    "no direction": put(LIDAR, f"{CORE}rotationDirection", "UP"),
+}
+
+
+@pytest.mark.parametrize("change", ELSEWHERE.values(), ids=ELSEWHERE)
+def test_a_lidar_whose_rays_go_elsewhere_is_named_and_shows_no_walls(change: Change) -> None:
+    stage = correct_stage("05")
+    change(stage)
+    trial = driven(stage, SHORT)
+    verdicts = {check.name: check.verdict for check in judge(trial)}
+    assert (verdicts["scan"], verdicts["map"]) == ("not judged", "not judged")
+    assert CORE in trial.recording.not_simulated[LIDAR]
+    assert {verdicts[name] for name in ("topics", "follows", "camera")} == {"ok"}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        put(LIDAR, f"{CORE}rotationDirection", "CW"),
+        put(LIDAR, f"{CORE}emitterState:s001:elevationDeg", [0.5]),
+        several(
+            put(LIDAR, f"{CORE}validStartAzimuthDeg", -180.0),
+            put(LIDAR, f"{CORE}validEndAzimuthDeg", 180.0),
+        ),
+        clear(LIDAR, f"{CORE}scanType"),
+    ],
+    ids=["the other way", "a little tilted", "a circle from behind", "not said"],
+)
+def test_a_profile_that_scans_the_same_circle_is_played(change: Change) -> None:
+    stage = correct_stage("05")
+    change(stage)
+    trial = driven(stage, SHORT)
+    assert {check.name: check.verdict for check in judge(trial)}["scan"] == "ok"
+    assert trial.recording.not_simulated == {}
 
 
 def test_a_rate_of_zero_is_not_left_to_the_schema() -> None:

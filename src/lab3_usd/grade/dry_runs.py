@@ -11,7 +11,7 @@ from lab3_usd.errors import StageError
 from lab3_usd.grade.scoring import SubmissionFacts
 from lab3_usd.sim.dry_run import is_asked, scene_of
 from lab3_usd.sim.execution.drive import drive_of
-from lab3_usd.sim.judge.checks import CHECKS
+from lab3_usd.sim.judge.checks import CHECKS, why_unplayed
 from lab3_usd.sim.judge.topics import interface
 from lab3_usd.sim.judge.trial import Fault, Trial
 from lab3_usd.sim.timeline import record
@@ -61,6 +61,8 @@ def shown_by(path: Path, lab: Lab, checkpoint: str) -> dict[str, str]:
 
     def is_sure(check: str, fault: Fault) -> bool:
         """Whether no asset that is missing could be at fault."""
+        if why_unplayed(check, trial):
+            return False
         if not fault.sure or (trial.recording.assumed and fault.prim in trial.recording.assumed):
             return False
         return not scene.missing or trial.causes is None or not trial.causes.doubt(check, fault)

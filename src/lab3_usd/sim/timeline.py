@@ -216,7 +216,7 @@ def record(
         if message.topic in wanted.static and message.static and message.away is None
         for transform in message.transforms
     )
-    recording.assumed = world.assumed
+    recording.assumed, recording.unplayed = world.assumed, world.unplayed
     recording.not_simulated = unknown_in(world)
     if wanted.has_ground and scene.up != "Z":
         recording.not_simulated["/"] = f"robots drive with Z up only, not with {scene.up}"

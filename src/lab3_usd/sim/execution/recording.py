@@ -177,6 +177,8 @@ class Recording(Struct):
     path: list[Pose] = field(default_factory=list)
     held: list[Held] = field(default_factory=list)
     not_simulated: dict[str, str] = field(default_factory=dict)
+    # Why it shows nothing of a check, or of what a node sends: in truth that may be otherwise.
+    unplayed: dict[str, str] = field(default_factory=dict)
     assumed: dict[str, str] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
     fired: dict[str, int] = field(default_factory=dict)

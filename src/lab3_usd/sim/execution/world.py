@@ -201,6 +201,7 @@ class World(Struct):
     not_simulated: dict[str, str]
     profile: dict[str, Any]  # of a lidar whose own is not there
     assumed: dict[str, str] = field(default_factory=dict)
+    unplayed: dict[str, str] = field(default_factory=dict)  # by node: why it sends something else
     products: dict[str, Product] = field(default_factory=dict)
     writers: list[Writer] = field(default_factory=list)
     dt: float = 1.0 / RATE

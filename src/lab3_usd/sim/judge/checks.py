@@ -38,6 +38,7 @@ CHECKS: dict[str, Callable[[Trial], Iterator[Fault]]] = {
 }
 # What a robot that never moves does not show.
 MOVED = ("rest", "limits", "odometry", "moving frames", "mounted", "again")
+_OF_SCANS = ("scan", "map")
 ESSENTIAL = ("topics", "follows", "joints")  # without which nothing is right
 
 
@@ -51,6 +52,9 @@ def judge(trial: Trial) -> list[Check]:
 
 def verdict(name: str, faults: list[Fault], trial: Trial) -> Check:
     """Return the verdict of a check from its faults; what did not happen is not judged."""
+    unplayed = why_unplayed(name, trial)
+    if not faults and unplayed:
+        return Check(name, "not judged", unplayed)
     if not faults and name in MOVED and (not trial.recording.path or trial.stands()):
         return Check(name, "not judged", "the robot never moved")
     if not faults:
@@ -63,9 +67,19 @@ def verdict(name: str, faults: list[Fault], trial: Trial) -> Check:
     return Check(name, outcome, text, leading.prim, leading.kind, leading.cause)
 
 
+def why_unplayed(name: str, trial: Trial) -> str:
+    """Return why a run shows nothing of what a check looks at, '' where it does."""
+    recording = trial.recording
+    seen = recording.topic(trial.wanted.scan, 0) if name in _OF_SCANS else ()
+    sources = (name, *dict.fromkeys(message.node for message in seen))
+    return next((recording.unplayed[each] for each in sources if each in recording.unplayed), "")
+
+
 def _is_doubtful(name: str, fault: Fault, trial: Trial) -> bool:
     """Whether a fault may come from what is assumed or not known."""
-    if not fault.sure or (name in {"scan", "map"} and trial.recording.assumed):
+    if not fault.sure or (name in _OF_SCANS and trial.recording.assumed):
+        return True
+    if why_unplayed(name, trial):
         return True
     return trial.causes is not None and trial.causes.doubt(name, fault)
 

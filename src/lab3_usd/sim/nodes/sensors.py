@@ -7,6 +7,7 @@ of the sensor, until Stop.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from msgspec.structs import replace
 
@@ -167,6 +168,16 @@ RATE = "omni:sensor:tickRate"
 LIDAR_API = "OmniSensorGenericLidarCoreAPI"
 LIDAR_RATE = 10.0  # of the schema (test_lidar.py:68, 107)
 MOST = 100_000  # rays of a turn that are played
+_TURN = 360.0
+_WHOLE, _LEVEL = 359.0, 1.0  # degrees of a circle, and above or below it
+_CIRCLE = {f"{CORE}validStartAzimuthDeg": 0.0, f"{CORE}validEndAzimuthDeg": _TURN}
+# Where rays go as they are played, with either direction of a whole turn.
+_PLAYED = {
+    f"{CORE}scanType": ("ROTARY",),
+    f"{CORE}rotationDirection": ("CW", "CCW"),
+    f"{CORE}startAzimuthOffsetDeg": (0.0,),
+    f"{CORE}outputFrameOfReference": ("SENSOR",),
+}
 KINDS = ("laser_scan", "point_cloud")
 
 
@@ -199,6 +210,8 @@ def _publish(node: Running, world: World, prim: Prim, product: Product) -> bool:
         return False
     writer.turns = _number(prim, f"{CORE}scanRateBaseHz") or 0.0
     writer.beam = beam
+    if kind == KINDS[0]:
+        _note_unplayed(node, world, prim)
     if rate > 0 and not prim.values.get(f"{CORE}accumulateOutputs"):
         writer.covered = min(1.0, writer.turns / rate)
     return True
@@ -216,6 +229,28 @@ def _with_profile(prim: Prim, world: World) -> Prim:
     if unset and LIDAR_API in prim.apis:
         world.assumed[prim.path] = f"{', '.join(unset)} not set; a level scan is assumed"
     return replace(prim, values={**USUAL, **prim.values})
+
+
+def _note_unplayed(node: Running, world: World, prim: Prim) -> None:
+    """Note where the rays of a lidar go elsewhere than those that are played."""
+    names = [name for name, value in prim.values.items() if _goes_elsewhere(name, value)]
+    circle = dict(_CIRCLE)
+    for name in circle.keys() & prim.values.keys():
+        circle[name] = _number(prim, name) or 0.0
+    start, end = circle.values()
+    if (end - start if end >= start else (end - start) % _TURN) < _WHOLE:
+        names += [name for name, usual in _CIRCLE.items() if circle[name] != usual]
+    if names:
+        reason = f"{names[0]} is {prim.values[names[0]]}"
+        world.not_simulated[prim.path] = reason
+        world.unplayed[node.path] = f"not simulated: {prim.path}: {reason}"
+
+
+def _goes_elsewhere(name: str, value: Any) -> bool:
+    if name.startswith(f"{CORE}emitterState:") and name.endswith(":elevationDeg"):
+        angles = value if isinstance(value, tuple) else (value,)
+        return any(isinstance(angle, (int, float)) and abs(angle) > _LEVEL for angle in angles)
+    return name in _PLAYED and value not in _PLAYED[name]
 
 
 def _beam(prim: Prim) -> Beam | None:
