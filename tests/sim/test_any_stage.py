@@ -12,6 +12,7 @@ from breaking import correct_stage
 from foreign_robots import (
     CONTEXT,
     TICK,
+    TIME,
     add_api,
     body,
     empty_stage,
@@ -52,7 +53,7 @@ def walled_rover() -> Usd.Stage:
 def test_a_rover_is_judged_by_its_own_topics(tmp_path: Path) -> None:
     found = played(walled_rover(), tmp_path)
     assert {name: check.verdict for name, check in by_name(found).items()} == dict.fromkeys(
-        ["graphs", "topics", "clock", "tree", *MOVED], "ok"
+        ["graphs", "topics", "stamps", "clock", "tree", *MOVED], "ok"
     )
     assert found.verdict == "ok"
     assert [(robot.prim, robot.topic) for robot in found.robots] == [
@@ -166,6 +167,24 @@ def test_a_profile_with_a_misspelt_word_opens_nothing(tmp_path: Path, node: str,
     check = by_name(played(stage, tmp_path, drive=BRIEFLY))["topics"]
     assert (check.verdict, check.message) == ("bad", f"{node} {says}")
     assert (check.prim, check.kind) == (node, "invalid-qos-profile")
+
+
+def test_a_stamp_that_stands_still_is_wrong(tmp_path: Path) -> None:
+    stage = rover()
+    stamp = stage.GetAttributeAtPath("/World/Odometry/odometry.inputs:timeStamp")
+    stamp.SetConnections(["/World/Odometry/tick.outputs:deltaSeconds"])
+    check = by_name(played(stage, tmp_path, drive=BRIEFLY))["stamps"]
+    assert (check.verdict, check.kind) == ("bad", "stamp-not-advancing")
+    assert check.text == "the stamps of /odom do not advance: 0.02 s"
+    assert check.prim == "/World/Odometry/odometry"
+
+
+def test_stamps_may_be_those_of_another_clock(tmp_path: Path) -> None:
+    stage = rover()
+    write_node(stage, "/World/Odometry/system", "core.IsaacReadSystemTime", {})
+    stamp = stage.GetAttributeAtPath("/World/Odometry/odometry.inputs:timeStamp")
+    stamp.SetConnections(["/World/Odometry/system.outputs:systemTime"])
+    assert by_name(played(stage, tmp_path, drive=BRIEFLY))["stamps"].verdict == "ok"
 
 
 def test_robots_in_two_domains_are_each_driven_by_their_own_commands(tmp_path: Path) -> None:
@@ -403,6 +422,7 @@ def car() -> Usd.Stage:
             "roll": (move, {"targetPrim": robot, "jointNames": wheels}),
             "compute": ("core.IsaacComputeOdometry", {"chassisPrim": f"{robot}/base"}),
             "odometry": ("ros.ROS2PublishOdometry", {"chassisFrameId": "base"}),
+            "time": TIME,
         },
         [
             *(f"tick.tick -> {name}.execIn" for name in ("command", "ackermann", "steer", "roll")),
@@ -414,6 +434,7 @@ def car() -> Usd.Stage:
             "ackermann.wheelAngles -> steer.positionCommand",
             "ackermann.wheelRotationVelocity -> roll.velocityCommand",
             *(f"compute.{port} -> odometry.{port}" for port in POSE),
+            "time.simulationTime -> odometry.timeStamp",
         ],
     )
     return stage

@@ -188,6 +188,7 @@ def test_an_arm_goes_where_it_is_told_and_tf_follows(tmp_path: Path) -> None:
     assert [check.name for check in found.checks if check.verdict == "ok"] == [
         "graphs",
         "topics",
+        "stamps",
         "clock",
         "tree",
         "joints",

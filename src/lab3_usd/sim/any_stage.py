@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -47,6 +48,7 @@ from lab3_usd.spec.catalog import Catalog
 
 CLOCK, TRANSFORMS = "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage"
 THROUGH = 0.02  # part of a range by which a ray may be longer
+STUCK = 0.5  # part of the stamps of a node that may be no later than the ones before
 LEAST = 0.1  # part of a command that a robot on rollers does at least
 PUBLISHING = ("publisher", "helper")
 
@@ -134,6 +136,8 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
         yield verdict("graphs", list(graphs(trial)), trial)
     if any(_publishers(trial)) or any(_closed(trial)):
         yield verdict("topics", [*published(trial), *_closed(trial)], trial)
+    if any(_stamped(trial)):
+        yield verdict("stamps", list(advancing(trial)), trial)
     topics = dict.fromkeys(
         (message.type, domain_of(message, trial), message.topic)
         for message in recording.messages
@@ -182,6 +186,25 @@ def _closed(trial: Trial) -> Iterator[Fault]:
         if failure is not None and failure.kind in NOT_OPENED:
             text = f"{node.path} receives nothing"
             yield Fault(text, failure.kind, node.path, failure.reason)
+
+
+def _stamped(trial: Trial) -> Iterator[tuple[str, list[Message]]]:
+    """Yield the nodes whose messages have stamps, with those of the first session."""
+    sent: dict[str, list[Message]] = {}
+    for message in trial.recording.messages:
+        if not (message.session or message.static or message.type == CLOCK):
+            sent.setdefault(message.node, []).append(message)
+    yield from ((node, messages) for node, messages in sent.items() if len(messages) > 1)
+
+
+def advancing(trial: Trial) -> Iterator[Fault]:
+    """Later messages of a node have later stamps; from when these count, is up to the stage."""
+    for node, messages in _stamped(trial):
+        pairs = [(one, two) for one, two in pairwise(messages) if two.at > one.at]
+        stuck = [two for one, two in pairs if two.stamp <= one.stamp]
+        if len(stuck) > STUCK * len(pairs):
+            text = f"the stamps of {stuck[0].topic} do not advance: {stuck[0].stamp:.2f} s"
+            yield Fault(text, "stamp-not-advancing", node)
 
 
 def domain_of(message: Message, trial: Trial) -> int:

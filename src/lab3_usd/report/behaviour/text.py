@@ -45,6 +45,7 @@ LOOKS_OF_JOINTS = {
 LOOKS_OF_ANY_STAGE = {
     **LOOKS,
     "topics": "every enabled publisher sends",
+    "stamps": "stamps advance",
     "rest": "stands still without a command, and after one",
     "moving frames": "TF moves the base as the robot moves",
     "mounted": "the lidar moves with the robot",
