@@ -11,6 +11,7 @@ from lab3_usd.check.ros.running import LintSubject, effective_value, live_source
 from lab3_usd.check.tf.targets import articulation_links
 from lab3_usd.model.physics import (
     BODIES,
+    BODY_API,
     FIXED,
     JOINT_ENABLED,
     REVOLUTE,
@@ -18,6 +19,7 @@ from lab3_usd.model.physics import (
     is_excluded,
     is_joint_type,
     is_switched_off,
+    limits,
     number,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
@@ -192,6 +194,28 @@ def _axes(command: Command, stage: StageModel) -> list[Prim]:
         for joint in joints
     )
     return joints if are_plain else []
+
+
+def number_of_axes(command: Command, stage: StageModel) -> int | None:
+    """Return how many joints a robot has to command, None where that is not sure.
+
+    Each joint must move, and tie two bodies; together they must form no loop.
+    """
+    axes = _axes(command, stage)
+    around = {path for joint in axes for path in ends(joint)}
+    rigid = {prim.path for prim in stage.with_api(BODY_API) if prim.present}
+    tied = [
+        ends(joint)
+        for joint in stage.of_type(is_joint_type)
+        if joint.present and set(ends(joint)) & around and len(ends(joint)) == len(BODIES)
+    ]
+    is_tree = len({path for pair in tied for path in pair}) > len(tied)
+    are_free = all(
+        low < high and len(ends(joint)) == len(BODIES)
+        for joint in axes
+        for low, high in [limits(joint.attributes)]
+    )
+    return len(axes) if axes and is_tree and are_free and around <= rigid else None
 
 
 def wired_commands(command: Command) -> list[str]:

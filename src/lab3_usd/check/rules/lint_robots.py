@@ -19,6 +19,7 @@ from lab3_usd.check.robot.articulations import (
     ignored_indices,
     joints_of,
     named_joints,
+    number_of_axes,
     number_of_commands,
     told_joints,
     wired_commands,
@@ -220,8 +221,8 @@ def _why_no_body(odometry: Followed) -> str:
 def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
     """A controller receives more or fewer commands than joints.
 
-    Why: the controller requires one command for each joint. Otherwise it logs an error at every
-    update, ignores all commands and moves nothing.
+    Why: the controller requires one command for each joint that is named, or for each of the robot
+    where none is. Otherwise it logs an error at every update, and moves nothing.
 
     Fix: name as many joints as there are commands, in the same order, or correct the commands.
 
@@ -230,17 +231,25 @@ def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
     for command in commands(subject):
         facts = subject.types.joints.get(command.node.type.type if command.node.type else "")
         may_spread = facts is not None and is_within(subject.release, "", facts.spreads_until)
-        for port in command.ports.commands if command.names else ():
-            given, named = number_of_commands(command, port, subject), len(command.names or ())
-            is_right = not given or given == named or (may_spread and given == 1)
+        # Without a name all joints are meant.
+        is_for_all = command.names == () and facts is not None and not may_spread
+        axes = number_of_axes(command, subject.stage) if is_for_all else None
+        joints = axes if is_for_all else len(command.names or ())
+        for port in command.ports.commands if joints else ():
+            given = number_of_commands(command, port, subject)
+            is_right = not given or given == joints or (given == 1 and (may_spread or is_for_all))
             if not is_right and not _has_empty_element(command, subject):
+                named = f"{port} and {command.ports.joints} differ in length: {given} and {joints}"
+                whole = f"{port} has {given} values, and the robot {joints} joints: none moves"
                 yield Problem(
                     command.node.path,
-                    f"{port} and {command.ports.joints} differ in length: {given} and {named}",
+                    whole if is_for_all else named,
                     property=port,
-                    expected=str(named),
+                    expected=str(joints),
                     actual=str(given),
-                    rests_on=subject.stage.unknown_inputs(command.node),
+                    related=(command.robot,) if is_for_all else (),
+                    rests_on=(command.unknown if is_for_all else None)
+                    or subject.stage.unknown_inputs(command.node),
                 )
 
 
