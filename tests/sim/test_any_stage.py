@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -185,6 +186,19 @@ def test_stamps_may_be_those_of_another_clock(tmp_path: Path) -> None:
     stamp = stage.GetAttributeAtPath("/World/Odometry/odometry.inputs:timeStamp")
     stamp.SetConnections(["/World/Odometry/system.outputs:systemTime"])
     assert by_name(played(stage, tmp_path, drive=BRIEFLY))["stamps"].verdict == "ok"
+
+
+def test_rules_are_those_of_lint(tmp_path: Path) -> None:
+    stage = rover()
+    stage.GetPrimAtPath("/World/Odometry/frames").GetRelationship("inputs:parentPrim").ClearTargets(
+        removeSpec=True
+    )
+    file, page = tmp_path / "rover.usda", tmp_path / "page.html"
+    stage.GetRootLayer().Export(str(file))
+    said = invoke("sim", file, "--drive", BRIEFLY, "--page", page).output
+    assert "(lab3 rule K53)" in said
+    assert set(re.findall(r"rule ([A-Z]+)[0-9]+", said + page.read_text("utf-8"))) == {"K"}
+    assert "this lab" not in page.read_text("utf-8")
 
 
 def test_robots_in_two_domains_are_each_driven_by_their_own_commands(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Iterator
 from functools import cache
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -16,8 +17,9 @@ from golden import assert_golden_case
 from places import REPOSITORY
 from scene_changes import CAMERA
 
-from lab3_usd.check.explanations import EXPLAINED_BY
+from lab3_usd.check.explanations import EXPLAINED_BY, EXPLAINED_BY_LINT
 from lab3_usd.check.registry import all_rules
+from lab3_usd.judge.lint import lint_stage
 from lab3_usd.model.dry_run import Affine, about
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import Leg, Session, drive_of
@@ -39,6 +41,19 @@ def sources() -> Iterator[str]:
 def test_each_kind_is_explained_by_a_rule() -> None:
     assert EXPLAINED_BY.keys() == KINDS
     assert set(EXPLAINED_BY.values()) <= set(all_rules())
+
+
+OF_THE_LAB = "disconnected-frame"  # its stage has one tree, but not below the root of the lab
+
+
+@pytest.mark.parametrize("kind", sorted(STAGES.keys() & EXPLAINED_BY_LINT.keys() - {OF_THE_LAB}))
+def test_lint_finds_the_fault_that_its_rule_explains(kind: FaultKind, tmp_path: Path) -> None:
+    change, check = STAGES[kind]
+    stage = correct_stage("02" if check in MOTION else "05")
+    change(stage)
+    stage.GetRootLayer().Export(str(tmp_path / "stage.usda"))
+    found = {finding.rule for finding in lint_stage(tmp_path / "stage.usda").findings}
+    assert EXPLAINED_BY_LINT[kind] in found
 
 
 def test_what_it_does_wrong_again_has_the_rule_of_the_first_time() -> None:

@@ -129,6 +129,60 @@ EXPLAINED_BY: Mapping[FaultKind, str] = {
 }
 
 
+# Of stages without a checkpoint. What may have several causes, or one that no rule of lint looks
+# for, is left out.
+EXPLAINED_BY_LINT: Mapping[FaultKind, str] = {
+    # nodes and their graphs
+    "graph-not-evaluated": "K03",
+    "unknown-port": "K21",
+    "not-executed": "K01",
+    "zero-gate-step": "K06",
+    "invalid-conversion": "K35",
+    "invalid-qos-profile": "K42",
+    "invalid-topic-name": "K37",
+    # commands and the drive
+    "ramp-without-time-step": "K63",
+    "invalid-wheel-size": "K10",
+    "no-articulation": "K60",
+    "excluded-joint": "K61",
+    "unknown-joint": "K61",
+    "wrong-command-count": "K68",
+    "no-chassis-body": "K67",
+    # the robot
+    "kinematic-link": "K82",
+    "base-fixed-to-world": "K81",
+    "locked-joint": "K82",
+    "no-velocity-drive": "K62",
+    "limited-joint": "K82",
+    # odometry and time
+    "wrong-odometry-frame": "K56",
+    "wrong-clock-rate": "K10",
+    # frames
+    "no-target-prim": "K10",
+    "no-frames-input": "K10",
+    "unequal-frame-arrays": "K10",
+    "self-parent": "K51",
+    "several-publishers": "K54",
+    "disconnected-frame": "K53",
+    "unknown-frame": "K55",
+    "transform-ends": "K57",
+    # sensors
+    "no-camera-target": "K10",
+    "missing-camera-prim": "K14",
+    "empty-image": "K75",
+    "no-render-product": "K10",
+    "not-a-camera": "K70",
+    "not-a-lidar": "K70",
+    "no-lidar-schema": "K71",
+    "invalid-scan-profile": "K72",
+}
+
+
 def explaining_rule(check: Check) -> str:
     """Return the id of the rule that explains what a check shows, '' where it shows no fault."""
     return EXPLAINED_BY[check.kind] if check.kind is not None else ""
+
+
+def explaining_rule_of_lint(check: Check) -> str:
+    """Return the id of the rule of lint that explains what a check shows, '' where none does."""
+    return EXPLAINED_BY_LINT.get(check.kind, "") if check.kind is not None else ""

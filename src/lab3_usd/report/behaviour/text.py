@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import textwrap
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from msgspec.structs import asdict
 
-from lab3_usd.check.explanations import explaining_rule
+from lab3_usd.check.explanations import explaining_rule, explaining_rule_of_lint
 from lab3_usd.data import program
 from lab3_usd.model.dry_run import Behaviour, Check, Leg, Topic
 from lab3_usd.model.occupancy import MapFit
@@ -79,6 +79,12 @@ def looks_of(behaviour: Behaviour) -> Mapping[str, str]:
     return LOOKS_OF_ANY_STAGE
 
 
+def rules_of(behaviour: Behaviour) -> Callable[[Check], str]:
+    """Return what names the rule that explains a check: one of the lab, if there is a lab."""
+    is_of_lab = behaviour.checkpoint or behaviour.recording
+    return explaining_rule if is_of_lab else explaining_rule_of_lint
+
+
 def rate(hz: float) -> str:
     """Return a rate in messages a second; what comes once has none."""
     return f"{hz:.1f}".removesuffix(".0") + " Hz" if hz else "once"
@@ -119,9 +125,9 @@ def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
         lines += textwrap.wrap(printable(behaviour.missing), max(width, 40))
         return "\n".join(lines) + "\n"
     lines += ["", *_topics(behaviour), ""]
-    looks = looks_of(behaviour)
+    looks, rule_of = looks_of(behaviour), rules_of(behaviour)
     for check in behaviour.checks:
-        lines += _check(check, looks, width, color=color)
+        lines += _check(check, looks, rule_of(check), width, color=color)
     legs = "; ".join(map(leg_text, behaviour.legs)) or (
         "joints received commands" if behaviour.robots else "no command was sent"
     )
@@ -166,7 +172,9 @@ def _offer(topic: Topic) -> tuple[str, str]:
     return rate(topic.arrival_hz or 0.0), "; ".join(qos)
 
 
-def _check(check: Check, looks: Mapping[str, str], width: int, *, color: bool) -> Iterator[str]:
+def _check(
+    check: Check, looks: Mapping[str, str], rule: str, width: int, *, color: bool
+) -> Iterator[str]:
     mark = paint(_SHORT[check.verdict].ljust(4), _COLOURS[check.verdict], color=color)
     text = looks[check.name] if check.verdict == "ok" else printable(check.message)
     text = f"{printable(check.of)}: {text}" if check.of else text
@@ -174,7 +182,6 @@ def _check(check: Check, looks: Mapping[str, str], width: int, *, color: bool) -
     yield f"{mark}{check.name.ljust(_NAME)}{first}"
     lead = " " * (_NAME + 4)
     yield from (lead + line for line in more)
-    rule = explaining_rule(check)
     if check.verdict != "ok" and (check.prim or rule):
         see = f"({program()} rule {rule})" if rule else ""
         named = ": ".join(printable(part) for part in (check.prim, check.cause) if part)
@@ -205,6 +212,7 @@ def render_json(behaviour: Behaviour) -> str:
 
 def behaviour_json(behaviour: Behaviour) -> dict[str, Any]:
     """Return the behaviour as plain data, keys in the order of the schema."""
+    rule_of = rules_of(behaviour)
     document = {
         "version": VERSION,
         "tool": {"name": NAME, "version": tool_version()},
@@ -225,7 +233,7 @@ def behaviour_json(behaviour: Behaviour) -> dict[str, Any]:
                 "prim": check.prim,
                 "message": check.text,
                 "of": check.of,
-                "rule": explaining_rule(check),
+                "rule": rule_of(check),
             }
             for check in behaviour.checks
         ],
