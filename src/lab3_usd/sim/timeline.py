@@ -19,12 +19,13 @@ from lab3_usd.sim.execution.recording import (
 )
 from lab3_usd.sim.execution.running import FRAME, STEP
 from lab3_usd.sim.execution.world import Endpoint, Twist, World, Writer, send, world_of
-from lab3_usd.sim.judge.causes import RunCauses
+from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
 from lab3_usd.sim.judge.trial import SIZE, Interface, Trial
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.nodes.sensors import IMAGES
 from lab3_usd.sim.nodes.transforms import OPTICAL
 from lab3_usd.sim.robot.machine import Machine
+from lab3_usd.sim.robot.unmodelled import unmodelled
 from lab3_usd.spec.catalog import Catalog
 
 
@@ -192,6 +193,12 @@ def player_of(scene: Scene, catalog: Catalog, wanted: Interface) -> Player:
     world.network.commands = Endpoint(wanted.domain, wanted.commands)
     player = Player(world, catalog, wanted.robot)
     world.not_simulated.update(player.program.not_simulated)
+    if player.robot is not None:
+        physics = unmodelled(world.machines, player.robot)
+        world.not_simulated |= physics
+        for path, reason in physics.items():
+            named = f"not simulated: {path}: {reason}"
+            world.unplayed.update((check, named) for check in DRIVEN)
     return player
 
 

@@ -32,7 +32,7 @@ _PART: tuple[FaultKind, ...] = (
     "missing-frame", "unknown-frame", "missing-camera-prim",
     "no-inertial-sensor",
 )  # fmt: skip
-_DRIVEN = ("rest", "follows", "limits", "again", "joints")  # checks that show how the robot moves
+DRIVEN = ("rest", "follows", "limits", "again", "joints")  # checks that show how the robot moves
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _SHOWN_BY = {  # checks, and the types of the messages in which they look
     "odometry": ("nav_msgs/msg/Odometry",),
@@ -78,9 +78,9 @@ class RunCauses(Struct, frozen=True):
         """Whether a fault may come from what is not known: nodes, or assets."""
         if fault.prim in self.unsure or (fault.kind in _AROUND and self.missing):
             return True
-        if check in _DRIVEN and not self.is_level:
+        if check in DRIVEN and not self.is_level:
             return True
-        if check in _DRIVEN:
+        if check in DRIVEN:
             bodies = self.robot.rest if self.robot is not None else ()
             return (
                 any(is_within(body, self.missing) for body in bodies)

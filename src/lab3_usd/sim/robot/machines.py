@@ -345,6 +345,17 @@ class Machines:
                 for wheel in machine.wheels
             )
 
+    def floors(self, machine: Machine) -> list[str]:
+        """Return the paths of the shapes that a robot stands on."""
+        x, y, z = machine.start.origin
+        step = STEP_UP / self.scene.meters_per_unit
+        spots = [(x, y), *((x + u, y + v) for u, v in (wheel.contact for wheel in machine.wheels))]
+        return [
+            path
+            for path, surface in self._solid.items()
+            if any(height_at(surface, u, v, z + step) is not None for u, v in spots)
+        ]
+
     def _grips(self, body: str, ground: float, wheel: Wheel) -> bool:
         """Whether a shape of a wheel has friction on what it stands on."""
         (x, y), (u, v, _) = wheel.contact, self.member[body].start.origin

@@ -1,0 +1,201 @@
+"""What moves a robot, or keeps it from moving, and is not played: by prim, the attribute."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from lab3_usd.model.dry_run import Affine, Prim, Scene
+from lab3_usd.model.physics import MASS, SCENE, number, numbers, vector
+from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.sim.robot.machine import HINGE, Joint, Machine
+from lab3_usd.sim.robot.machines import Machines, collides
+
+_GROUP = "PhysicsCollisionGroup"
+_OWNER, _PAIRS = "physics:simulationOwner", "physics:filteredPairs"
+_FILTERED, _INVERTED = "physics:filteredGroups", "physics:invertFilteredGroups"
+_COLLIDERS = "collection:colliders:"
+_CENTRE, _SPEED = "physics:centerOfMass", "physxJoint:maxJointVelocity"
+_MIMIC = ("physxMimicJoint:", "newton:mimic")
+_UNSET = 1e8  # an infinite value means that the schema's own counts
+_FASTEST = 0.5  # metres a second: no command lets a robot, or the rim of a wheel, go faster
+_SLOWEST = 10.0  # degrees a second: a joint that may turn so fast comes where it should
+
+Harmless = Callable[[Any], bool]
+
+
+def _is(*values: object) -> Harmless:
+    return lambda value: value in values
+
+
+def _most(limit: float) -> Harmless:
+    return lambda value: all(abs(part) <= limit for part in _parts(value))
+
+
+def _parts(value: Any) -> list[float]:
+    return numbers(value if isinstance(value, tuple) else (value,))
+
+
+def _least(limit: float) -> Harmless:
+    return lambda value: not isinstance(value, (int, float)) or value >= limit
+
+
+# The values with which nothing changes: those of the schemas, and what is too little to matter.
+_BODY: Mapping[str, Harmless] = {
+    "physics:velocity": _most(1.0),
+    "physics:angularVelocity": _most(1000.0),
+    "physxRigidBody:lockedPosAxis": _is(0),
+    "physxRigidBody:lockedRotAxis": _is(0),
+    "physxRigidBody:disableGravity": _most(0.0),
+    "physxRigidBody:solveContact": _least(1.0),
+    "physxRigidBody:linearDamping": _most(1.0),
+    "physxRigidBody:angularDamping": _most(1.0),
+    "physxRigidBody:maxLinearVelocity": _least(_FASTEST),
+    "physxRigidBody:maxAngularVelocity": _least(1000.0),
+    "physxForce:force": _most(0.0),
+    "physxForce:torque": _most(0.0),
+}
+_JOINT: Mapping[str, Harmless] = {
+    "physics:breakForce": _least(100.0),
+    "physics:breakTorque": _least(100.0),
+    "physxJoint:jointFriction": _most(0.1),
+    "physxJoint:armature": _most(0.1),
+}
+_SURFACE: Mapping[str, Harmless] = {
+    "physxSurfaceVelocity:surfaceVelocity": _most(0.0),
+    "physxSurfaceVelocity:surfaceAngularVelocity": _most(0.0),
+}
+_OF_SCENE: Mapping[str, Harmless] = {
+    "physxScene:updateType": _is("Synchronous", "Asynchronous"),
+    "physxScene:invertCollisionGroupFilter": _most(0.0),
+}
+_SWITCHES = {"physxForce:": "physxForce:forceEnabled"} | {
+    "physxSurfaceVelocity:": "physxSurfaceVelocity:surfaceVelocityEnabled"
+}
+
+
+def unmodelled(machines: Machines, robot: Machine) -> dict[str, str]:
+    """Return by prim what is not played of a robot, its ground and its scene."""
+    scene = machines.scene
+    bodies = [scene.prims[body] for body in robot.rest]
+    floors = [scene.prims[path] for path in machines.floors(robot)]
+    own = [
+        prim
+        for prim in scene.prims.values()
+        if collides(prim) and machines.body_of(prim.path) in robot.rest
+    ]
+    grounds = [above for floor in floors for above in scene.above(floor.path)]
+    found = [
+        *(
+            pair
+            for prim in scene.prims.values()
+            if prim.type == SCENE
+            for pair in _bad(prim, _OF_SCENE)
+        ),
+        *(pair for body in bodies for pair in _bad(body, {**_BODY, **_SURFACE})),
+        *(pair for ground in grounds for pair in _bad(ground, _SURFACE)),
+        *(pair for prim in scene.prims.values() for pair in _of_joint(prim, machines, robot)),
+        *_leaning(bodies, robot),
+        *_owned(scene, [*bodies, *own, *floors]),
+        *_filtered(scene, [prim.path for prim in own], [floor.path for floor in floors]),
+    ]
+    return dict(reversed(found))  # the first of each
+
+
+def _bad(prim: Prim, table: Mapping[str, Harmless]) -> Iterator[tuple[str, str]]:
+    for name, value in prim.values.items():
+        switch = next((at for start, at in _SWITCHES.items() if name.startswith(start)), "")
+        if name in table and not table[name](value) and prim.values.get(switch) is not False:
+            yield prim.path, f"{name} is {value}"
+
+
+def _of_joint(prim: Prim, machines: Machines, robot: Machine) -> Iterator[tuple[str, str]]:
+    ends = [prim.targets.get(f"physics:body{number}", ()) for number in (0, 1)]
+    if not any(end and machines.body_of(end[0]) in robot.rest for end in ends):
+        return
+    if prim.values.get("physics:jointEnabled") is False:
+        return
+    yield from _bad(prim, _JOINT)
+    for name in (name for name, at in prim.targets.items() if name.startswith(_MIMIC) and at):
+        yield prim.path, f"{name} is {prim.targets[name][0]}"
+    speed = prim.values.get(_SPEED)
+    joint = robot.joints.get(prim.path.rpartition("/")[2])
+    if isinstance(speed, float) and joint is not None and speed < _needed(joint, machines, robot):
+        yield prim.path, f"{_SPEED} is {speed}"
+
+
+def _needed(joint: Joint, machines: Machines, robot: Machine) -> float:
+    """Return how fast a joint turns at the most, degrees or units a second."""
+    unit = machines.scene.meters_per_unit
+    radius = next((wheel.radius for wheel in robot.wheels if wheel.joint is joint), 0.0)
+    if radius > 0:
+        return math.degrees(_FASTEST / unit / radius)
+    return _SLOWEST if joint.kind == HINGE else math.radians(_SLOWEST) / unit
+
+
+def _leaning(bodies: list[Prim], robot: Machine) -> Iterator[tuple[str, str]]:
+    """Yield the centre of mass by which a robot's own is beside it, so that it tips over."""
+    moments: list[tuple[float, float, Prim]] = []
+    total = 0.0
+    for body in bodies:
+        mass, centre = number(body.values.get(MASS)) or 0.0, vector(body.values.get(_CENTRE))
+        total += mass
+        if _CENTRE in body.values and max(map(abs, centre)) < _UNSET:  # else that of its shapes
+            x, y, _ = Affine(robot.start.rows).then(robot.rest[body.path]).point(centre)
+            moments.append((mass * (x - robot.middle[0]), mass * (y - robot.middle[1]), body))
+    away = math.hypot(sum(x for x, _, _ in moments), sum(y for _, y, _ in moments))
+    if robot.radius and not robot.held and away > robot.radius * total:
+        body = max(moments, key=lambda moment: math.hypot(*moment[:2]))[2]
+        yield body.path, f"{_CENTRE} is {body.values[_CENTRE]}"
+
+
+def _owned(scene: Scene, prims: list[Prim]) -> Iterator[tuple[str, str]]:
+    """Yield what belongs to a scene that the rest does not; of several nobody says which."""
+    scenes = [prim.path for prim in scene.prims.values() if prim.type == SCENE]
+    usual = scenes[0] if len(scenes) == 1 else ""
+    owners = {prim.path: (prim.targets.get(_OWNER) or (usual,))[0] for prim in prims}
+    for path, owner in owners.items() if len(set(owners.values())) > 1 else ():
+        if owner != usual:
+            yield path, f"{_OWNER} is {owner}"
+
+
+def _filtered(scene: Scene, own: list[str], floors: list[str]) -> Iterator[tuple[str, str]]:
+    """Yield what lets shapes of the robot and its ground pass through each other."""
+
+    def meets(first: Callable[[str], bool], second: Callable[[str], bool]) -> bool:
+        sides = [(any(map(covers, own)), any(map(covers, floors))) for covers in (first, second)]
+        return (sides[0][0] and sides[1][1]) or (sides[0][1] and sides[1][0])
+
+    for prim in scene.prims.values():
+        for target in prim.targets.get(_PAIRS, ()):
+            if meets(_below(prim.path), _below(target)):
+                yield prim.path, f"{_PAIRS} is {target}"
+    groups = {prim.path: prim for prim in scene.prims.values() if prim.type == _GROUP}
+    for path, group in groups.items():
+        named = [groups[to] for to in group.targets.get(_FILTERED, ()) if to in groups]
+        if group.values.get(_INVERTED) is True:
+            kept = [_members(other) for other in named]
+            if meets(_members(group), lambda at: not any(covers(at) for covers in kept)):  # noqa: B023
+                yield path, f"{_INVERTED} is True"
+            continue
+        for other in named:
+            if meets(_members(group), _members(other)):
+                yield path, f"{_FILTERED} is {other.path}"
+
+
+def _below(top: str) -> Callable[[str], bool]:
+    return lambda path: is_at_or_below(path, top)
+
+
+def _members(group: Prim) -> Callable[[str], bool]:
+    """Return whether a shape is in a group; an expression could take in any."""
+    inside, outside = (group.targets.get(f"{_COLLIDERS}{n}", ()) for n in ("includes", "excludes"))
+    every = bool(group.values.get(f"{_COLLIDERS}membershipExpression"))
+    every = every or group.values.get(f"{_COLLIDERS}includeRoot") is True
+
+    def is_in(path: str) -> bool:
+        is_out = any(is_at_or_below(path, top) for top in outside)
+        return not is_out and (every or any(is_at_or_below(path, top) for top in inside))
+
+    return is_in
