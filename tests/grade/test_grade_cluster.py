@@ -64,14 +64,17 @@ def _own_fork_server() -> Iterator[None]:
 
 
 @contextmanager
-def cluster_of(workers: int, temporary: Path) -> Iterator[Any]:
-    """A scheduler and worker processes whose temporary folders lie in a place of their own."""
+def cluster_of(workers: int, temporary: Path, how: str = "forkserver") -> Iterator[Any]:
+    """A scheduler and worker processes whose temporary folders lie in a place of their own.
+
+    They are forked, but with "spawn" they start and end as those of `dask worker`.
+    """
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     dask = pytest.importorskip("dask")
     temporary.mkdir()
     quick = {
         "distributed.admin.log-format": "",
-        "distributed.worker.multiprocessing-method": "forkserver",
+        "distributed.worker.multiprocessing-method": how,
         "distributed.nanny.environ": {"TMPDIR": str(temporary), LAB_VARIABLE: str(MINI)},
         "logging.distributed": "critical",
     }
@@ -214,7 +217,7 @@ class ClosedCluster(NamedTuple):
 def closed(place: Path, tmp_path_factory: pytest.TempPathFactory) -> ClosedCluster:
     folder = tmp_path_factory.mktemp("closed")
     temporary = folder / "temporary"
-    with cluster_of(1, temporary) as lone:
+    with cluster_of(1, temporary, how="spawn") as lone:
         book = graded_on(lone, place.as_uri(), folder / "book")
         while_open = names_in(temporary)
     return ClosedCluster(book, while_open, names_in(temporary))
