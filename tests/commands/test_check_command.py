@@ -237,6 +237,11 @@ def test_what_is_missing_counts_in_a_folder_that_is_handed_in(
     assert result.returncode == (1 if missing else 0)
 
 
+def test_what_is_ignored_is_left_out_of_a_submission(handed_in: Path) -> None:
+    result = lab3("check", handed_in, "--submission", "--ignore", "X")
+    assert "the stage of checkpoint" not in result.stdout
+
+
 def test_a_gradescope_result_has_the_points_of_grading(handed_in: Path) -> None:
     results = json.loads(lab3("check", handed_in, "--format", "gradescope").stdout)
     assert sum(test.get("max_score", 0.0) for test in results["tests"]) == 100.0

@@ -205,6 +205,13 @@ def test_files_beside_the_submission_are_named(tmp_path: Path) -> None:
     assert findings(graded(tmp_path / "class"))["Z05"] == ["report.md"]
 
 
+def test_of_many_files_beside_the_submission_the_others_are_counted(tmp_path: Path) -> None:
+    submission(tmp_path / "class" / "ana" / "Lab3")
+    for number in range(11):
+        (tmp_path / "class" / "ana" / f"{number:02}.md").write_text("# Report")
+    assert len(findings(graded(tmp_path / "class"))["Z05"]) == 8 + 1
+
+
 # ---- which of two, where they hold as much
 
 

@@ -77,3 +77,8 @@ def test_text_shows_what_it_was_given(value: str) -> None:
 def test_a_submission_may_have_nothing_to_say() -> None:
     source = render("markdown", Report((), (Submission("work"),)))
     assert "table_open" not in block_types(source)
+
+
+@pytest.mark.parametrize("value", ["`a", "a`"])
+def test_a_backtick_at_either_end_is_apart_from_those_around(value: str) -> None:
+    assert code(value) == f"`` {value} ``"
