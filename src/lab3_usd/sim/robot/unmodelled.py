@@ -70,8 +70,9 @@ _OF_SCENE: Mapping[str, Harmless] = {
     "physxScene:updateType": _is("Synchronous", "Asynchronous"),
     "physxScene:invertCollisionGroupFilter": _most(0.0),
 }
-_SWITCHES = {"physxForce:": "physxForce:forceEnabled"} | {
-    "physxSurfaceVelocity:": "physxSurfaceVelocity:surfaceVelocityEnabled"
+_SWITCHES = {
+    "physxForce:": "physxForce:forceEnabled",
+    "physxSurfaceVelocity:": "physxSurfaceVelocity:surfaceVelocityEnabled",
 }
 
 
