@@ -20,23 +20,13 @@ class CompileData(BuildHookInterface):  # type: ignore[type-arg]  # hatchling le
         root = Path(self.root)
         sys.path.insert(0, str(root / "src"))
         from lab3_usd.report.html.templates import compile_templates
-        from lab3_usd.spec.load.catalog import assemble_types
-        from lab3_usd.spec.load.compiled import (
-            FILE,
-            TYPES_FILE,
-            compile_lab,
-            compile_types,
-        )
-        from lab3_usd.spec.load.lab import assemble
+        from lab3_usd.spec.load.compiled import FILE, compile_lab
+        from lab3_usd.spec.load.loader import assemble
 
         self.folder = tempfile.TemporaryDirectory()
         compiled = Path(self.folder.name) / FILE
         compiled.write_bytes(compile_lab(root / "graphs", assemble(root / "graphs")))
         build_data["force_include"][str(compiled)] = f"lab3_usd/_data/graphs/{FILE}"
-        types = Path(self.folder.name) / TYPES_FILE
-        isaac = root / "graphs" / "isaac"
-        types.write_bytes(compile_types(isaac, assemble_types(isaac)))
-        build_data["force_include"][str(types)] = f"lab3_usd/_data/graphs/isaac/{TYPES_FILE}"
         templates = Path(self.folder.name) / "templates"
         compile_templates(templates)
         build_data["force_include"][str(templates)] = "lab3_usd/report/html/templates/compiled"

@@ -54,7 +54,7 @@ def measured(scene: Scene, drive: Sequence[Session]) -> Figure:
     lab = load_lab()
     sweep.cache_clear()  # what the run before has seen
     start = time.process_time()
-    trial = record(scene, lab.catalog, drive, interface(lab, lab.checkpoints[CHECKPOINT]))
+    trial = record(scene, lab.platform, drive, interface(lab, lab.checkpoints[CHECKPOINT]))
     played = time.process_time()
     outcome("stage", CHECKPOINT, trial)
     done = time.process_time()

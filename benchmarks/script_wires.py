@@ -21,10 +21,9 @@ from msgspec import Struct
 from pxr import Sdf, Usd
 
 from lab3_usd.check.lint import lint
-from lab3_usd.check.ros.running import LintSubject
-from lab3_usd.judge.lint import lint_lab
+from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.judge.lint import lint_platform
 from lab3_usd.model.finding import Finding
-from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.stage.read.reader import read_model
 
 TAGS = {"5.0": "v5.0.0", "5.1": "v5.1.0", "6.0": "v6.0.1"}
@@ -150,8 +149,8 @@ def _only(types: set[str]) -> str:
 
 
 def _is_known(wire: Wire, release: str) -> bool:
-    catalog = lint_lab(release).catalog
-    return bool(catalog.get(wire.source_type) and catalog.get(wire.target_type))
+    platform = lint_platform(release)
+    return bool(platform.get(wire.source_type) and platform.get(wire.target_type))
 
 
 def judge(wires: list[Wire], release: str) -> Iterator[tuple[Wire, Finding]]:
@@ -163,9 +162,9 @@ def judge(wires: list[Wire], release: str) -> Iterator[tuple[Wire, Finding]]:
         source = _node(stage, f"{graph}/source", wire.source_type, wire.source)
         target = _node(stage, f"{graph}/target", wire.target_type, wire.target)
         target.AddConnection(source.GetPath())
-    lab = lint_lab(release)
-    model = read_model(stage, lab, "stage.usda")
-    results = lint(LintSubject(lab, load_isaac_types(), model, release)).results
+    platform = lint_platform(release)
+    model = read_model(stage, platform, "stage.usda")
+    results = lint(LintSubject(model, platform)).results
     for finding in results.findings:
         if finding.rule in RULES:
             number = int(finding.prim.split("/")[1].removeprefix("Graph_"))

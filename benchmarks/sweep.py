@@ -78,7 +78,7 @@ def sweep(checkpoint: str, every: int = 1, start: int = 0) -> Iterator[Outcome]:
         for fault in faults[start::every]:
             stage = copied(layer)
             fault.break_it(stage)
-            model = read_model(stage, lab, clean.name)
+            model = read_model(stage, lab.platform, clean.name)
             judged = judge(lab, asked, model)
             if judged.crashes:
                 raise RuntimeError(judged.crashes)

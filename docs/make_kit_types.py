@@ -17,8 +17,8 @@ from pathlib import Path
 from msgspec import Struct
 from pxr import Sdf
 
-from lab3_usd.spec.catalog import Catalog
-from lab3_usd.spec.load.compiled import load_isaac_types
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.spec.load.loader import load_platform
 
 FILE = Path(__file__).resolve().parents[1] / "graphs" / "isaac" / "kit_types.yaml"
 TAG = "v6.0.1"
@@ -40,7 +40,7 @@ class Seen(Struct):
 
 def main(clone: Path, stages: Path) -> None:
     """Write the file."""
-    catalog = load_isaac_types().catalog
+    catalog = load_platform()
     public = {name for name, kind in catalog.types.items() if not kind.is_open}
     seen: dict[str, Seen] = defaultdict(lambda: Seen(0, 1, set(), set(), {}))
     for path in sorted(stages.rglob("*.usd*")):
@@ -91,7 +91,7 @@ def _scripts(clone: Path) -> Iterator[tuple[str, str]]:
         yield name, git("show", name)
 
 
-def _look_at_script(name: str, script: str, catalog: Catalog, seen: dict[str, Seen]) -> None:
+def _look_at_script(name: str, script: str, catalog: Platform, seen: dict[str, Seen]) -> None:
     """Take the ports that a script names of nodes whose type it tells without doubt."""
     types: dict[str, set[str]] = defaultdict(set)
     for node, kind in re.findall(r'\(\s*[fr]?"([\w/{}]+)"\s*,\s*"([\w.]+)"\s*,?\s*\)', script):

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from lab3_usd.grade.lab_schemas import FILES, GRAPH, schema_of, schema_texts
-from lab3_usd.spec.yaml_file import read_yaml
+from lab3_usd.yaml_file import read_yaml
 
 PAGE = Path(__file__).with_name("lab-files.md")
 ROOT = PAGE.parent.parent

@@ -35,7 +35,7 @@ TEXTS = ("string", "token", "path")
 SIDES = ("inputs", "outputs")
 SOURCE = "Facts read off the .ogn files of isaac-sim/IsaacSim {tags} (Apache-2.0)"
 _MODULE = re.compile(r"source/\w+/isaacsim\.[^/]+/.*\.ogn$")
-# How the application declares OGN types in a file, where graphs/node_types.yaml does not say it.
+# How the application declares OGN types in a file, beside those of omnigraph.yaml.
 USD_TYPES = {
     "double[2]": "double2",
     "double[3]": "double3",
@@ -43,7 +43,7 @@ USD_TYPES = {
     "matrixd[4]": "matrix4d",
     "path": "string",
 }
-WHEEL_TYPES = {  # of node pages alone
+PAGE_TYPES = {  # of node pages alone
     "bundle": "rel",
     "float[4]": "float4",
     "normalf[3]": "normal3f",
@@ -98,9 +98,9 @@ def catalog_lines(types: Types) -> Iterator[str]:
     source = SOURCE.format(tags=TAG)
     yield f"# The node types of Isaac Sim 6.0.1's public source. {source}"
     yield "# by docs/make_node_types.py: change that, not this."
-    yield "# What graphs/node_types.yaml says wins; how a port is written is explained there."
+    yield "# How a port is written is explained in omnigraph.yaml."
     yield ""
-    yield "usd_types:  # beside those of graphs/node_types.yaml"
+    yield "usd_types:  # beside those of omnigraph.yaml"
     yield from (f"  {json.dumps(kind)}: {usd}" for kind, usd in USD_TYPES.items())
     yield ""
     yield "types:"
@@ -307,14 +307,14 @@ def page_changes(name: str, said: Mapping[str, Any], base: Mapping[str, Any]) ->
     return {key: each for key, each in found.items() if each}
 
 
-def wheel_lines(pages: Mapping[str, Any], now: Types) -> Iterator[str]:
-    """Yield the lines of `wheels.yaml`: what only the released wheels tell."""
+def later_release_lines(pages: Mapping[str, Any], now: Types) -> Iterator[str]:
+    """Yield the lines of `later_releases.yaml`: what only the released wheels tell."""
     yield "# What the node pages in the released wheels of Isaac Sim tell: the types of"
     yield "# omni.physx, which its public source lacks, and what later releases have otherwise than"
     yield "# 6.0.1, as in versions.yaml. By docs/make_node_types.py: change that, not this."
     yield ""
     yield "usd_types:"
-    yield from (f"  {json.dumps(kind)}: {usd}" for kind, usd in WHEEL_TYPES.items())
+    yield from (f"  {json.dumps(kind)}: {usd}" for kind, usd in PAGE_TYPES.items())
     yield ""
     yield "types:"
     yield from type_lines(page_types(pages[f"physx_graph_types_of_{RELEASE}"]), "  ")
@@ -338,7 +338,10 @@ def main(clone: Path, pages: Path) -> None:
         ("node_types.yaml", catalog_lines(now)),
         ("renames.yaml", rename_lines(clone)),
         ("versions.yaml", version_lines(now, earlier)),
-        ("wheels.yaml", wheel_lines(json.loads(pages.read_text(encoding="utf-8")), now)),
+        (
+            "later_releases.yaml",
+            later_release_lines(json.loads(pages.read_text(encoding="utf-8")), now),
+        ),
     ):
         (FOLDER / name).write_text("\n".join(lines) + "\n")
     sys.stdout.write(f"{len(now)} node types\n")

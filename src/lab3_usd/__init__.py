@@ -14,8 +14,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from lab3_usd.check.tf.frames import published_edges
     from lab3_usd.errors import Lab3Error, SpecError, StageError, UsageError
+    from lab3_usd.facts.frames import published_edges
     from lab3_usd.judge.stage import check_stage
     from lab3_usd.model.finding import Finding, Report, Requirement, Score, StageResult
     from lab3_usd.spec.load.loader import load_lab
@@ -41,7 +41,7 @@ _HOMES = {
     "build_starter": "lab3_usd.stage.write.starter",
     "check_stage": "lab3_usd.judge.stage",
     "load_lab": "lab3_usd.spec.load.loader",
-    "published_edges": "lab3_usd.check.tf.frames",
+    "published_edges": "lab3_usd.facts.frames",
     "read_stage": "lab3_usd.stage.read.reader",
 }
 

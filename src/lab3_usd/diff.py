@@ -9,12 +9,13 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from lab3_usd.check.ros.topics import Endpoint, endpoints
-from lab3_usd.check.tf.frames import published_edges
+from lab3_usd.facts.endpoints import Endpoint, endpoints
+from lab3_usd.facts.frames import published_edges
+from lab3_usd.isaac.graph_form import GraphForm
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.changes import EDITS, PARTS, StageChange, StageDiff
 from lab3_usd.model.finding import display, format_paths, node_title
 from lab3_usd.model.stage import GraphModel, Node, StageModel, same_value
-from lab3_usd.spec.catalog import INPUT, GraphForm
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.compare.scenes import metadata_changes, scene_changes
 from lab3_usd.stage.read.opening import open_stage, stage_errors
@@ -256,7 +257,7 @@ def compare_stages(before: Path, after: Path, lab: Lab) -> Comparison:
     """
     stages = [open_stage(path) for path in (before, after)]
     was, now = (
-        read_model(stage, lab, str(path))
+        read_model(stage, lab.platform, str(path))
         for stage, path in zip(stages, (before, after), strict=True)
     )
     pairs = pair_stages(was, now)
@@ -266,7 +267,7 @@ def compare_stages(before: Path, after: Path, lab: Lab) -> Comparison:
             *scene_changes(stages[0], stages[1], lab, pairs.path),
         )
     changes = [
-        *graph_changes(pairs, lab.catalog.graph),
+        *graph_changes(pairs, lab.platform.graph),
         *_stage_changes(was, now),
         *scene,
         *_topic_changes(was, now, lab, pairs),
@@ -311,9 +312,11 @@ def _topic_changes(
     """Yield the topics that came, went or are not what they were."""
     ours = {
         (pairs.path(endpoint.node.path), endpoint.port): endpoint
-        for endpoint in endpoints(before, lab)
+        for endpoint in endpoints(before, lab.platform)
     }
-    theirs = {(endpoint.node.path, endpoint.port): endpoint for endpoint in endpoints(after, lab)}
+    theirs = {
+        (endpoint.node.path, endpoint.port): endpoint for endpoint in endpoints(after, lab.platform)
+    }
     for place, was in ours.items():
         if place not in theirs:
             yield StageChange("topic", "removed", _name(was), was=_words(was))
@@ -356,5 +359,5 @@ def _frame_changes(before: StageModel, after: StageModel, lab: Lab) -> Iterator[
 
 
 def _transforms(stage: StageModel, lab: Lab) -> Counter[tuple[str, str]]:
-    edges = published_edges(stage, lab)
+    edges = published_edges(stage, lab.platform)
     return Counter((edge.child, f"{edge.parent} -> {edge.child} on {edge.topic}") for edge in edges)

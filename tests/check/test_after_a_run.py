@@ -59,7 +59,9 @@ def notes(stage: Usd.Stage, checkpoint: str) -> list[Finding]:
 def judged(stage: Usd.Stage, checkpoint: str) -> Judgement:
     lab = load_lab()
     with quiet():
-        return judge(lab, lab.checkpoints[checkpoint], read_model(stage, lab, "stage.usda"))
+        return judge(
+            lab, lab.checkpoints[checkpoint], read_model(stage, lab.platform, "stage.usda")
+        )
 
 
 @pytest.mark.parametrize("degrees", [-170.0, -90.0, -3.0, 5.5, 37.0, 90.0, 123.4, 180.0, 270.0])

@@ -15,8 +15,7 @@ from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import StageResult
 from lab3_usd.spec.contradictions.references import lab_faults
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.compiled import load_isaac_types
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import load_lab, load_platform
 
 COMPUTE = "/ActionGraph/frames"
 TARGETS, PARENT = "inputs:targetPrims", "inputs:parentPrim"
@@ -42,7 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("arm")
     stage = arm_of_its_root()
     stage.GetRootLayer().Export(str(place / "arm.usda"))
-    catalog = load_isaac_types().catalog
+    catalog = load_platform()
     files = describe_lab([place / "arm.usda"], load_lab(), catalog).files
     write_folder(place / "lab", files)
     return place / "lab"

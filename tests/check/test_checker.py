@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from pxr import Usd
 
 from lab3_usd.check import checker
-from lab3_usd.check.match.subject import GraphSubject
+from lab3_usd.check.match.rule_inputs import GraphSubject
 from lab3_usd.check.registry import Rule, all_rules, rules_of
 from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.errors import UsageError

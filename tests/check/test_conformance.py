@@ -12,9 +12,9 @@ from lab3_usd.check.match.conformance import (
     setting_value,
     target_matches,
 )
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import Node, PortState, same_value
 from lab3_usd.spec.graph import Setting, Target
-from lab3_usd.spec.values import Value
 
 SAME: list[tuple[Value, Value]] = [
     (1, 1.0),
@@ -58,7 +58,7 @@ LIDAR = "isaacsim.ros2.bridge.ROS2RtxLidarHelper"
 
 def node(type_name: str, name: str = "node", **ports: PortState) -> Node:
     states = {f"inputs:{port}": state for port, state in ports.items()}
-    return Node(f"/g/{name}", type_name, the_lab().catalog.get(type_name), 1, states)
+    return Node(f"/g/{name}", type_name, the_lab().platform.get(type_name), 1, states)
 
 
 def state(value: Value | None = None, *sources: str) -> PortState:

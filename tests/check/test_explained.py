@@ -19,7 +19,7 @@ FILES = sorted(path for path in CORPUS.rglob("*") if path.suffix in {".usd", ".u
 def left_open(stage: Usd.Stage, checkpoint: str = "05") -> list[str]:
     lab = the_lab()
     with quiet():
-        model = read_model(stage, lab, "stage.usda")
+        model = read_model(stage, lab.platform, "stage.usda")
     found = judge(lab, lab.checkpoints[checkpoint], model)
     return unexplained(lab, model, found.requirements, found.findings)
 
@@ -37,7 +37,7 @@ def test_a_loss_that_nothing_names_is_noticed() -> None:
     graph = lab.graphs["ROS_OdomTF"]
     stage.RemovePrim(f"{graph.path}/isaac_compute_transform_tree")
     found = judged(stage, "05")
-    model = read_model(stage, lab, "stage.usda")
+    model = read_model(stage, lab.platform, "stage.usda")
     arguments = (lab, model, found.requirements)
     assert unexplained(*arguments, found.findings) == []
     told = [finding for finding in found.findings if finding.rule != "T20"]

@@ -9,13 +9,13 @@ import pytest
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
+from lab3_usd.check.lab_frames import tf_view
 from lab3_usd.check.registry import rules_of
 from lab3_usd.check.requirements import frame_requirements
-from lab3_usd.check.tf.lab_frames import tf_view
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import AbsentPrim, Node, PortState, StageModel, UnresolvedAsset
-from lab3_usd.spec.values import Value
 
 PLACE = m.lab().graphs[m.ODOM_TF].path
 COMPUTE, RAW = f"{PLACE}/{m.COMPUTE}", f"{PLACE}/{m.RAW}"

@@ -8,8 +8,8 @@ import models as m
 import pytest
 from msgspec.structs import replace
 
-from lab3_usd.check.ros.contexts import Domain
-from lab3_usd.check.tf.frames import (
+from lab3_usd.facts.domains import Domain
+from lab3_usd.facts.frames import (
     Edge,
     published_edges,
     unknown_publishers,
@@ -33,7 +33,7 @@ STAR = {("base_footprint", child) for child in (*m.LINKS[1:], "Camera_1")}
 
 
 def edges(stage: StageModel) -> tuple[Edge, ...]:
-    return published_edges(stage, m.lab())
+    return published_edges(stage, m.lab().platform)
 
 
 def pairs(stage: StageModel) -> list[tuple[str, str]]:
@@ -124,7 +124,7 @@ def test_a_name_wired_from_two_constants_is_unknown() -> None:
     ends = (f"{node.path}.inputs:value" for node in (one, two))
     sender = m.wired(graph.nodes[0], "inputs:childFrameId", *ends)
     stage = m.only(m.graph("/Graph/tf", sender, graph.nodes[1], one, two))
-    assert unknown_publishers(stage, m.lab()) == ("/Graph/tf/sender",)
+    assert unknown_publishers(stage, m.lab().platform) == ("/Graph/tf/sender",)
 
 
 def test_a_computed_name_is_unknown() -> None:
@@ -134,7 +134,7 @@ def test_a_computed_name_is_unknown() -> None:
     sender = m.wired(graph.nodes[0], "inputs:childFrameId", source)
     stage = m.only(m.graph("/Graph/tf", sender, graph.nodes[1], product))
     assert edges(stage) == ()
-    assert unknown_publishers(stage, m.lab()) == ("/Graph/tf/sender",)
+    assert unknown_publishers(stage, m.lab().platform) == ("/Graph/tf/sender",)
 
 
 def test_a_generic_publisher_of_transforms_is_unknown() -> None:
@@ -144,9 +144,12 @@ def test_a_generic_publisher_of_transforms_is_unknown() -> None:
     )  # fmt: skip
     generic = m.wired(generic, "inputs:execIn", "/Graph/tf/tick.outputs:tick")
     graph = m.graph("/Graph/tf", generic, m.node("/Graph/tf/tick", TICK_TYPE))
-    assert unknown_publishers(m.only(graph), m.lab()) == ("/Graph/tf/any",)
+    assert unknown_publishers(m.only(graph), m.lab().platform) == ("/Graph/tf/any",)
     other = m.valued(generic, "inputs:messageName", "String")
-    assert unknown_publishers(m.only(m.graph("/Graph/tf", other, graph.nodes[1])), m.lab()) == ()
+    assert (
+        unknown_publishers(m.only(m.graph("/Graph/tf", other, graph.nodes[1])), m.lab().platform)
+        == ()
+    )
 
 
 # ---- what runs
@@ -243,7 +246,7 @@ def test_arrays_from_a_node_that_is_not_known_to_compute_frames_are_unknown() ->
     for port in ("parentFrames", "childFrames"):
         publish = m.wired(publish, f"inputs:{port}", f"{array.path}.outputs:array")
     stage = m.with_node(m.with_node(stage, array), publish)
-    assert unknown_publishers(stage, m.lab()) == (publish.path,)
+    assert unknown_publishers(stage, m.lab().platform) == (publish.path,)
 
 
 # ---- from prims to frames
@@ -292,7 +295,7 @@ def asset_at(stage: StageModel, *places: str) -> StageModel:
 
 
 def hidden(stage: StageModel) -> list[tuple[str, str]]:
-    return [(frame.what, frame.parent) for frame in unresolved_frames(stage, m.lab())]
+    return [(frame.what, frame.parent) for frame in unresolved_frames(stage, m.lab().platform)]
 
 
 def test_a_target_that_a_missing_asset_could_hold_is_unknown() -> None:
@@ -641,4 +644,4 @@ def test_arrays_win_over_targets_of_its_own() -> None:
 
 def test_a_built_stage_publishes_what_the_hand_made_one_does(tmp_path: Path) -> None:
     built = build_checkpoint(None, "05", tmp_path / "stage.usda")
-    assert edges(read_stage(built, m.lab())) == edges(m.stage())
+    assert edges(read_stage(built, m.lab().platform)) == edges(m.stage())

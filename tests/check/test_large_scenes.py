@@ -37,7 +37,7 @@ KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
     "script": ("Scope", ("OmniScriptingAPI",)),
 }
 COMMANDS: dict[str, Callable[[Usd.Stage], object]] = {
-    "check": lambda stage: judge(LAB, CHECKPOINT, read_model(stage, LAB, "stage")),
+    "check": lambda stage: judge(LAB, CHECKPOINT, read_model(stage, LAB.platform, "stage")),
     "lint": lint_open_stage,
 }
 

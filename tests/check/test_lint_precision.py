@@ -18,10 +18,10 @@ from scene_changes import deactivate
 from second_author import MIXED, STYLES, author_lab
 
 from lab3_usd import build_checkpoint
-from lab3_usd.check.ros.topics import endpoints
-from lab3_usd.judge.lint import lint_lab, lint_stage
+from lab3_usd.facts.endpoints import endpoints
+from lab3_usd.judge.lint import lint_platform, lint_stage
 from lab3_usd.report.entries import site
-from lab3_usd.spec.load.compiled import load_isaac_types
+from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.reader import read_model
 
 EXAMPLE = REPOSITORY / "docs" / "examples" / "carter.usda"
@@ -107,8 +107,8 @@ def test_a_camera_helper_took_a_window_before_six() -> None:
     found = "K10 /World/Camera/helper inputs:renderProductPath"
     assert found in said_by(stage)
     assert found not in said_by(stage, release="5.1")
-    model = read_model(stage, lint_lab("5.1"), "stage.usda")
-    (image,) = (end for end in endpoints(model, lint_lab("5.1")) if end.topic == "/rgb")
+    model = read_model(stage, lint_platform("5.1"), "stage.usda")
+    (image,) = (end for end in endpoints(model, lint_platform("5.1")) if end.topic == "/rgb")
     assert image.runs
 
 
@@ -120,7 +120,7 @@ def test_a_scan_needed_intensities_before_six() -> None:
     connect(stage, graph, "tick.tick", "scan.execIn")
     connect(stage, graph, "time.simulationTime", "scan.timeStamp")
     found = f"K10 {graph}/scan inputs:intensitiesData"
-    known = load_isaac_types().known_releases
+    known = load_platform().known_releases
     assert [each for each in known if found in said_by(stage, release=each)] == ["5.0", "5.1"]
 
 
@@ -150,7 +150,7 @@ def test_a_release_takes_the_kinds_of_images_that_it_has(kind: str, releases: li
     helper = stage.GetPrimAtPath("/World/Camera/helper")
     helper.CreateAttribute("inputs:type", Sdf.ValueTypeNames.Token).Set(kind)
     found = "K35 /World/Camera/helper inputs:type"
-    known = load_isaac_types().known_releases
+    known = load_platform().known_releases
     assert [each for each in known if found not in said_by(stage, release=each)] == releases
 
 
@@ -169,7 +169,7 @@ def test_a_list_of_zeros_counts_from_a_later_release_on() -> None:
     controller.GetAttribute("inputs:jointNames").ClearConnections()
     controller.CreateAttribute("inputs:jointIndices", Sdf.ValueTypeNames.IntArray).Set([0])
     found = "K69 /World/Drive/move inputs:jointIndices"
-    known = load_isaac_types().known_releases
+    known = load_platform().known_releases
     ignoring = [each for each in known if found in said_by(stage, release=each)]
     assert ignoring == ["5.0", "5.1", "6.0"]
 
@@ -262,7 +262,7 @@ def test_every_finding_of_a_real_stage_was_judged(shared: Path) -> None:
 
 
 def test_nothing_crashes_on_any_release() -> None:
-    for release in load_isaac_types().known_releases:
+    for release in load_platform().known_releases:
         assert not linted(with_menus(*MENUS), release).crashes
 
 

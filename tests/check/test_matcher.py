@@ -28,7 +28,7 @@ from plain_graphs import (
 
 from lab3_usd.check.match.conformance import setting_matches, target_matches
 from lab3_usd.check.match.roles import match
-from lab3_usd.check.match.subject import Roles
+from lab3_usd.check.match.rule_inputs import Roles
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import GraphModel, Node
 from lab3_usd.spec.graph import GraphSpec

@@ -9,7 +9,7 @@ from breaking import correct_stage, judged
 from pxr import Usd
 
 from lab3_usd.check import registry
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.judge.results import score_of
 from lab3_usd.model.finding import Problem

@@ -6,21 +6,22 @@ import models as m
 import pytest
 from msgspec.structs import replace
 
-from lab3_usd.check.ros.running import (
+from lab3_usd.facts.execution_order import (
     effective_value,
     live_nodes,
     run_states,
     running_nodes,
     severity_if_uncertain,
 )
-from lab3_usd.judge.lint import lint_lab
+from lab3_usd.isaac.releases import BASE
+from lab3_usd.isaac.values import Value
+from lab3_usd.judge.lint import lint_platform
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
-from lab3_usd.spec.isaac import BASE
-from lab3_usd.spec.values import Value
 
 TICK = "omni.graph.action.OnPlaybackTick"
 STEP = "isaacsim.core.nodes.OnPhysicsStep"
+OLD_STEP = "omni.isaac.core_nodes.OnPhysicsStep"
 CUSTOM = "omni.graph.action.OnCustomEvent"
 ODOMETRY = "isaacsim.ros2.bridge.ROS2PublishOdometry"
 BRANCH = "omni.graph.action.Branch"
@@ -37,13 +38,13 @@ def graph(event: str | None, *more: Node, **attributes: Value) -> GraphModel:
         return m.graph(PLACE, sender, *more, **attributes)  # type: ignore[arg-type]
     root = m.node(f"{PLACE}/root", event)
     root = replace(root, ports={"outputs:go": PortState("outputs:go")})
-    out = "tick" if event == TICK else "go"
+    out = {TICK: "tick", STEP: "step", OLD_STEP: "step"}.get(event, "go")
     sender = m.wired(sender, "inputs:execIn", f"{PLACE}/root.outputs:{out}")
     return m.graph(PLACE, sender, root, *more, **attributes)  # type: ignore[arg-type]
 
 
 def state_of(stage: StageModel, path: str = SENDER) -> str:
-    return run_states(stage, m.lab()).get(path, "does not run")
+    return run_states(stage, m.lab().platform).get(path, "does not run")
 
 
 def state(event: str | None, **attributes: Value) -> str:
@@ -63,7 +64,7 @@ def state(event: str | None, **attributes: Value) -> str:
         (STEP, ON_DEMAND, "runs"),
         (STEP, {}, "does not run"),
         (STEP, {"pipelineStage": "pipelineStagePostRender"}, "does not run"),
-        ("omni.isaac.core_nodes.OnPhysicsStep", ON_DEMAND, "runs"),
+        (OLD_STEP, ON_DEMAND, "runs"),
         (CUSTOM, {}, "may run"),
         (CUSTOM, ON_DEMAND, "does not run"),
         (CUSTOM, {"evaluationMode": "Instanced"}, "does not run"),
@@ -113,8 +114,8 @@ def test_a_sure_event_beats_a_doubtful_one() -> None:
     )
     stage = m.only(replace(given, nodes=(sender, *given.nodes[1:])))
     assert state_of(stage) == "runs"
-    assert severity_if_uncertain(stage, m.lab(), SENDER) is None
-    assert severity_if_uncertain(stage, m.lab(), SENDER, custom.path) == "warning"
+    assert severity_if_uncertain(stage, m.lab().platform, SENDER) is None
+    assert severity_if_uncertain(stage, m.lab().platform, SENDER, custom.path) == "warning"
 
 
 def test_another_event_may_fire_in_a_graph_that_the_physics_evaluates() -> None:
@@ -124,7 +125,7 @@ def test_another_event_may_fire_in_a_graph_that_the_physics_evaluates() -> None:
 
 def test_what_waits_for_an_event_that_never_fires_is_no_event_itself() -> None:
     unknown = m.wired(
-        m.node(f"{PLACE}/if", "some.Branch"), "inputs:execIn", f"{PLACE}/root.outputs:go"
+        m.node(f"{PLACE}/if", "some.Branch"), "inputs:execIn", f"{PLACE}/root.outputs:step"
     )
     unknown = replace(unknown, ports={**unknown.ports, "outputs:yes": PortState("outputs:yes")})
     given = graph(STEP, unknown)
@@ -144,13 +145,13 @@ def test_a_node_of_the_catalog_without_signal_starts_nothing() -> None:
     gate = m.node(f"{PLACE}/gate", GATE)
     given = graph(None, gate)
     sender = m.wired(given.nodes[0], "inputs:execIn", f"{gate.path}.outputs:execOut")
-    assert run_states(m.only(replace(given, nodes=(sender, gate))), m.lab()) == {}
+    assert run_states(m.only(replace(given, nodes=(sender, gate))), m.lab().platform) == {}
 
 
 def test_the_lab_runs_for_sure() -> None:
     stage = m.stage()
-    assert set(run_states(stage, m.lab()).values()) == {"runs"}
-    assert list(running_nodes(stage, m.lab())) == list(run_states(stage, m.lab()))
+    assert set(run_states(stage, m.lab().platform).values()) == {"runs"}
+    assert list(running_nodes(stage, m.lab().platform)) == list(run_states(stage, m.lab().platform))
 
 
 @pytest.mark.parametrize(
@@ -160,7 +161,7 @@ def test_an_input_brings_its_value_to_another(kind: str) -> None:
     port = "inputs:odomFrameId" if kind == ODOMETRY else "inputs:value"
     constant = m.valued(m.node(f"{PLACE}/constant", kind), port, "map")
     sender = m.wired(m.node(SENDER, ODOMETRY), "inputs:odomFrameId", f"{constant.path}.{port}")
-    live = live_nodes(m.only(m.graph(PLACE, constant, sender)), m.lab())
+    live = live_nodes(m.only(m.graph(PLACE, constant, sender)), m.lab().platform)
     assert effective_value(live[SENDER], "inputs:odomFrameId", live) == "map"
 
 
@@ -170,7 +171,7 @@ def test_what_a_node_computes_nobody_knows() -> None:
     sender = m.wired(
         m.node(SENDER, ODOMETRY), "inputs:odomFrameId", f"{unknown.path}.outputs:value"
     )
-    live = live_nodes(m.only(m.graph(PLACE, unknown, sender)), m.lab())
+    live = live_nodes(m.only(m.graph(PLACE, unknown, sender)), m.lab().platform)
     assert effective_value(live[SENDER], "inputs:odomFrameId", live) is None
 
 
@@ -262,11 +263,11 @@ def test_a_push_graph_signals_nothing_once() -> None:
 
 
 def test_what_is_behind_a_branch_may_run() -> None:
-    lab = lint_lab(BASE)
-    branch = replace(m.node(f"{PLACE}/branch", BRANCH), type=lab.catalog.types[BRANCH])
+    platform = lint_platform(BASE)
+    branch = replace(m.node(f"{PLACE}/branch", BRANCH), type=platform.types[BRANCH])
     branch = m.wired(branch, "inputs:execIn", f"{PLACE}/root.outputs:tick")
     first = graph(TICK, branch)
     sender = m.wired(first.nodes[0], "inputs:execIn", f"{PLACE}/branch.outputs:execTrue")
     stage = m.only(replace(first, nodes=(sender, *first.nodes[1:])))
-    states = run_states(stage, lab)
+    states = run_states(stage, platform)
     assert (states[branch.path], states[SENDER]) == ("runs", "may run")

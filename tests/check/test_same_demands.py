@@ -102,7 +102,9 @@ def test_rules_ask_a_checkpoint_for_nothing_else(repository: Path) -> None:
 def test_the_same_demands_find_the_same(tmp_path: Path, source: str) -> None:
     path = starter() if source == "starter" else stage(source)
     copy = cut_wire(Path(shutil.copy(path, tmp_path))) if source != "starter" else path
-    found = [judge(LAB, LAB.checkpoints[each], read_stage(copy, LAB)) for each in ("07", "08")]
+    found = [
+        judge(LAB, LAB.checkpoints[each], read_stage(copy, LAB.platform)) for each in ("07", "08")
+    ]
     assert found[0] == found[1]
     assert found[0].findings
 
@@ -136,7 +138,7 @@ def test_what_a_stage_says_is_worked_out_once_for_all_checkpoints(
 ) -> None:
     with kept_open():
         check_stage(stage("08"), "06")
-        monkeypatch.setattr("lab3_usd.check.ros.topics._endpoint", None)
+        monkeypatch.setattr("lab3_usd.facts.endpoints._endpoint", None)
         result = check_stage(stage("08"), "07")
     assert (result.verdict, result.crashes) == ("pass", ())
 

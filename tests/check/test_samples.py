@@ -205,11 +205,11 @@ def test_a_stage_that_stays_open_is_looked_at_once(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(opening, "hold_start_values", looked_at.append)
     stage = correct_stage("05")
     for _ in range(2):
-        read_model(stage, the_lab(), "x")
+        read_model(stage, the_lab().platform, "x")
     assert len(looked_at) == 2  # it may have been edited in the meantime
     with opening.kept_open():
         opening.held(stage)
-        read_model(stage, the_lab(), "x")
+        read_model(stage, the_lab().platform, "x")
     assert len(looked_at) == 3
 
 

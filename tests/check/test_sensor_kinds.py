@@ -91,7 +91,9 @@ def judged(lab: Lab, starter: Sdf.Layer) -> Judge:
         stage = Usd.Stage.Open(layer)
         for change in changes:
             change(stage)
-        found = judge(lab, lab.checkpoints[checkpoint], read_model(stage, lab, "stage.usda"))
+        found = judge(
+            lab, lab.checkpoints[checkpoint], read_model(stage, lab.platform, "stage.usda")
+        )
         assert found.crashes == ()
         return found
 

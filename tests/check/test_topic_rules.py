@@ -6,12 +6,13 @@ import models as m
 import pytest
 from msgspec.structs import replace
 
+from lab3_usd.check.lab_frames import repeated_publishers
 from lab3_usd.check.registry import rules_of
-from lab3_usd.check.tf.lab_frames import repeated_publishers
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
-from lab3_usd.spec.values import Value
 
+STEP = "isaacsim.core.nodes.OnPhysicsStep"
 TICK_TYPE = m.lab().graphs[m.ODOM_TF].nodes["on_playback_tick"].type.type
 RAW_TYPE = m.lab().graphs[m.ODOM_TF].nodes[m.RAW].type.type
 GENERIC_SUBSCRIBER = "isaacsim.ros2.bridge.ROS2Subscriber"
@@ -142,8 +143,8 @@ def test_a_copy_that_does_not_run_is_no_second_publisher() -> None:
 @pytest.mark.parametrize(
     ("event", "attributes", "severity"),
     [
-        ("isaacsim.core.nodes.OnPhysicsStep", {"pipelineStage": "pipelineStageOnDemand"}, None),
-        ("isaacsim.core.nodes.OnPhysicsStep", {}, "absent"),
+        (STEP, {"pipelineStage": "pipelineStageOnDemand"}, None),
+        (STEP, {}, "absent"),
         (TICK_TYPE, {"pipelineStage": "pipelineStageOnDemand"}, "absent"),
         (TICK_TYPE, {"evaluationMode": "Instanced"}, "absent"),
         (TICK_TYPE, {"evaluationMode": "Standalone"}, None),
@@ -163,7 +164,7 @@ def test_a_second_publisher_counts_where_it_runs(
             root = m.node(node.path, event)
             nodes.append(replace(root, ports={"outputs:tick": PortState("outputs:tick")}))
         else:
-            nodes.append(node)
+            nodes.append(m.rewired(node, "outputs:tick", "outputs:step") if event == STEP else node)
     changed = replace(copy, nodes=tuple(nodes), attributes={**copy.attributes, **attributes})
     found = problems(m.stage(changed))
     assert [p.severity for p in found.get("Q01", [])] == [severity] * (severity != "absent")

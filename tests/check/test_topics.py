@@ -12,9 +12,9 @@ from invoking import invoke
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 
-from lab3_usd.check.ros.topics import Endpoint, Qos, decode, endpoints, resolve
+from lab3_usd.facts.endpoints import Endpoint, Qos, decode, endpoints, resolve
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import Node, PortState, StageModel
-from lab3_usd.spec.values import Value
 from lab3_usd.stage.write.builder import build_checkpoint
 
 LIDAR, CAMERA, INFO = "ros2_rtx_lidar_helper", "ros2_camera_helper", "ros2_camera_info_helper"
@@ -33,12 +33,13 @@ PROFILE = {
 
 def found(stage: StageModel) -> dict[tuple[str | None, str], Endpoint]:
     return {
-        (endpoint.topic, endpoint.node.name): endpoint for endpoint in endpoints(stage, m.lab())
+        (endpoint.topic, endpoint.node.name): endpoint
+        for endpoint in endpoints(stage, m.lab().platform)
     }
 
 
 def of(stage: StageModel, role: str) -> Endpoint:
-    (endpoint,) = [each for each in endpoints(stage, m.lab()) if each.node.name == role]
+    (endpoint,) = [each for each in endpoints(stage, m.lab().platform) if each.node.name == role]
     return endpoint
 
 
@@ -76,7 +77,8 @@ def test_names_resolve_as_the_bridge_writes_them(
 
 def test_the_lab_has_its_topics() -> None:
     table = {
-        (e.topic, e.type, e.direction, e.frames, e.runs) for e in endpoints(m.stage(), m.lab())
+        (e.topic, e.type, e.direction, e.frames, e.runs)
+        for e in endpoints(m.stage(), m.lab().platform)
     }
     assert table >= {
         ("/camera/camera_info", "sensor_msgs/msg/CameraInfo", "publishes", ("Camera_1",), True),
@@ -371,7 +373,9 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_table_has_a_row_for_each_topic(built: Path) -> None:
     heading, *rows = text_of("topics", "-v", str(built)).splitlines()
     assert heading.split() == "TOPIC TYPE DIRECTION NODE FRAMES QUEUE QOS RATE".split()  # noqa: SIM905
-    assert [row.split()[0] for row in rows] == [e.topic for e in endpoints(m.stage(), m.lab())]
+    assert [row.split()[0] for row in rows] == [
+        e.topic for e in endpoints(m.stage(), m.lab().platform)
+    ]
     assert "keep_last 10, reliable, volatile" in rows[0]
     assert "7 frames" in rows[-1]
 
@@ -381,7 +385,7 @@ def test_name_type_direction_and_node_fit_80_columns(built: Path) -> None:
     assert max(map(len, lines[::2])) <= 80
     assert [line.split() for line in lines[:2]] == [["TOPIC", "TYPE", "DIRECTION"], ["NODE"]]
     nodes = [line.strip() for line in lines[3::2]]
-    assert nodes == [end.node.path for end in endpoints(m.stage(), m.lab())]
+    assert nodes == [end.node.path for end in endpoints(m.stage(), m.lab().platform)]
 
 
 def test_a_table_that_fits_has_the_nodes_in_its_rows(tmp_path: Path) -> None:
@@ -395,7 +399,7 @@ def test_topics_are_drawn_between_their_nodes(built: Path, tmp_path: Path) -> No
     dot = tmp_path / "topics.dot"
     assert text_of("topics", str(built), "--graph", str(dot)) == f"{dot}\n"
     drawn = dot.read_text()
-    ends = endpoints(m.stage(), m.lab())
+    ends = endpoints(m.stage(), m.lab().platform)
     assert drawn.count(" -> ") == len(ends)
     assert all(str(end.topic) in drawn and end.node.name in drawn for end in ends)
 
@@ -448,7 +452,7 @@ def test_the_csv_has_a_row_for_each_topic(built: Path) -> None:
     lines = text_of("topics", str(built), "--format", "csv").splitlines()
     assert lines[0] == "topic,type,direction,node,frames,queue,qos,rate"
     rows = [*csv.DictReader(lines)]
-    assert len(rows) == len(endpoints(m.stage(), m.lab()))
+    assert len(rows) == len(endpoints(m.stage(), m.lab().platform))
     frames = {row["topic"]: row["frames"] for row in rows}
     assert frames["/clock"] == ""
     assert frames["/scan"] == "base_scan"
@@ -466,14 +470,14 @@ def test_a_node_of_the_stage_cannot_write_to_the_terminal() -> None:
     from lab3_usd.report.topic_table import TopicReport, as_csv, as_table
 
     evil: Node = m.node("/World/ROS_Clock/any", m.PUBLISHER_TYPE, topicName="=1+\x1b[2J")
-    report = TopicReport("x", endpoints(m.with_node(m.stage(), evil), m.lab()), ())
+    report = TopicReport("x", endpoints(m.with_node(m.stage(), evil), m.lab().platform), ())
     assert "\x1b" not in "\n".join(as_table(report)) + as_csv(report)
 
 
 def test_every_column_is_there_where_the_terminal_is_narrow() -> None:
     from lab3_usd.report.topic_table import TopicReport, as_table, cells
 
-    report = TopicReport("x", endpoints(m.stage(), m.lab()), ())
+    report = TopicReport("x", endpoints(m.stage(), m.lab().platform), ())
     lines = list(as_table(report, 100, verbose=True))
     assert max(map(len, lines)) <= 100
     for endpoint in report.endpoints:

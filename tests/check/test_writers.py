@@ -15,13 +15,14 @@ SERVICE = "isaacsim.ros2.bridge.ROS2ServicePrim"
 
 
 def severities(kind: str, *steps: dict[str, Any], event: str = "OnPlaybackTick") -> list[str]:
+    signal = "onStep" if kind == CONVEYOR else "execIn"
     driven: list[dict[str, Any]] = [
         {"define": ["/Graph", "OmniGraph"]},
         {"node": ["/Graph/event", f"omni.graph.action.{event}"]},
         {"declare": ["/Graph/event.outputs:tick", "uint"]},
         {"node": [NODE, kind]},
-        {"declare": [f"{NODE}.inputs:execIn", "uint"]},
-        {"connect": [f"{NODE}.inputs:execIn", "/Graph/event.outputs:tick"]},
+        {"declare": [f"{NODE}.inputs:{signal}", "uint"]},
+        {"connect": [f"{NODE}.inputs:{signal}", "/Graph/event.outputs:tick"]},
     ]
     found = judged(broken("04", [*driven, *steps]), "04").findings
     return [finding.severity for finding in found if finding.rule == "N13"]

@@ -12,8 +12,8 @@ from linting import broken_robot
 
 from lab3_usd.errors import UsageError
 from lab3_usd.fix.repairing import FixOptions, fix_linted
+from lab3_usd.isaac.releases import BASE
 from lab3_usd.judge.lint import lint_stage
-from lab3_usd.spec.isaac import BASE
 
 CLOCK, LIDAR, HELPER = "/World/Clock/clock", "/World/Lidar/helper", "/World/Camera/helper"
 ODOMETRY = "/World/Odometry/odometry"

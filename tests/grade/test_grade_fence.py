@@ -344,7 +344,9 @@ def test_a_stage_read_once_goes_by_both_of_its_names(root: Path, fence: Fence) -
     for name in ("a.usda", "b.usda"):
         write(root / name, '#usda 1.0\ndef OmniGraph "ROS_Clock"\n{\n}\n')
     fence.digests = dict.fromkeys(("a.usda", "b.usda"), "same")
-    models = [read_model(open_stage(root / name), lab, name) for name in ("a.usda", "b.usda")]
+    models = [
+        read_model(open_stage(root / name), lab.platform, name) for name in ("a.usda", "b.usda")
+    ]
     assert models[0] is models[1]
     first, second = (check_stage(str(root / name), "01", lab) for name in ("a.usda", "b.usda"))
     assert {finding.layer for finding in first.findings if finding.layer} == {str(root / "a.usda")}

@@ -615,7 +615,7 @@ def test_no_text_brings_the_reading_of_a_rubric_down(tmp_path: Path, text: str, 
     path.write_text(text)
     reading = (
         "import sys\nfrom pathlib import Path\nfrom lab3_usd.errors import SpecError\n"
-        "from lab3_usd.spec.yaml_file import read_foreign_yaml\n"
+        "from lab3_usd.yaml_file import read_foreign_yaml\n"
         "try:\n    read_foreign_yaml(Path(sys.argv[1]))\n"
         "except SpecError as error:\n    print(error)\n"
     )

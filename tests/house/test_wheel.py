@@ -14,7 +14,7 @@ import pytest
 from pages import blocks, matches, sessions
 from pxr import Sdf
 
-from lab3_usd.spec.load.compiled import FILE, TYPES_FILE
+from lab3_usd.spec.load.compiled import FILE
 from lab3_usd.spec.load.loader import load_lab
 
 # One worker makes the archives and the environment, the others need not make them again.
@@ -137,7 +137,7 @@ def test_wheel_carries_the_package_and_every_data_file(wheel: Path, repository: 
         for name in files_below(repository / folder)
     }
     graphs = "lab3_usd/_data/graphs"
-    compiled = {f"{graphs}/{FILE}", f"{graphs}/isaac/{TYPES_FILE}"} | modules_in(wheel)
+    compiled = {f"{graphs}/{FILE}"} | modules_in(wheel)
     assert names_in(wheel) == package | data | compiled | {EXAMPLE}
     templates = {name for name in package if name.endswith(".html.j2")}
     assert len(modules_in(wheel)) >= len(templates)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import display, format_paths, node_title, short_source
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.values import Value
 
 
 @pytest.mark.parametrize(

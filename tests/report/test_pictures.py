@@ -19,10 +19,11 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from lab3_usd.check.match.roles import match
-from lab3_usd.check.match.subject import Roles
-from lab3_usd.check.tf.frames import Edge
-from lab3_usd.check.tf.targets import UnresolvedFrames
+from lab3_usd.check.match.rule_inputs import Roles
 from lab3_usd.errors import UsageError
+from lab3_usd.facts.frame_targets import UnresolvedFrames
+from lab3_usd.facts.frames import Edge
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import AbsentPrim, GraphModel, Node, PortState, StageModel
 from lab3_usd.report.picture.dot import celled, dot
@@ -43,7 +44,6 @@ from lab3_usd.report.pictures.graph_picture import graph_picture, spec_picture, 
 from lab3_usd.report.pictures.tf_picture import frames_picture, spec_frames_picture
 from lab3_usd.report.safe_text import dot_string
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.values import Value
 
 LAB = models.lab()
 CLOCK = LAB.graphs["ROS_Clock"]

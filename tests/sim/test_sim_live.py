@@ -84,7 +84,7 @@ def scene() -> Scene:
 
 @pytest.fixture
 def player(scene: Scene) -> Player:
-    return player_of(scene, the_lab().catalog, INTERFACE)
+    return player_of(scene, the_lab().platform, INTERFACE)
 
 
 @pytest.fixture(scope="module")
@@ -251,7 +251,7 @@ def test_a_domain_that_cannot_be_is_said(monkeypatch: pytest.MonkeyPatch, domain
 
 def test_what_is_in_another_domain_is_said_and_not_sent(link: Link) -> None:
     stage = broken("01", [{"set": ["ROS_Clock/ros2_context.inputs:domain_id", 7]}])
-    player = player_of(read_scene(stage), the_lab().catalog, INTERFACE)
+    player = player_of(read_scene(stage), the_lab().platform, INTERFACE)
     lived = play_live(player, link, lambda frames: frames >= 3)
     assert (lived.sent, lived.away) == ({}, (("/clock", 7),))
     assert "not sent: /clock, as it is in domain 7" in [*closing_lines(lived)]

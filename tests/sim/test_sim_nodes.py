@@ -579,7 +579,7 @@ def test_an_older_context_does_not_look_at_the_environment(version: int, looks: 
     saved = {"inputs:useDomainIDEnvVar": Input("bool")}
     context = Node("/Graph/context", f"{ROS}ROS2Context", version, saved, {})
     graph = Graph("/Graph", "execution", "pipelineStageSimulation", "Automatic", (context,))
-    program = compile_graphs(Scene(1.0, "Z", (graph,), {}, {}), the_lab().catalog)
+    program = compile_graphs(Scene(1.0, "Z", (graph,), {}, {}), the_lab().platform)
     assert program.nodes["/Graph/context"].values["useDomainIDEnvVar"] is looks
 
 

@@ -13,7 +13,7 @@ from lab3_usd.data import PACKAGE, data_folder
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load import compiled
 from lab3_usd.spec.load.compiled import FILE, compile_lab, compiled_or_loaded
-from lab3_usd.spec.load.lab import assemble
+from lab3_usd.spec.load.loader import assemble
 
 
 @pytest.fixture(autouse=True)
@@ -44,7 +44,8 @@ def test_a_second_start_reads_no_yaml(folder: Path) -> None:
     again = compiled_or_loaded(folder, refuse)
     assert again.graphs == first.graphs
     assert again.checkpoints == first.checkpoints
-    assert again.catalog == first.catalog
+    assert again.platform.types == first.platform.types
+    assert again.platform.needs == first.platform.needs
     assert again.folder == folder
 
 
@@ -70,11 +71,15 @@ def test_a_changed_file_is_read_anew(folder: Path) -> None:
     assert lab.graphs["ROS_Clock"].nodes["ros2_context"].at == (51.0, 250.0)
 
 
-@pytest.mark.parametrize("module", ["spec/lab.py", "spec/load/graph.py"])
+@pytest.mark.parametrize(
+    "module", ["spec/lab.py", "spec/load/graph.py", "isaac/load/platform.py", "yaml_file.py"]
+)
 def test_what_other_code_compiled_is_not_believed(
     folder: Path, tmp_path: Path, module: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shutil.copytree(PACKAGE / "spec", tmp_path / "spec")
+    for part in ("spec", "isaac"):
+        shutil.copytree(PACKAGE / part, tmp_path / part)
+    shutil.copy(PACKAGE / "yaml_file.py", tmp_path)
     monkeypatch.setattr(compiled, "PACKAGE", tmp_path)
     compiled_or_loaded(folder, assemble)
     with (tmp_path / module).open("a") as code:

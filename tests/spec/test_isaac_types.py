@@ -14,13 +14,17 @@ import pytest
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.catalog import Port
-from lab3_usd.spec.isaac import IsaacTypes
-from lab3_usd.spec.load.catalog import assemble_types
-from lab3_usd.spec.load.compiled import compiled_or_loaded_types, load_isaac_types
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.isaac.load.platform import assemble_platform
+from lab3_usd.isaac.node_types import Port
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.compiled import (
+    FILE,
+    compiled_or_loaded,
+    compiled_or_loaded_platform,
+)
+from lab3_usd.spec.load.loader import assemble, load_lab, load_platform
 
-TYPES = load_isaac_types()
+TYPES = load_platform()
 TIME = "isaacsim.core.nodes.IsaacReadSimulationTime"
 TREE = "isaacsim.ros2.bridge.ROS2PublishTransformTree"
 
@@ -39,7 +43,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_every_public_type_is_known(facts: dict[str, Any]) -> None:
-    assert set(facts) <= set(TYPES.catalog.types)
+    assert set(facts) <= set(TYPES.types)
 
 
 def test_every_port_has_the_type_of_the_source(facts: dict[str, Any]) -> None:
@@ -48,7 +52,7 @@ def test_every_port_has_the_type_of_the_source(facts: dict[str, Any]) -> None:
         for name, fact in facts.items()
         for side in ("inputs", "outputs")
         for short, port in fact[side].items()
-        if _declared(TYPES.catalog.types[name].ports[f"{side}:{short}"].ogn_type, port["type"])
+        if _declared(TYPES.types[name].ports[f"{side}:{short}"].ogn_type, port["type"])
     ]
     assert wrong == []
 
@@ -58,7 +62,7 @@ def _declared(known: str, fact: Any) -> bool:
 
 
 def test_what_is_said_of_bodies_units_targets_and_gates_names_ports_that_are_there() -> None:
-    types = TYPES.catalog.types
+    types = TYPES.types
     for name, body in TYPES.bodies.items():
         assert types[name].port(f"inputs:{body.prim}") is not None
         assert {f"outputs:{give}" for give in body.gives} <= set(types[name].ports)
@@ -80,7 +84,7 @@ def test_what_is_said_of_bodies_units_targets_and_gates_names_ports_that_are_the
     for name, target in TYPES.targets.items():
         assert types[name].ports[f"inputs:{target.input}"].is_target
     assert set(TYPES.joints) <= set(types)
-    for name, port in TYPES.catalog.gates.items():
+    for name, port in TYPES.gates.items():
         assert f"inputs:{port}" in types[name].ports
 
 
@@ -90,14 +94,14 @@ def test_every_default_is_that_of_the_source(facts: dict[str, Any], shared: Path
         if name in closer["nodes"] or name in closer["other_ros2_nodes"]:
             continue
         for short, port in fact["inputs"].items():
-            default = TYPES.catalog.types[name].ports[f"inputs:{short}"].default
+            default = TYPES.types[name].ports[f"inputs:{short}"].default
             if port["type"] != "target" and "default" in port:
                 assert json.loads(json.dumps(default)) == port["default"], f"{name} {short}"
 
 
 def test_the_types_of_the_lab_win() -> None:
-    lab = load_lab().catalog
-    assert {name: TYPES.catalog.types[name] for name in lab.types} == dict(lab.types)
+    lab = load_lab().platform
+    assert {name: TYPES.types[name] for name in lab.types} == dict(lab.types)
 
 
 def test_every_need_names_its_source() -> None:
@@ -109,14 +113,14 @@ def test_every_need_names_its_source() -> None:
 def test_an_earlier_release_has_its_own_defaults_and_ports() -> None:
     earlier = TYPES.in_release("5.1")
     assert earlier.types[TIME].default("inputs:resetOnStop", 1) is False
-    assert TYPES.catalog.types[TIME].default("inputs:resetOnStop", 1) is True
+    assert TYPES.types[TIME].default("inputs:resetOnStop", 1) is True
     assert "inputs:parentFrames" not in earlier.types[TREE].ports
     assert earlier.types[TREE].tf is not None
     assert earlier.types[TREE].tf.arrays == ()
 
 
 def test_the_release_of_the_lab_is_the_catalog_itself() -> None:
-    assert TYPES.in_release("6.0") is TYPES.catalog
+    assert TYPES.in_release("6.0") is TYPES
 
 
 def test_a_port_that_is_gone_tells_the_release() -> None:
@@ -156,7 +160,7 @@ def test_later_releases_have_what_their_pages_tell(shared: Path) -> None:
 def test_the_types_of_physics_graphs_are_known_in_all_releases(shared: Path) -> None:
     pages = json.loads((shared / "isaac" / "nodes-6.1-6.2.json").read_text())
     for name, fact in pages["physx_graph_types_of_6.0.1"].items():
-        assert ports_of(TYPES.catalog.types[name].ports) == ports_of_page(fact)
+        assert ports_of(TYPES.types[name].ports) == ports_of_page(fact)
         assert TYPES.releases_of(name) == TYPES.known_releases
 
 
@@ -191,27 +195,30 @@ def test_a_slip_in_the_needs_is_one_clear_line(
     needs = folder / "needs.yaml"
     needs.write_text(needs.read_text().replace(old, new))
     with pytest.raises(SpecError, match=message):
-        assemble_types(folder)
+        assemble_platform(folder)
 
 
-def test_a_second_start_reads_no_yaml(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_platform_is_read_without_its_lab(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    lab = compiled_or_loaded(folder.parent, assemble)
+    kept = folder.parent / "__pycache__" / FILE
+    monkeypatch.setattr(Lab, "__init__", None)  # which no reading of the platform may need
 
-    def refuse(folder: Path) -> IsaacTypes:
+    def refuse(folder: Path) -> Lab:
         raise AssertionError(folder)
 
-    first = compiled_or_loaded_types(folder, assemble_types)
-    again = compiled_or_loaded_types(folder, refuse)
-    assert again.catalog == first.catalog
-    assert again.needs == first.needs
+    assert kept.is_file()
+    again = compiled_or_loaded_platform(folder.parent, refuse)
+    assert again.types == lab.platform.types
+    assert again.needs == lab.platform.needs
 
 
 def test_a_change_of_the_labs_types_is_read_anew(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
-    compiled_or_loaded_types(folder, assemble_types)
+    compiled_or_loaded(folder.parent, assemble)
     lab = folder.parent / "node_types.yaml"
-    lab.write_text(lab.read_text().replace('"On Playback Tick"', '"Another"'))
-    types = compiled_or_loaded_types(folder, assemble_types).catalog.types
-    assert types["omni.graph.action.OnPlaybackTick"].ui_name == "Another"
+    lab.write_text(lab.read_text().replace('"Break 3 Vector"', '"Another"'))
+    types = compiled_or_loaded_platform(folder.parent, assemble).types
+    assert types["omni.graph.nodes.BreakVector3"].handout_name == "Another"

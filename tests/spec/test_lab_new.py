@@ -24,8 +24,7 @@ from lab3_usd.errors import Lab3Error
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.report.options import tool_version
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.compiled import load_isaac_types
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import load_lab, load_platform
 from lab3_usd.spec.submission import named_checkpoint
 
 CORPUS = SHARED / "corpus" / "stages"
@@ -172,7 +171,7 @@ def test_a_node_of_an_unknown_type_is_described_by_its_ports(tmp_path: Path) -> 
     stage.Save()
     assert "checkpoint yard, pass, " in ran("lab", "new", folder, "--from", path)[1]
     lab = load_lab(folder)
-    kind = lab.catalog.types["acme.filters.LowPass"]
+    kind = lab.platform.types["acme.filters.LowPass"]
     assert {name: port.ogn_type for name, port in kind.ports.items()} == {
         "inputs:execIn": "execution",
         "inputs:signal": "union",
@@ -482,6 +481,6 @@ def test_a_starter_that_is_no_plain_text_is_left_out_with_its_reason(
 ) -> None:
     first, *_, last = week[0]
     other = changed(first, tmp_path, change)
-    described = describe_lab([other, last], load_lab(), load_isaac_types().catalog)
+    described = describe_lab([other, last], load_lab(), load_platform())
     assert described.left_out == (f"starter.yaml: {reason}; give the starter to every build",)
     assert "starter.yaml" not in described.files

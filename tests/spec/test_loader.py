@@ -14,12 +14,12 @@ import quick_yaml
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.load.catalog import parse_catalog
+from lab3_usd.isaac.load.lab_types import with_lab_types
 from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.load.lab import parse_scene
-from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.yaml_file import read_yaml
+from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.yaml_file import read_yaml
 
 Data = dict[str, Any]
 Edit = Callable[[Data], None]
@@ -44,8 +44,19 @@ def read(file: Path) -> Data:
     return data
 
 
+def whole_types() -> Data:
+    """A lab's file of node types that describes some types whole, as Isaac Sim's own files do."""
+    isaac = GRAPHS / "isaac"
+    known = {**read(isaac / "omnigraph.yaml")["types"], **read(isaac / TYPES)["types"]}
+    roles = read(isaac / "roles.yaml")
+    types = {
+        name: known[name] | roles.get(name, {}) for name in (CONTEXT, CLOCK_TYPE, ARRAY, RAW_TF)
+    }
+    return {"scripts": read(isaac / "omnigraph.yaml")["scripts"], "types": types}
+
+
 def edited(file: Path, edit: Edit) -> None:
-    data = read(file)
+    data = whole_types() if file.name == TYPES else read(file)
     edit(data)
     file.write_text(quick_yaml.dump(data))
 
@@ -333,7 +344,10 @@ WRONG_TYPES = {
         (CONTEXT, "inputs: domain_id", "min"),
     ),
     "unknown key of a type": (put("types", CONTEXT, "ui", value="x"), (CONTEXT, "ui")),
-    "missing version": (drop("types", CONTEXT, "version"), (CONTEXT, "version")),
+    "missing version of a new type": (
+        put("types", "acme.Filter", value={"name": "Filter", "prim": "filter"}),
+        ("acme.Filter", "version"),
+    ),
     "version in words": (put("types", CONTEXT, "version", value="2"), (CONTEXT, "version")),
     "unknown role": (put("types", CLOCK_TYPE, "role", value="shouter"), (CLOCK_TYPE, "shouter")),
     "topic port that is not there": (
@@ -444,7 +458,7 @@ class TestAnyFile:
     def test_missing_is_refused_where_it_is_the_lab_s_own(self, file: str, folder: Path) -> None:
         (folder / file).unlink()
         if file == TYPES:  # then they are the bundled ones
-            assert load_lab(folder).catalog.types == load_lab().catalog.types
+            assert load_lab(folder).platform.types == load_lab().platform.types
         else:
             assert file in refusal(folder)
 
@@ -498,7 +512,7 @@ def test_what_is_no_plain_mapping_in_yaml_is_refused(content: bytes, tmp_path: P
 
 def test_the_bundled_lab_loads_and_a_copy_of_it_is_equal(folder: Path) -> None:
     bundled, copied = load_lab(), load_lab(folder)
-    assert bundled.catalog == copied.catalog
+    assert bundled.platform.types == copied.platform.types
     assert bundled.graphs == copied.graphs
     assert bundled.checkpoints == copied.checkpoints
     assert (bundled.policy, bundled.frames, bundled.scene) == (
@@ -513,7 +527,7 @@ def test_loading_twice_gives_equal_labs_in_equal_order(folder: Path, tmp_path: P
     first, second = load_lab(folder), load_lab(other)
     assert repr(first.graphs) == repr(second.graphs)
     assert repr(first.checkpoints) == repr(second.checkpoints)
-    assert repr(first.catalog) == repr(second.catalog)
+    assert repr(first.platform) == repr(second.platform)
 
 
 def test_each_checkpoint_holds_all_that_the_earlier_ones_added() -> None:
@@ -573,7 +587,7 @@ def parse_all_checkpoints(data: Data) -> None:
 
 @pytest.mark.parametrize("file", GRAPH_FILES)
 def test_no_slip_in_a_graph_crashes_the_loader(file: str) -> None:
-    catalog = load_lab().catalog
+    catalog = load_lab().platform
     wrong = list(slips(read(GRAPHS / file)))
     refused = sum(refused_in_one_line(lambda d: parse_graph(d, catalog, file), d) for d in wrong)
     assert refused > len(wrong) / 2
@@ -590,10 +604,12 @@ def test_no_slip_in_checkpoints_or_scene_crashes_the_loader(
 
 
 def test_no_slip_in_the_catalog_crashes_the_loader() -> None:
-    data = read(GRAPHS / TYPES)
-    data["types"] = {name: data["types"][name] for name in (CONTEXT, CLOCK_TYPE, ARRAY, RAW_TF)}
-    wrong = list(slips(data))
-    assert sum(refused_in_one_line(parse_catalog, each) for each in wrong) > len(wrong) / 2
+    wrong = list(slips(whole_types()))
+    platform = load_platform()
+    refused = (
+        refused_in_one_line(lambda d: with_lab_types(platform, d, TYPES), each) for each in wrong
+    )
+    assert sum(refused) > len(wrong) / 2
 
 
 def test_a_node_without_a_place_stands_behind_what_is_wired_into_it(folder: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.yaml_file import read_foreign_yaml, refuse_deep
+from lab3_usd.yaml_file import read_foreign_yaml, refuse_deep
 
 
 @pytest.mark.parametrize(

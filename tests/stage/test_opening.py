@@ -78,7 +78,7 @@ def test_damage_that_shows_while_a_stage_is_read_makes_it_unreadable(
     path = saved(tmp_path / "Lab3_00_student_start.usda")
     assert check_stage(path).verdict == "unreadable"
     with pytest.raises(StageError, match="damaged"):
-        read_stage(path, load_lab())
+        read_stage(path, load_lab().platform)
 
 
 def test_a_starter_in_which_damage_shows_late_is_a_fault_of_the_submission(

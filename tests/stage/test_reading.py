@@ -6,19 +6,19 @@ import pytest
 from breaking import broken, judged, place, the_lab
 from pxr import Gf, Usd
 
-from lab3_usd.check.ros.running import run_states
-from lab3_usd.check.ros.topics import endpoints
+from lab3_usd.facts.endpoints import endpoints
+from lab3_usd.facts.execution_order import run_states
 from lab3_usd.model.stage import StageModel
 from lab3_usd.stage.read.reader import read_model
 from lab3_usd.stage.read.scene import read_scene
 
 
 def read(*steps: dict[str, object]) -> StageModel:
-    return read_model(broken("05", list(steps)), the_lab(), "stage.usda")
+    return read_model(broken("05", list(steps)), the_lab().platform, "stage.usda")
 
 
 def topics(stage: StageModel) -> list[str | None]:
-    return [endpoint.topic for endpoint in endpoints(stage, the_lab())]
+    return [endpoint.topic for endpoint in endpoints(stage, the_lab().platform)]
 
 
 def test_what_is_no_node_below_a_graph_is_a_prim_of_the_scene() -> None:
@@ -76,9 +76,11 @@ def test_a_graph_of_an_instance_may_run(instanced: bool) -> None:  # noqa: FBT00
         {"copy": ["ROS_Clock", "/World/Holder/ROS_Clock"]},
     ]
     stage = read(*steps, *([{"instance": "/World/Holder"}] if instanced else []))
-    state = run_states(stage, the_lab())["/World/Holder/ROS_Clock/ros2_publish_clock"]
+    state = run_states(stage, the_lab().platform)["/World/Holder/ROS_Clock/ros2_publish_clock"]
     assert state == ("may run" if instanced else "runs")
-    found = [endpoint for endpoint in endpoints(stage, the_lab()) if endpoint.topic == "/clock"]
+    found = [
+        endpoint for endpoint in endpoints(stage, the_lab().platform) if endpoint.topic == "/clock"
+    ]
     assert [each.sure for each in found] == [not instanced, True]
 
 
@@ -90,7 +92,7 @@ def test_a_unit_that_is_no_number_is_not_said(
     # One flipped bit of a binary file gives a value another type, which no API writes.
     for kind in (Usd.Stage, Usd.Prim):
         monkeypatch.setattr(kind, "GetMetadata", lambda _of, _name: said)
-    model = read_model(stage, the_lab(), "stage.usdc")
+    model = read_model(stage, the_lab().platform, "stage.usdc")
     assert (model.meters_per_unit, model.kilograms_per_unit) == (0.01, 1.0)
     assert max(box.high[0] for box in model.colliders.below("/")) < 1
     assert read_scene(stage).meters_per_unit == 0.01

@@ -26,7 +26,7 @@ from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
 
 LAB = load_lab()
-FORM = LAB.catalog.graph
+FORM = LAB.platform.graph
 LEFT_OUT = ["", "/", "//", "World", "/World/", "/World/../World", "/World.x", "/a b", "/World{v=a}"]
 
 
@@ -85,7 +85,7 @@ def test_every_question_gets_the_answer_of_looking_at_each_prim(
     built: Path, question: Callable[[Prims], object]
 ) -> None:
     stage = odd(built)
-    model = read_model(stage, LAB, "x")
+    model = read_model(stage, LAB.platform, "x")
     assert isinstance(model.prims, Prims)
     expected = question(eager(stage, model))
     assert question(model.prims) == expected
@@ -93,7 +93,7 @@ def test_every_question_gets_the_answer_of_looking_at_each_prim(
 
 def test_prims_are_there_by_their_own_paths_only(built: Path) -> None:
     stage = odd(built)
-    model = read_model(stage, LAB, "x")
+    model = read_model(stage, LAB.platform, "x")
     (prototype,) = stage.GetPrototypes()
     assert f"{prototype.GetPath()}/part" not in model.prims
     for path in (*LEFT_OUT, "/Render/Camera_1", "/World/stray", "/World/off/below"):
@@ -120,7 +120,7 @@ def test_of_a_large_scene_little_is_read(built: Path, monkeypatch: pytest.Monkey
         return properties(prim)
 
     monkeypatch.setattr(prims, "AuthoredProperties", noted)
-    judge(LAB, LAB.checkpoints["05"], read_model(stage, LAB, "x"))
+    judge(LAB, LAB.checkpoints["05"], read_model(stage, LAB.platform, "x"))
     assert len(read) == len(set(read))
     assert not any(path.startswith("/Furniture") for path in read)
 
@@ -137,7 +137,7 @@ def test_a_file_that_changes_is_read_again(built: Path, tmp_path: Path) -> None:
 
 
 def test_a_model_holds_its_file_open_and_nothing_else_does(built: Path) -> None:
-    model = read_stage(built, LAB)
+    model = read_stage(built, LAB.platform)
     [*model.prims.values()][-1].attributes  # noqa: B018 - which reads them
     [*model.colliders.below("/")]
     judge(LAB, LAB.checkpoints["05"], model)
@@ -154,7 +154,7 @@ def test_what_is_derived_stays_with_the_model(built: Path) -> None:
         calls.append(stage)
         return len(calls)
 
-    one, other = (read_model(odd(built), LAB, "x") for _ in range(2))
+    one, other = (read_model(odd(built), LAB.platform, "x") for _ in range(2))
     assert [count(one), count(one), count(other), count(one)] == [1, 1, 2, 1]
 
 
@@ -202,7 +202,7 @@ def rocks(depth: int, times: int = 1) -> Usd.Stage:
 
 @pytest.mark.parametrize("times", [1, 100])
 def test_a_group_has_the_box_of_all_in_it(times: int) -> None:
-    model = read_model(rocks(3, times), LAB, "x")
+    model = read_model(rocks(3, times), LAB.platform, "x")
     boxes = {each.path: each for each in model.colliders.below("/")}
     assert list(boxes) == ["/group_0", "/group_0/group_1", "/group_0/group_1/group_2"]
     half = 0.5**0.5
@@ -221,7 +221,7 @@ def test_no_shape_is_measured_twice(top: str, monkeypatch: pytest.MonkeyPatch) -
         return around(prim, path, places)  # type: ignore[arg-type]
 
     monkeypatch.setattr(colliders, "_world_box", noted)
-    model = read_model(rocks(40), LAB, "x")
+    model = read_model(rocks(40), LAB.platform, "x")
     [*model.colliders.below(top)]
     [*model.colliders.below("/")]
     meshes = [path for path in measured if path.endswith("rock")]
@@ -237,13 +237,13 @@ def test_points_of_no_shape_have_no_box() -> None:
         prim = stage.DefinePrim(f"/{name}", "Cloud")
         prim.CreateAttribute("points", kind).Set(values)
         prim.ApplyAPI(UsdPhysics.CollisionAPI)
-    boxes = read_model(stage, LAB, "x").colliders.below("/")
+    boxes = read_model(stage, LAB.platform, "x").colliders.below("/")
     assert [box.path for box in boxes] == ["/group_0"]
 
 
 def test_shapes_are_below_a_prim_or_beside_it() -> None:
     stage = rocks(2)
-    found = read_model(stage, LAB, "x").colliders
+    found = read_model(stage, LAB.platform, "x").colliders
     assert [each.path for each in found.beside("/group_0/group_1")] == ["/group_0"]
     assert list(found.beside("/group_0")) == []
     assert [each.path for each in found.below("/")] == ["/group_0", "/group_0/group_1"]
@@ -254,7 +254,7 @@ def test_prims_may_be_nested_as_deep_as_they_like() -> None:
     path = "/a" * 1500
     stage.DefinePrim(path, "Cube").ApplyAPI(UsdPhysics.CollisionAPI)
     UsdPhysics.CollisionAPI.Apply(stage.GetPrimAtPath("/a"))
-    model = read_model(stage, LAB, "x")
+    model = read_model(stage, LAB.platform, "x")
     assert [each.path for each in model.colliders.below("/")] == ["/a", path]
     assert model.prims[path.rpartition("/")[0]].world is not None
 
@@ -295,9 +295,9 @@ def test_only_the_last_stages_stay_open(built: Path, tmp_path: Path) -> None:
     for path in paths:
         path.write_text(built.read_text())
     with opening.kept_open():
-        models = [read_stage(path, LAB) for path in paths]
-        assert read_stage(paths[1], LAB) is not models[1]  # forgotten with the first
-        assert read_stage(paths[2], LAB) is read_stage(paths[2], LAB)
+        models = [read_stage(path, LAB.platform) for path in paths]
+        assert read_stage(paths[1], LAB.platform) is not models[1]  # forgotten with the first
+        assert read_stage(paths[2], LAB.platform) is read_stage(paths[2], LAB.platform)
         del models
         assert Sdf.Layer.Find(str(paths[0])) is None
         assert Sdf.Layer.Find(str(paths[2])) is not None

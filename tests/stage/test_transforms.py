@@ -167,5 +167,5 @@ def test_a_shape_whose_size_was_blocked_is_no_reason_to_fail() -> None:
         prim.ApplyAPI(UsdPhysics.CollisionAPI)
         for name in names:
             prim.GetAttribute(name).Block()
-    boxes = list(read_model(stage, load_lab(), "stage.usda").colliders.below("/"))
+    boxes = list(read_model(stage, load_lab().platform, "stage.usda").colliders.below("/"))
     assert {box.low for box in boxes} == {(0.0, 0.0, 0.0)}

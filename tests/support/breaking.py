@@ -51,7 +51,7 @@ def correct_stage(checkpoint: str) -> Usd.Stage:
 
 def judged(stage: Usd.Stage, checkpoint: str) -> Judgement:
     lab = the_lab()
-    return judge(lab, lab.checkpoints[checkpoint], read_model(stage, lab, "stage.usda"))
+    return judge(lab, lab.checkpoints[checkpoint], read_model(stage, lab.platform, "stage.usda"))
 
 
 def place(text: str) -> str:

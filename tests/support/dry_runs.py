@@ -12,7 +12,7 @@ from lab3_usd.sim.execution.drive import Session, drive_of, fixed_drive
 from lab3_usd.sim.judge.checks import judge
 from lab3_usd.sim.judge.trial import Interface, Trial
 from lab3_usd.sim.timeline import record
-from lab3_usd.spec.load.compiled import load_isaac_types
+from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
 # Sections 1, 2 and 5 of the handout, as somebody at the other end of ROS sees them.
@@ -69,7 +69,7 @@ SHORT = drive_of(
 def driven(
     stage: Usd.Stage, drive: Sequence[Session] = DRIVE, wanted: Interface = INTERFACE
 ) -> Trial:
-    return record(read_scene(stage), load_isaac_types().catalog, drive, wanted)
+    return record(read_scene(stage), load_platform(), drive, wanted)
 
 
 def faults(trial: Trial) -> list[Check]:

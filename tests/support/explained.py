@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from lab3_usd.check.match.graphs import match_all
-from lab3_usd.check.match.subject import Roles
+from lab3_usd.check.match.rule_inputs import Roles
 from lab3_usd.check.robot.location import relocated_lab, relocated_spec, robot_relocations
 from lab3_usd.check.robot.sensors import sensor_relocations
 from lab3_usd.model.finding import Finding, Requirement

@@ -131,7 +131,9 @@ def failing_at(checkpoint: str, right: Path) -> Iterator[Mistake]:
         if not mistake.changes:
             yield mistake
         elif mistake.make(stage):
-            judged = judge(lab, lab.checkpoints[checkpoint], read_model(stage, lab, right.name))
+            judged = judge(
+                lab, lab.checkpoints[checkpoint], read_model(stage, lab.platform, right.name)
+            )
             if any(finding.severity == "error" for finding in judged.findings):
                 yield mistake
 

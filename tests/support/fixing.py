@@ -69,7 +69,7 @@ def second_faults(checkpoint: str) -> tuple[Fault, ...]:
     lab = load_lab()
     asked = lab.checkpoints[checkpoint]
     stage = Usd.Stage.Open(second_stage(checkpoint))
-    matched = match_all(lab.graphs, read_model(stage, lab, "second"), lab.catalog.scripts)
+    matched = match_all(lab.graphs, read_model(stage, lab.platform, "second"), lab.platform.scripts)
     graphs = {
         name: _named(lab.graphs[name], {r: n.name for r, n in matched[name].node_of.items() if n})
         for name in asked.graphs

@@ -12,7 +12,7 @@ from typing import Any
 from breaking import copied
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 
-from lab3_usd.spec.load.compiled import load_isaac_types
+from lab3_usd.spec.load.loader import load_platform
 
 Ports = Mapping[str, Any]
 Nodes = Mapping[str, tuple[str, Ports]]
@@ -50,7 +50,7 @@ def write_graph(
 
 
 def write_node(stage: Usd.Stage, path: str, kind: str, ports: Ports) -> Usd.Prim:
-    known = load_isaac_types().catalog.types.get(full_type(kind))
+    known = load_platform().types.get(full_type(kind))
     node = stage.DefinePrim(path, "OmniGraphNode")
     node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token, custom=False).Set(full_type(kind))
     version = 1 if known is None else known.version
@@ -87,7 +87,7 @@ def connect(stage: Usd.Stage, graph: str, source: str, target: str) -> None:
 def _declared(stage: Usd.Stage, graph: str, ref: str, *, is_output: bool) -> Sdf.Path:
     name, _, short = ref.partition(".")
     node = stage.GetPrimAtPath(f"{graph}/{name}")
-    kind = load_isaac_types().catalog.get(str(node.GetAttribute("node:type").Get()))
+    kind = load_platform().get(str(node.GetAttribute("node:type").Get()))
     port = None if kind is None else (kind.source(short) if is_output else kind.input(short))
     full = port.name if port is not None else f"{'outputs' if is_output else 'inputs'}:{short}"
     if not node.HasAttribute(full):

@@ -14,6 +14,7 @@ from fixing import own_texts
 from pxr import Sdf
 
 from lab3_usd.fix.text_editor import new_text
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import (
     Activate,
     ApplySchema,
@@ -28,7 +29,6 @@ from lab3_usd.model.changes import (
     SetValue,
 )
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.values import Value
 from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.read.opening import open_stage, quiet

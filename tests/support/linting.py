@@ -9,17 +9,16 @@ from foreign_robots import ROBOTS
 from pxr import Usd
 
 from lab3_usd.check.lint import lint
-from lab3_usd.check.ros.running import LintSubject
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
-from lab3_usd.judge.lint import lint_lab
-from lab3_usd.spec.load.compiled import load_isaac_types
+from lab3_usd.judge.lint import lint_platform
 from lab3_usd.stage.read.reader import read_model
 
 
 def linted(stage: Usd.Stage, release: str = "6.0") -> RuleResults:
-    lab = lint_lab(release)
-    model = read_model(stage, lab, "stage.usda")
-    return lint(LintSubject(lab, load_isaac_types(), model, release)).results
+    platform = lint_platform(release)
+    model = read_model(stage, platform, "stage.usda")
+    return lint(LintSubject(model, platform)).results
 
 
 def said_by(stage: Usd.Stage, *severities: str, release: str = "6.0") -> list[str]:

@@ -9,12 +9,12 @@ from lab3_usd.model.dry_run import Node, Scene
 from lab3_usd.sim.execution.program import type_of
 from lab3_usd.sim.execution.running import Running, function_of
 from lab3_usd.sim.execution.world import Endpoint, Network
-from lab3_usd.spec.load.compiled import load_isaac_types
+from lab3_usd.spec.load.loader import load_platform
 
 
 def node(name: str, values: dict[str, Any] | None = None, **targets: str) -> Running:
     """A node of a type, with values at its inputs and no wires; the others have their defaults."""
-    node_type = type_of(Node("", name, 1, {}, {}), load_isaac_types().catalog)
+    node_type = type_of(Node("", name, 1, {}, {}), load_platform())
     assert node_type is not None
     bare = Node(
         "/Graph/node",

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
-from lab3_usd.check.match.subject import Roles, StageSubject
+from lab3_usd.check.match.rule_inputs import Roles, StageSubject
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.values import Value
 
 ROBOT = "/turtlebot3_burger"
 BASE = f"{ROBOT}/base_footprint"
@@ -46,7 +46,7 @@ def lab() -> Lab:
 
 def node(path: str, type_name: str, /, **inputs: Value) -> Node:
     """A node with values at its inputs."""
-    made = Node(path, type_name, lab().catalog.get(type_name), 1, {})
+    made = Node(path, type_name, lab().platform.get(type_name), 1, {})
     for name, value in inputs.items():
         made = valued(made, f"inputs:{name}", value)
     return made
@@ -64,6 +64,15 @@ def wired(given: Node, port: str, *sources: str) -> Node:
     return replace(given, ports={**given.ports, port: changed})
 
 
+def rewired(given: Node, old: str, new: str) -> Node:
+    """The node with its wires from outputs of one name taken from those of another."""
+    ports = {
+        name: replace(state, sources=tuple(path.replace(old, new) for path in state.sources))
+        for name, state in given.ports.items()
+    }
+    return replace(given, ports=ports)
+
+
 def valued(given: Node, port: str, value: Value | None) -> Node:
     """The node with a value at an input."""
     changed = replace(state(given, port), value=value)
@@ -77,7 +86,7 @@ def aimed(given: Node, port: str, *targets: str) -> Node:
 
 def graph(path: str, *nodes: Node, active: bool = True, **attributes: Value) -> GraphModel:
     """A graph as it is saved, holding these nodes."""
-    form = {a.name: a.value for a in lab().catalog.graph.attributes}
+    form = {a.name: a.value for a in lab().platform.graph.attributes}
     named = {name.replace("__", ":"): value for name, value in attributes.items()}
     return GraphModel(path, active, {**form, **named}, nodes)
 

@@ -17,7 +17,7 @@ from lab3_usd.stage.read.reader import read_model
 
 @cache
 def correct_model(checkpoint: str = "05") -> StageModel:
-    return read_model(correct_stage(checkpoint), the_lab(), "stage.usda")
+    return read_model(correct_stage(checkpoint), the_lab().platform, "stage.usda")
 
 
 def graph_of(name: str) -> GraphModel:

@@ -168,7 +168,7 @@ def _aim(stage: Usd.Stage, chance: random.Random) -> str:
 
 def _retype(stage: Usd.Stage, chance: random.Random) -> str:
     node = chance.choice(_nodes(stage))
-    new = chance.choice(list(the_lab().catalog.types)[:21])
+    new = chance.choice(list(the_lab().platform.types)[:21])
     return _replace(node.GetAttribute("node:type"), new)
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from pxr import Sdf, Usd
 
+from lab3_usd.isaac.values import Value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Setting, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.values import Value
 
 # The most likely slip for a type: what a student might pick from the node list instead.
 OTHER_TYPE = "omni.graph.nodes.ConstantToken"

@@ -6,7 +6,7 @@ from breaking import correct_stage
 from pxr import Usd
 from scene_changes import Change
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Rule, rules_of
 from lab3_usd.check.requirements import with_unmet
 from lab3_usd.check.rule_runs import finding_of
@@ -22,7 +22,7 @@ FAMILIES = ("F", "S", "L", "C")
 
 def model_of(stage: Usd.Stage) -> StageModel:
     with quiet():
-        return read_model(stage, load_lab(), "stage.usda")
+        return read_model(stage, load_lab().platform, "stage.usda")
 
 
 def stage_rules() -> dict[str, Rule]:

@@ -12,8 +12,7 @@ from foreign_robots import Nodes, add_api, body, empty_stage, revolute, write_gr
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.describe.lab import describe_lab
-from lab3_usd.spec.load.compiled import load_isaac_types
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import load_lab, load_platform
 
 ROBOT = "/World/Panda"
 LINKS = tuple(f"link{number}" for number in range(8))
@@ -128,7 +127,7 @@ def write_stages(folder: Path) -> list[Path]:
 
 def describe(stages: list[Path], folder: Path) -> Path:
     """Write the lab that is described after the stages, none of which is judged by it."""
-    files = describe_lab(stages, load_lab(), load_isaac_types().catalog).files
+    files = describe_lab(stages, load_lab(), load_platform()).files
     folder.mkdir()
     for name, text in files.items():
         (folder / name).write_text(text)

@@ -8,9 +8,10 @@ from typing import Any
 from msgspec import Struct
 
 from lab3_usd.check.hints import with_named_nodes
+from lab3_usd.check.lab_frames import tf_view
 from lab3_usd.check.match.diagnosis import diagnose
 from lab3_usd.check.match.graphs import match_all
-from lab3_usd.check.match.subject import GraphSubject, Outcome, StageSubject
+from lab3_usd.check.match.rule_inputs import GraphSubject, Outcome, StageSubject
 from lab3_usd.check.registry import Rule, import_rules, rules_of
 from lab3_usd.check.requirements import (
     frame_requirements,
@@ -32,7 +33,6 @@ from lab3_usd.check.robot.location import (
 )
 from lab3_usd.check.robot.sensors import sensor_relocations
 from lab3_usd.check.rule_runs import NOTHING, run_rule
-from lab3_usd.check.tf.lab_frames import tf_view
 from lab3_usd.model.finding import Crash, Finding, NotJudged, Requirement
 from lab3_usd.model.stage import Node, StageModel, is_nested
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_root
@@ -197,7 +197,7 @@ def _graph_subjects(
     """Yield every graph of the checkpoint; `robot` is where the robot stands elsewhere."""
     relocations = sensor_relocations(lab, stage)
     specs = {name: relocated_spec(spec, relocations) for name, spec in lab.graphs.items()}
-    matched = match_all(specs, stage, lab.catalog.scripts)
+    matched = match_all(specs, stage, lab.platform.scripts)
     roles = {name: matched[name] for name in checkpoint.graphs}
     demanded = {*demanded_prims(lab), *(lab.sensors[name].path for name in checkpoint.sensors)}
     lost = lost_graphs(specs, roles, demanded, robot, stage)

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from msgspec.structs import replace
 
 from lab3_usd.check.match.conformance import is_live, source_path
-from lab3_usd.check.match.subject import GraphSubject
+from lab3_usd.check.match.rule_inputs import GraphSubject
+from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Finding, node_title
 from lab3_usd.model.stage import Node, same_value
-from lab3_usd.spec.catalog import INPUT
 from lab3_usd.spec.graph import GraphSpec, PortRef, Setting, Wire
-from lab3_usd.spec.values import Value
 
 _THE_NODE = "the node"
 _HARMLESS = "; the robot may drive all the same"

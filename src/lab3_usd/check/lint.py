@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import import_rules, rules_of
-from lab3_usd.check.ros.execution import nodes_of_unknown_type
-from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.rule_runs import RuleResults, merge_results, run_rule
+from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
 from lab3_usd.model.finding import NodeCoverage, NotJudged
 from lab3_usd.model.stage import OVER, nodes_outside_graphs
 
@@ -42,7 +42,10 @@ def lint(subject: LintSubject) -> LintResults:
             files, findings=tuple(replace(finding, severity="note") for finding in files.findings)
         )
         waiting = dict(_waiting(subject))
-        unknown = {node.path: node.type_name for node in nodes_of_unknown_type(subject)}
+        unknown = {
+            node.path: node.type_name
+            for node in nodes_of_unknown_type(subject.stage, subject.platform)
+        }
         return LintResults(
             replace(merge_results((notes, stage)), gaps=tuple(_gaps(subject, waiting, unknown))),
             NodeCoverage(
@@ -62,7 +65,7 @@ def _waiting(subject: LintSubject) -> Iterator[tuple[str, str]]:
 
     It is an over, or stands below a graph that is one.
     """
-    stage, ignores = subject.stage, subject.catalog.graph.ignores
+    stage, ignores = subject.stage, subject.platform.graph.ignores
     stray = {node.path for node in nodes_outside_graphs(stage)}
     paths = [node.path for node in stage.orphans if node.path not in stray]
     paths += (prim.path for prim in stage.absent if prim.type_name and prim.reason == OVER)

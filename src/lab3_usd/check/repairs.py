@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from lab3_usd.check.match.conformance import setting_matches, source_path
-from lab3_usd.check.match.subject import GraphSubject, StageSubject
-from lab3_usd.check.ros.topics import likely_name
+from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
+from lab3_usd.facts.endpoints import likely_name
+from lab3_usd.isaac.node_types import NodeType, Port
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import (
     ClearValue,
     Connect,
@@ -18,7 +20,6 @@ from lab3_usd.model.changes import (
 )
 from lab3_usd.model.finding import Severity
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.catalog import Catalog, NodeType, Port
 
 TYPE, VERSION = "node:type", "node:typeVersion"
 
@@ -87,10 +88,10 @@ def _property_edits(subject: GraphSubject, role: str, node: Node, name: str) -> 
         yield from _value_edits(subject, role, node, port)
 
 
-def modern_types(nodes: Iterable[Node], catalog: Catalog) -> Iterator[Edit]:
+def modern_types(nodes: Iterable[Node], platform: Platform) -> Iterator[Edit]:
     """Yield the names that the types of nodes have now, where they are of an earlier release."""
     for node in nodes:
-        now = catalog.modern(node.type_name)
+        now = platform.modern(node.type_name)
         if now != node.type_name:
             yield SetValue(node.path, TYPE, "token", now)
 

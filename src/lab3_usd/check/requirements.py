@@ -9,19 +9,19 @@ from functools import lru_cache
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.check.lab_frames import tf_view, waived_frames
 from lab3_usd.check.match.conformance import (
     Found,
     is_fed,
     settings_of,
     target_matches,
 )
-from lab3_usd.check.match.subject import GraphSubject, StageSubject
+from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.registry import SCENE, TF, Demand, Demands, scene_demands
 from lab3_usd.check.repairs import TYPE
 from lab3_usd.check.robot.location import relocated_path
 from lab3_usd.check.robot.sensors import sensor_group
-from lab3_usd.check.tf.frames import published_edges
-from lab3_usd.check.tf.lab_frames import tf_view, waived_frames
+from lab3_usd.facts.frames import published_edges
 from lab3_usd.model.dry_run import FOLLOWS
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
@@ -228,7 +228,9 @@ def frame_requirements(subject: StageSubject) -> Iterator[Requirement]:
         return
     spec = subject.lab.frames
     waived = waived_frames(tf_view(subject))
-    published = {(edge.parent, edge.child) for edge in published_edges(subject.stage, subject.lab)}
+    published = {
+        (edge.parent, edge.child) for edge in published_edges(subject.stage, subject.lab.platform)
+    }
     parents = {child: parent for parent, child in sorted(published)}
     for parent, child in spec.edges:
         is_deeper = parent == spec.deeper_under and _is_below(child, parent, parents)

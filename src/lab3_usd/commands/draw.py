@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from msgspec import Struct
 
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.commands.steps.options import (
     assets_option,
     checkpoint_number,
@@ -142,7 +143,7 @@ def _of_stage(
         if number is None
         else checkpoint_number(number, lab.checkpoints)
     )
-    stage = read_stage(path, lab)
+    stage = read_stage(path, lab.platform)
     stem = f"{path.stem}-"
     if number is None:
         bare = list(stage_pictures(lab, None, stage, every_port=every_port))
@@ -160,17 +161,15 @@ def _of_stage(
 def _linted(path: Path, release: str | None, every_port: bool) -> Drawing:  # noqa: FBT001
     """Draw a stage with what the linter finds; findings elsewhere than in its graphs are listed."""
     from lab3_usd.check.lint import lint
-    from lab3_usd.check.ros.running import LintSubject
-    from lab3_usd.judge.lint import lint_lab
+    from lab3_usd.isaac.releases import BASE
+    from lab3_usd.judge.lint import lint_platform
     from lab3_usd.report.pictures.graph_picture import linted_pictures
-    from lab3_usd.spec.isaac import BASE
-    from lab3_usd.spec.load.compiled import load_isaac_types
     from lab3_usd.stage.read.reader import read_stage
 
-    lab = lint_lab(release or BASE)
-    stage = read_stage(path, lab)
-    found = lint(LintSubject(lab, load_isaac_types(), stage, release or BASE)).results
-    pictures = linted_pictures(lab, stage, found.findings, every_port=every_port)
+    platform = lint_platform(release or BASE)
+    stage = read_stage(path, platform)
+    found = lint(LintSubject(stage, platform)).results
+    pictures = linted_pictures(platform, stage, found.findings, every_port=every_port)
     return Drawing(list(pictures), f"{path.stem}-", found.crashes)
 
 

@@ -23,9 +23,7 @@ from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.contradictions.names import LabFault
 from lab3_usd.spec.contradictions.scene import KnownScene
 from lab3_usd.spec.lab import STARTER, Lab
-from lab3_usd.spec.load.compiled import load_isaac_types
-from lab3_usd.spec.load.lab import assemble
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import assemble, load_lab
 from lab3_usd.spec.load.starter import load_starter_spec
 from lab3_usd.spec.positions import place_of
 from lab3_usd.stage.read.reader import read_stage
@@ -42,7 +40,7 @@ def make_lab(folder: Path, stages: Sequence[Path]) -> int:
     refuse_existing_folder(folder)
     _refuse_missing(stages)
     lab = load_lab(data_folder("graphs"))
-    description = describe_lab(stages, lab, load_isaac_types().catalog)
+    description = describe_lab(stages, lab, lab.platform)
     named = {name: with_schema(name, text) for name, text in description.files.items()}
     write_folder(folder, {**named, **schema_texts()})
     for name in description.files:
@@ -108,7 +106,7 @@ def _say_faults(lab: Lab, stages: Sequence[Path]) -> list[LabFault]:
 
 def _known(path: Path, lab: Lab) -> KnownScene:
     """Return the prims of a stage; what an asset holds that was not found, is not known."""
-    stage = read_stage(path, lab)
+    stage = read_stage(path, lab.platform)
     prims = frozenset(name for name, prim in stage.prims.items() if prim.present)
     open_below = tuple(f"{asset.prim.rstrip('/')}/" for asset in stage.unresolved)
     return KnownScene(path.name, prims, open_below)

@@ -11,6 +11,7 @@ import click
 from lab3_usd.commands.steps.options import (
     assets_option,
     config_options,
+    leave_broken_lab,
     native_option,
     report_options,
     view_options,
@@ -54,6 +55,7 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     2 wrong usage or no such path, 3 the program itself failed.
     """
     options = with_config(paths, options)
+    leave_broken_lab()
     if options["fix"]:
         from lab3_usd.commands.fix import run as repair
 
@@ -65,13 +67,13 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     from lab3_usd.commands.steps.reporting import refuse_unusable, wants_native
 
     refuse_unusable(paths, options)
-    from lab3_usd.judge.lint import LintSettings, find_stages, lint_lab, lint_stages
-    from lab3_usd.spec.isaac import BASE
+    from lab3_usd.isaac.releases import BASE
+    from lab3_usd.judge.lint import LintSettings, find_stages, lint_platform, lint_stages
 
     settings = LintSettings(
         options["release"] or BASE, heeds_ignores=True, native=wants_native(options)
     )
-    lint_lab(settings.release)  # which refuses an unknown one
+    lint_platform(settings.release)  # which refuses an unknown one
     judge = Judge(
         find=lambda path: find_stages(path, options["config"]),
         judge=lambda entries, jobs: lint_stages(entries, settings, jobs),

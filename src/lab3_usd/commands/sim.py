@@ -71,15 +71,14 @@ def live(stage: Path, lab: Lab, checkpoint: str, topic: str, seconds: float | No
     from lab3_usd.sim.live import Link, play_live
     from lab3_usd.sim.robots import TWIST, interface_of, robots_of
     from lab3_usd.sim.timeline import player_of
-    from lab3_usd.spec.load.compiled import load_isaac_types
 
-    scene, catalog = scene_of(stage), load_isaac_types().catalog
+    scene, platform = scene_of(stage), lab.platform
     if checkpoint:
         wanted = interface(lab, lab.checkpoints[checkpoint])
     else:
-        robots = (robot for robot in robots_of(scene, catalog, topic) if robot.kind == TWIST)
+        robots = (robot for robot in robots_of(scene, platform, topic) if robot.kind == TWIST)
         wanted = interface_of(next(robots, None))
-    player = player_of(scene, catalog, wanted)
+    player = player_of(scene, platform, wanted)
     player.world.network.environment = os.environ.get("ROS_DOMAIN_ID", "")
     with closing(Link(wanted.domain, wanted.commands)) as link:
         click.echo(f"{printable(str(stage))}: {WHAT_IT_IS}")

@@ -6,7 +6,12 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import assets_option, terminal_width, use_config
+from lab3_usd.commands.steps.options import (
+    assets_option,
+    leave_broken_lab,
+    terminal_width,
+    use_config,
+)
 
 
 @click.command("tf")
@@ -46,10 +51,11 @@ def command(
     """
     from textwrap import wrap
 
-    # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.check.ros.topics import endpoints
-    from lab3_usd.check.tf.frames import published_edges, unknown_publishers, unresolved_frames
     from lab3_usd.commands.steps.pictures import write_picture
+
+    # pxr and the specs are slow to import, and `lab3 --help` needs neither.
+    from lab3_usd.facts.endpoints import endpoints
+    from lab3_usd.facts.frames import published_edges, unknown_publishers, unresolved_frames
     from lab3_usd.judge.lint import read_ros
     from lab3_usd.judge.stage import checkpoint_of
     from lab3_usd.report.entries import coverage_line
@@ -57,17 +63,20 @@ def command(
     from lab3_usd.report.safe_text import printable
     from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text
     from lab3_usd.report.topic_table import WIDTH
+    from lab3_usd.spec.load.loader import load_lab
 
     use_config(stage, assets)
+    leave_broken_lab()
     ros = read_ros(stage)
-    lab, model = ros.subject.lab, ros.subject.stage
-    edges, hidden = published_edges(model, lab), unresolved_frames(model, lab)
-    rates = {end.node.path: end.rate for end in endpoints(model, lab)}
+    platform, model = ros.subject.platform, ros.subject.stage
+    edges, hidden = published_edges(model, platform), unresolved_frames(model, platform)
+    rates = {end.node.path: end.rate for end in endpoints(model, platform)}
     not_judged = printable(coverage_line(ros.coverage))
     if picture is not None:
         write_picture(published_frames_picture(edges, hidden, rates, not_judged), picture, force)
         return
-    unknown = unknown_publishers(model, lab)
+    unknown = unknown_publishers(model, platform)
+    lab = load_lab()
     # What a lab leaves to others, any other stage may place.
     reserved = lab.frames.reserved if checkpoint_of(stage.name, lab) else {}
     tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates)

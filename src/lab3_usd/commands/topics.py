@@ -6,7 +6,12 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import assets_option, terminal_width, use_config
+from lab3_usd.commands.steps.options import (
+    assets_option,
+    leave_broken_lab,
+    terminal_width,
+    use_config,
+)
 
 
 @click.command("topics")
@@ -45,10 +50,11 @@ def command(
     """
     from textwrap import wrap
 
-    # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.check.ros.topics import endpoints
-    from lab3_usd.check.tf.frames import published_edges, unresolved_frames
     from lab3_usd.commands.steps.pictures import write_picture
+
+    # pxr and the specs are slow to import, and `lab3 --help` needs neither.
+    from lab3_usd.facts.endpoints import endpoints
+    from lab3_usd.facts.frames import published_edges, unresolved_frames
     from lab3_usd.judge.lint import read_ros
     from lab3_usd.report.entries import coverage_line
     from lab3_usd.report.pictures.topic_picture import topics_picture
@@ -56,13 +62,14 @@ def command(
     from lab3_usd.report.topic_table import WIDTH, TopicReport, as_csv, as_json, as_table
 
     use_config(stage, assets)
+    leave_broken_lab()
     ros = read_ros(stage)
-    lab, model = ros.subject.lab, ros.subject.stage
-    ends, not_judged = endpoints(model, lab), printable(coverage_line(ros.coverage))
+    platform, model = ros.subject.platform, ros.subject.stage
+    ends, not_judged = endpoints(model, platform), printable(coverage_line(ros.coverage))
     if picture is not None:
         write_picture(topics_picture(stage.name, ends, ros.unknown, not_judged), picture, force)
         return
-    edges, hidden = published_edges(model, lab), unresolved_frames(model, lab)
+    edges, hidden = published_edges(model, platform), unresolved_frames(model, platform)
     table = TopicReport(str(stage), ends, edges, hidden)
     if form == "csv":
         click.echo(as_csv(table), nl=False)

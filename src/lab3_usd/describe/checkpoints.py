@@ -229,7 +229,7 @@ def checkpoints_text(
         node.type.type
         for graph in lab.graphs.values()
         for node in graph.nodes.values()
-        if node.type.type in lab.catalog.events
+        if node.type.type in lab.platform.events
     )
     tick = events.most_common(1)[0][0] if events else lab.policy.tick
     policy = _policy().replace(lab.policy.tick, tick)
@@ -366,7 +366,7 @@ def _topics(lab: Lab, steps: Sequence[Step]) -> Iterator[tuple[str, dict[str, An
         entry["handout"] = lab.graphs[first.graph].handout
         if not publishers:
             entry |= {"subscribed": True, "source": _SOURCE}
-        elif name not in lab.policy.tree_topics:
+        elif name not in lab.platform.ros.tree_topics:
             entry["publishers"] = publishers
             frames = {topic.frames for topic in same if not topic.is_subscribed}
             fields = dict(zip(FRAME_FIELDS, frames.pop() if len(frames) == 1 else (), strict=False))

@@ -7,20 +7,18 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from msgspec import Struct
-from msgspec.structs import replace
 
-from lab3_usd.data import data_folder
 from lab3_usd.describe.checkpoints import part_letter
 from lab3_usd.describe.yaml_text import as_typed, document
 from lab3_usd.errors import SpecError
+from lab3_usd.isaac.load.lab_types import with_lab_types
+from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, can_connect
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.values import Value, is_known_type, typed_value
 from lab3_usd.model.stage import GraphModel, Node, StageModel
-from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, can_connect
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import CATALOG, Lab, Policy
-from lab3_usd.spec.load.catalog import parse_types
+from lab3_usd.spec.lab import CATALOG, Lab
 from lab3_usd.spec.load.graph import parse_graph
-from lab3_usd.spec.values import Value, is_known_type, typed_value
-from lab3_usd.spec.yaml_file import read_yaml
 
 _HEAD = "Node types of the stage that are not public types of Isaac Sim, and earlier names."
 _NOTES = {
@@ -31,7 +29,7 @@ _SIGNAL = re.compile(r"exec", re.IGNORECASE)
 
 
 def unknown_types(nodes: Iterable[Node]) -> dict[str, dict[str, Any]]:
-    """Describe the types that no catalog has by the ports that the nodes show."""
+    """Describe the types that no platform has by the ports that the nodes show."""
     types: dict[str, dict[str, Any]] = {}
     for node in nodes:
         if node.type is not None or not node.type_name:
@@ -57,19 +55,18 @@ def unknown_types(nodes: Iterable[Node]) -> dict[str, dict[str, Any]]:
     return types
 
 
-def with_types(catalog: Catalog, unknown: Mapping[str, Any]) -> Catalog:
-    """Return a catalog that has these types as well."""
+def with_types(platform: Platform, unknown: Mapping[str, Any]) -> Platform:
+    """Return a platform that has these types as well."""
     if not unknown:
-        return catalog
-    usd_types = read_yaml(data_folder("graphs") / CATALOG)["usd_types"]
-    return replace(catalog, types={**catalog.types, **parse_types(unknown, usd_types, CATALOG)})
+        return platform
+    return with_lab_types(platform, {"types": unknown}, CATALOG)
 
 
-def catalog_text(used: Mapping[str, str], known: Catalog, unknown: Mapping[str, Any]) -> str:
+def catalog_text(used: Mapping[str, str], known: Platform, unknown: Mapping[str, Any]) -> str:
     """Return `node_types.yaml`, '' where every type of the stage is a public one of today.
 
     `used` maps the names of types as the stage writes them to those of today, `known` is the
-    bundled lab's catalog.
+    bundled lab's platform.
     """
     old = {name: new for name, new in sorted(used.items()) if known.modern(name) != new}
     data: dict[str, Any] = {}
@@ -139,7 +136,7 @@ def _describe_graph(name: str, graph: GraphModel, part: str, lab: Lab) -> GraphT
     roles = {node.path: node.path[below:].replace("/", "_") for node in graph.nodes}
     left_out: list[str] = []
     nodes = {
-        roles[node.path]: _node(node, lab.policy, left_out)
+        roles[node.path]: _node(node, lab, left_out)
         for node in graph.nodes
         if node.type is not None
     }
@@ -152,15 +149,15 @@ def _describe_graph(name: str, graph: GraphModel, part: str, lab: Lab) -> GraphT
         "wires": wires,
     }
     left_out += (f"{n.path}: has no type" for n in graph.nodes if n.type is None)
-    return GraphText(data, parse_graph(data, lab.catalog, f"{name}.yaml"), tuple(left_out))
+    return GraphText(data, parse_graph(data, lab.platform, f"{name}.yaml"), tuple(left_out))
 
 
-def _node(node: Node, policy: Policy, left_out: list[str]) -> dict[str, Any]:
+def _node(node: Node, lab: Lab, left_out: list[str]) -> dict[str, Any]:
     kind = node.type
     assert kind is not None  # noqa: S101 - only nodes of a known type are described
     place = {"at": list(map(_plain, node.position))} if node.position else {}
     data: dict[str, Any] = {"type": kind.type, **place}
-    values = dict(_values(node, kind, policy, left_out))
+    values = dict(_values(node, kind, lab, left_out))
     ports = {name: port for name in node.ports if (port := kind.port(name)) is not None}
     targets = {
         name[len(INPUT) :]: list(node.ports[name].targets)
@@ -181,13 +178,13 @@ def _plain(number: float) -> float:
 
 
 def _values(
-    node: Node, kind: NodeType, policy: Policy, left_out: list[str]
+    node: Node, kind: NodeType, lab: Lab, left_out: list[str]
 ) -> Iterator[tuple[str, Value]]:
     """Yield the inputs that the stage sets, also to their defaults, as people write their values.
 
     What stays at its default in every graph is demanded for all of them.
     """
-    kept = (*policy.keep_default, policy.namespace)
+    kept = (*lab.policy.keep_default, lab.platform.ros.namespace)
     for name, state in node.ports.items():
         port = kind.port(name)
         if not name.startswith(INPUT) or state.sources or state.usd_type == "rel":

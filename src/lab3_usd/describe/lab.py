@@ -11,7 +11,6 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.tf.frames import published_edges
 from lab3_usd.describe.checkpoints import (
     FileNames,
     Step,
@@ -36,8 +35,9 @@ from lab3_usd.describe.scene import (
 from lab3_usd.describe.starter import describe_starter
 from lab3_usd.describe.yaml_text import document
 from lab3_usd.errors import UsageError
+from lab3_usd.facts.frames import published_edges
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import StageModel
-from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.contradictions.names import graph_frames, named_frames
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
 from lab3_usd.spec.load.lab import parse_scene
@@ -77,10 +77,10 @@ class _Parts(Struct, frozen=True):
         return bool(self.frames["edges"]) and not self.outside
 
 
-def describe_lab(paths: Sequence[Path], lab: Lab, types: Catalog) -> Description:
+def describe_lab(paths: Sequence[Path], lab: Lab, types: Platform) -> Description:
     """Describe a lab after stages: one for each checkpoint, or a single one with all graphs.
 
-    `lab` is the bundled one, `types` the catalog of all public node types.
+    `lab` is the bundled one, `types` the platform of all public node types.
 
     Raises:
         StageError: a stage cannot be read.
@@ -97,7 +97,7 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Catalog) -> Description
         has_frames = parts.has_frames
         steps = describe_steps(parts.names, parts.lab.graphs, by_graph, frames=has_frames)
     starter = describe_starter(paths[0], parts.lab)
-    files = _files(sources[-1], parts, steps, lab.catalog)
+    files = _files(sources[-1], parts, steps, lab.platform)
     return Description(
         files={**files, **({STARTER: starter.text} if starter.text else {})},
         steps=steps,
@@ -187,7 +187,7 @@ def _home(sensor: str, texts: Sequence[GraphText]) -> str:
 
 
 def _files(
-    source: Source, parts: _Parts, steps: tuple[Step, ...], known: Catalog
+    source: Source, parts: _Parts, steps: tuple[Step, ...], known: Platform
 ) -> dict[str, str]:
     """Return the text of every file by name; `known` are the bundled lab's node types."""
     title = parts.names.shared or " ".join(source.stem.replace("_", " ").split())
@@ -219,7 +219,7 @@ def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
     known = {frame.child for frame in given}
     edges = {
         edge.child: (edge.parent, edge.child)
-        for edge in published_edges(stage, lab)
+        for edge in published_edges(stage, lab.platform)
         if edge.child in known and edge.parent != edge.child
     }
     for graph_frame in given:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.robot.axles import anchor, axle
 from lab3_usd.check.robot.wheels import WheelJoint, tied_joints
-from lab3_usd.check.tf.targets import articulation_links
 from lab3_usd.describe.yaml_text import as_typed
 from lab3_usd.errors import UsageError
+from lab3_usd.facts.frame_targets import articulation_links
 from lab3_usd.model.physics import (
     ARTICULATION_API,
     BODY_API,

@@ -10,23 +10,23 @@ from typing import Any
 from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.robot.ground import boxes, has_ground, lights, planes
 from lab3_usd.check.robot.sensors import CAMERA, LIDAR
 from lab3_usd.check.robot.surroundings import enclosing
 from lab3_usd.describe.graphs import unknown_types, with_types
 from lab3_usd.describe.robot import PART, describe_robot, describe_wheels, moved_joints, plain, pose
 from lab3_usd.describe.yaml_text import as_typed
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.values import Value, is_known_type
 from lab3_usd.model.physics import BODY_API, SCENE, collides, is_joint
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import IDENTITY, camera_axes
-from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.lab import parse_scene
 from lab3_usd.spec.scene import ANYWHERE, SensorSpec
-from lab3_usd.spec.values import Value, is_known_type
 from lab3_usd.stage.read.prims import Authored, authored_attributes
 from lab3_usd.stage.read.reader import read_stage
 
@@ -34,9 +34,9 @@ _PLAIN_TYPES = ("", "Xform", "Scope")
 
 
 class Source(Struct, frozen=True):
-    """A stage, and the bundled lab with every node type of the stage in its catalog.
+    """A stage, and the bundled lab with every node type of the stage in its platform.
 
-    `unknown` are the types that no catalog has, as they are described. `sensors` are the prims that
+    `unknown` are the types that nobody knows, as they are described. `sensors` are the prims that
     may be sensors, `authored` what the stage writes at each.
     """
 
@@ -48,22 +48,19 @@ class Source(Struct, frozen=True):
     authored: Mapping[str, Authored]
 
 
-def read_source(path: Path, lab: Lab, types: Catalog) -> Source:
-    """Read a stage; `lab` is the bundled one, `types` the catalog of all public node types.
+def read_source(path: Path, lab: Lab, types: Platform) -> Source:
+    """Read a stage; `lab` is the bundled one, `types` the platform of all public node types.
 
     Raises:
         StageError: the stage cannot be read.
     """
-    lab = replace(lab, catalog=types)
-    stage = read_stage(path, lab)
+    stage = read_stage(path, types)
     unknown = unknown_types(stage.nodes())
-    lab = replace(lab, catalog=with_types(types, unknown))
+    lab = replace(lab, platform=with_types(types, unknown))
     sensor_types = {prim.path: prim.type for prim in _sensors(stage, lab)}
     # The place of a prim of a type that USD does not know is read where a lab has such a sensor.
-    draft = next(iter(lab.sensors.values()))
-    drafts = {kind: replace(draft, type=kind) for kind in sensor_types.values()}
-    scene = replace(lab.scene, sensors={**lab.sensors, **drafts})
-    stage = read_stage(path, replace(lab, scene=scene))
+    placed = lab.platform.placed.union(sensor_types.values())
+    stage = read_stage(path, replace(lab.platform, placed=placed))
     return Source(
         stem=path.stem,
         stage=stage,

@@ -12,12 +12,13 @@ from msgspec.structs import replace
 
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.check.lint import lint
-from lab3_usd.check.ros.running import LintSubject
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
+from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.files import FileState, lines_of, read_state, temporary_beside
 from lab3_usd.fix.text_editor import new_bytes
-from lab3_usd.judge.lint import lint_lab
+from lab3_usd.judge.lint import lint_platform
 from lab3_usd.judge.results import without_noted
 from lab3_usd.judge.stage import checkpoint_of
 from lab3_usd.judge.starter import open_against_starter, open_starter
@@ -25,7 +26,6 @@ from lab3_usd.model.changes import MovePrim, RemovePrim, Repair, Restore, TextCh
 from lab3_usd.model.finding import Finding, Report, Score, Site, StageResult, ordered, site_of
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import EditedLayer, EditSession, is_text
@@ -118,7 +118,7 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
     starter = None if options.starter is None else open_starter(Path(options.starter), lab)
 
     def judge_stage(file: Path, stage: Any) -> Iterable[Finding]:
-        findings = _findings_of(file, judge(lab, spec, read_model(stage, lab, str(file))))
+        findings = _findings_of(file, judge(lab, spec, read_model(stage, lab.platform, str(file))))
         if starter is None:
             return findings
         result = StageResult(str(file), spec.id, "fail", Score(0.0, 0.0), findings)
@@ -135,13 +135,12 @@ def fix_linted(path: Path, release: str, options: FixOptions) -> Fixed:
         StageError: the stage cannot be opened, or a rule failed.
         UsageError: the release is not known.
     """
-    lab = lint_lab(release)
+    platform = lint_platform(release)
+    lab = replace(load_lab(data_folder("graphs")), platform=platform)  # what is its own, none asks
 
     def lint_stage(file: Path, stage: Any) -> Iterable[Finding]:
-        model = read_model(stage, lab, str(file))
-        return _findings_of(
-            file, lint(LintSubject(lab, load_isaac_types(), model, release)).results
-        )
+        model = read_model(stage, platform, str(file))
+        return _findings_of(file, lint(LintSubject(model, platform)).results)
 
     return _fixed(path, lint_stage, lab, lab.checkpoints[lab.first], options)
 
@@ -254,7 +253,7 @@ def deletes_what_waits(
     Once that is repaired the node may be right where it is. An error further above that stays
     says nothing of the node.
     """
-    node_type = session.lab.catalog.graph.node_type
+    node_type = session.lab.platform.graph.node_type
     parents = [
         edit.prim.rpartition("/")[0]
         for edit in repair.edits

@@ -16,7 +16,6 @@ from lab3_usd.sim.judge.topics import interface
 from lab3_usd.sim.judge.trial import Fault, Trial
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.compiled import load_isaac_types
 
 _DRIVE = "0.15,0,1 0,0.8,1"  # enough to see what it does: the whole drive takes thrice as long
 
@@ -56,8 +55,8 @@ def shown_by(path: Path, lab: Lab, checkpoint: str) -> dict[str, str]:
         scene = scene_of(path)
     except StageError:
         return {}  # what is damaged, the rules did not need
-    catalog = load_isaac_types().catalog
-    trial = record(scene, catalog, drive_of(_DRIVE, wanted.limits), wanted)
+    platform = lab.platform
+    trial = record(scene, platform, drive_of(_DRIVE, wanted.limits), wanted)
 
     def is_sure(check: str, fault: Fault) -> bool:
         """Whether no asset that is missing could be at fault."""

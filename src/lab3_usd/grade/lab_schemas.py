@@ -12,6 +12,7 @@ from typing import Any
 import msgspec
 
 from lab3_usd.grade.rubric import Item, RubricFile
+from lab3_usd.isaac.load.lab_types import LabTypesFile
 from lab3_usd.spec.lab import (
     CATALOG,
     CHECKPOINTS,
@@ -22,7 +23,6 @@ from lab3_usd.spec.lab import (
     SUBMISSION,
     FrameEdge,
 )
-from lab3_usd.spec.load.catalog import CatalogFile
 from lab3_usd.spec.load.checkpoints import CheckpointEntry, CheckpointsFile
 from lab3_usd.spec.load.graph import GraphFile
 from lab3_usd.spec.load.lab import RosFile, SubmissionFile
@@ -41,7 +41,7 @@ FILES: Mapping[str, type] = {
     SUBMISSION: SubmissionFile,
     RUBRIC: RubricFile,
     STARTER: StarterFile,
-    CATALOG: CatalogFile,
+    CATALOG: LabTypesFile,
 }
 _DEFS = "#/$defs/{name}"
 # What is read entry by entry: the record of an entry, and its field that the key above it fills.

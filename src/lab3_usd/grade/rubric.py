@@ -24,7 +24,7 @@ from lab3_usd.spec.contradictions.names import LabFault
 from lab3_usd.spec.contradictions.references import RULES
 from lab3_usd.spec.lab import CHECKPOINTS, RUBRIC, SUBMISSION, Lab
 from lab3_usd.spec.positions import located
-from lab3_usd.spec.yaml_file import read_foreign_yaml, read_yaml, record, records
+from lab3_usd.yaml_file import read_foreign_yaml, read_yaml, record, records
 
 # The columns of the table of grades that are no items; the last stands behind the items.
 COLUMNS = ("student", "name", "status", "late", "earned", "possible", "percent", "remarks")

@@ -208,7 +208,7 @@ def _holds(own: Starter, trusted: Starter | None, lab: Lab) -> Iterator[str]:
     from lab3_usd.stage.compare.starter import compare_starter
     from lab3_usd.stage.read.reader import read_model
 
-    model = read_model(own.stage, lab, str(own.path))
+    model = read_model(own.stage, lab.platform, str(own.path))
     added = [graph.path for graph in model.graphs]
     added += (sensor.path for sensor in lab.sensors.values() if model.prim(sensor.path))
     yield from added

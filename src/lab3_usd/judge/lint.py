@@ -11,10 +11,13 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.ros.running import LintSubject
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.config.settings import Config
-from lab3_usd.errors import StageError, UsageError
+from lab3_usd.data import data_folder
+from lab3_usd.errors import SpecError, StageError, UsageError
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.releases import BASE
 from lab3_usd.judge.results import (
     Entry,
     Results,
@@ -26,10 +29,7 @@ from lab3_usd.judge.results import (
 )
 from lab3_usd.model.finding import NodeCoverage, Score, StageResult, ordered
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.isaac import BASE
-from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.compiled import load_isaac_types
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import load_platform
 
 
 class LintSettings(Struct, frozen=True):
@@ -43,18 +43,26 @@ class LintSettings(Struct, frozen=True):
     native: bool = False
 
 
-@lru_cache(maxsize=4)
-def lint_lab(release: str) -> Lab:
-    """Return the lab with every public node type of a release in its catalog.
+def lint_platform(release: str = BASE) -> Platform:
+    """Return a release of Isaac Sim, with the node types that the lab adds.
+
+    A stage of no lab needs none: a lab that cannot be loaded adds nothing.
 
     Raises:
         UsageError: the release is not known.
     """
-    types = load_isaac_types()
-    known = types.known_releases
+    try:
+        return _in_release(load_platform(), release)
+    except SpecError:
+        return _in_release(load_platform(data_folder("graphs")), release)
+
+
+@lru_cache(maxsize=8)
+def _in_release(platform: Platform, release: str) -> Platform:
+    known = platform.known_releases
     if release not in known:
         raise UsageError(f"there is no Isaac Sim '{release}' here; known are {', '.join(known)}")
-    return replace(load_lab(), catalog=types.in_release(release))
+    return platform.in_release(release)
 
 
 def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageResult:
@@ -82,7 +90,7 @@ def _without_ignored(result: StageResult, settings: LintSettings) -> StageResult
 
 
 def _linted(path: str | Path, release: str) -> StageResult:
-    lab = lint_lab(release)
+    platform = lint_platform(release)
     from lab3_usd.stage.read.opening import open_stage, quiet
 
     try:
@@ -92,8 +100,8 @@ def _linted(path: str | Path, release: str) -> StageResult:
         from lab3_usd.stage.read.reader import read_model
 
         with quiet():
-            model = read_model(stage, lab, str(path))
-            judged = lint(LintSubject(lab, load_isaac_types(), model, release))
+            model = read_model(stage, platform, str(path))
+            judged = lint(LintSubject(model, platform))
     except StageError as error:
         return unreadable(str(path), None, error)
     results = judged.results
@@ -121,9 +129,9 @@ def lint_open_stage(stage: Any) -> RuleResults:
     from lab3_usd.stage.read.opening import reopened
     from lab3_usd.stage.read.reader import read_model
 
-    lab = lint_lab(BASE)
-    model = read_model(reopened(stage), lab, stage.GetRootLayer().identifier)
-    judged = lint(LintSubject(lab, load_isaac_types(), model, BASE)).results
+    platform = lint_platform()
+    model = read_model(reopened(stage), platform, stage.GetRootLayer().identifier)
+    judged = lint(LintSubject(model, platform)).results
     return replace(judged, findings=ordered(judged.findings))
 
 
@@ -136,27 +144,21 @@ class RosStage(Struct, frozen=True):
 
 
 def read_ros(path: Path) -> RosStage:
-    """Read any stage with every node type that the lab or Isaac Sim has; the lab's win.
+    """Read any stage by the platform that lint takes.
 
     Raises:
         StageError: the file cannot be opened.
     """
     from lab3_usd.check.lint import lint
-    from lab3_usd.check.ros.execution import nodes_of_unknown_type
+    from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
     from lab3_usd.stage.read.reader import read_stage
 
-    types, lab = load_isaac_types(), load_lab()
-    public, own = types.catalog, lab.catalog
-    catalog = replace(
-        own,
-        types={**public.types, **own.types},
-        prefixes={**public.prefixes, **own.prefixes},
-        renamed={**public.renamed, **own.renamed},
-    )
-    known = replace(lab, catalog=catalog)
-    subject = LintSubject(known, types, read_stage(path, known), BASE)
+    platform = lint_platform()
+    subject = LintSubject(read_stage(path, platform), platform)
     coverage = lint(subject).coverage
-    return RosStage(subject, coverage, tuple(nodes_of_unknown_type(subject)))
+    return RosStage(
+        subject, coverage, tuple(nodes_of_unknown_type(subject.stage, subject.platform))
+    )
 
 
 def find_stages(path: str, config: Config) -> Iterator[Entry]:

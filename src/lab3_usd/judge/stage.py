@@ -52,7 +52,7 @@ def check_stage(
 
         demands = lab.same_demands(number)
         with quiet():
-            model = read_model(stage, lab, str(path))
+            model = read_model(stage, lab.platform, str(path))
             # The model, which is kept as well, keeps the stage that `id` names.
             judged = cached(
                 ("judgement", id(stage), demands.id), lambda: judge(lab, demands, model)
@@ -93,5 +93,7 @@ def check_open_stage(stage: Any, lab: Lab) -> RuleResults:
     from lab3_usd.stage.read.opening import reopened
     from lab3_usd.stage.read.reader import read_model
 
-    judged = judge(lab, lab.checkpoints[number], read_model(reopened(stage), lab, str(file)))
+    judged = judge(
+        lab, lab.checkpoints[number], read_model(reopened(stage), lab.platform, str(file))
+    )
     return RuleResults(ordered(judged.findings), judged.crashes, judged.not_judged, judged.gaps)

@@ -56,7 +56,7 @@ def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
     if not trusted:
         return Starter(path, stage)
     first = next(iter(lab.checkpoints.values()))
-    judged = judge(lab, first, read_model(stage, lab, str(path)))
+    judged = judge(lab, first, read_model(stage, lab.platform, str(path)))
     return Starter(path, stage, frozenset(_fault(finding) for finding in judged.findings))
 
 

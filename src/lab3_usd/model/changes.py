@@ -7,8 +7,8 @@ from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
+from lab3_usd.isaac.values import Value
 from lab3_usd.spec.submission import StarterRules
-from lab3_usd.spec.values import Value
 
 
 class SetValue(Struct, frozen=True, tag="set", tag_field="edit"):

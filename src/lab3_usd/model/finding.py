@@ -11,11 +11,11 @@ from typing import Literal
 
 from msgspec import Struct, field
 
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import Edit, Repair
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import Node, UnresolvedAsset
 from lab3_usd.spec.graph import NodeSpec
-from lab3_usd.spec.values import Value
 
 _SECTION = re.compile(r"(?:([A-Z])(?=\d|$))?(\d+)?(?:\.(\d+))?")
 _NUMBER, _DIGITS = re.compile(r"\d+"), 6

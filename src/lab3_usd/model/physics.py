@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import angle_between
-from lab3_usd.spec.values import Value
 
 BODY_API = "PhysicsRigidBodyAPI"
 MASS_API = "PhysicsMassAPI"

@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from lab3_usd.spec.values import Value
+from lab3_usd.isaac.values import Value
 
 
 def is_at_or_below(path: str, top: str) -> bool:

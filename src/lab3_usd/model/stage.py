@@ -10,9 +10,9 @@ from typing import Any, Literal, ParamSpec, TypeVar
 from msgspec import Struct, field
 from msgspec.structs import force_setattr
 
+from lab3_usd.isaac.node_types import NodeType
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.prims import Colliders, NameFilter, Prim, Prims, is_at_or_below, of_any_name
-from lab3_usd.spec.catalog import NodeType
-from lab3_usd.spec.values import Value
 
 NOISE = 1e-6  # relative; the GUI writes float noise into doubles
 
@@ -68,7 +68,7 @@ class PortState(Struct, frozen=True):
 class Node(Struct, frozen=True):
     """A node prim that is active and defined.
 
-    `type_name` is `node:type` as saved ('' where absent), `type` its catalog entry or None.
+    `type_name` is `node:type` as saved ('' where absent), `type` its platform entry or None.
     `namespaces` are the namespace attributes of the prim and its ancestors, outermost first,
     `own_namespace` is that of the prim alone. `is_local` tells whether the stage's own layers
     define the node, rather than an asset.
@@ -113,7 +113,7 @@ class Node(Struct, frozen=True):
     def has_port(self, port: str) -> bool:
         """Whether a wire can leave from or end at this port.
 
-        The catalog decides where the type is known: the application drops a wire to a port that
+        The platform decides where the type is known: the application drops a wire to a port that
         the type does not have, whatever the file declares.
         """
         if self.type is None:

@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping
 from msgspec import Struct, field
 from msgspec.structs import asdict
 
-from lab3_usd.check.tf.frames import Edge
-from lab3_usd.check.tf.shape import by_parent, roots, tree_faults
-from lab3_usd.check.tf.targets import UnresolvedFrames
+from lab3_usd.facts.frame_targets import UnresolvedFrames
+from lab3_usd.facts.frames import Edge, trees_by_domain
+from lab3_usd.facts.tree import FrameFault, Tree, frame_faults
 from lab3_usd.report.safe_text import dot_string, printable, truncated_values
 
 _MARK = "  ! "
@@ -32,6 +32,22 @@ class TreeReport(Struct, frozen=True):
     hidden: tuple[UnresolvedFrames, ...] = ()
     rates: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def domains(self) -> dict[str, Tree[Edge]]:
+        """What tf2 makes of the transforms, by the domain in which they are heard."""
+        return trees_by_domain(self.edges)
+
+    @property
+    def roots(self) -> list[str]:
+        """The frames at the top of the trees."""
+        return [top for heard in self.domains.values() for top in heard.roots]
+
+    @property
+    def faults(self) -> list[FrameFault]:
+        """What tf2 cannot make a tree of."""
+        trees = self.domains.values()
+        return [fault for heard in trees for fault in frame_faults(heard.edges, self.reserved)]
+
     def how(self, publisher: str, topic: str) -> str:
         """Return the publisher of a transform, its topic and its rate, in words."""
         rate = self.rates.get(publisher)
@@ -50,13 +66,17 @@ def as_text(
     """
     if not report.edges and not report.unknown and not report.hidden:
         yield "no transforms are published"
-    tops = roots(report.edges)
-    drawn: set[str] = set()
-    for top in tops:
-        yield printable(top)
-        yield from _branches(top, report, drawn, width, verbose=verbose)
-    if len(tops) > 1 and not report.hidden:
-        yield f"! {len(tops)} roots, where there must be one: {', '.join(map(printable, tops))}"
+    domains = report.domains
+    for name, heard in domains.items():
+        if len(domains) > 1:
+            yield f"domain {printable(name)}:"
+        drawn: set[str] = set()
+        for top in heard.roots:
+            yield printable(top)
+            yield from _branches(top, heard, report, drawn, width, verbose=verbose)
+        if len(heard.roots) > 1 and not report.hidden:
+            tops = ", ".join(map(printable, heard.roots))
+            yield f"! {len(heard.roots)} roots, where there must be one: {tops}"
     for path in report.unknown:
         yield f"! {printable(path)} publishes frames that the stage does not define"
     for hidden in report.hidden:
@@ -65,12 +85,12 @@ def as_text(
 
 
 def _branches(
-    top: str, report: TreeReport, drawn: set[str], width: int, *, verbose: bool
+    top: str, heard: Tree[Edge], report: TreeReport, drawn: set[str], width: int, *, verbose: bool
 ) -> Iterator[str]:
     """Yield the lines below one root; `drawn` are the frames whose children stand already."""
-    children = by_parent(report.edges)
+    children = heard.by_parent
     marks: dict[str, list[str]] = {}
-    for fault in tree_faults(report.edges, report.reserved):
+    for fault in frame_faults(heard.edges, report.reserved):
         marks.setdefault(fault.frame, []).append(fault.message)
     drawn.add(top)
     ahead = _rows(top, "", children)
@@ -102,7 +122,7 @@ def as_dot(report: TreeReport) -> str:
 
     What cannot be known is grey.
     """
-    wrong = {fault.frame for fault in tree_faults(report.edges, report.reserved)}
+    wrong = {fault.frame for fault in report.faults}
     frames = dict.fromkeys(name for edge in report.edges for name in (edge.parent, edge.child))
     lines = ["digraph tf {", "  node [shape=box, fontname=sans];", "  edge [fontname=sans];"]
     lines += [f"  {dot_string(name)}{' [color=red]' if name in wrong else ''};" for name in frames]
@@ -125,7 +145,7 @@ def as_json(report: TreeReport) -> str:
     """Return the transforms, the roots and what is wrong with the shape, as one JSON object."""
     data = {
         "file": report.path,
-        "roots": roots(report.edges),
+        "roots": report.roots,
         "transforms": [
             {
                 **asdict(edge),
@@ -136,6 +156,6 @@ def as_json(report: TreeReport) -> str:
         ],
         "unknown_publishers": list(report.unknown),
         "unknown_frames": [asdict(hidden) for hidden in report.hidden],
-        "problems": [asdict(fault) for fault in tree_faults(report.edges, report.reserved)],
+        "problems": [asdict(fault) for fault in report.faults],
     }
     return json.dumps(truncated_values(data), indent=2)

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from msgspec import Struct
 from msgspec.structs import asdict
 
-from lab3_usd.check.ros.topics import PROFILE, Endpoint
-from lab3_usd.check.tf.frames import Edge
-from lab3_usd.check.tf.targets import UnresolvedFrames
+from lab3_usd.facts.endpoints import PROFILE, Endpoint
+from lab3_usd.facts.frame_targets import UnresolvedFrames
+from lab3_usd.facts.frames import Edge
 from lab3_usd.report.safe_text import printable, safe_cell, truncated_values
 
 COLUMNS = ("topic", "type", "direction", "node", "frames", "queue", "qos", "rate")

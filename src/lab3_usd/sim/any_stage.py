@@ -12,6 +12,7 @@ from itertools import pairwise
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, arm_checks
 from lab3_usd.sim.execution.drive import drive_of
@@ -44,7 +45,6 @@ from lab3_usd.sim.robots import (
     robots_of,
 )
 from lab3_usd.sim.timeline import record
-from lab3_usd.spec.catalog import Catalog
 
 CLOCK, TRANSFORMS = "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage"
 THROUGH = 0.02  # part of a range by which a ray may be longer
@@ -73,19 +73,19 @@ class Played(Struct, frozen=True):
         return "no robot was found: no bodies that joints hold together"
 
 
-def play_any(scene: Scene, catalog: Catalog, drive: str | None, topic: str = "") -> Played:
+def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "") -> Played:
     """Play a stage once for each of its robots, and judge what it shows.
 
     Raises:
         UsageError: the drive is none, or the topic is not that of a robot.
     """
-    robots = robots_of(scene, catalog, topic)
+    robots = robots_of(scene, platform, topic)
     plays = []
     for robot in robots or (None,):
         legs = drive_for(robot, scene.meters_per_unit)
         if drive is not None and (robot is None or robot.kind == TWIST):
             legs = drive_of(drive, NO_LIMITS)
-        plays.append(record(scene, catalog, legs, interface_of(robot)))
+        plays.append(record(scene, platform, legs, interface_of(robot)))
     checks = [*_stage_checks(plays[0], robots)]
     for robot, play in zip(robots, plays, strict=False):
         name = robot.name if len(robots) > 1 else ""
@@ -99,7 +99,7 @@ def play_any(scene: Scene, catalog: Catalog, drive: str | None, topic: str = "")
 
 
 def commanded_joints(
-    scene: Scene, catalog: Catalog, wanted: Interface
+    scene: Scene, platform: Platform, wanted: Interface
 ) -> tuple[Robot | None, tuple[Check, ...]]:
     """Play a stage with commands to the joints that a lab moves by them.
 
@@ -109,14 +109,14 @@ def commanded_joints(
     robot = next(
         (
             robot
-            for robot in listening_robots(scene, catalog)
+            for robot in listening_robots(scene, platform)
             if robot.kind == JOINTS
             and (robot.commands.topic, robot.commands.domain) == (topic, domain)
         ),
         None,
     )
     seen = replace(interface_of(robot), commands=topic, domain=domain)
-    play = record(scene, catalog, drive_for(robot, scene.meters_per_unit), seen)
+    play = record(scene, platform, drive_for(robot, scene.meters_per_unit), seen)
     if robot is None:
         text = f"commands on {topic} in domain {domain} move no joint"
         cause = play.causes.of_joints() if isinstance(play.causes, RunCauses) else None

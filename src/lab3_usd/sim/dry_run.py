@@ -10,6 +10,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import StageError
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.lab.maps import MapError, map_of_stage
 from lab3_usd.model.dry_run import (
     HERE,
@@ -39,9 +40,7 @@ from lab3_usd.sim.judge.topics import interface
 from lab3_usd.sim.judge.trial import Interface, Stretch, Trial, displacement, in_root
 from lab3_usd.sim.robots import interface_of
 from lab3_usd.sim.timeline import record
-from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.compiled import load_isaac_types
 
 EVERY = 6  # frames of the path, for each kept one
 
@@ -278,29 +277,29 @@ def dry_run(
         reason = str(error).removeprefix(f"{path}: ")
         unknown = (Unknown("/", reason),)
         return DryRun(Behaviour(str(path), checkpoint, 0.0, "unreadable", not_simulated=unknown))
-    catalog = load_isaac_types().catalog
+    platform = lab.platform
     if not checkpoint:
-        played = play_any(scene, catalog, drive, topic)
+        played = play_any(scene, platform, drive, topic)
         return DryRun(outcome_of_any(str(path), played), played.plays[0])
     sessions = sessions or fixed_drive(wanted.limits)
     if wanted.goes_with_environment:
         sessions = tuple(session for session in sessions if not session.environment)
-    trial = record(scene, catalog, sessions, wanted)
+    trial = record(scene, platform, sessions, wanted)
     if lab.checkpoints[checkpoint].localization:
         _lay_on_map(trial, path, maps, lab)
     behaviour = outcome(str(path), checkpoint, trial)
     if wanted.joint_commands:
-        behaviour = _with_joints(behaviour, scene, catalog, wanted)
+        behaviour = _with_joints(behaviour, scene, platform, wanted)
     if not behaviour.checks and not lab.checkpoints[checkpoint].graphs:
         behaviour = replace(behaviour, missing=_nothing_yet(lab, checkpoint), is_early=True)
     return DryRun(behaviour, trial)
 
 
 def _with_joints(
-    behaviour: Behaviour, scene: Scene, catalog: Catalog, wanted: Interface
+    behaviour: Behaviour, scene: Scene, platform: Platform, wanted: Interface
 ) -> Behaviour:
     """Add what the joints show that the lab moves by commands of their own."""
-    robot, shown = commanded_joints(scene, catalog, wanted)
+    robot, shown = commanded_joints(scene, platform, wanted)
     of = wanted.joint_commands if wanted.commands else ""
     checks = (*behaviour.checks, *(replace(check, of=of) for check in shown))
     verdict, missing = whole_verdict(checks)

@@ -9,6 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, joint_drive
 from lab3_usd.sim.execution.drive import Leg, Session
@@ -20,7 +21,6 @@ from lab3_usd.sim.nodes.robot import articulated
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robot.machine import Machine
 from lab3_usd.sim.timeline import Player, in_metres, player_of
-from lab3_usd.spec.catalog import Catalog
 
 TWIST = "geometry_msgs/msg/Twist"
 STEERING = "ackermann_msgs/msg/AckermannDriveStamped"
@@ -63,13 +63,13 @@ class Robot(Struct, frozen=True):
         return self.body or self.controller
 
 
-def robots_of(scene: Scene, catalog: Catalog, topic: str = "") -> tuple[Robot, ...]:
+def robots_of(scene: Scene, platform: Platform, topic: str = "") -> tuple[Robot, ...]:
     """Return the robots that listen to commands, or to those of one topic.
 
     Raises:
         UsageError: nothing listens to the topic, or one robot listens to several.
     """
-    found = listening_robots(scene, catalog)
+    found = listening_robots(scene, platform)
     known = sorted({robot.commands.topic for robot in found})
     if topic and topic not in known:
         raise UsageError(f"--topic {topic}: moves no robot; robots listen to {known or 'nothing'}")
@@ -84,9 +84,9 @@ def robots_of(scene: Scene, catalog: Catalog, topic: str = "") -> tuple[Robot, .
     return tuple(robots.values())
 
 
-def listening_robots(scene: Scene, catalog: Catalog) -> list[Robot]:
+def listening_robots(scene: Scene, platform: Platform) -> list[Robot]:
     """Return a robot for each way from a subscriber of commands to a controller."""
-    player = player_of(scene, catalog, interface_of(None))
+    player = player_of(scene, platform, interface_of(None))
     for _ in range(LOOKED_AT):
         player.step()
     return list(_listening(player))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
 from lab3_usd.sim.execution.program import Program, compile_graphs, depending
@@ -26,7 +27,6 @@ from lab3_usd.sim.nodes.sensors import IMAGES
 from lab3_usd.sim.nodes.transforms import OPTICAL
 from lab3_usd.sim.robot.machine import Machine
 from lab3_usd.sim.robot.unmodelled import unmodelled
-from lab3_usd.spec.catalog import Catalog
 
 
 def render(world: World) -> None:
@@ -105,9 +105,9 @@ EYES = 0.15  # metres above the robot at which a room without a lidar is drawn
 class Player:
     """A stage, and the graphs that run in it."""
 
-    def __init__(self, world: World, catalog: Catalog, body: str = "") -> None:
+    def __init__(self, world: World, platform: Platform, body: str = "") -> None:
         self.world = world
-        self.program: Program = compile_graphs(world.scene, catalog)
+        self.program: Program = compile_graphs(world.scene, platform)
         self.robot = world.machines.member.get(body) or driven(world)
         self.body = body or (self.robot.base if self.robot is not None else "")
         self.recording = Recording()
@@ -187,11 +187,11 @@ def driven(world: World) -> Machine | None:
     return max(machines, key=lambda machine: len(machine.joints), default=None)
 
 
-def player_of(scene: Scene, catalog: Catalog, wanted: Interface) -> Player:
+def player_of(scene: Scene, platform: Platform, wanted: Interface) -> Player:
     """Return a scene ready to play, which takes commands from the topic that is asked for."""
     world = world_of(scene, wanted.profile, has_ground=wanted.has_ground)
     world.network.commands = Endpoint(wanted.domain, wanted.commands)
-    player = Player(world, catalog, wanted.robot)
+    player = Player(world, platform, wanted.robot)
     world.not_simulated.update(player.program.not_simulated)
     if player.robot is not None:
         physics = unmodelled(world.machines, player.robot)
@@ -204,12 +204,12 @@ def player_of(scene: Scene, catalog: Catalog, wanted: Interface) -> Player:
 
 def record(
     scene: Scene,
-    catalog: Catalog,
+    platform: Platform,
     drive: Sequence[Session],
     wanted: Interface,
 ) -> Trial:
     """Play the sessions, and return what was sent, where the robot went, and what it stood in."""
-    player = player_of(scene, catalog, wanted)
+    player = player_of(scene, platform, wanted)
     world = player.world
     robot, unit = player.robot, scene.meters_per_unit
     start = in_metres(world.machines.place(player.body), unit) if robot is not None else HERE

@@ -1,1 +1,1 @@
-"""What a correct stage is: catalog, graph specs and checkpoints, loaded from `graphs/`."""
+"""What a correct stage is: platform, graph specs and checkpoints, loaded from `graphs/`."""

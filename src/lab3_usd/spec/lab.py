@@ -11,7 +11,7 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.spec.catalog import Catalog
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.ros import FROM_THE_FIRST, RosSpec, TopicSpec
 from lab3_usd.spec.scene import SceneSpec, SensorSpec
@@ -87,17 +87,17 @@ class StampReset(Struct, frozen=True, forbid_unknown_fields=True, rename={"agree
 class Policy(Struct, frozen=True, forbid_unknown_fields=True):
     """Rules for every graph.
 
-    `namespace` and `namespace_attribute` change topics, `tree_topics` may have several publishers,
-    `tick` is the event of every graph.
+    `tick` is the event of every graph. Names of ROS are Isaac Sim's, and need not be given: where a
+    lab gives them, they must be the same.
     """
 
     handout: str
     keep_default: tuple[str, ...]
-    namespace: str
-    namespace_attribute: str
     stamp_reset: StampReset
-    tree_topics: tuple[str, ...]
     tick: str
+    namespace: str = ""
+    namespace_attribute: str = ""
+    tree_topics: tuple[str, ...] = ()
 
 
 class FrameEdge(tuple[str, str]):
@@ -188,7 +188,9 @@ class FrameSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Lab(Struct, frozen=True, eq=False):
-    """Everything that `graphs/` says, loaded once.
+    """Everything that the files of a lab say, loaded once.
+
+    `platform` is Isaac Sim, with what the lab adds to its node types.
 
     `scene` is what a stage holds beside its graphs; `ros` what the running system must show,
     `submission` what is handed in. `points` are what each checkpoint is worth by the lab's rubric.
@@ -196,7 +198,7 @@ class Lab(Struct, frozen=True, eq=False):
 
     folder: Path
     title: str
-    catalog: Catalog
+    platform: Platform
     graphs: Mapping[str, GraphSpec]
     checkpoints: Mapping[str, Checkpoint]
     policy: Policy

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.yaml_file import refuse_deep
+from lab3_usd.yaml_file import refuse_deep
 
 _Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _LARGEST = 1_000_000  # bytes of a file in which places are looked up

@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
 
-from lab3_usd.check.match.subject import GraphSubject, Roles
+from lab3_usd.check.match.rule_inputs import GraphSubject, Roles
+from lab3_usd.isaac.node_types import INPUT, can_connect
+from lab3_usd.isaac.topics import resolved_topic
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import Node, RenderProduct, once_per_stage, same_value
-from lab3_usd.spec.catalog import INPUT, can_connect
-from lab3_usd.spec.graph import NodeSpec, Setting, Target, Wire, resolved_topic
-from lab3_usd.spec.values import Value
+from lab3_usd.spec.graph import NodeSpec, Setting, Target, Wire
 
 
 def setting_value(nodes: Mapping[str, Node], node: Node, port: str, depth: int = 8) -> Value | None:

@@ -17,7 +17,8 @@ from lab3_usd.check.match.conformance import (
     source_paths,
     types_fit,
 )
-from lab3_usd.check.match.subject import GraphSubject, Kind, Roles, WireFault
+from lab3_usd.check.match.rule_inputs import GraphSubject, Kind, Roles, WireFault
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import (
     ELSEWHERE,
     OUTSIDE,
@@ -26,7 +27,6 @@ from lab3_usd.model.stage import (
     StageModel,
     nodes_outside_graphs,
 )
-from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
 
 
@@ -42,7 +42,7 @@ def missing_roles(spec: GraphSpec, roles: Roles) -> list[NodeSpec]:
 
 
 def absent_nodes(
-    spec: GraphSpec, roles: Roles, stage: StageModel, catalog: Catalog
+    spec: GraphSpec, roles: Roles, stage: StageModel, platform: Platform
 ) -> dict[str, AbsentPrim]:
     """Pair missing roles with prims of their type that are in the file but not in the graph.
 
@@ -57,7 +57,7 @@ def absent_nodes(
         for role in missing_roles(spec, roles):
             for offer in offers if role.role not in absent else ():
                 is_named = offer.path.endswith(f"/{role.role}")
-                fits = catalog.get(offer.type_name) is role.type
+                fits = platform.get(offer.type_name) is role.type
                 if fits and (is_named or not must_be_named):
                     absent[role.role] = offer
                     offers.remove(offer)

@@ -9,9 +9,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.match.roles import NO_SCRIPTS, Pairs, assign, complete_roles, match
-from lab3_usd.check.match.subject import Roles
+from lab3_usd.check.match.rule_inputs import Roles
+from lab3_usd.isaac.behaviour import Scripts
 from lab3_usd.model.stage import GraphModel, Node, StageModel
-from lab3_usd.spec.catalog import Scripts
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 
 LEAST_SHARE = 0.5  # of a spec's nodes that a graph must hold to be recognised by its content

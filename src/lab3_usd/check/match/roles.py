@@ -8,10 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct, field
 
 from lab3_usd.check.match.conformance import setting_matches, source_path, target_matches
-from lab3_usd.check.match.subject import Roles
-from lab3_usd.check.ros.running import effective_value
+from lab3_usd.check.match.rule_inputs import Roles
+from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.isaac.behaviour import Scripts
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.stage import GraphModel, Node
-from lab3_usd.spec.catalog import INPUT, Scripts
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
 
 # Steps of the search. A graph that somebody made takes some dozens; the limit only keeps files

@@ -11,8 +11,9 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.robot.wheels import WheelJoint, base_side, ends_of, wheel_side
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.physics import (
     COLLISION_API,
     FIXED,
@@ -39,7 +40,6 @@ from lab3_usd.model.transforms import (
     scaled,
     transform_point,
 )
-from lab3_usd.spec.values import Value
 
 _ALONG: dict[Any, Vector] = dict(zip("XYZ", AXES, strict=True))
 AXIS, _SHAPE_AXIS = "physics:axis", "axis"

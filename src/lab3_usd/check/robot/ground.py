@@ -6,7 +6,7 @@ import itertools
 import re
 from collections.abc import Iterator
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.robot.poses import vector_text
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (

@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 
 from msgspec.structs import replace
 
-from lab3_usd.check.match.subject import Roles
+from lab3_usd.check.match.rule_inputs import Roles
 from lab3_usd.check.robot.sensors import is_named
 from lab3_usd.model.physics import bodies_below, is_articulated
 from lab3_usd.model.prims import is_at_or_below

@@ -7,7 +7,7 @@ from collections.abc import Container, Iterator
 
 from msgspec import Struct
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.robot.poses import (
     PoseError,
     pose_errors,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.model.prims import Collider, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import Vector, scaled

@@ -7,14 +7,15 @@ from collections.abc import Iterator, Mapping
 from msgspec import Struct
 
 from lab3_usd.check.match.conformance import setting_matches, setting_value, target_matches
-from lab3_usd.check.match.subject import Roles, StageSubject
-from lab3_usd.check.ros.running import (
+from lab3_usd.check.match.rule_inputs import Roles, StageSubject
+from lab3_usd.facts.arrays import joint_names
+from lab3_usd.facts.execution_order import (
     Nodes,
     effective_value,
     live_nodes,
-    live_sources,
     running_nodes,
 )
+from lab3_usd.isaac.node_types import DrivePorts
 from lab3_usd.model.physics import (
     ARTICULATION_API,
     BODIES,
@@ -26,10 +27,8 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
-from lab3_usd.spec.catalog import INPUT, DrivePorts
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.values import Value
 
 
 class WheelJoint(Struct, frozen=True, eq=False):
@@ -181,14 +180,14 @@ def second_commanders(
     A node that tells them the same as the lab's own is left out: one with the same inputs, or in
     a copy of the graph.
     """
-    live = live_nodes(stage, lab)
+    live = live_nodes(stage, lab.platform)
     own = {
         path: name
         for name, players in roles.items()
         for path in players.role_of
         if path in live and _drives(live[path]) is not None
     }
-    for path, node in running_nodes(stage, lab).items() if own else ():
+    for path, node in running_nodes(stage, lab.platform).items() if own else ():
         if _drives(node) is None:
             continue
         is_stand_in = any(path in players.equivalents for players in roles.values())
@@ -235,34 +234,6 @@ def _commands_wheels(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> bo
     if names and not wheels & set(names):
         return False
     return _aims_at_robot(node, ports, stage, lab, live)
-
-
-def joint_names(node: Node, port: str, live: Nodes) -> tuple[str, ...] | None:
-    """Return the names that reach an input as a list, None where they are unknown."""
-    value = listed(node, port, live)
-    is_known = value is not None and all(isinstance(item, str) for item in value)
-    return tuple(map(str, value)) if is_known and value is not None else None
-
-
-def listed(node: Node, port: str, live: Nodes) -> tuple[Value, ...] | None:
-    """Return the list that reaches an input, None where it is unknown."""
-    made = list(live_sources(node, port, live))
-    if len(made) == 1 and made[0][0].type is not None and made[0][0].type.dynamic is not None:
-        value = _array_of(made[0][0], live)
-    else:
-        value = effective_value(node, port, live)
-    return value if isinstance(value, tuple) else None
-
-
-def _array_of(maker: Node, live: Nodes) -> Value | None:
-    """Return the list that a node makes of its numbered inputs."""
-    dynamic = None if maker.type is None else maker.type.dynamic
-    count = None if dynamic is None else effective_value(maker, INPUT + dynamic.count, live)
-    if dynamic is None or not isinstance(count, int):
-        return None  # how many they are comes over a wire
-    names = [f"{INPUT}{dynamic.prefix}{number}" for number in range(min(count, len(maker.ports)))]
-    items = [effective_value(maker, name, live) for name in names]
-    return None if None in items else tuple(item for item in items if item is not None)
 
 
 def is_doubtful(node: Node, live: Nodes) -> bool:

@@ -7,7 +7,7 @@ import reprlib
 from collections.abc import Iterable, Iterator
 from pathlib import PurePath
 
-from lab3_usd.check.match.subject import ModelSubject, StageSubject
+from lab3_usd.check.match.rule_inputs import ModelSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.model.finding import MOST_ITEMS, MOST_LETTERS, IgnoreNote, Problem
 from lab3_usd.model.prims import is_at_or_below

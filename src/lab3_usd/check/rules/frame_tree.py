@@ -7,16 +7,17 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.lab_frames import TfView, is_reported_elsewhere, repeating_graphs
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_of_harm
-from lab3_usd.check.ros.running import effective_value, running_nodes
-from lab3_usd.check.tf.frames import Edge, certain_edges, frames_in_cycles
-from lab3_usd.check.tf.lab_frames import TfView, is_reported_elsewhere, repeating_graphs
-from lab3_usd.check.tf.targets import tf_ports
+from lab3_usd.facts.execution_order import effective_value, running_nodes
+from lab3_usd.facts.frame_targets import tf_ports
+from lab3_usd.facts.frames import Edge, certain_edges
+from lab3_usd.facts.tree import frames_in_cycles
+from lab3_usd.isaac.node_types import NodeType, TfPorts
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.stage import AbsentPrim, Node, PortState, once_per_stage
-from lab3_usd.spec.catalog import NodeType, TfPorts
 
 
 @once_per_stage
@@ -295,7 +296,7 @@ def _placements(view: TfView) -> Iterator[_Placement]:
         ):
             parent = effective_value(node, names[0], view.live_nodes)
             parent = parent if isinstance(parent, str) else None
-            runs = path in running_nodes(view.subject.stage, view.subject.lab)
+            runs = path in running_nodes(view.subject.stage, view.subject.lab.platform)
             unheard = ", though not on a topic of tf2" if runs else ", though nothing triggers it"
             yield _Placement(path, parent, _wrong_port(parent, tf_ports(node), view), unheard)
 
@@ -348,10 +349,10 @@ def _is_forbidden_name(path: str, subject: StageSubject) -> bool:
 
 def _put_away(subject: StageSubject) -> Iterator[Problem]:
     """Note the publishers that somebody deactivated, as 8.11 advises."""
-    catalog = subject.lab.catalog
+    platform = subject.lab.platform
     gone = [prim for graph in subject.stage.graphs for prim in graph.absent if graph.active]
     for absent in (*gone, *subject.stage.absent):
-        kind = catalog.get(absent.type_name)
+        kind = platform.get(absent.type_name)
         named = _is_forbidden_name(absent.path, subject)
         if absent.reason == _DELETED and (named or _places_odom(kind, absent, subject)):
             yield _note(absent.path, subject)

@@ -4,14 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.match.conformance import setting_matches
-from lab3_usd.check.match.subject import Outcome
-from lab3_usd.check.registry import TF, rule
-from lab3_usd.check.repairs import edits_in_stage, edits_of_harm
-from lab3_usd.check.ros.running import effective_value
-from lab3_usd.check.ros.topics import endpoints
-from lab3_usd.check.tf.frames import Edge, certain_edges, unknown_publishers
-from lab3_usd.check.tf.lab_frames import (
+from lab3_usd.check.lab_frames import (
     FrameSource,
     TfView,
     frame_list_text,
@@ -22,7 +15,13 @@ from lab3_usd.check.tf.lab_frames import (
     lists_its_parent,
     missing_frames,
 )
-from lab3_usd.check.tf.targets import (
+from lab3_usd.check.match.conformance import setting_matches
+from lab3_usd.check.match.rule_inputs import Outcome
+from lab3_usd.check.registry import TF, rule
+from lab3_usd.check.repairs import edits_in_stage, edits_of_harm
+from lab3_usd.facts.endpoints import endpoints
+from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.frame_targets import (
     LINK_API,
     NAME_OVERRIDE,
     ROBOT_API,
@@ -30,12 +29,13 @@ from lab3_usd.check.tf.targets import (
     frame_name,
     tf_ports,
 )
+from lab3_usd.facts.frames import Edge, certain_edges, unknown_publishers
+from lab3_usd.isaac.topics import frame_ports
 from lab3_usd.model.changes import ClearValue
 from lab3_usd.model.finding import Finding, Problem, Severity, display
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import Node, UnresolvedAsset
-from lab3_usd.spec.graph import frame_ports
 
 
 @rule("T01", "missing-frame", scope="frames")
@@ -252,13 +252,13 @@ def frame_id_outside_the_tree(view: TfView) -> Iterator[Problem]:
     Example: an IMU publisher keeps its default frame id, and no transform places that frame.
     """
     subject = view.subject
-    if unknown_publishers(subject.stage, subject.lab):
+    if unknown_publishers(subject.stage, subject.lab.platform):
         return
     asset = subject.stage.unknown(*(frames.prim for frames in view.hidden))
     required = {frame for edge in subject.lab.frames.edges for frame in edge}
     frames = {frame for edge in view.edges for frame in (edge.parent, edge.child)} | required
     extra = [node for roles in subject.roles.values() for node in roles.extra]  # reported as such
-    for endpoint in endpoints(subject.stage, subject.lab):
+    for endpoint in endpoints(subject.stage, subject.lab.platform):
         if endpoint.runs and endpoint.direction == "publishes" and endpoint.node not in extra:
             for port, frame in _unfaulted_frames(endpoint.node, endpoint.port, view):
                 if frame not in frames:
@@ -306,7 +306,7 @@ def unknown_frames(view: TfView) -> Iterator[Problem]:
     it.
     """
     subject = view.subject
-    for path in unknown_publishers(subject.stage, subject.lab):
+    for path in unknown_publishers(subject.stage, subject.lab.platform):
         if path not in subject.faulty_prims:
             yield Problem(
                 path,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from lab3_usd.check.match.subject import GraphSubject, StageSubject
+from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.model.changes import (
     Activate,
@@ -68,7 +68,7 @@ def _way_back(subject: GraphSubject) -> Iterator[Edit]:
     elif not prim.present:
         yield Activate(prim.path)
     elif any(node.path.rpartition("/")[0] == prim.path for node in subject.stage.orphans):
-        yield SetType(prim.path, subject.lab.catalog.graph.type)
+        yield SetType(prim.path, subject.lab.platform.graph.type)
 
 
 def _why_missing(subject: GraphSubject) -> str:
@@ -185,7 +185,7 @@ def graph_kind(subject: GraphSubject) -> Iterator[Problem]:
     Example: `pipelineStage` 'pipelineStageOnDemand'.
     """
     graph = subject.roles.graph
-    for attribute in subject.lab.catalog.graph.attributes if graph is not None else ():
+    for attribute in subject.lab.platform.graph.attributes if graph is not None else ():
         if graph is None or not attribute.required:
             continue
         value = graph.attributes.get(attribute.name, attribute.unwritten)

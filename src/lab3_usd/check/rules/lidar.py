@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.poses import units_of
 from lab3_usd.check.robot.sensors import LIDAR, second_lidars, sensor_group

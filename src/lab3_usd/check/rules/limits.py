@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.conformance import setting_value
-from lab3_usd.check.match.subject import GraphSubject
+from lab3_usd.check.match.rule_inputs import GraphSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Problem, display, role_title, short_source
 from lab3_usd.model.physics import number
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.values import Value
 
 
 @rule("P11", "limit-without-time-step", scope="graph")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.check.missing_wires import context_wire
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.clocks import CLOCK, Stamp, stamps
-from lab3_usd.check.ros.contexts import (
+from lab3_usd.facts.clocks import CLOCK, Stamp, stamps
+from lab3_usd.facts.domains import (
     DOMAIN,
     FROM_ENVIRONMENT,
     LAST_DOMAIN,
@@ -16,10 +18,9 @@ from lab3_usd.check.ros.contexts import (
     domains,
     may_meet,
 )
-from lab3_usd.check.ros.execution import has_side_effects
-from lab3_usd.check.ros.rewiring import context_wire
-from lab3_usd.check.ros.running import LintSubject, effective_value
-from lab3_usd.check.ros.topics import running_endpoints
+from lab3_usd.facts.endpoints import running_endpoints
+from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.stalled_nodes import has_side_effects
 from lab3_usd.model.finding import Problem
 
 
@@ -35,8 +36,10 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
 
     Example: one of four publishers has no wire at `inputs:context`.
     """
-    connected = [entry for entry in context_inputs(subject) if entry.contexts]
-    unset = [entry for entry in context_inputs(subject) if not entry.is_set]
+    connected = [
+        entry for entry in context_inputs(subject.stage, subject.platform) if entry.contexts
+    ]
+    unset = [entry for entry in context_inputs(subject.stage, subject.platform) if not entry.is_set]
     for entry in unset if connected else ():
         if has_side_effects(entry.node) and subject.runs(entry.node.path):
             context = connected[0].contexts[0].path
@@ -64,7 +67,7 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
 
     Example: one context has `domain_id = 5`, the other `domain_id = 0`.
     """
-    contexts_of = domains(subject)
+    contexts_of = domains(subject.stage, subject.platform)
     if len(contexts_of) < 2:  # noqa: PLR2004 - the first is what the others differ from
         return
     (first, nodes), *others = contexts_of.items()
@@ -90,7 +93,7 @@ def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Context with `inputs:domain_id = 5` and nothing else.
     """
-    for contexts in domains(subject).values():
+    for contexts in domains(subject.stage, subject.platform).values():
         for context in contexts:
             number = effective_value(context, DOMAIN, subject.live)
             is_asked = effective_value(context, FROM_ENVIRONMENT, subject.live) is True
@@ -116,7 +119,7 @@ def domain_range(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Context with `inputs:domain_id = 250`.
     """
-    for domain, contexts in domains(subject).items():
+    for domain, contexts in domains(subject.stage, subject.platform).items():
         for context in contexts if (domain.number or 0) > LAST_DOMAIN else ():
             yield Problem(
                 context.path,
@@ -141,7 +144,7 @@ def two_clocks(subject: LintSubject) -> Iterator[Problem]:
     """
     clocks = [
         end
-        for end in running_endpoints(subject.stage, subject.lab, "publishes")
+        for end in running_endpoints(subject.stage, subject.platform, "publishes")
         if end.type == CLOCK
     ]
     for endpoint in clocks:
@@ -172,7 +175,7 @@ def system_time(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:useSystemTime = 1` on a lidar helper, beside a `/clock` of simulation time.
     """
-    every = list(stamps(subject))
+    every = list(stamps(subject.stage, subject.platform))
     simulated = {stamp.domain.name: stamp for stamp in every[::-1] if stamp.clock == "simulation"}
     for stamp in every:
         other = simulated.get(stamp.domain.name)
@@ -205,7 +208,9 @@ def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `/clock` has `resetOnStop = 0` while the lidar helper keeps its default, which is on.
     """
-    simulated = [stamp for stamp in stamps(subject) if stamp.clock == "simulation"]
+    simulated = [
+        stamp for stamp in stamps(subject.stage, subject.platform) if stamp.clock == "simulation"
+    ]
     leading: dict[str, Stamp] = {}  # by domain: the clock, else the first message
     for stamp in sorted(simulated, key=lambda stamp: not stamp.is_clock):
         leading.setdefault(stamp.domain.name, stamp)
@@ -237,7 +242,7 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
     Example: a graph with odometry and transforms only.
     """
     stamped: dict[Domain, list[Stamp]] = {}
-    for stamp in stamps(subject):
+    for stamp in stamps(subject.stage, subject.platform):
         if stamp.clock == "simulation":
             stamped.setdefault(stamp.domain, []).append(stamp)
     clocks = [

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.robot.articulations import moving_source
-from lab3_usd.check.ros.contexts import are_surely_one, domain_of
-from lab3_usd.check.ros.running import LintSubject, effective_value
-from lab3_usd.check.ros.topics import Endpoint, endpoints
-from lab3_usd.check.tf.frames import Edge, frames_in_cycles, moved_edges
-from lab3_usd.check.tf.trees import (
-    all_edges,
-    edges_by_domain,
-    frame_sets,
-    is_tree_known,
-    message_frames,
-    odometry_pairs,
-)
+from lab3_usd.facts.articulations import moving_source
+from lab3_usd.facts.domains import are_surely_one, domain_of
+from lab3_usd.facts.endpoints import Endpoint, endpoints
+from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.frames import Edge, is_tree_known, moved_edges, published_edges, tree_of_tf2
+from lab3_usd.facts.tree import frames_in_cycles
+from lab3_usd.facts.written_names import message_frames, odometry_pairs
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.stage import Node
 
@@ -46,9 +41,9 @@ def frame_of_two_parents(subject: LintSubject) -> Iterator[Problem]:
     """
     first: dict[tuple[str, str], Edge] = {}
     judged: set[tuple[str, str]] = set()
-    domains = edges_by_domain(subject)
-    rings = {name: frames_in_cycles(edges) for name, edges in domains.items()}
-    for edge in all_edges(subject):
+    trees = tree_of_tf2(subject.stage, subject.platform)
+    rings = {heard.domain: heard.tree.cycle for heard in trees}
+    for edge in published_edges(subject.stage, subject.platform):
         if edge.child == edge.parent or edge.child in rings[edge.domain.name]:
             continue
         known = first.setdefault((edge.domain.name, edge.child), edge)
@@ -76,7 +71,7 @@ def frame_below_itself(subject: LintSubject) -> Iterator[Problem]:
     Example: Parent Prim and Target Prims of Isaac Compute Transform Tree name the same link.
     """
     judged: set[tuple[str, str]] = set()
-    for edge in all_edges(subject):
+    for edge in published_edges(subject.stage, subject.platform):
         if edge.parent == edge.child and (edge.cause, edge.child) not in judged:
             judged.add((edge.cause, edge.child))
             yield Problem(
@@ -98,8 +93,8 @@ def frames_in_a_ring(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `odom -> base_link` and `base_link -> odom`.
     """
-    for published in edges_by_domain(subject).values():
-        edges = [edge for edge in published if edge.parent != edge.child]
+    for heard in tree_of_tf2(subject.stage, subject.platform):
+        edges = [edge for edge in heard.tree.edges if edge.parent != edge.child]
         frames = frames_in_cycles(edges)
         inside = [edge for edge in edges if edge.parent in frames and edge.child in frames]
         if not inside:
@@ -126,8 +121,9 @@ def disconnected_trees(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `odom -> base_link` beside `chassis -> wheel_left`.
     """
-    domains = edges_by_domain(subject) if is_tree_known(subject) else {}
-    for (largest, known), *others in map(frame_sets, domains.values()):
+    is_known = is_tree_known(subject.stage, subject.platform)
+    trees = tree_of_tf2(subject.stage, subject.platform) if is_known else ()
+    for (largest, known), *others in (heard.tree.parts for heard in trees):
         for edges, frames in others:
             yield Problem(
                 edges[0].cause,
@@ -150,7 +146,10 @@ def tree_on_two_topics(subject: LintSubject) -> Iterator[Problem]:
     Example: `odom -> base_link` on `/tf`, and `base_link -> wheel` on `/robot1/tf`.
     """
     trees: dict[tuple[str, str], list[Edge]] = {}
-    for edge in (*all_edges(subject), *moved_edges(subject.stage, subject.lab)):
+    for edge in (
+        *published_edges(subject.stage, subject.platform),
+        *moved_edges(subject.stage, subject.platform),
+    ):
         if edge.parent != edge.child:
             topic = edge.topic.removesuffix(_STATIC).removesuffix(_MOVING)
             trees.setdefault((topic, edge.domain.name), []).append(edge)
@@ -192,7 +191,7 @@ def transform_of_two_publishers(subject: LintSubject) -> Iterator[Problem]:
     Example: two graphs publish `odom -> base_link`.
     """
     first: dict[tuple[str, str, str], Edge] = {}
-    for edge in all_edges(subject):
+    for edge in published_edges(subject.stage, subject.platform):
         known = first.setdefault((edge.domain.name, edge.parent, edge.child), edge)
         is_same = known is edge or _is_of_same_prim(known, edge)
         if not is_same and edge.parent != edge.child:
@@ -220,8 +219,10 @@ def unpublished_frame(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a scan in the frame `sim_lidar`, while the tree has `base_scan`.
     """
-    domains = edges_by_domain(subject) if is_tree_known(subject) else {}
-    for node, port, value in message_frames(subject):
+    is_known = is_tree_known(subject.stage, subject.platform)
+    trees = tree_of_tf2(subject.stage, subject.platform) if is_known else ()
+    domains = {heard.domain: heard.tree.edges for heard in trees}
+    for node, port, value in message_frames(subject.stage, subject.platform):
         edges = domains.get(domain_of(node, subject.live).name, ())
         frames = {name for edge in edges for name in (edge.parent, edge.child)}
         if frames and value and value.lstrip("/") not in frames:
@@ -251,7 +252,7 @@ def odometry_and_transform_differ(subject: LintSubject) -> Iterator[Problem]:
 
     Example: the message has `odom` and `base_link`, the transform `odom -> base_footprint`.
     """
-    for pair in odometry_pairs(subject):
+    for pair in odometry_pairs(subject.stage, subject.platform):
         if pair.message != pair.transform:
             yield Problem(
                 pair.publisher.path,
@@ -280,14 +281,16 @@ def static_transforms(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a Publish Raw Transform Tree on `/tf_static` with Static Publisher off.
     """
-    for endpoint in endpoints(subject.stage, subject.lab):
+    for endpoint in endpoints(subject.stage, subject.platform):
         ports = None if endpoint.node.type is None else endpoint.node.type.tf
         if not (endpoint.runs and endpoint.topic and endpoint.qos and ports and ports.static):
             continue
         is_once = effective_value(endpoint.node, ports.static, subject.live) is True
         is_kept = endpoint.qos.durability == "transient_local"
         is_for_static = endpoint.topic.endswith(_STATIC)
-        moves = moving_source(endpoint.node, subject) if is_for_static else None
+        moves = (
+            moving_source(endpoint.node, subject.stage, subject.platform) if is_for_static else None
+        )
         if moves is not None and (is_once or not is_kept):
             yield _moving(endpoint, moves, ports.static if is_once else None)
         elif not is_kept if is_for_static else is_once:

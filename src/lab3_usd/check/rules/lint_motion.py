@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.robot.articulations import (
+from lab3_usd.check.robot.axles import AXIS, disc_of, joint_axis
+from lab3_usd.facts.articulations import (
     Command,
     commands,
     driven_pairs,
@@ -14,9 +16,7 @@ from lab3_usd.check.robot.articulations import (
     followed_bodies,
     told_joints,
 )
-from lab3_usd.check.robot.axles import AXIS, disc_of, joint_axis
-from lab3_usd.check.ros.quantities import quantity_of
-from lab3_usd.check.ros.running import LintSubject
+from lab3_usd.facts.quantities import quantity_of
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
     BODIES,
@@ -44,10 +44,14 @@ _WHEEL_SPEEDS = "speeds of wheels"
 
 def _wheel_commands(subject: LintSubject) -> Iterator[tuple[Command, list[Prim]]]:
     """Yield the commands that a controller of wheels computes, with the joints of the wheels."""
-    for command in commands(subject):
-        given = quantity_of(command.node, _VELOCITY, subject) if command.roots else None
+    for command in commands(subject.stage, subject.platform):
+        given = (
+            quantity_of(command.node, _VELOCITY, subject.stage, subject.platform)
+            if command.roots
+            else None
+        )
         if given is not None and given.name == _WHEEL_SPEEDS and subject.runs(command.node.path):
-            yield command, told_joints(command, _VELOCITY, subject)
+            yield command, told_joints(command, _VELOCITY, subject.stage, subject.platform)
 
 
 @rule("K81", "robot-tied-to-world", scope="lint", severity="warning")
@@ -224,7 +228,7 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
         for joint in wheels
         if (wheel := _wheel(joint, wheels, subject.stage)) is not None
     }
-    for odometry in followed_bodies(subject):
+    for odometry in followed_bodies(subject.stage, subject.platform):
         if odometry.body is not None and odometry.body.path in turning:
             joint = turning[odometry.body.path]
             yield Problem(
@@ -263,7 +267,7 @@ def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
                     related=(command.node.path,),
                     rests_on=subject.stage.unknown(joint.path),
                 )
-    for command, controller, pair in driven_pairs(subject):
+    for command, controller, pair in driven_pairs(subject.stage, subject.platform):
         bases = _bases(list(pair), subject.stage)
         sides = [next((i for i, path in enumerate(bodies(j)) if path in bases), None) for j in pair]
         axes = [

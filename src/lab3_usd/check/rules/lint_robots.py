@@ -7,8 +7,12 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 
+from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.check.missing_wires import step_wire
 from lab3_usd.check.registry import rule
-from lab3_usd.check.robot.articulations import (
+from lab3_usd.check.robot.axles import disc_of
+from lab3_usd.check.rules.limits import stopping_limits, unknown_limits
+from lab3_usd.facts.articulations import (
     Command,
     Followed,
     commands,
@@ -24,20 +28,17 @@ from lab3_usd.check.robot.articulations import (
     told_joints,
     wired_commands,
 )
-from lab3_usd.check.robot.axles import disc_of
-from lab3_usd.check.ros.execution import array_items
-from lab3_usd.check.ros.quantities import unit_of
-from lab3_usd.check.ros.rewiring import step_wire
-from lab3_usd.check.ros.running import LintSubject, effective_value, live_sources
-from lab3_usd.check.ros.topics import did_you_mean, likely_name
-from lab3_usd.check.rules.limits import stopping_limits, unknown_limits
+from lab3_usd.facts.endpoints import did_you_mean, likely_name
+from lab3_usd.facts.execution_order import effective_value, live_sources
+from lab3_usd.facts.quantities import unit_of
+from lab3_usd.facts.stalled_nodes import array_items
+from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel, UnresolvedAsset
 from lab3_usd.model.transforms import Vector, distance, transform_point
-from lab3_usd.spec.isaac import is_within
 
 _VELOCITY = "inputs:velocityCommand"
 
@@ -53,7 +54,7 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:targetPrim` names `/World/robot/base_link`, the root is on `/World/robot`.
     """
-    for command in commands(subject):
+    for command in commands(subject.stage, subject.platform):
         is_there = subject.stage.prim(command.robot) is not None
         is_by_path = command.port == command.ports.path
         if not command.robot or command.roots or not (is_there or is_by_path):
@@ -82,7 +83,9 @@ def nested_articulation(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: OpenUSD's validators reject it, as `NestedArticulation`. PhysX's parser is not public.
     """
-    roots = dict.fromkeys(root for command in commands(subject) for root in command.roots)
+    roots = dict.fromkeys(
+        root for command in commands(subject.stage, subject.platform) for root in command.roots
+    )
     for root in roots:
         above = next((top for top in roots if root.startswith(f"{top}/")), None)
         if above is not None:
@@ -100,7 +103,7 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `left_wheel` instead of `left_wheel_joint`.
     """
-    for command in commands(subject):
+    for command in commands(subject.stage, subject.platform):
         known = joints_of(command, subject.stage) if command.roots else {}
         for name in command.names or () if known else ():
             overrides = [joint.attributes.get("isaac:nameOverride") for joint in known.values()]
@@ -151,11 +154,11 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
     Example: an importer left `stiffness = 10000` on the wheel joints.
     """
     judged: set[str] = set()
-    for command in commands(subject):
+    for command in commands(subject.stage, subject.platform):
         given = wired_commands(command)
         if given != [_VELOCITY] or not command.roots:
             continue
-        for joint in told_joints(command, _VELOCITY, subject):
+        for joint in told_joints(command, _VELOCITY, subject.stage, subject.platform):
             if joint.path not in judged:
                 judged |= set() if command.unknown else {joint.path}
                 yield from _drive_problems(command, joint)
@@ -197,7 +200,7 @@ def no_body_to_follow(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:chassisPrim` names `/World/robot`, an Xform above the links.
     """
-    for odometry in followed_bodies(subject):
+    for odometry in followed_bodies(subject.stage, subject.platform):
         if not odometry.is_body:
             yield Problem(
                 odometry.node.path,
@@ -228,15 +231,17 @@ def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `jointNames = ["left_wheel"]`, and a Differential Controller gives two speeds.
     """
-    for command in commands(subject):
-        facts = subject.types.joints.get(command.node.type.type if command.node.type else "")
-        may_spread = facts is not None and is_within(subject.release, "", facts.spreads_until)
+    for command in commands(subject.stage, subject.platform):
+        facts = subject.platform.joints.get(command.node.type.type if command.node.type else "")
+        may_spread = facts is not None and is_within(
+            subject.platform.release, "", facts.spreads_until
+        )
         # Without a name all joints are meant.
         is_for_all = command.names == () and facts is not None and not may_spread
         axes = number_of_axes(command, subject.stage) if is_for_all else None
         joints = axes if is_for_all else len(command.names or ())
         for port in command.ports.commands if joints else ():
-            given = number_of_commands(command, port, subject)
+            given = number_of_commands(command, port, subject.stage, subject.platform)
             is_right = not given or given == joints or (given == 1 and (may_spread or is_for_all))
             if not is_right and not _has_empty_element(command, subject):
                 named = f"{port} and {command.ports.joints} differ in length: {given} and {joints}"
@@ -272,8 +277,8 @@ def indices_are_ignored(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:jointIndices = [0]` for the first joint of an arm.
     """
-    for command in commands(subject):
-        indices = ignored_indices(command.node, command.ports, subject)
+    for command in commands(subject.stage, subject.platform):
+        indices = ignored_indices(command.node, command.ports, subject.stage, subject.platform)
         joints = joints_of(command, subject.stage) if command.roots else {}
         if indices and not command.names and len(joints) != 1:
             yield Problem(
@@ -334,8 +339,8 @@ def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
     """
-    for command, controller, pair in driven_pairs(subject):
-        unit = unit_of(controller, _SPEED, subject)
+    for command, controller, pair in driven_pairs(subject.stage, subject.platform):
+        unit = unit_of(controller, _SPEED, subject.stage, subject.platform)
         units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
         is_metric = unit in {None, 1.0}
         unit_text = "" if is_metric else f", and the velocity comes in units of {unit:g} m"
@@ -371,7 +376,11 @@ def joint_of_two_controllers(subject: LintSubject) -> Iterator[Problem]:
 
     Example: the menu's Differential Controller graph beside another one on the same robot.
     """
-    running = [command for command in commands(subject) if subject.runs(command.node.path)]
+    running = [
+        command
+        for command in commands(subject.stage, subject.platform)
+        if subject.runs(command.node.path)
+    ]
     for index, command in enumerate(running):
         for name, count in Counter(command.names or ()).items():
             if name and count > 1:
@@ -401,7 +410,9 @@ def _shared(one: Command, other: Command, subject: LintSubject) -> tuple[list[st
     kinds = set(wired_commands(one)) & set(wired_commands(other))
     if not kinds or not set(one.roots) & set(other.roots):
         return [], True
-    first, second = (named_joints(command, subject) for command in (one, other))
+    first, second = (
+        named_joints(command, subject.stage, subject.platform) for command in (one, other)
+    )
     if first is not None and second is not None:
         return [name for name in first if name in second], True
     # Whatever the other names are, they are among those of a command of all joints.
@@ -420,7 +431,7 @@ def left_and_right(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `jointNames = ["wheel_right_joint", "wheel_left_joint"]`.
     """
-    for command, controller, (first, second) in driven_pairs(subject):
+    for command, controller, (first, second) in driven_pairs(subject.stage, subject.platform):
         says_so = (_side(first), _side(second)) == ("right", "left")
         places = [_anchor(joint, subject.stage) for joint in (first, second)]
         is_so = True

@@ -5,20 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
+from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.check.missing_wires import execution_wire
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.execution import (
-    Stop,
-    array_items,
-    feeds,
-    has_side_effects,
-    is_wired,
-    stops,
-    unmet_needs,
-)
-from lab3_usd.check.ros.rewiring import execution_wire
-from lab3_usd.check.ros.running import (
+from lab3_usd.facts.execution_order import (
     ENABLED,
-    LintSubject,
     effective_value,
     event_of,
     is_graph_evaluated,
@@ -30,9 +21,18 @@ from lab3_usd.check.ros.running import (
     signals,
     signals_once,
 )
+from lab3_usd.facts.stalled_nodes import (
+    Stop,
+    array_items,
+    feeds,
+    has_side_effects,
+    is_wired,
+    stops,
+    unmet_needs,
+)
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.stage import DEACTIVATED, OVER, Node, nodes_outside_graphs
-from lab3_usd.spec.catalog import INPUT
 
 _REASONS = {
     "unwired": "{port} is not connected",
@@ -64,8 +64,8 @@ def never_computes(subject: LintSubject) -> Iterator[Problem]:
     Example: a ROS2 Publish Odometry whose `execIn` is not connected.
     """
     for graph in subject.graphs():
-        if graph.active and is_graph_evaluated(graph, subject.stage, subject.lab):
-            for stop in stops(graph, subject):
+        if graph.active and is_graph_evaluated(graph, subject.stage, subject.platform):
+            for stop in stops(graph, subject.stage, subject.platform):
                 if stop.reason in _REASONS and _matters(stop, subject):
                     yield _stopped(stop, subject)
 
@@ -75,7 +75,11 @@ def _matters(stop: Stop, subject: LintSubject) -> bool:
     nodes = (stop.node, *stop.waiting)
     if any(has_side_effects(node) for node in nodes):
         return True
-    return any(subject.runs(target.path) for node in nodes for target in feeds(node, subject))
+    return any(
+        subject.runs(target.path)
+        for node in nodes
+        for target in feeds(node, subject.stage, subject.platform)
+    )
 
 
 def _stopped(stop: Stop, subject: LintSubject) -> Problem:
@@ -145,7 +149,7 @@ def _nodes_in_overs(subject: LintSubject) -> Mapping[str, int]:
     return Counter(
         prim.path.rpartition("/")[0]
         for prim in subject.stage.absent
-        if prim.reason == OVER and prim.type_name and not subject.catalog.graph.ignores(prim.path)
+        if prim.reason == OVER and prim.type_name and not subject.platform.graph.ignores(prim.path)
     )
 
 
@@ -164,19 +168,19 @@ def graph_not_evaluated(subject: LintSubject) -> Iterator[Problem]:
     Basis: NVIDIA's documentation of the OmniGraph schema for evaluation modes, and
     `OgnOnPhysicsStep.cpp:139-149` for on-demand graphs. Kit's own code is not public.
     """
-    form = subject.catalog.graph.evaluation
+    form = subject.platform.graph.evaluation
     for graph in subject.graphs():
         if not graph.active or not graph.nodes:
             continue
-        if not is_graph_evaluated(graph, subject.stage, subject.lab):
+        if not is_graph_evaluated(graph, subject.stage, subject.platform):
             mode = graph.attributes.get(form.mode)
             name = form.mode if mode in form.by_reference else form.stage
             yield Problem(
                 graph.path,
                 f"graph is never evaluated: {name} is '{graph.attributes.get(name)}', "
-                f"expected '{subject.catalog.graph.value(name)}'",
+                f"expected '{subject.platform.graph.value(name)}'",
                 property=name,
-                expected=str(subject.catalog.graph.value(name)),
+                expected=str(subject.platform.graph.value(name)),
                 actual=str(graph.attributes.get(name)),
             )
 
@@ -193,16 +197,16 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
 
     Example: On Physics Step triggers the controllers of an ordinary Action Graph.
     """
-    form = subject.catalog.graph.evaluation
+    form = subject.platform.graph.evaluation
     for graph in subject.graphs():
-        if not graph.active or not is_graph_evaluated(graph, subject.stage, subject.lab):
+        if not graph.active or not is_graph_evaluated(graph, subject.stage, subject.platform):
             continue
         if graph.attributes.get(form.evaluator) in form.all_nodes:
             continue
         for node in graph.nodes:
-            needed = event_of(node, subject.lab)
+            needed = event_of(node, subject.platform)
             if needed and not subject.runs(node.path) and node.path in subject.live:
-                waiting = feeds(node, subject)
+                waiting = feeds(node, subject.stage, subject.platform)
                 if waiting:
                     yield Problem(
                         node.path,
@@ -231,7 +235,7 @@ def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
     not public.
     """
     for node in nodes_outside_graphs(subject.stage):
-        if subject.catalog.graph.ignores(node.path):
+        if subject.platform.graph.ignores(node.path):
             continue
         yield Problem(
             node.path,
@@ -273,8 +277,8 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
                 actual="False",
                 severity=severity,
             )
-        gate = shut_gate(node, subject.live, subject.lab)
-        waiting = feeds(node, subject) if gate is not None else []
+        gate = shut_gate(node, subject.live, subject.platform)
+        waiting = feeds(node, subject.stage, subject.platform) if gate is not None else []
         if waiting:
             yield Problem(
                 node.path,
@@ -301,7 +305,9 @@ def two_events(subject: LintSubject) -> Iterator[Problem]:
     for node in subject.live.values():
         if sum(len(node.sources(port)) for port in signal_inputs(node)) <= 1:
             continue  # which brings no other events than the node before has
-        is_judged = any(map(has_side_effects, (node, *feeds(node, subject))))
+        is_judged = any(
+            map(has_side_effects, (node, *feeds(node, subject.stage, subject.platform)))
+        )
         events = _events(node, subject) if is_judged else {}
         # Of a node that is behind another one with the same events the first tells enough.
         ahead = [_events(source, subject) for source in signal_sources(node, subject.live)]
@@ -319,17 +325,17 @@ def two_events(subject: LintSubject) -> Iterator[Problem]:
 
 def _events(node: Node, subject: LintSubject) -> dict[str, Node]:
     """Return the events by which a node surely executes at every update, by path."""
-    usual = subject.catalog.graph.value(subject.catalog.graph.evaluation.stage)
-    states = run_states(subject.stage, subject.lab)
+    usual = subject.platform.graph.value(subject.platform.graph.evaluation.stage)
+    states = run_states(subject.stage, subject.platform)
     events: dict[str, Node] = {}
     seen, ahead = {node.path}, [node]
     while ahead:
         current = ahead.pop(0)
-        if event_of(current, subject.lab) == usual and states.get(current.path) == "runs":
+        if event_of(current, subject.platform) == usual and states.get(current.path) == "runs":
             events[current.path] = current
         for source, port in signals(current, subject.live):
             is_new = source.path not in seen
-            is_lasting = not signals_once(source, port, subject.live, subject.lab)
+            is_lasting = not signals_once(source, port, subject.live, subject.platform)
             if is_new and is_lasting and is_switched_on(source, subject.live):
                 seen.add(source.path)
                 ahead.append(source)
@@ -371,9 +377,9 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
     Example: `ros2_publish_odometry.inputs:timeStamp` without a wire.
     """
     for node in subject.live.values():
-        if not (subject.runs(node.path) or is_wired(node, subject)):
+        if not (subject.runs(node.path) or is_wired(node, subject.stage, subject.platform)):
             continue
-        for need in unmet_needs(node, subject):
+        for need in unmet_needs(node, subject.platform):
             may_be_filled = subject.is_module and any(
                 node.type is not None and node.type.ports[INPUT + name].is_target
                 for name in need.inputs

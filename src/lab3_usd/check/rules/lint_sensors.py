@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.ros.running import LintSubject, effective_value, sensor_of
-from lab3_usd.check.tf.trees import all_edges
+from lab3_usd.facts.execution_order import effective_value, sensor_of
+from lab3_usd.facts.frames import published_edges
+from lab3_usd.isaac.behaviour import SensorOf, TargetOf
+from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.changes import ApplySchema
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import BODY_API, number
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel, absence_reason
 from lab3_usd.model.transforms import AXES, angle_between, decompose, rotate_vector
-from lab3_usd.spec.catalog import INPUT
-from lab3_usd.spec.isaac import SensorOf, TargetOf, is_within
 
 _TICK = "omni:sensor:tickRate"
 _CORE = "omni:sensor:Core:"
@@ -31,7 +33,7 @@ _SIZE = ("inputs:width", "inputs:height")
 def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
     """Yield the nodes that publish a sensor, with what they ask of it and its path."""
     for node in subject.live.values():
-        needed = subject.types.sensors.get("" if node.type is None else node.type.type)
+        needed = subject.platform.sensors.get("" if node.type is None else node.type.type)
         path = sensor_of(node, subject.live)
         if needed is not None and path is not None:
             yield node, needed, path
@@ -66,7 +68,7 @@ def target_not_there(subject: LintSubject) -> Iterator[Problem]:
 
 def _is_made_later(path: str, subject: LintSubject) -> bool:
     """Whether the application makes the prim, or it is a node or a graph."""
-    made = path in subject.types.application_prims or subject.catalog.graph.ignores(path)
+    made = path in subject.platform.application_prims or subject.platform.graph.ignores(path)
     # The bundle that a node gives is a prim below it.
     return made or path in subject.live or path.rpartition("/")[0] in subject.live
 
@@ -84,10 +86,14 @@ def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
     `OmniLidar`.
     """
     for node in subject.live.values():
-        asked = None if node.type is None else subject.types.targets.get(node.type.type)
+        asked = None if node.type is None else subject.platform.targets.get(node.type.type)
         path = next(iter(node.targets(INPUT + asked.input)), "") if asked is not None else ""
         prim = subject.stage.prim(path)
-        if asked is None or prim is None or not is_within(subject.release, asked.since, ""):
+        if (
+            asked is None
+            or prim is None
+            or not is_within(subject.platform.release, asked.since, "")
+        ):
             continue
         if not _is_readable(prim, asked, subject.stage):
             yield Problem(
@@ -135,7 +141,7 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
         if prim is None:
             continue
         if prim.type not in needed.types and not (
-            set(prim.apis) & needed.schemas_in(subject.release)
+            set(prim.apis) & needed.schemas_in(subject.platform.release)
         ):
             yield Problem(
                 node.path,
@@ -342,7 +348,11 @@ def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
         for _, _, path in _read_sensors(subject)
         if (prim := subject.stage.prim(path))
     }
-    frames = {edge.child: edge.prim for edge in all_edges(subject) if edge.prim in kinds}
+    frames = {
+        edge.child: edge.prim
+        for edge in published_edges(subject.stage, subject.platform)
+        if edge.prim in kinds
+    }
     for node, _, path in _read_sensors(subject):
         for port in () if node.type is None or path not in kinds else node.type.frames[:1]:
             name = effective_value(node, port, subject.live)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, VERSION
-from lab3_usd.check.ros.contexts import are_surely_one
-from lab3_usd.check.ros.running import LintSubject, effective_value
-from lab3_usd.check.ros.topics import (
+from lab3_usd.facts.domains import are_surely_one
+from lab3_usd.facts.endpoints import (
     KIND,
     PROFILE,
     TRANSFORMS,
@@ -20,11 +20,12 @@ from lab3_usd.check.ros.topics import (
     resolve,
     running_endpoints,
 )
-from lab3_usd.check.tf.trees import refused_namespaces, written_frames, written_topics
+from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.written_names import refused_namespaces, written_frames, written_topics
+from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.model.changes import ClearValue, Edit, SetValue
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.catalog import NodeType
 
 
 def _grave(*ends: Endpoint) -> Severity | None:
@@ -46,8 +47,8 @@ def two_publishers(subject: LintSubject) -> Iterator[Problem]:
     Example: two robots publish their joints on `/joint_states`.
     """
     together: dict[tuple[str, str], list[Endpoint]] = {}
-    for endpoint in running_endpoints(subject.stage, subject.lab, "publishes"):
-        is_tree = endpoint.topic in subject.lab.policy.tree_topics or endpoint.type == TRANSFORMS
+    for endpoint in running_endpoints(subject.stage, subject.platform, "publishes"):
+        is_tree = endpoint.topic in subject.platform.ros.tree_topics or endpoint.type == TRANSFORMS
         if not is_tree:
             key = (str(endpoint.topic), endpoint.domain.name)
             together.setdefault(key, []).append(endpoint)
@@ -82,8 +83,8 @@ def two_types(subject: LintSubject) -> Iterator[Problem]:
     """
     first: dict[tuple[str, str], Endpoint] = {}
     ends = [
-        *running_endpoints(subject.stage, subject.lab, "publishes"),
-        *running_endpoints(subject.stage, subject.lab, "subscribes"),
+        *running_endpoints(subject.stage, subject.platform, "publishes"),
+        *running_endpoints(subject.stage, subject.platform, "subscribes"),
     ]
     for endpoint in (end for end in ends if end.type is not None):
         known = first.setdefault((str(endpoint.topic), endpoint.domain.name), endpoint)
@@ -112,7 +113,7 @@ def refused_profile(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:qosProfile = '{"reliability": "bestEffort"}'`.
     """
-    for endpoint in endpoints(subject.stage, subject.lab):
+    for endpoint in endpoints(subject.stage, subject.platform):
         written = endpoint.node.value(PROFILE)
         is_wired = bool(endpoint.node.sources(PROFILE))
         if endpoint.qos is None and isinstance(written, str) and written and not is_wired:
@@ -137,8 +138,8 @@ def profiles_do_not_meet(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `/cmd_vel` is published as Sensor Data and subscribed with the default.
     """
-    publishers = running_endpoints(subject.stage, subject.lab, "publishes")
-    for taker in running_endpoints(subject.stage, subject.lab, "subscribes"):
+    publishers = running_endpoints(subject.stage, subject.platform, "publishes")
+    for taker in running_endpoints(subject.stage, subject.platform, "subscribes"):
         for maker in publishers:
             is_one = (maker.topic, maker.domain.name) == (taker.topic, taker.domain.name)
             if is_one and maker.qos is not None and taker.qos is not None:
@@ -241,7 +242,7 @@ def value_not_offered(subject: LintSubject) -> Iterator[Problem]:
 
 def _other_type(node: Node, kind: str, subject: LintSubject) -> NodeType | None:
     """Return the type of nodes that publishes this kind of messages now."""
-    return None if node.type is None else subject.catalog.get(node.type.moved.get(kind, ""))
+    return None if node.type is None else subject.platform.get(node.type.moved.get(kind, ""))
 
 
 def _becoming(node: Node, kind: NodeType) -> tuple[Edit, ...]:
@@ -286,7 +287,7 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:topicName = "camera-1/rgb image"`.
     """
-    for name in written_topics(subject):
+    for name in written_topics(subject.stage, subject.platform):
         if name.resolved is None:
             yield Problem(
                 name.node.path,
@@ -306,7 +307,7 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
                 severity="warning",
                 fix=_without_space(name.node, name.port, name.written),
             )
-    for node, namespace in refused_namespaces(subject):
+    for node, namespace in refused_namespaces(subject.stage, subject.platform):
         yield Problem(
             node.path,
             f"the namespace of its topics is {display(namespace)}, which ROS 2 rejects",
@@ -326,7 +327,7 @@ def frame_name(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:frameId = "/base_scan"`.
     """
-    for node, port, value in written_frames(subject):
+    for node, port, value in written_frames(subject.stage, subject.platform):
         is_stripped = node.type is not None and node.type.tf is not None  # by tf2
         is_padded = value != value.strip()
         if not value or is_padded or (value.startswith("/") and not is_stripped):

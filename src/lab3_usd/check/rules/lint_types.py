@@ -7,15 +7,15 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, VERSION, modern_types
-from lab3_usd.check.ros.execution import nodes_of_unknown_type
-from lab3_usd.check.ros.running import LintSubject
-from lab3_usd.check.ros.topics import did_you_mean, likely_type
+from lab3_usd.facts.endpoints import did_you_mean, likely_type
+from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
+from lab3_usd.isaac.releases import order
 from lab3_usd.model.changes import SetValue
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.isaac import order
 
 
 @rule("K30", "unregistered-type", scope="lint")
@@ -31,14 +31,14 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: the types that Isaac Sim's source registers. Kit's handling of other types is not public.
     """
-    for node in nodes_of_unknown_type(subject):
+    for node in nodes_of_unknown_type(subject.stage, subject.platform):
         of_release, likely = _other_release(node, subject), _likely(node, subject)
         if of_release is None or (likely is None and not of_release):
             continue
+        release = f"{subject.platform.release}{of_release}"
         yield Problem(
             node.path,
-            f"'{node.type_name}' is not a node type of Isaac Sim {subject.release}{of_release}"
-            f"{did_you_mean(likely)}",
+            f"'{node.type_name}' is not a node type of Isaac Sim {release}{did_you_mean(likely)}",
             property=TYPE,
             expected=likely,
             actual=node.type_name,
@@ -49,8 +49,8 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
 
 def _other_release(node: Node, subject: LintSubject) -> str | None:
     """Say which other releases have a type: '' where none has, None where this one has it."""
-    releases = subject.types.releases_of(subject.catalog.modern(node.type_name))
-    if subject.release in releases:
+    releases = subject.platform.releases_of(subject.platform.modern(node.type_name))
+    if subject.platform.release in releases:
         return None
     later = _later(node, subject)
     if later:
@@ -66,8 +66,8 @@ def _other_hint(node: Node, subject: LintSubject) -> str:
 
 def _later(node: Node, subject: LintSubject) -> str | None:
     """Return the first release after this one that has a type, None where none has."""
-    releases = subject.types.releases_of(subject.catalog.modern(node.type_name))
-    later = (name for name in releases if order(name) > order(subject.release))
+    releases = subject.platform.releases_of(subject.platform.modern(node.type_name))
+    later = (name for name in releases if order(name) > order(subject.platform.release))
     return next(later, None)
 
 
@@ -75,8 +75,8 @@ def _likely(node: Node, subject: LintSubject) -> str | None:
     """Return the type that was likely meant, None where none is near."""
     if _later(node, subject):
         return None
-    alike = subject.catalog.lookalikes.get(node.type_name)
-    return alike or likely_type(node.type_name, subject.catalog.types)
+    alike = subject.platform.lookalikes.get(node.type_name)
+    return alike or likely_type(node.type_name, subject.platform.types)
 
 
 @rule("K31", "deprecated-types", scope="lint", severity="warning", formerly="old-names")
@@ -94,10 +94,10 @@ def old_names(subject: LintSubject) -> Iterator[Problem]:
         old = [
             node
             for node in (graph.nodes if graph.active else ())
-            if node.type is not None and subject.catalog.modern(node.type_name) != node.type_name
+            if node.type is not None and subject.platform.modern(node.type_name) != node.type_name
         ]
         if old:
-            now = subject.catalog.modern(old[0].type_name)
+            now = subject.platform.modern(old[0].type_name)
             count = (
                 "1 node has a type name" if len(old) == 1 else f"{len(old)} nodes have type names"
             )
@@ -107,7 +107,7 @@ def old_names(subject: LintSubject) -> Iterator[Problem]:
                 expected=now,
                 actual=old[0].type_name,
                 related=tuple(node.path for node in old),
-                fix=tuple(modern_types(old, subject.catalog)),
+                fix=tuple(modern_types(old, subject.platform)),
             )
 
 
@@ -129,7 +129,7 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     Example: a node of a third-party extension.
     """
     paths_by_type: dict[str, list[str]] = {}
-    for node in nodes_of_unknown_type(subject):
+    for node in nodes_of_unknown_type(subject.stage, subject.platform):
         of_release = _other_release(node, subject)
         if of_release is None or (_likely(node, subject) is None and not of_release):
             paths_by_type.setdefault(node.type_name, []).append(node.path)
@@ -162,7 +162,7 @@ def newer_version(subject: LintSubject) -> Iterator[Problem]:
     for node in subject.live.values():
         if node.type is None or node.type.is_open or node.version is None:
             continue
-        newest = max(subject.types.versions(node.type.type).values(), default=node.type.version)
+        newest = max(subject.platform.versions(node.type.type).values(), default=node.type.version)
         if node.version > newest:
             yield Problem(
                 node.path,
@@ -193,7 +193,7 @@ def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
     Example: a ROS2 Camera Helper with `inputs:viewport`, a port of 5.1.
     """
     signs = [sign for node in subject.live.values() for sign in _signs(node, subject)]
-    strange = [sign for sign in signs if subject.release not in sign.releases]
+    strange = [sign for sign in signs if subject.platform.release not in sign.releases]
     if not strange:
         return
     counts = Counter(name for sign in signs for name in sign.releases)
@@ -203,7 +203,7 @@ def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
         first.node.path,
         f"saved by another release: {first.what}; --isaac {fitting} fits best",
         property=first.property,
-        expected=subject.release,
+        expected=subject.platform.release,
         actual=fitting,
         related=tuple(dict.fromkeys(sign.node.path for sign in strange[1:])),
     )
@@ -220,7 +220,7 @@ class _Sign(Struct, frozen=True, eq=False):
 
 def _signs(node: Node, subject: LintSubject) -> Iterator[_Sign]:
     """Yield what of a node only some releases have: its type, its version and its ports."""
-    types, name = subject.types, subject.catalog.modern(node.type_name)
+    types, name = subject.platform, subject.platform.modern(node.type_name)
     versions = types.versions(name)
     if versions and node.type is None:
         yield _Sign(node, TYPE, f"only {_named(versions)} has the type {name}", tuple(versions))

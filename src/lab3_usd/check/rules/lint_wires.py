@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.robot.articulations import commands, leaves_joints
-from lab3_usd.check.ros.clocks import STAMP
-from lab3_usd.check.ros.execution import has_side_effects, is_nothing, needs_of
-from lab3_usd.check.ros.quantities import quantity_of
-from lab3_usd.check.ros.running import LintSubject
-from lab3_usd.check.ros.topics import did_you_mean, likely_name
-from lab3_usd.check.ros.wires import (
+from lab3_usd.facts.articulations import commands, leaves_joints
+from lab3_usd.facts.clocks import STAMP
+from lab3_usd.facts.endpoints import did_you_mean, likely_name
+from lab3_usd.facts.quantities import quantity_of
+from lab3_usd.facts.stalled_nodes import has_side_effects, is_nothing, needs_of
+from lab3_usd.facts.wires import (
     Connection,
     connections,
     differ_in_role,
@@ -19,10 +19,10 @@ from lab3_usd.check.ros.wires import (
     sublayer_with_source,
     why_dead,
 )
+from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, can_connect
 from lab3_usd.model.changes import Connect, Edit, RenameProperty
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType, Port, can_connect
 
 
 @rule(
@@ -45,10 +45,14 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: Kit's interface connects attributes of existing nodes. Its code is not public.
     """
-    for wire in connections(subject):
+    for wire in connections(subject.stage, subject.platform):
         if wire.source is not None:
             continue
-        reason = why_dead(wire, subject) if wire.source_prim else "is a prim, not a port"
+        reason = (
+            why_dead(wire, subject.stage, subject.platform)
+            if wire.source_prim
+            else "is a prim, not a port"
+        )
         others = [source for source in wire.node.sources(wire.port) if source != wire.path]
         is_fed = any(source.rpartition(".")[0] in subject.live for source in others)
         name = (wire.source_prim or wire.path).rpartition("/")[2]
@@ -62,7 +66,7 @@ def dead_source(subject: LintSubject) -> Iterator[Problem]:
                 severity="note",
             )
             continue
-        sublayer = sublayer_with_source(wire, subject)
+        sublayer = sublayer_with_source(wire, subject.stage)
         yield Problem(
             wire.node.path,
             f"{wire.port} is connected to {name}, which {reason}"
@@ -99,7 +103,7 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
     Basis: Ports are those of Isaac Sim's source; all wires in NVIDIA's own scripts pass this rule
     (`benchmarks/script_wires.py`). Kit's code is not public.
     """
-    for wire in connections(subject):
+    for wire in connections(subject.stage, subject.platform):
         source = wire.source
         if source is not None and not source.has_port(wire.source_port) and source.type is not None:
             near = meant_port(wire.source_port, source.type, is_source=True)
@@ -149,7 +153,7 @@ def _known_of_old(wire: Connection, subject: LintSubject) -> str:
 
 
 def _gone(kind: NodeType, port: str, subject: LintSubject) -> str:
-    releases = subject.types.releases_with(kind.type, port)
+    releases = subject.platform.releases_with(kind.type, port)
     return f"; Isaac Sim {', '.join(releases)} has it" if releases else ""
 
 
@@ -168,7 +172,7 @@ def incompatible_wire(subject: LintSubject) -> Iterator[Problem]:
     Basis: NVIDIA's documentation of attribute types. Kit's code is not public; all wires in
     NVIDIA's own scripts pass this rule (`benchmarks/script_wires.py`).
     """
-    for wire in connections(subject):
+    for wire in connections(subject.stage, subject.platform):
         if wire.is_live and wire.ports is not None and not can_connect(*wire.ports):
             source, target = wire.ports
             yield Problem(
@@ -197,7 +201,7 @@ def wire_cycle(subject: LintSubject) -> Iterator[Problem]:
     Basis: a graph is evaluated in the order of its wires, and a cycle has no order. Kit's code is
     not public.
     """
-    for ring in find_cycles(subject):
+    for ring in find_cycles(subject.stage, subject.platform):
         yield Problem(
             ring.node.path,
             f"{ring.kind} wires form a cycle: {' -> '.join(ring.names)}",
@@ -220,7 +224,7 @@ def two_sources(subject: LintSubject) -> Iterator[Problem]:
     Basis: Kit's interface gives an input one value. Its code is not public.
     """
     fed: dict[tuple[str, str], list[Connection]] = {}
-    for wire in connections(subject):
+    for wire in connections(subject.stage, subject.platform):
         kind, port = wire.node.type, _input(wire)
         if kind is None or port is None or not kind.is_known_port(wire.port):
             continue
@@ -257,7 +261,7 @@ def value_under_a_wire(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: a saved stage keeps the value beside the wire. Kit's code is not public.
     """
-    for wire in connections(subject):
+    for wire in connections(subject.stage, subject.platform):
         value = wire.node.ports[wire.port].value
         default = None if wire.node.type is None else wire.node.type.default(wire.port, None)
         if wire.is_live and value not in (None, default) and not is_nothing(value):
@@ -282,7 +286,7 @@ def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
     Example: a ROS2 Publish Odometry whose Exec In is connected to ROS2 Subscribe Twist.
     """
     judged: set[str] = set()
-    for wire in connections(subject):
+    for wire in connections(subject.stage, subject.platform):
         kind = None if wire.source is None else wire.source.type
         ends = wire.ports
         if kind is None or ends is None or not ends[1].is_execution or wire.node.path in judged:
@@ -328,7 +332,7 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
     """
     for node in subject.live.values():
         for port, quantities in _quantities(node, subject).items():
-            given = quantity_of(node, port, subject)
+            given = quantity_of(node, port, subject.stage, subject.platform)
             if given is not None and given.name not in quantities:
                 is_still = given.name == _STEP or (
                     given.name in _SPEEDS and _moves_nothing(node, port, subject)
@@ -351,14 +355,14 @@ _SPEEDS = ("speeds of wheels", "speeds of joints")
 
 def _quantities(node: Node, subject: LintSubject) -> dict[str, tuple[str, ...]]:
     """Return the quantities that the inputs of a node are meant for; a stamp that counts is one."""
-    known = None if node.type is None else subject.types.quantities.get(node.type.type)
+    known = None if node.type is None else subject.platform.quantities.get(node.type.type)
     takes = {} if known is None else {INPUT + short: each for short, each in known.takes.items()}
-    needed = {INPUT + name for need in needs_of(node, subject) for name in need.inputs}
+    needed = {INPUT + name for need in needs_of(node, subject.platform) for name in need.inputs}
     return {**takes, STAMP: (_TIME,)} if STAMP in needed else takes
 
 
 def _moves_nothing(node: Node, port: str, subject: LintSubject) -> bool:
     return any(
-        command.node is node and leaves_joints(command, port, subject)
-        for command in commands(subject)
+        command.node is node and leaves_joints(command, port, subject.stage, subject.platform)
+        for command in commands(subject.stage, subject.platform)
     )

@@ -10,12 +10,13 @@ from itertools import chain, count
 
 from lab3_usd.check.hints import note_if_harmless, shown_graph
 from lab3_usd.check.match.diagnosis import absent_nodes, in_another_graph, missing_roles
-from lab3_usd.check.match.subject import GraphSubject, StageSubject
+from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, VERSION, edits_at, modern_types
 from lab3_usd.check.robot.wheels import is_doubtful, second_commanders
-from lab3_usd.check.ros.running import live_nodes, severity_if_uncertain
-from lab3_usd.check.ros.topics import Endpoint, endpoints
+from lab3_usd.facts.endpoints import Endpoint, endpoints
+from lab3_usd.facts.execution_order import live_nodes, severity_if_uncertain
+from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.model.changes import Activate, AddNode, Edit, RemovePrim
 from lab3_usd.model.finding import Problem, node_title, role_title
 from lab3_usd.model.stage import (
@@ -27,7 +28,7 @@ from lab3_usd.model.stage import (
     Node,
     nodes_outside_graphs,
 )
-from lab3_usd.spec.graph import NodeSpec, PortRef, resolved_topic
+from lab3_usd.spec.graph import NodeSpec, PortRef
 from lab3_usd.spec.lab import Lab
 
 
@@ -47,7 +48,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
     graph = subject.roles.graph
     if graph is None:
         return
-    absent = absent_nodes(subject.spec, subject.roles, subject.stage, subject.lab.catalog)
+    absent = absent_nodes(subject.spec, subject.roles, subject.stage, subject.lab.platform)
     missing = missing_roles(subject.spec, subject.roles)
     overs = [prim for prim in absent.values() if prim.reason == OVER]
     asset = subject.stage.unresolved_above(graph.path)
@@ -153,7 +154,7 @@ def wrong_node_type(subject: GraphSubject) -> Iterator[Problem]:
     """
     for role, node in subject.roles.retyped.items():
         spec = subject.spec.nodes[role]
-        meant = subject.lab.catalog.lookalikes.get(node.type_name)
+        meant = subject.lab.platform.lookalikes.get(node.type_name)
         alike = "; the name looks alike and is not registered" if meant == spec.type.type else ""
         is_same_title = node.type is not None and node.type.ui_name == spec.type.ui_name
         title = node.type_name if is_same_title or node.type is None else node.type.ui_name
@@ -223,14 +224,14 @@ def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
     Example: a ROS2 Context whose type begins with `omni.isaac`.
     """
     graph = subject.roles.graph
-    catalog = subject.lab.catalog
+    platform = subject.lab.platform
     nodes = () if graph is None else graph.nodes
-    old = [node for node in nodes if catalog.modern(node.type_name) != node.type_name]
+    old = [node for node in nodes if platform.modern(node.type_name) != node.type_name]
     if graph is not None and old:
         names = tuple(node.path for node in old)
         count = "1 node carries a type name" if len(old) == 1 else f"{len(old)} nodes carry names"
         message = f"{count} from before 4.5: {old[0].type_name}"
-        expected = catalog.modern(old[0].type_name)
+        expected = platform.modern(old[0].type_name)
         yield Problem(
             graph.path,
             message,
@@ -238,7 +239,7 @@ def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
             actual=old[0].type_name,
             handout=subject.spec.handout,
             related=names,
-            fix=tuple(modern_types(old, catalog)),
+            fix=tuple(modern_types(old, platform)),
         )
 
 
@@ -275,17 +276,19 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
 
 
 def _is_script(subject: GraphSubject, node: Node) -> bool:
-    return subject.lab.catalog.scripts.runs(node.type_name)
+    return subject.lab.platform.scripts.runs(node.type_name)
 
 
 def _published_again(subject: GraphSubject, node: Node) -> tuple[Endpoint, Endpoint] | None:
     """Return where an extra node publishes a topic of the lab, and where another node does."""
     asked = _topics_asked(subject.lab)
     if subject.checkpoint.frames:
-        asked -= set(subject.lab.policy.tree_topics)  # the rules of frames judge what it sends
+        asked -= set(
+            subject.lab.platform.ros.tree_topics
+        )  # the rules of frames judge what it sends
     published = [
         endpoint
-        for endpoint in endpoints(subject.stage, subject.lab)
+        for endpoint in endpoints(subject.stage, subject.lab.platform)
         if endpoint.runs and endpoint.direction == "publishes" and endpoint.topic in asked
     ]
     pairs = [
@@ -350,7 +353,7 @@ def script_node(subject: StageSubject) -> Iterator[Problem]:
     Example: a Script Node that publishes a topic from Python.
     """
     for script in subject.stage.scripts:
-        is_node = subject.lab.catalog.scripts.runs(script.carrier)
+        is_node = subject.lab.platform.scripts.runs(script.carrier)
         what = "node" if is_node else "prim"
         yield Problem(
             script.prim,
@@ -376,10 +379,10 @@ def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
     missed = {
         absent_node.path
         for name, roles in subject.roles.items()
-        for absent_node in absent_nodes(lab.graphs[name], roles, stage, lab.catalog).values()
+        for absent_node in absent_nodes(lab.graphs[name], roles, stage, lab.platform).values()
     }
     for node in nodes_outside_graphs(stage):
-        if node.path not in missed and not lab.catalog.scripts.runs(node.type_name):
+        if node.path not in missed and not lab.platform.scripts.runs(node.type_name):
             message = f"{node_title(node)} is outside every graph, where it is never evaluated"
             yield Problem(node.path, message, actual=node.type_name, fix=(RemovePrim(node.path),))
 
@@ -397,12 +400,12 @@ def wheels_commanded_twice(subject: StageSubject) -> Iterator[Problem]:
     OmniGraph Controllers > Differential Controller.
     """
     stage, lab, robot = subject.stage, subject.lab, subject.lab.scene.robot
-    live = live_nodes(stage, lab)
+    live = live_nodes(stage, lab.platform)
     for node, own in second_commanders(stage, lab, subject.roles):
         doubtful = (
             "warning"
             if is_doubtful(node, live)
-            else severity_if_uncertain(stage, lab, node.path, own)
+            else severity_if_uncertain(stage, lab.platform, node.path, own)
         )
         yield Problem(
             node.path,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import SCENE, Demand, rule
 from lab3_usd.check.robot.axles import held_at, holder_of, rest_frames
 from lab3_usd.check.robot.location import demanded_prims, same_named_prims
@@ -19,8 +19,9 @@ from lab3_usd.check.robot.poses import (
     vector_text,
 )
 from lab3_usd.check.robot.sensors import is_named
-from lab3_usd.check.ros.running import live_nodes
 from lab3_usd.check.rules.sensors import EMPTY, part_of_pose, pose_demands
+from lab3_usd.facts.execution_order import live_nodes
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.physics import bodies, bodies_below
@@ -32,7 +33,6 @@ from lab3_usd.model.stage import (
     missing_graphs_text,
 )
 from lab3_usd.model.transforms import IDENTITY, Vector, decompose, relative_transform
-from lab3_usd.spec.catalog import INPUT
 from lab3_usd.spec.lab import Checkpoint, Lab
 
 
@@ -326,7 +326,7 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
 def _severity(moving: AnimatedAttribute, subject: StageSubject) -> Severity | None:
     """Return how grave it is that the value changes, None where it matters to nothing."""
     stage = subject.stage
-    if moving.prim in live_nodes(stage, subject.lab):
+    if moving.prim in live_nodes(stage, subject.lab.platform):
         return "warning" if moving.property.startswith(INPUT) else None
     prim = stage.prim(moving.prim)
     if prim is None:
@@ -378,7 +378,7 @@ def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
     if subject.checkpoint.graphs:
         return
     spec = subject.lab.scene.forbidden.starter
-    form = subject.lab.catalog.graph
+    form = subject.lab.platform.graph
     graphs = [subject.stage.prim(graph.path) for graph in subject.lab.graphs.values()]
     tops = [prim.path for prim in graphs if prim is not None and prim.type == form.type]
     types = [(prim.path, prim.type) for prim in subject.stage.prims.values() if prim.present]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, Demands, rule
 from lab3_usd.check.robot.location import demanded_prims
 from lab3_usd.check.robot.poses import (

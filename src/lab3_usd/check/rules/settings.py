@@ -8,6 +8,7 @@ from itertools import combinations
 from msgspec.structs import replace
 
 from lab3_usd.check.hints import with_setting
+from lab3_usd.check.lab_frames import role_specs
 from lab3_usd.check.match.conformance import (
     Found,
     setting_matches,
@@ -15,19 +16,19 @@ from lab3_usd.check.match.conformance import (
     settings_of,
     wrong_product,
 )
-from lab3_usd.check.match.subject import GraphSubject, StageSubject
+from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
-from lab3_usd.check.ros.running import live_nodes
-from lab3_usd.check.ros.topics import moving_prims
 from lab3_usd.check.rules.limits import stopping_limits
-from lab3_usd.check.tf.lab_frames import role_specs
+from lab3_usd.facts.endpoints import moving_prims
+from lab3_usd.facts.execution_order import live_nodes
+from lab3_usd.isaac.node_types import INPUT, Port
+from lab3_usd.isaac.topics import resolved_topic
+from lab3_usd.isaac.values import Value, are_alike
 from lab3_usd.model.changes import ClearValue
 from lab3_usd.model.finding import Problem, display, format_paths, role_title, short_source
 from lab3_usd.model.stage import Node, once_per_stage, same_value
-from lab3_usd.spec.catalog import INPUT, Port
-from lab3_usd.spec.graph import NodeSpec, resolved_topic
-from lab3_usd.spec.values import Value, are_alike
+from lab3_usd.spec.graph import NodeSpec
 
 
 def setting_problem(subject: GraphSubject, found: Found, message: str) -> Problem:
@@ -270,7 +271,7 @@ def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
     2: the time step is another one{/}.
     """
     policy = subject.lab.policy
-    left = (*policy.keep_default, policy.namespace)
+    left = (*policy.keep_default, subject.lab.platform.ros.namespace)
     for node, spec, port, value in _changed(subject):
         agrees = port.short in policy.stamp_reset.ports and value is False
         stops = port.name in dict(stopping_limits(subject.live_nodes, node))
@@ -296,7 +297,7 @@ def _aimed(
 
     A node that does by itself what a missing node should do for it is reported as the missing node.
     """
-    own = subject.lab.catalog.graph.ignored_below
+    own = subject.lab.platform.graph.ignored_below
     for node, spec in subject.matched:
         for port in subject.spec.free_targets[spec.role]:
             prims = tuple(path for path in node.targets(port.name) if not path.startswith(own))
@@ -325,7 +326,7 @@ def namespace(subject: GraphSubject) -> Iterator[Problem]:
     """
     for node, spec, port, value in _changed(subject):
         is_name = resolved_topic(str(value)) or str(value).isspace()
-        if port.short == subject.lab.policy.namespace and is_name:
+        if port.short == subject.lab.platform.ros.namespace and is_name:
             message = f"{port.name} is {display(value)}, expected no namespace"
             hint = f"select {role_title(spec)} and clear {port.short} in the Property panel"
             yield Problem(
@@ -405,12 +406,12 @@ def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `isaac:namespace` 'lab' on the robot root.
     """
-    attribute, stage, lab = subject.lab.policy.namespace_attribute, subject.stage, subject.lab
-    live = live_nodes(stage, lab)
+    attribute, stage, lab = subject.lab.platform.ros.namespace_attribute, subject.stage, subject.lab
+    live = live_nodes(stage, lab.platform)
     moved: dict[tuple[str, str], list[str]] = {}
     for path, role in role_specs(subject).items():
         node = live.get(path) if role.type.topics else None
-        for site in () if node is None else moving_prims(node, stage, lab, live):
+        for site in () if node is None else moving_prims(node, stage, lab.platform, live):
             moved.setdefault(site, []).append(path)
     for (path, value), nodes in moved.items():
         if resolved_topic(value):

@@ -9,17 +9,7 @@ from collections.abc import Iterator
 
 from msgspec.structs import replace
 
-from lab3_usd.check.match.conformance import (
-    target_matches,
-    targets_handout_prims,
-    targets_prims,
-    wrong_product,
-)
-from lab3_usd.check.match.subject import GraphSubject
-from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import edits_at, edits_in_stage, edits_of_harm
-from lab3_usd.check.ros.running import severity_if_uncertain
-from lab3_usd.check.tf.lab_frames import (
+from lab3_usd.check.lab_frames import (
     TfView,
     differs_from_spec,
     frame_list_text,
@@ -30,7 +20,17 @@ from lab3_usd.check.tf.lab_frames import (
     missing_frames,
     self_parent_pairs,
 )
-from lab3_usd.check.tf.targets import Pair, frame_name, listed_targets, parent_prim, tf_ports
+from lab3_usd.check.match.conformance import (
+    target_matches,
+    targets_handout_prims,
+    targets_prims,
+    wrong_product,
+)
+from lab3_usd.check.match.rule_inputs import GraphSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import edits_at, edits_in_stage, edits_of_harm
+from lab3_usd.facts.execution_order import severity_if_uncertain
+from lab3_usd.facts.frame_targets import Pair, frame_name, listed_targets, parent_prim, tf_ports
 from lab3_usd.model.finding import Problem, display, format_paths
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.graph import NodeSpec, Target
@@ -211,7 +211,7 @@ def frame_is_its_own_parent(view: TfView) -> Iterator[Problem]:
         if not listed_targets(node) or differs_from_spec(path, view):
             continue
         for problem in _own_parents(node, view):
-            doubtful = severity_if_uncertain(subject.stage, subject.lab, path)
+            doubtful = severity_if_uncertain(subject.stage, subject.lab.platform, path)
             severity = doubtful or problem.severity
             fix = edits_of_harm(subject, path, problem.property, severity)
             yield replace(problem, severity=severity, fix=fix)

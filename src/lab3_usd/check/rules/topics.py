@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.lab_frames import repeated_publishers, repeating_graphs, role_specs
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_in_stage, edits_of_harm
 from lab3_usd.check.robot.sensors import second_lidars
 from lab3_usd.check.robot.wheels import second_commanders
-from lab3_usd.check.ros.running import live_nodes, live_sources
-from lab3_usd.check.ros.topics import PROFILE, Endpoint, endpoints
-from lab3_usd.check.tf.lab_frames import repeated_publishers, repeating_graphs, role_specs
+from lab3_usd.facts.endpoints import PROFILE, Endpoint, endpoints
+from lab3_usd.facts.execution_order import live_nodes, live_sources
 from lab3_usd.model.changes import Edit, RemovePrim
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.prims import is_at_or_below
@@ -71,14 +71,14 @@ def _without(
     A graph that sends and receives nothing else is a copy, and removed as a whole. Which of two
     publishers is too many where the lab has none, is unknown.
     """
-    played, tree = role_specs(subject), subject.lab.policy.tree_topics
+    played, tree = role_specs(subject), subject.lab.platform.ros.tree_topics
     if not all(any(other.node.path in played for other in others) for _, others in repeats):
         return
     again = {endpoint.node.path for endpoint, _ in repeats}
     graph = repeats[0][0].node.path.rpartition("/")[0]
     is_copy = not any(is_at_or_below(path, graph) for path in played) and all(
         endpoint.node.path in again or endpoint.topic in tree
-        for endpoint in endpoints(subject.stage, subject.lab)
+        for endpoint in endpoints(subject.stage, subject.lab.platform)
         if is_at_or_below(endpoint.node.path, graph)
     )
     yield from map(RemovePrim, [graph] if is_copy else sorted(again.difference(played)))
@@ -97,7 +97,7 @@ def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
     """
     played, copies = role_specs(subject), repeating_graphs(subject)
     expected = subject.lab.topics_until(subject.checkpoint.id)
-    for endpoint in endpoints(subject.stage, subject.lab):
+    for endpoint in endpoints(subject.stage, subject.lab.platform):
         path, wanted = endpoint.node.path, expected.get(endpoint.topic or "")
         if wanted is None or endpoint.type in (None, wanted.type) or path in played:
             continue
@@ -131,7 +131,7 @@ def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
         return
     played, copies = role_specs(subject), repeating_graphs(subject)
     expected = subject.lab.topics
-    for endpoint in endpoints(subject.stage, subject.lab):
+    for endpoint in endpoints(subject.stage, subject.lab.platform):
         path, wanted = endpoint.node.path, expected.get(endpoint.topic or "")
         judged = path in played or path in subject.faulty_prims or path.rpartition("/")[0] in copies
         if judged or wanted is None or endpoint.direction != "publishes" or not endpoint.runs:
@@ -165,8 +165,8 @@ def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
     """
     if not subject.checkpoint.topics:
         return
-    live, played = live_nodes(subject.stage, subject.lab), role_specs(subject)
-    for endpoint in endpoints(subject.stage, subject.lab):
+    live, played = live_nodes(subject.stage, subject.lab.platform), role_specs(subject)
+    for endpoint in endpoints(subject.stage, subject.lab.platform):
         path = endpoint.node.path
         sources = [
             f"{node.name}.{port}" for node, port in live_sources(endpoint.node, PROFILE, live)
@@ -195,7 +195,9 @@ def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
     Example: `/Graph/Copy` subscribes to `{commands}` beside the graph of the lab.
     """
     played = role_specs(subject)
-    takers = [e for e in endpoints(subject.stage, subject.lab) if e.direction == "subscribes"]
+    takers = [
+        e for e in endpoints(subject.stage, subject.lab.platform) if e.direction == "subscribes"
+    ]
     taken = {e.topic: e.node.path for e in takers if e.topic and e.node.path in played}
     lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
     commanders = second_commanders(subject.stage, subject.lab, subject.roles)
@@ -231,7 +233,7 @@ def topic_of_commands_published(subject: StageSubject) -> Iterator[Problem]:
     Example: a ROS2 Publisher publishes on `{commands}`.
     """
     played = role_specs(subject)
-    every_endpoint = endpoints(subject.stage, subject.lab)
+    every_endpoint = endpoints(subject.stage, subject.lab.platform)
     taken = {
         endpoint.topic: endpoint.node.path
         for endpoint in every_endpoint

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.ground import highest_ground
 from lab3_usd.check.robot.wheels import WheelJoint, turning_joints

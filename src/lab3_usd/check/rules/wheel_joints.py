@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, Demands, rule
 from lab3_usd.check.robot.axles import AXIS, anchor, axle, own_axle
 from lab3_usd.check.robot.poses import vector_text

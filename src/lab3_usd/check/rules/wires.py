@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 from lab3_usd.check.hints import without_wire
 from lab3_usd.check.match.conformance import settings_of
-from lab3_usd.check.match.subject import GraphSubject, WireFault
+from lab3_usd.check.match.rule_inputs import GraphSubject, WireFault
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
-from lab3_usd.check.ros.running import is_opened_first, signals_once
 from lab3_usd.check.rules.limits import stopping_inputs
+from lab3_usd.facts.execution_order import is_opened_first, signals_once
 from lab3_usd.model.finding import Problem, node_title, short_source
 
 
@@ -91,7 +91,7 @@ def _told_once(fault: WireFault, subject: GraphSubject) -> str:
     """Say what a signal does that comes a single time; '' where it comes time and again."""
     prim, _, port = str(fault.actual).rpartition(".")
     source = subject.live_nodes.get(prim)
-    if source is None or not signals_once(source, port, subject.live_nodes, subject.lab):
+    if source is None or not signals_once(source, port, subject.live_nodes, subject.lab.platform):
         return ""
     if is_opened_first(fault.node):
         return ", which signals once after Play: that opens the topic, and nothing is ever sent"

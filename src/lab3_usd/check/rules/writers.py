@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.match.subject import StageSubject
+from lab3_usd.check.lab_frames import role_specs
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.requirements import demands_of
 from lab3_usd.check.robot.ground import planes
-from lab3_usd.check.ros.running import (
+from lab3_usd.check.rules.world import AT_REST
+from lab3_usd.facts.execution_order import (
     Nodes,
     effective_value,
     live_nodes,
@@ -16,14 +18,13 @@ from lab3_usd.check.ros.running import (
     running_nodes,
     severity_if_uncertain,
 )
-from lab3_usd.check.rules.world import AT_REST
-from lab3_usd.check.tf.lab_frames import role_specs
+from lab3_usd.isaac.behaviour import WriterPorts
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.changes import RemovePrim
 from lab3_usd.model.finding import Problem, Severity, node_title
 from lab3_usd.model.physics import SCENE
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.catalog import INPUT, WriterPorts
 
 
 @rule("N13", "scene-written", scope="stage")
@@ -39,16 +40,16 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
     Example: Write Prim Attribute sets `drive:angular:physics:targetVelocity` of `{joint}`.
     """
     stage, lab = subject.stage, subject.lab
-    live, played = live_nodes(stage, lab), role_specs(subject)
+    live, played = live_nodes(stage, lab.platform), role_specs(subject)
     extra = {node.path for roles in subject.roles.values() for node in roles.extra}
-    for path, node in running_nodes(stage, lab).items():
-        ports = lab.catalog.writers.get(lab.catalog.modern(node.type_name))
+    for path, node in running_nodes(stage, lab.platform).items():
+        ports = lab.platform.writers.get(lab.platform.modern(node.type_name))
         if ports is None:
             continue
         written = (path for path in _written(node, ports, live) if _takes(path, ports, subject))
         hit = next((path for path in written if _is_of_lab(path, subject)), "")
         name = effective_value(node, INPUT + ports.property, live) if ports.property else ""
-        is_seen_only = isinstance(name, str) and bool(name) and name.startswith(lab.catalog.looks)
+        is_seen_only = isinstance(name, str) and bool(name) and name.startswith(lab.platform.looks)
         is_harmful = bool(hit) and not is_seen_only
         if not is_harmful and path in extra:
             continue  # the rule of extra nodes reports it
@@ -56,7 +57,7 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
         message = f"{node_title(node)} changes {what or 'the scene'} while the simulation runs"
         severity: Severity | None = "warning"
         if is_harmful:
-            severity = severity_if_uncertain(stage, lab, path)
+            severity = severity_if_uncertain(stage, lab.platform, path)
         role = played.get(hit)
         yield Problem(
             path,

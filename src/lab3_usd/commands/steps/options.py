@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from lab3_usd.data import LAB_VARIABLE
+from lab3_usd.data import LAB_VARIABLE, program
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import is_among
 
@@ -365,6 +365,24 @@ def asset_places(given: Iterable[str]) -> dict[str, Path]:
             raise UsageError(f"--assets {text}: expected URL=FOLDER")
         places[address] = Path(folder)
     return places
+
+
+def leave_broken_lab() -> None:
+    """Leave aside, for this call, a lab of one's own that cannot be loaded: it is not needed."""
+    from lab3_usd.errors import SpecError
+    from lab3_usd.spec.load.loader import load_lab
+
+    named = os.environ.get(LAB_VARIABLE)
+    if not named:
+        return
+    try:
+        load_lab()
+    except SpecError as error:
+        click.echo(f"{program()}: the lab {named} is left aside: {error}", err=True)
+        del os.environ[LAB_VARIABLE]
+        context = click.get_current_context(silent=True)
+        if context is not None:
+            context.call_on_close(lambda: os.environ.__setitem__(LAB_VARIABLE, named))
 
 
 def use_lab(folder: Path | None) -> None:

@@ -11,7 +11,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.grade.intake.archives import unpack
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits, SubmissionCopy
 from lab3_usd.spec.lab import CHECKPOINTS
-from lab3_usd.spec.yaml_file import read_foreign_yaml
+from lab3_usd.yaml_file import read_foreign_yaml
 
 # What a lab is made of: text, and a map.
 _LIMITS = Limits(files=500, file_size=16 * MEGABYTE, total_size=64 * MEGABYTE, folders=6)

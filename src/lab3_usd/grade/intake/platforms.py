@@ -25,7 +25,7 @@ from lab3_usd.grade.intake.submission_copy import LEFTOVERS
 from lab3_usd.judge.stage import checkpoint_of
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import after_a_student
-from lab3_usd.spec.yaml_file import refuse_deep
+from lab3_usd.yaml_file import refuse_deep
 
 
 class FileOwner(Struct, frozen=True):

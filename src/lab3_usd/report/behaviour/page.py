@@ -198,7 +198,7 @@ def _graph_drawings(
     from lab3_usd.stage.read.reader import read_stage
 
     try:
-        pictures = list(stage_pictures(lab, None, read_stage(path, lab)))
+        pictures = list(stage_pictures(lab, None, read_stage(path, lab.platform)))
     except (Lab3Error, OSError):
         return
     for number, picture in enumerate(pictures):

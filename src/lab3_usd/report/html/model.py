@@ -9,10 +9,10 @@ from urllib.parse import quote
 
 from msgspec import Struct
 
-from lab3_usd.check.ros.topics import endpoints
-from lab3_usd.check.tf.frames import published_edges, unknown_publishers, unresolved_frames
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, StageError
+from lab3_usd.facts.endpoints import endpoints
+from lab3_usd.facts.frames import published_edges, unknown_publishers, unresolved_frames
 from lab3_usd.installation import command_line
 from lab3_usd.model.finding import ChecklistItem, Crash, Severity, StageResult, section_key
 from lab3_usd.report.blocks import Block, Fault, Spot, Stages
@@ -40,16 +40,16 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
     from lab3_usd.stage.read.reader import read_stage
 
     try:
-        model = read_stage(Path(result.path), lab)
+        model = read_stage(Path(result.path), lab.platform)
     except (Lab3Error, OSError, ValueError):
         return None
     checkpoint = lab.checkpoints.get(result.checkpoint or "")
     try:
-        edges, hidden = published_edges(model, lab), unresolved_frames(model, lab)
-        unknown = unknown_publishers(model, lab)
+        edges, hidden = published_edges(model, lab.platform), unresolved_frames(model, lab.platform)
+        unknown = unknown_publishers(model, lab.platform)
         reserved = lab.frames.reserved if result.checkpoint else {}
         tree = TreeReport(result.path, edges, unknown, reserved, hidden)
-        topics = TopicReport(result.path, endpoints(model, lab), edges, hidden)
+        topics = TopicReport(result.path, endpoints(model, lab.platform), edges, hidden)
         return StageContent(
             pictures=tuple(stage_pictures(lab, checkpoint, model, result.findings)),
             tree=tuple(as_text(tree)),

@@ -14,8 +14,8 @@ from typing import Literal
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.report.safe_text import visible
-from lab3_usd.spec.catalog import INPUT, OUTPUT
 
 State = Literal["ok", "wrong", "missing", "extra"]
 Side = Literal["in", "out", "both", "none"]

@@ -9,10 +9,11 @@ from functools import lru_cache
 from msgspec.structs import replace
 
 from lab3_usd.check.match.graphs import match_all
-from lab3_usd.check.match.subject import Roles
+from lab3_usd.check.match.rule_inputs import Roles
 from lab3_usd.check.robot.location import relocated_lab, relocated_spec, robot_relocations
 from lab3_usd.check.robot.sensors import sensor_relocations
-from lab3_usd.check.tf.frames import published_edges, unresolved_frames
+from lab3_usd.facts.frames import published_edges, unresolved_frames
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding, Severity
 from lab3_usd.model.stage import GraphModel, StageModel
 from lab3_usd.report.picture.canvas import at_editor_positions, on_canvas, position_missing
@@ -300,7 +301,7 @@ def stage_pictures(
     lab = relocated_lab(lab, robot_relocations(lab, stage))
     relocations = sensor_relocations(lab, stage)
     specs = {name: relocated_spec(spec, relocations) for name, spec in lab.graphs.items()}
-    matched = {} if checkpoint is None else match_all(specs, stage, lab.catalog.scripts)
+    matched = {} if checkpoint is None else match_all(specs, stage, lab.platform.scripts)
     required = () if checkpoint is None else checkpoint.graphs
     for name, roles in matched.items():
         if name in required or roles.graph is not None:
@@ -310,7 +311,7 @@ def stage_pictures(
     for graph in stage.graphs:
         if graph.active and graph.path not in known:
             yield graph_picture(None, None, graph, findings, every_port=every_port)
-    edges, hidden = published_edges(stage, lab), unresolved_frames(stage, lab)
+    edges, hidden = published_edges(stage, lab.platform), unresolved_frames(stage, lab.platform)
     has_tree = checkpoint is not None and checkpoint.frames
     localized = checkpoint is not None and checkpoint.localization
     if edges or hidden or has_tree:
@@ -318,15 +319,15 @@ def stage_pictures(
 
 
 def linted_pictures(
-    lab: Lab, stage: StageModel, findings: Sequence[Finding], *, every_port: bool = False
+    platform: Platform, stage: StageModel, findings: Sequence[Finding], *, every_port: bool = False
 ) -> Iterator[Picture]:
     """Yield the graphs of a stage that no lab asks for, and its TF tree, with faults marked."""
     for graph in stage.graphs:
-        if graph.active and not lab.catalog.graph.ignores(graph.path):
+        if graph.active and not platform.graph.ignores(graph.path):
             picture = graph_picture(None, None, graph, findings, every_port=every_port)
             subtitle = _counts_text(graph.path, picture.boxes, picture.curves, LINT_WORDS)
             yield on_canvas(replace(picture, kind="lint", judged=True, subtitle=subtitle))
-    edges, hidden = published_edges(stage, lab), unresolved_frames(stage, lab)
+    edges, hidden = published_edges(stage, platform), unresolved_frames(stage, platform)
     if edges or hidden:
         yield published_frames_picture(edges, hidden)
 

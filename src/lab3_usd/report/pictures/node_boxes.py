@@ -7,7 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from lab3_usd.check.match.subject import Roles
+from lab3_usd.check.match.rule_inputs import Roles
+from lab3_usd.isaac.node_types import INPUT, NodeType, Port
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import Site
 from lab3_usd.model.finding import SEVERITIES, Finding
 from lab3_usd.model.stage import GraphModel, Node
@@ -24,9 +26,7 @@ from lab3_usd.report.picture.model import (
     is_port,
     sized,
 )
-from lab3_usd.spec.catalog import INPUT, NodeType, Port
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, PortRef
-from lab3_usd.spec.values import Value
 
 
 class SiteFindings(Struct, frozen=True):

@@ -9,9 +9,9 @@ from types import MappingProxyType
 
 from msgspec import Struct
 
-from lab3_usd.check.tf.frames import Edge
-from lab3_usd.check.tf.shape import tree_faults
-from lab3_usd.check.tf.targets import UnresolvedFrames
+from lab3_usd.facts.frame_targets import UnresolvedFrames
+from lab3_usd.facts.frames import Edge, trees_by_domain
+from lab3_usd.facts.tree import frame_faults
 from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.layered import Placed, layered
 from lab3_usd.report.picture.model import STATES, Box, Curve, End, Picture, State, clip_end, sized
@@ -85,12 +85,16 @@ def published_frames_picture(
     published: dict[Pair, list[Edge]] = {}
     for edge in edges:
         published.setdefault((edge.parent, edge.child), []).append(edge)
-    wrong = {fault.frame for fault in tree_faults(edges)}
+    wrong = {
+        (domain, fault.frame)
+        for domain, heard in trees_by_domain(edges).items()
+        for fault in frame_faults(heard.edges)
+    }
     branches = [
         DrawnEdge(
             *pair,
             tuple(dict.fromkeys(edge.publisher for edge in sent)),
-            "wrong" if pair[1] in wrong else "ok",
+            "wrong" if any((e.domain.name, e.child) in wrong for e in sent) else "ok",
             sure=any(edge.sure for edge in sent),
         )
         for pair, sent in published.items()

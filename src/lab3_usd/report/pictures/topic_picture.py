@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lab3_usd.check.ros.topics import Endpoint
+from lab3_usd.facts.endpoints import Endpoint
 from lab3_usd.model.stage import Node
 from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.layered import layered

@@ -15,6 +15,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import RecordingError
+from lab3_usd.facts.tree import tree
 from lab3_usd.lab.maps import MapError, map_of_stage
 from lab3_usd.model.dry_run import HERE, Behaviour, Check, Difference, Place, Topic, Unknown
 from lab3_usd.model.occupancy import MapFit
@@ -114,14 +115,19 @@ def running(recorded: Recorded) -> Iterator[Fault]:
         yield Fault(f"{recorded.topics.wanted.clock} runs {passed}", "stopped-clock")
 
 
+class _Link(Struct, frozen=True):
+    """A recorded transform: a recording does not tell who sent it."""
+
+    parent: str
+    child: str
+    publisher: str = ""
+
+
 def frames(recorded: Recorded) -> Iterator[Fault]:
     """Each frame keeps its parent to the end, and its transform comes without gaps."""
-    parents: dict[str, list[str]] = {}
-    for parent, child in recorded.gathered.links:
-        parents.setdefault(child, []).append(parent)
-    for child, several in parents.items():
-        if len(several) > 1:
-            yield Fault(f"{child} has the parents {', '.join(several)}", "changing-parent")
+    links = tree(_Link(parent, child) for parent, child in recorded.gathered.links)
+    for child, several in links.several_parents.items():
+        yield Fault(f"{child} has the parents {', '.join(several)}", "changing-parent")
     static = {(frame.parent, frame.child) for frame in recorded.gathered.frames if frame.static}
     for (parent, child), link in recorded.gathered.links.items():
         if link.gap > GAP and (parent, child) not in static and child != _root(recorded):

@@ -11,6 +11,9 @@ from typing import Any
 
 from msgspec import Struct, field
 
+from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, can_connect
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.values import are_alike
 from lab3_usd.model.dry_run import Graph, Input, Node, Scene
 from lab3_usd.sim.execution.running import (
     CONSTANT,
@@ -25,11 +28,9 @@ from lab3_usd.sim.execution.running import (
     push,
 )
 from lab3_usd.sim.execution.world import World
-from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog, NodeType, Port, can_connect
-from lab3_usd.spec.values import are_alike
 
 _USD = {"execution": "uint", "union": "token"}
-_UNLISTED = {  # ports of types that the catalog does not describe, as far as they run here
+_UNLISTED = {  # ports of types that the platform does not describe, as far as they run here
     "Subtract": {"inputs:a": "union", "inputs:b": "union", "outputs:difference": "union"},
     "Divide": {"inputs:a": "union", "inputs:b": "union", "outputs:result": "union"},
     "Negate": {"inputs:input": "union", "outputs:output": "union"},
@@ -52,7 +53,7 @@ _UNSAVED = Input("")
 class Program(Struct):
     """All graphs of a stage that are evaluated, and what cannot be run.
 
-    `unwritten` are the nodes that no function is written for, with their types where the catalog
+    `unwritten` are the nodes that no function is written for, with their types where the platform
     has them; `dead` is what Kit does not run of the graphs.
     """
 
@@ -80,24 +81,24 @@ class Program(Struct):
             node.reset()
 
 
-def compile_graphs(scene: Scene, catalog: Catalog) -> Program:
+def compile_graphs(scene: Scene, platform: Platform) -> Program:
     """Make the graphs of a scene ready to run."""
     program = Program({}, [], {}, {}, {}, {})
     for graph in scene.graphs:
-        if not _is_evaluated(graph, scene, catalog, program):
+        if not _is_evaluated(graph, scene, platform, program):
             continue
-        nodes = dict(_running(graph, catalog, program))
+        nodes = dict(_running(graph, platform, program))
         for node in nodes.values():
             _connect(node, nodes)
-            program.dead += _dropped(node, nodes, catalog)
+            program.dead += _dropped(node, nodes, platform)
         program.nodes.update(nodes)
         _schedule(graph, nodes, program)
     return program
 
 
-def _is_evaluated(graph: Graph, scene: Scene, catalog: Catalog, program: Program) -> bool:
+def _is_evaluated(graph: Graph, scene: Scene, platform: Platform, program: Program) -> bool:
     """Whether a graph runs once a frame; an instanced one runs once for each prim that names it."""
-    evaluation = catalog.graph.evaluation
+    evaluation = platform.graph.evaluation
     if graph.mode not in evaluation.by_reference:
         return True
     prims = [
@@ -110,31 +111,31 @@ def _is_evaluated(graph: Graph, scene: Scene, catalog: Catalog, program: Program
         program.dead.append((graph.path, Failure(reason, "graph-not-evaluated")))
     elif len(prims) > 1:
         program.not_simulated[graph.path] = f"it runs for {len(prims)} prims"
-        program.unwritten.update((node.path, catalog.get(node.type)) for node in graph.nodes)
+        program.unwritten.update((node.path, platform.get(node.type)) for node in graph.nodes)
     return len(prims) == 1
 
 
 def _dropped(
-    node: Running, nodes: dict[str, Running], catalog: Catalog
+    node: Running, nodes: dict[str, Running], platform: Platform
 ) -> Iterator[tuple[str, Failure]]:
     """Yield the wires of a node that Kit drops, as a type that is known has no such port."""
     for name, state in node.node.inputs.items():
         if not state.sources or name.partition(":")[2] in node.fed:
             continue
-        if _is_described(node, catalog) and node.type.port(name) is None:
+        if _is_described(node, platform) and node.type.port(name) is None:
             yield node.path, Failure(f"its type has no {name}", "unknown-port")
         for path, _, output in (wire.rpartition(".") for wire in state.sources):
             source = nodes.get(path)
-            if source is None or not _is_described(source, catalog):
+            if source is None or not _is_described(source, platform):
                 continue
             if source.type.port(output) is None:
                 text = f"{name} is connected to {path}, whose type has no {output}"
                 yield node.path, Failure(text, "unknown-port")
 
 
-def _is_described(node: Running, catalog: Catalog) -> bool:
-    """Whether the catalog has every port of a node's type."""
-    known = catalog.get(node.node.type)
+def _is_described(node: Running, platform: Platform) -> bool:
+    """Whether the platform has every port of a node's type."""
+    known = platform.get(node.node.type)
     return known is not None and not known.is_open
 
 
@@ -172,10 +173,10 @@ def _schedule(graph: Graph, nodes: dict[str, Running], program: Program) -> None
                 program.events.setdefault(event, []).append(node)
 
 
-def _running(graph: Graph, catalog: Catalog, program: Program) -> Iterator[tuple[str, Running]]:
+def _running(graph: Graph, platform: Platform, program: Program) -> Iterator[tuple[str, Running]]:
     is_written = any(last_name(node.type) == WRITE_VARIABLE for node in graph.nodes)
     for node in graph.nodes:
-        known = type_of(node, catalog)
+        known = type_of(node, platform)
         function = function_of(known) if known is not None else None
         if last_name(node.type) == READ_VARIABLE and is_written:
             function = None
@@ -265,14 +266,14 @@ def _in_order(nodes: dict[str, Running]) -> list[Running]:
     return list(ordered.values())
 
 
-def type_of(node: Node, catalog: Catalog) -> NodeType | None:
+def type_of(node: Node, platform: Platform) -> NodeType | None:
     """Return the type of a node; a constant of whatever kind is what it is declared as."""
-    known = catalog.get(node.type)
+    known = platform.get(node.type)
     if known is not None:
         return known
-    modern = catalog.modern(node.type)
+    modern = platform.modern(node.type)
     extension, _, name = modern.rpartition(".")
-    extensions = {name.rpartition(".")[0] for name in (*catalog.types, *catalog.events)}
+    extensions = {name.rpartition(".")[0] for name in (*platform.types, *platform.events)}
     if extension not in extensions:
         return None
     if name.startswith(CONSTANT):

@@ -1,6 +1,6 @@
 """A node while its graph runs, and which function its type computes.
 
-Whole names, and which old names mean the same, are the catalog's.
+Whole names, and which old names mean the same, are the platform's.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct, field
 
+from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType
 from lab3_usd.model.dry_run import Node
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import Vector
-from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType
 
 if TYPE_CHECKING:
     from lab3_usd.sim.execution.world import World

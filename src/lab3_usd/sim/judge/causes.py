@@ -8,6 +8,7 @@ from posixpath import commonpath
 
 from msgspec import Struct
 
+from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import FAR
 from lab3_usd.model.traction import Pull
@@ -16,7 +17,6 @@ from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.judge.trial import Cause, Fault
 from lab3_usd.sim.robot.machine import Joint, Machine
-from lab3_usd.spec.catalog import NodeType
 
 _RADIUS = "wheelRadius"
 _TYPE = "type"  # the input of a helper that says what it publishes

@@ -7,10 +7,13 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
+from msgspec import Struct
+
+from lab3_usd.facts.tree import tree as build_tree
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.judge.trial import Fault, Interface, Trial
-from lab3_usd.spec.catalog import INPUT
 from lab3_usd.spec.contradictions.names import value_of
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -262,28 +265,37 @@ def tree(trial: Trial) -> Iterator[Fault]:
             return
 
 
+class _Sent(Struct, frozen=True):
+    """A transform, and the node that sends it."""
+
+    parent: str
+    child: str
+    publisher: str
+
+
 def _tree_faults(trial: Trial, session: int) -> Iterator[Fault]:
     messages = trial.recording.topic(trial.wanted.transforms, session)
-    # The parents of each frame, with the node that publishes them and its last time.
-    parents: dict[str, dict[tuple[str, str], float]] = {}
+    last: dict[_Sent, float] = {}  # the last time of each transform
     for message in messages:
         for transform in message.transforms:
-            parents.setdefault(transform.child, {})[transform.parent, message.node] = message.at
+            last[_Sent(transform.parent, transform.child, message.node)] = message.at
     for transform, node in trial.recording.static:
-        parents.setdefault(transform.child, {})[transform.parent, node] = math.inf
-    for child, several in parents.items():
-        own = next((node for parent, node in several if parent == child), None)
+        last[_Sent(transform.parent, transform.child, node)] = math.inf
+    heard = build_tree(last)
+    for child, several in heard.by_child.items():
+        own = next((sent.publisher for sent in several if sent.parent == child), None)
         if own is not None:
             yield Fault(f"{child} is its own parent", "self-parent", own)
         if len(several) > 1:
-            is_reparented = len({parent for parent, _ in several}) > 1
+            is_reparented = len({sent.parent for sent in several}) > 1
             kind: FaultKind = "several-parents" if is_reparented else "several-publishers"
-            yield Fault(f"{child} has {len(several)} parents or publishers", kind, [*several][1][1])
-        if messages and min(several.values()) < messages[-1].at - STALE:
-            yield Fault(f"the transform of {child} ends", "transform-ends", next(iter(several))[1])
-    lost = [frame for frame in trial.wanted.frames if frame not in parents]
-    if parents:
-        up = {child: next(iter(several))[0] for child, several in parents.items()}
+            text = f"{child} has {len(several)} parents or publishers"
+            yield Fault(text, kind, several[1].publisher)
+        if messages and min(last[sent] for sent in several) < messages[-1].at - STALE:
+            yield Fault(f"the transform of {child} ends", "transform-ends", several[0].publisher)
+    lost = [frame for frame in trial.wanted.frames if frame not in heard.by_child]
+    if last:
+        up = {child: several[0].parent for child, several in heard.by_child.items()}
         yield from _loose_frames(trial, up, session)
         if lost:
             yield Fault(f"the tree lacks {', '.join(lost)}", "missing-frame")

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.sim.execution.running import Running, computes
 from lab3_usd.sim.execution.world import World
-from lab3_usd.spec.catalog import INPUT
 
 _Number = int | float
 _Operation = Callable[[_Number, _Number], _Number]

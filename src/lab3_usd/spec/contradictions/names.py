@@ -9,18 +9,12 @@ from typing import Literal
 
 from msgspec import Struct
 
-from lab3_usd.spec.catalog import INPUT
-from lab3_usd.spec.graph import (
-    GraphSpec,
-    NodeSpec,
-    frame_ports,
-    product_input,
-    resolved_topic,
-    topic_switch,
-)
+from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
+from lab3_usd.isaac.values import Value
+from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.lab import CHECKPOINTS, ROS, SCENE, SUBMISSION, Lab
 from lab3_usd.spec.ros import FROM_THE_FIRST, NavigationSpec, TopicSpec
-from lab3_usd.spec.values import Value
 
 
 class LabFault(Struct, frozen=True):
@@ -136,7 +130,7 @@ def _topic(lab: Lab, node: NodeSpec, port: str) -> str:
     switch = topic_switch(port)
     if switch in node.type.ports and value_of(node, switch) is not True:
         return ""
-    namespace = value_of(node, f"{INPUT}{lab.policy.namespace}") or ""
+    namespace = value_of(node, f"{INPUT}{lab.platform.ros.namespace}") or ""
     return resolved_topic(str(value_of(node, port) or ""), str(namespace))
 
 
@@ -163,7 +157,7 @@ def _frames_of_prims(
     lab: Lab, graph: GraphSpec, node: NodeSpec, ports: tuple[str, ...]
 ) -> Iterator[GraphFrame]:
     targets = {target.port: target.prims for target in node.targets}
-    above = next((_name(path) for path in targets.get(ports[0], ())), lab.catalog.world_frame)
+    above = next((_name(path) for path in targets.get(ports[0], ())), lab.platform.world_frame)
     robot = lab.scene.robot
     for path in targets.get(ports[1], ()):
         # The root of an articulation stands for its links.

@@ -23,7 +23,7 @@ from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER,
 from lab3_usd.spec.positions import place_of
 from lab3_usd.spec.ros import FROM_THE_FIRST
 from lab3_usd.spec.submission import ChecklistSpec
-from lab3_usd.spec.yaml_file import read_yaml
+from lab3_usd.yaml_file import read_yaml
 
 _ANY_STAGES = ("", "all", "last")
 _GOALS = "goals"  # saved output that is read from a topic and from a log

@@ -10,7 +10,7 @@ from msgspec import Struct
 from lab3_usd.data import data_folder
 from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest
 from lab3_usd.spec.lab import SCENE, STARTER, Lab
-from lab3_usd.spec.yaml_file import read_yaml
+from lab3_usd.yaml_file import read_yaml
 
 
 class KnownScene(Struct, frozen=True):

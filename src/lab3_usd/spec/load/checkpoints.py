@@ -21,7 +21,7 @@ from lab3_usd.spec.lab import (
     Policy,
 )
 from lab3_usd.spec.ros import Command, GoalSpec, HandoutReference, TopicSpec
-from lab3_usd.spec.yaml_file import record
+from lab3_usd.yaml_file import record
 
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 _Since = TypeVar("_Since", TopicSpec, HandoutReference, GoalSpec, Command, LocalizationSpec)

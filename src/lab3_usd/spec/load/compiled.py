@@ -1,12 +1,14 @@
 """Keeps what was loaded from YAML beside its files, as Python keeps compiled modules.
 
-Reading and checking the YAML takes longer than judging a stage. A wheel carries the lab and the
-types of Isaac Sim compiled; a checkout compiles them when they are first loaded. Only bundled files
-are compiled, whose folder is trusted as much as the code.
+Reading and checking the YAML takes longer than judging a stage. A wheel carries the platform and
+the lab compiled into one file; a checkout compiles them when they are first loaded. The platform
+comes first and is read alone where no lab is needed. Only bundled files are compiled, whose folder
+is trusted as much as the code.
 """
 
 from __future__ import annotations
 
+import io
 import os
 import pickle
 import sys
@@ -14,83 +16,117 @@ import zlib
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 from msgspec.structs import replace
 
-from lab3_usd.data import PACKAGE, data_folder
-from lab3_usd.spec.isaac import IsaacTypes
+from lab3_usd.data import PACKAGE
+from lab3_usd.isaac.node_types import NodeType
+from lab3_usd.isaac.packed import pack
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.spec.lab import Lab
 
-FILE = "lab.pickle"
-TYPES_FILE = "isaac_types.pickle"
-_Loaded = TypeVar("_Loaded", Lab, IsaacTypes)
+FILE = "compiled.pickle"
+PLATFORM = "isaac"  # the folder of Isaac Sim's files beside those of the lab
+_NUMBER = 4  # bytes of the checksum, and of the length of the first part
+_PLATFORM, _TYPE = "platform", "type"
 
 
 def compiled_or_loaded(folder: Path, load: Callable[[Path], Lab]) -> Lab:
     """Return the compiled lab of `folder`; where there is none, what `load` makes of the files.
 
-    A compiled lab holds for the very bytes that it was made of, code included.
+    What is compiled holds for the very bytes that it was made of, code included.
     """
-
-    def make() -> Lab:
-        return replace(load(folder), folder=Path())
-
-    lab = _kept(folder / FILE, folder.glob("*.yaml"), Lab, make)
+    parts = _kept(folder, load)
+    platform = pickle.loads(parts[0])  # noqa: S301 - it is trusted as the code is
+    lab: Lab = _LabReader(parts[1], platform).load()
     return replace(lab, folder=folder)
 
 
-def compiled_or_loaded_types(folder: Path, load: Callable[[Path], IsaacTypes]) -> IsaacTypes:
-    """Return the compiled node types of `folder`, or what `load` makes of the files."""
-    return _kept(folder / TYPES_FILE, _type_files(folder), IsaacTypes, lambda: load(folder))
+def compiled_or_loaded_platform(folder: Path, load: Callable[[Path], Lab]) -> Platform:
+    """Return the platform beside the compiled lab of `folder`, without the lab."""
+    platform: Platform = pickle.loads(_kept(folder, load)[0])  # noqa: S301 - as trusted as the code
+    return platform
 
 
 def compile_lab(folder: Path, lab: Lab) -> bytes:
-    """Return the lab as it is kept."""
-    return _packed(_checksum(folder.glob("*.yaml")), replace(lab, folder=Path()))
+    """Return a lab and its platform as they are kept."""
+    return _joined(_checksum(folder), _parts(lab))
 
 
-def compile_types(folder: Path, types: IsaacTypes) -> bytes:
-    """Return the node types as they are kept."""
-    return _packed(_checksum(_type_files(folder)), types)
+_Parts = tuple[bytes, bytes]
 
 
-def _type_files(folder: Path) -> Iterable[Path]:
-    """Return the files of the node types: those of the lab win over the others."""
-    return (*folder.parent.glob("node_types.yaml"), *folder.glob("*.yaml"))
+def _parts(lab: Lab) -> _Parts:
+    types = pack(lab.platform.types)
+    platform = replace(lab.platform, types=types, base=types, releases=pack(lab.platform.releases))
+    written = io.BytesIO()
+    _LabWriter(written, lab.platform).dump(replace(lab, folder=Path()))
+    return pickle.dumps(platform, protocol=5), written.getvalue()
 
 
-def _kept(
-    beside: Path, files: Iterable[Path], kind: type[_Loaded], make: Callable[[], _Loaded]
-) -> _Loaded:
-    checksum = _checksum(files)
-    ours = beside.parent / "__pycache__" / beside.name
-    for path in (beside, ours):
-        found = _read(path, checksum, kind)
+class _LabWriter(pickle.Pickler):
+    """Writes a lab without its platform and the types of that, which it only names."""
+
+    def __init__(self, file: io.BytesIO, platform: Platform) -> None:
+        super().__init__(file, protocol=5)
+        self._platform = platform
+
+    def persistent_id(self, obj: Any) -> tuple[str, str] | None:
+        """Name what the platform holds."""
+        if obj is self._platform:
+            return _PLATFORM, ""
+        if isinstance(obj, NodeType) and self._platform.types.get(obj.type) is obj:
+            return _TYPE, obj.type
+        return None
+
+
+class _LabReader(pickle.Unpickler):
+    """Reads a lab beside its platform."""
+
+    def __init__(self, data: bytes, platform: Platform) -> None:
+        super().__init__(io.BytesIO(data))
+        self._platform = platform
+
+    def persistent_load(self, pid: Any) -> Any:
+        """Return what the platform holds under a name."""
+        kind, name = pid
+        return self._platform if kind == _PLATFORM else self._platform.types[name]
+
+
+def _kept(folder: Path, load: Callable[[Path], Lab]) -> _Parts:
+    checksum = _checksum(folder)
+    ours = folder / "__pycache__" / FILE
+    for path in (folder / FILE, ours):
+        found = _read(path, checksum)
         if found is not None:
             return found
-    made = make()
+    parts = _parts(load(folder))
     if not sys.dont_write_bytecode:
         try:
             ours.parent.mkdir(exist_ok=True)
-            _write(ours, _packed(checksum, made))
+            _write(ours, _joined(checksum, parts))
         except OSError:
             pass  # the next start is slower, no more
-    return made
+    return parts
 
 
-def _packed(checksum: int, loaded: Lab | IsaacTypes) -> bytes:
-    return checksum.to_bytes(4, "big") + pickle.dumps(loaded, protocol=5)
+def _joined(checksum: int, parts: _Parts) -> bytes:
+    first, second = parts
+    sums = (checksum, len(first), zlib.crc32(second, zlib.crc32(first)))
+    return b"".join((*(each.to_bytes(_NUMBER, "big") for each in sums), first, second))
 
 
-def _checksum(files: Iterable[Path]) -> int:
+def _checksum(folder: Path) -> int:
     """Return what tells these files, and the code that reads them, from all others."""
+    files = (*folder.glob("*.yaml"), *folder.glob(f"{PLATFORM}/*.yaml"))
     return _sum(files, _code_checksum(PACKAGE))
 
 
 @lru_cache(maxsize=1)
 def _code_checksum(package: Path) -> int:
-    return _sum((*package.glob("spec/*.py"), *package.glob("spec/load/*.py")), 0)
+    readers = ("isaac/*.py", "isaac/load/*.py", "spec/*.py", "spec/load/*.py", "yaml_file.py")
+    return _sum((file for pattern in readers for file in package.glob(pattern)), 0)
 
 
 def _sum(files: Iterable[Path], checksum: int) -> int:
@@ -99,16 +135,19 @@ def _sum(files: Iterable[Path], checksum: int) -> int:
     return checksum
 
 
-def _read(path: Path, checksum: int, kind: type[_Loaded]) -> _Loaded | None:
+def _read(path: Path, checksum: int) -> _Parts | None:
+    """Return both parts of a file that is whole and up to date, None for another."""
     try:
         with path.open("rb") as file:
             # The checksum comes first, so that a stale file is never even read.
-            if file.read(4) != checksum.to_bytes(4, "big"):
+            if file.read(_NUMBER) != checksum.to_bytes(_NUMBER, "big"):
                 return None
-            found = pickle.load(file)  # noqa: S301 - it is trusted as the code is
-    except Exception:  # noqa: BLE001 - whatever is wrong with it, the files are there
+            length, content = (int.from_bytes(file.read(_NUMBER), "big") for _ in range(2))
+            first, second = file.read(length), file.read()
+    except OSError:
         return None
-    return found if isinstance(found, kind) else None
+    is_whole = bool(first) and zlib.crc32(second, zlib.crc32(first)) == content
+    return (first, second) if is_whole else None
 
 
 def _write(path: Path, data: bytes) -> None:
@@ -116,19 +155,3 @@ def _write(path: Path, data: bytes) -> None:
     temporary = path.with_name(f"{path.name}.{os.getpid()}")
     temporary.write_bytes(data)
     temporary.replace(path)
-
-
-@lru_cache(maxsize=1)
-def load_isaac_types() -> IsaacTypes:
-    """Load every public node type of Isaac Sim, which the lab's catalog is a part of.
-
-    Raises:
-        SpecError: a file is missing or wrong.
-    """
-    return compiled_or_loaded_types(data_folder("graphs") / "isaac", _assemble_types)
-
-
-def _assemble_types(folder: Path) -> IsaacTypes:
-    from lab3_usd.spec.load.catalog import assemble_types
-
-    return assemble_types(folder)

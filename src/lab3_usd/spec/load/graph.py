@@ -1,4 +1,4 @@
-"""Loads one graph spec from its YAML file, checked against the catalog."""
+"""Loads one graph spec from its YAML file, checked against the platform."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.catalog import INPUT, Catalog, NodeType, Port, can_connect
+from lab3_usd.isaac.node_types import INPUT, NodeType, Port, can_connect
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.values import typed_value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, PortRef, Setting, Target, Wire
-from lab3_usd.spec.values import typed_value
-from lab3_usd.spec.yaml_file import record
+from lab3_usd.yaml_file import record
 
 _WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
 _ROLE = re.compile(r"^[A-Za-z_]\w*$")
@@ -65,7 +66,7 @@ class GraphFile(Struct, forbid_unknown_fields=True):
     forbidden_wires: _BySection = {}
 
 
-def parse_graph(data: Mapping[str, Any], catalog: Catalog, file: str) -> GraphSpec:
+def parse_graph(data: Mapping[str, Any], platform: Platform, file: str) -> GraphSpec:
     """Build one graph spec.
 
     Raises:
@@ -75,7 +76,7 @@ def parse_graph(data: Mapping[str, Any], catalog: Catalog, file: str) -> GraphSp
     where = f"{file}: {content.graph}"
     section = content.handout
     nodes = {
-        _role(role, where): _node(role, entry, catalog, where, section)
+        _role(role, where): _node(role, entry, platform, where, section)
         for role, entry in content.nodes.items()
     }
     wires = _wires(content.wires, nodes, where, section)
@@ -156,12 +157,12 @@ def _path(path: str, where: str) -> str:
     return path
 
 
-def _node(role: str, entry: NodeEntry, catalog: Catalog, graph: str, section: str) -> NodeSpec:
+def _node(role: str, entry: NodeEntry, platform: Platform, graph: str, section: str) -> NodeSpec:
     section = entry.handout or section
     where = f"{graph}: {role}"
-    node_type = catalog.types.get(entry.type)
+    node_type = platform.types.get(entry.type)
     if node_type is None:
-        raise SpecError(f"{where}: type '{entry.type}' is not in the catalog")
+        raise SpecError(f"{where}: '{entry.type}' is not a node type")
     ports = {short: _input(node_type, short, where) for short in entry.named_ports()}
     _check_uses(entry, ports, node_type, where)
     settings = tuple(_settings(entry, ports, where, section))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +11,12 @@ from msgspec.structs import replace
 
 from lab3_usd.data import data_folder, lab_folder
 from lab3_usd.errors import SpecError
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.values import typed_value
 from lab3_usd.spec import ros
-from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab
-from lab3_usd.spec.load.catalog import parse_catalog
+from lab3_usd.spec.lab import CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab, Policy
 from lab3_usd.spec.load.checkpoints import accumulate, by_ids, read_checkpoint_file
-from lab3_usd.spec.load.compiled import load_isaac_types
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.positions import located
 from lab3_usd.spec.scene import SceneSpec
@@ -29,8 +28,7 @@ from lab3_usd.spec.submission import (
     StarterRules,
     SubmissionSpec,
 )
-from lab3_usd.spec.values import typed_value
-from lab3_usd.spec.yaml_file import read_yaml, record, records
+from lab3_usd.yaml_file import read_yaml, record, records
 
 _ByName = dict[str, dict[str, Any]]
 
@@ -158,28 +156,28 @@ def _usual_starter() -> StarterRules:
     return record(content["starter"], StarterRules, f"{SUBMISSION}: starter")
 
 
-def assemble(folder: Path) -> Lab:
-    """Read every file of the lab.
+def assemble_lab(folder: Path, platform_of: Callable[[Path], Platform]) -> Lab:
+    """Read every file of the lab; `platform_of` gives Isaac Sim with the node types of a folder.
 
     Raises:
         SpecError: a file is missing or wrong; the line ends with its place in the file.
     """
     try:
-        return _assembled(folder)
+        return _assembled(folder, platform_of(folder))
     except SpecError as error:
         raise located(error, folder) from error
 
 
-def _assembled(folder: Path) -> Lab:
+def _assembled(folder: Path, platform: Platform) -> Lab:
     content = read_checkpoint_file(read_yaml(folder / CHECKPOINTS))
     files = _graph_files(folder, content.graph_names())
-    catalog = _catalog(folder, files)
-    graphs = {name: _graph(name, data, catalog) for name, data in files.items()}
+    graphs = {name: _graph(name, data, platform) for name, data in files.items()}
     scene = parse_scene(read_yaml(folder / SCENE))
+    _refuse_other_names(content.policy, platform)
     lab = Lab(
         folder=folder,
         title=content.title,
-        catalog=catalog,
+        platform=_with_sensors(platform, scene),
         graphs=graphs,
         checkpoints=accumulate(content, graphs, tuple(scene.sensors)),
         policy=content.policy,
@@ -215,37 +213,26 @@ def _with_starter(lab: Lab) -> Lab:
     return replace(lab, submission=replace(lab.submission, stages=named))
 
 
-def _catalog(folder: Path, graphs: Mapping[str, Mapping[str, Any]]) -> Catalog:
-    """Return the node types of the lab, and those of Isaac Sim that its graphs name besides.
-
-    What the lab's own catalog leaves out is as in the bundled one.
-    """
-    catalog = parse_catalog(_catalog_data(folder / CATALOG))
-    more = sorted(set(_named_types(graphs)) - set(catalog.types))
-    known = load_isaac_types().catalog.types if more else {}
-    types = {name: known[name] for name in more if name in known}
-    return replace(catalog, types={**catalog.types, **types})
+def _refuse_other_names(policy: Policy, platform: Platform) -> None:
+    """Refuse names of ROS that are not Isaac Sim's: no lab can change them."""
+    for name in ("namespace", "namespace_attribute", "tree_topics"):
+        said, known = getattr(policy, name), getattr(platform.ros, name)
+        if said and said != known:
+            raise SpecError(
+                f"{CHECKPOINTS}: policy: {name} is {said!r}, that of Isaac Sim {known!r}"
+            )
 
 
-def _catalog_data(own: Path) -> dict[str, Any]:
-    """Return the lab's own file over that of the bundled lab, type by type."""
-    bundled = data_folder("graphs") / own.name
-    if own == bundled:
-        return read_yaml(own)
-    base, content = read_yaml(bundled), read_yaml(own) if own.exists() else {}
-    types = content.get("types", {})
-    if not isinstance(types, dict):
-        return content  # which its reader refuses
-    return {**base, **content, "types": {**base["types"], **types}}
-
-
-def _named_types(graphs: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the node types that files of graphs name; faults of a file are reported later."""
-    for data in graphs.values():
-        nodes = data.get("nodes")
-        for node in nodes.values() if isinstance(nodes, dict) else ():
-            if isinstance(node, dict) and isinstance(node.get("type"), str):
-                yield node["type"]
+def _with_sensors(platform: Platform, scene: SceneSpec) -> Platform:
+    """Return a platform whose sensors of the lab are placed, and read as the lab describes them."""
+    sensors = scene.sensors.values()
+    types = {sensor.type for sensor in sensors}
+    attributes = {name for sensor in sensors for name in sensor.attributes}
+    return replace(
+        platform,
+        placed=platform.placed | types,
+        attributes=platform.attributes | attributes,
+    )
 
 
 def _graph_files(folder: Path, names: list[str]) -> dict[str, dict[str, Any]]:
@@ -258,9 +245,9 @@ def _graph_files(folder: Path, names: list[str]) -> dict[str, dict[str, Any]]:
     return found
 
 
-def _graph(name: str, data: Mapping[str, Any], catalog: Catalog) -> GraphSpec:
+def _graph(name: str, data: Mapping[str, Any], platform: Platform) -> GraphSpec:
     file = f"{name}.yaml"
-    spec = parse_graph(data, catalog, file)
+    spec = parse_graph(data, platform, file)
     if spec.name != name:
         raise SpecError(f"{file}: describes the graph '{spec.name}', expected '{name}'")
     return spec

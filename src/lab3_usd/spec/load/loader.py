@@ -1,4 +1,4 @@
-"""Loads the lab: everything that `graphs/` says, checked once, then plain frozen data."""
+"""Loads the platform and the lab: everything that `graphs/` says, checked once, then frozen."""
 
 from __future__ import annotations
 
@@ -6,8 +6,13 @@ from functools import lru_cache
 from pathlib import Path
 
 from lab3_usd.data import data_folder, own_lab
-from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.compiled import compiled_or_loaded
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.spec.lab import CATALOG, Lab
+from lab3_usd.spec.load.compiled import (
+    PLATFORM,
+    compiled_or_loaded,
+    compiled_or_loaded_platform,
+)
 
 
 def load_lab(folder: Path | None = None) -> Lab:
@@ -23,17 +28,63 @@ def load_lab(folder: Path | None = None) -> Lab:
     return _bundled(data_folder("graphs")) if folder is None else _load(folder)
 
 
+def load_platform(folder: Path | None = None) -> Platform:
+    """Load Isaac Sim with the node types that the lab of `folder` adds, and nothing else of it.
+
+    By default it is the folder that the environment variable `LAB3_LAB` names, else the bundled
+    one.
+
+    Raises:
+        SpecError: the lab's file of node types is wrong; the line names file, type and port.
+    """
+    bundled = data_folder("graphs")
+    folder = folder or own_lab() or bundled
+    return _bundled_platform(bundled) if folder == bundled else _own_platform(folder)
+
+
 @lru_cache(maxsize=1)
 def _bundled(folder: Path) -> Lab:
     return compiled_or_loaded(folder, _load)
 
 
+@lru_cache(maxsize=1)
+def _bundled_platform(folder: Path) -> Platform:
+    return compiled_or_loaded_platform(folder, _load)
+
+
+@lru_cache(maxsize=4)
+def _own_platform(folder: Path) -> Platform:
+    return _platform_of(folder)
+
+
+def _platform_of(folder: Path) -> Platform:
+    """Return the platform of a folder: its own, or the bundled one with the types of the lab."""
+    own, system = folder / CATALOG, folder / PLATFORM
+    bundled = data_folder("graphs")
+    if not own.exists() and not system.is_dir():
+        return _bundled_platform(bundled)
+    from lab3_usd.isaac.load.lab_types import with_lab_types
+    from lab3_usd.isaac.load.platform import assemble_platform
+    from lab3_usd.yaml_file import read_yaml
+
+    base = assemble_platform(system) if system.is_dir() else _bundled_platform(bundled)
+    return with_lab_types(base, read_yaml(own if own.exists() else bundled / CATALOG), CATALOG)
+
+
+def assemble(folder: Path) -> Lab:
+    """Read the lab of `folder`, without holding its files against each other.
+
+    Raises:
+        SpecError: a file is missing or wrong; the line names file, graph, role and port.
+    """
+    from lab3_usd.spec.load.lab import assemble_lab
+
+    return assemble_lab(folder, _platform_of)
+
+
 @lru_cache(maxsize=4)
 def _load(folder: Path) -> Lab:
-    from lab3_usd.spec.contradictions.references import (
-        refuse_faulty,
-    )
-    from lab3_usd.spec.load.lab import assemble
+    from lab3_usd.spec.contradictions.references import refuse_faulty
 
     lab = assemble(folder)
     refuse_faulty(lab)

@@ -15,7 +15,7 @@ from lab3_usd.spec.lab import SCENE, STARTER
 from lab3_usd.spec.load.lab import parse_scene
 from lab3_usd.spec.positions import located
 from lab3_usd.spec.scene import Number3, RobotSpec, StageUnits
-from lab3_usd.spec.yaml_file import read_yaml, record
+from lab3_usd.yaml_file import read_yaml, record
 
 _Data = dict[str, Any]
 

@@ -79,7 +79,7 @@ def scene_changes(
     A prim that came or went stands for all below it; one that went and came again elsewhere, with
     its type and name, has moved. `path` says where a target is now.
     """
-    rules, form = lab.submission.starter, lab.catalog.graph
+    rules, form = lab.submission.starter, lab.platform.graph
     never = pattern(name for name in rules.never if name not in _SENSORS).match
     scope = Scope(rules.ignored_prims, frozenset((form.type, form.node_type)))
     terms = _Terms(scope, lab.scene.robot.path, path, never)

@@ -17,10 +17,10 @@ from typing import Any, Literal
 from msgspec import Struct
 from pxr import Gf, Sdf, Usd, UsdGeom
 
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import Difference
 from lab3_usd.model.finding import display
 from lab3_usd.spec.submission import StarterRules
-from lab3_usd.spec.values import Value
 from lab3_usd.stage.read.properties import plain_value
 from lab3_usd.stage.read.transforms import ORDER, RESET, TransformCache, local_transform
 

@@ -8,6 +8,7 @@ from typing import Any
 from msgspec.structs import replace
 from pxr import Pcp, Sdf, Usd
 
+from lab3_usd.isaac.values import are_alike
 from lab3_usd.model.changes import (
     Activate,
     AddGraph,
@@ -23,7 +24,6 @@ from lab3_usd.model.changes import (
     SetType,
     SetValue,
 )
-from lab3_usd.spec.values import are_alike
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.write.graphs import author_graph, catalog_value, define_parents
 
@@ -227,7 +227,7 @@ def add_graph(session: EditSession, edit: AddGraph) -> None:
     """Add a graph of the lab with everything in it."""
     spec = replace(session.lab.graphs[edit.graph], path=edit.prim)
     source = Sdf.Layer.CreateAnonymous(".usda")
-    author_graph(source, spec, session.lab.catalog)
+    author_graph(source, spec, session.lab.platform)
     copy_prim(session, source, edit.prim, edit.prim)
 
 
@@ -235,7 +235,7 @@ def add_node(session: EditSession, edit: AddNode) -> None:
     """Add a node of a graph of the lab with its values and targets, and no connections."""
     spec = session.lab.graphs[edit.graph]
     source = Sdf.Layer.CreateAnonymous(".usda")
-    author_graph(source, spec, session.lab.catalog)
+    author_graph(source, spec, session.lab.platform)
     node = f"{spec.path}/{edit.role}"
     for attribute in source.GetPrimAtPath(node).attributes:
         attribute.connectionPathList.ClearEdits()

@@ -148,7 +148,7 @@ def _restore_whole_pose(session: EditSession, path: str) -> None:
 
 def _restore_prim(session: EditSession, path: str) -> None:
     """Restore a prim, what is missing below it, and the prims that should name it."""
-    expected, graph_type = session.reference().GetPrimAtPath(path), session.lab.catalog.graph.type
+    expected, graph_type = session.reference().GetPrimAtPath(path), session.lab.platform.graph.type
     if expected is None:
         return
     if not session.stands(path):

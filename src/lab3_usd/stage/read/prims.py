@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,10 +11,10 @@ from typing import Any
 from msgspec import Struct, field
 from pxr import Sdf, Usd
 
+from lab3_usd.isaac.graph_form import GraphForm
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.prims import NameFilter, Prim, Prims, name_matches, of_any_name
-from lab3_usd.spec.catalog import GraphForm
-from lab3_usd.spec.scene import SensorSpec
-from lab3_usd.spec.values import Value
 from lab3_usd.stage.read.assets import IS_PRESENT, is_in_scene
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
 from lab3_usd.stage.read.properties import AuthoredProperties, plain_value
@@ -57,18 +57,18 @@ class PrimReader:
     """
 
     def __init__(
-        self, stage: Usd.Stage, name: str, hidden: tuple[str, ...], sensors: Collection[SensorSpec]
+        self, stage: Usd.Stage, name: str, hidden: tuple[str, ...], platform: Platform
     ) -> None:
         """Read from `stage`, which goes by `name` where it turns out to be damaged.
 
-        The lab's `sensors` are placed, and have the attributes that the lab describes.
+        Prims of the types that the platform says are placed, and have the attributes that it names.
         """
         self.stage = stage
         self.transforms = TransformCache()
         self.hidden = hidden
         self.name = name
-        self.placed = {*_PLACED, *(sensor.type for sensor in sensors)}
-        self.sensor_attributes = {name for sensor in sensors for name in sensor.attributes}
+        self.placed = {*_PLACED, *platform.placed}
+        self.sensor_attributes = platform.attributes
 
     def prim(self, prim: Usd.Prim, path: str, type_name: str, apis: Sequence[str]) -> Prim:
         """Return the prim at a path, whose values and place are still to be read."""

@@ -25,8 +25,8 @@ from msgspec import Struct
 from msgspec.structs import astuple
 from pxr import Gf, Sdf, Tf, Usd
 
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import AnimatedAttribute, same_value
-from lab3_usd.spec.values import Value
 
 CENTIMETRES = 0.01  # per unit, where a stage does not say
 LONGEST = 4096  # elements; longer arrays (points, faces) are nothing a rule asks about

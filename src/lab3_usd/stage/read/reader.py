@@ -7,6 +7,9 @@ from pathlib import Path
 
 from pxr import Usd
 
+from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import (
     DEACTIVATED,
     OVER,
@@ -18,9 +21,6 @@ from lab3_usd.model.stage import (
     Script,
     StageModel,
 )
-from lab3_usd.spec.catalog import INPUT, OUTPUT, NodeType
-from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.values import Value
 from lab3_usd.stage.read.assets import (
     IS_PRESENT,
     find_muted,
@@ -48,33 +48,33 @@ _CAMERA, _RESOLUTION = "camera", "resolution"
 _NODE_TYPE, _VERSION = "node:type", "node:typeVersion"
 
 
-def read_stage(path: Path | str, lab: Lab) -> StageModel:
+def read_stage(path: Path | str, platform: Platform) -> StageModel:
     """Read the stage at `path` as it is composed, payloads loaded.
 
     Raises:
         StageError: the file cannot be opened; the line says why.
     """
-    return read_model(open_stage(Path(path)), lab, str(path))
+    return read_model(open_stage(Path(path)), platform, str(path))
 
 
 @quiet()
-def read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
+def read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
     """Read an open stage; `path` is the name it goes by.
 
     Raises:
         StageError: the file is damaged in a way that shows only now.
     """
     with stage_errors(path):
-        return cached(("model", id(stage)), lambda: _read_model(held(stage), lab, path))
+        return cached(("model", id(stage)), lambda: _read_model(held(stage), platform, path))
 
 
-def _read_model(stage: Usd.Stage, lab: Lab, path: str) -> StageModel:
+def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
     unresolved = tuple(find_unresolved(stage))
     hidden = tuple(dict.fromkeys(missing.prim for missing in unresolved))
-    scan = _Scan(stage, lab, hidden)
+    scan = _Scan(stage, platform, hidden)
     scan.run()
-    reader = PrimReader(stage, path, hidden, lab.sensors.values())
-    prims = StagePrims(reader, lab.catalog.graph, scan.others)
+    reader = PrimReader(stage, path, hidden, platform)
+    prims = StagePrims(reader, platform.graph, scan.others)
     kilograms = stage.GetPseudoRoot().GetMetadata("kilogramsPerUnit")
     return StageModel(
         up_axis=str(stage.GetMetadata("upAxis")),
@@ -124,9 +124,9 @@ class _Scan:
     `nodes` and `absent` are by the path of their graph, '' for those outside every graph.
     """
 
-    def __init__(self, stage: Usd.Stage, lab: Lab, hidden: tuple[str, ...]) -> None:
+    def __init__(self, stage: Usd.Stage, platform: Platform, hidden: tuple[str, ...]) -> None:
         self._stage = stage
-        self._lab = lab
+        self._platform = platform
         self._hidden = hidden
         self._own_layers = stage.GetLayerStack() if hidden else ()
         self.others = PrimIndex()
@@ -140,7 +140,7 @@ class _Scan:
 
     def run(self) -> None:
         """Look at every prim; at those that the application made for itself only for scripts."""
-        form = self._lab.catalog.graph
+        form = self._platform.graph
         for top in self._stage.GetPseudoRoot().GetFilteredChildren(EVERYTHING):
             if not top.IsAbstract():  # classes are judged where they are inherited
                 self._tree(top, is_ignored=form.ignores(str(top.GetPath())))
@@ -153,8 +153,8 @@ class _Scan:
 
         Nothing else is done for each prim of a stage, so this must be quick.
         """
-        form = self._lab.catalog.graph
-        scripts = frozenset(self._lab.catalog.scripts.apis)
+        form = self._platform.graph
+        scripts = frozenset(self._platform.scripts.apis)
         above: list[str] = []  # the graphs around the prim, innermost last
         for prim in Usd.PrimRange(top, EVERYTHING):
             kind = Usd.Prim.GetTypeName(prim)
@@ -179,7 +179,7 @@ class _Scan:
     def _other(self, prim: Usd.Prim, kind: str, apis: Sequence[str], above: list[str]) -> None:
         """Look closer at a prim that is a graph, is in one or carries schemas."""
         path = str(prim.GetPath())
-        if kind == self._lab.catalog.graph.type:
+        if kind == self._platform.graph.type:
             self.graphs[path] = prim
             self.nodes[path], self.absent[path] = [], []
             above.append(path)
@@ -197,7 +197,7 @@ class _Scan:
             return
         properties = AuthoredProperties(prim)
         type_name, own = (_text(properties[name].value()) for name in (_NODE_TYPE, _NAMESPACE))
-        kind, version = self._lab.catalog.get(type_name), properties[_VERSION].value()
+        kind, version = self._platform.get(type_name), properties[_VERSION].value()
         ports = read_ports(properties, kind)
         if not type_name and not ports:
             return  # a leftover, which is no node
@@ -221,12 +221,12 @@ class _Scan:
 
     def _note_absent(self, prim: Usd.Prim, graph: str) -> None:
         """Keep a prim that looks like a node and is none: its own graph may miss it."""
-        catalog, properties = self._lab.catalog, AuthoredProperties(prim)
+        platform, properties = self._platform, AuthoredProperties(prim)
         type_name = _text(properties[_NODE_TYPE].value())
-        ports = read_ports(properties, catalog.get(type_name))
+        ports = read_ports(properties, platform.get(type_name))
         if not (ports or type_name):
             return
-        reason = f"of {prim.GetTypeName() or 'no type'}, not {catalog.graph.node_type}"
+        reason = f"of {prim.GetTypeName() or 'no type'}, not {platform.graph.node_type}"
         if not prim.IsActive():
             reason = DEACTIVATED
         elif not is_in_scene(prim, self._hidden):
@@ -234,7 +234,7 @@ class _Scan:
         self.absent[graph].append(AbsentPrim(str(prim.GetPath()), type_name, reason, ports))
 
     def _note_script(self, path: str, node_type: str, apis: Sequence[str]) -> None:
-        scripts = self._lab.catalog.scripts
+        scripts = self._platform.scripts
         carrier = node_type if scripts.runs(node_type) else scripts.among(apis)
         if carrier is not None:
             self.scripts.append(Script(path, carrier))
@@ -250,7 +250,7 @@ class _Scan:
             ahead.append((path, prim))
         found = self._namespaces[path]
         for path, prim in reversed(ahead):
-            is_node = Usd.Prim.GetTypeName(prim) == self._lab.catalog.graph.node_type
+            is_node = Usd.Prim.GetTypeName(prim) == self._platform.graph.node_type
             own = None if is_node else plain_value(authored_data(prim, _NAMESPACE))
             if isinstance(own, str) and own:
                 found = (*found, own)

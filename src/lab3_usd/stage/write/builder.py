@@ -187,7 +187,7 @@ def _checkpoint_layers(
                 author_sensor(layer, spec, lab.scene.stage.meters_per_unit, asset)
             for name in checkpoint.new:
                 define_parents(layer, stage, lab.graphs[name].path)
-                author_graph(layer, lab.graphs[name], lab.catalog)
+                author_graph(layer, lab.graphs[name], lab.platform)
         if checkpoint.id in targets:
             yield targets[checkpoint.id], layer
 

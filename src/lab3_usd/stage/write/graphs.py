@@ -7,10 +7,11 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd
 
-from lab3_usd.spec.catalog import Catalog, Port
+from lab3_usd.isaac.node_types import Port
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.values import Value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.scene import PoseSpec, SensorSpec
-from lab3_usd.spec.values import Value
 
 # How Kit marks ports (isaac facts: serialization, sections 4, 5 and 7).
 _EXECUTION = {"isExecution": True}
@@ -22,17 +23,17 @@ _PARENT = "Scope"
 _DIGITS = 12  # sines differ in the last bits between machines, and that of 180 degrees is not 0
 
 
-def author_graph(layer: Sdf.Layer, spec: GraphSpec, catalog: Catalog) -> None:
+def author_graph(layer: Sdf.Layer, spec: GraphSpec, platform: Platform) -> None:
     """Define the graph with all its nodes, ports, values, targets and wires.
 
     Ancestors that the layer does not hold become `over`s. Values are authored where the handout
     names one, and nowhere else.
     """
-    prim = _define_prim(layer, spec.path, catalog.graph.type)
-    for attribute in catalog.graph.attributes:
+    prim = _define_prim(layer, spec.path, platform.graph.type)
+    for attribute in platform.graph.attributes:
         _declare(prim, attribute.name, attribute.usd_type, attribute.value, custom=False)
     for node in spec.nodes.values():
-        _author_node(layer, spec, node, catalog)
+        _author_node(layer, spec, node, platform)
     for wire in spec.wires:
         target = Sdf.Path(f"{spec.path}/{wire.target.role}").AppendProperty(wire.target.port)
         source = Sdf.Path(f"{spec.path}/{wire.source.role}").AppendProperty(wire.source.port)
@@ -79,9 +80,9 @@ def _prepend_apis(prim: Sdf.PrimSpec, apis: list[str]) -> None:
     prim.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=apis))
 
 
-def _author_node(layer: Sdf.Layer, spec: GraphSpec, node: NodeSpec, catalog: Catalog) -> None:
-    prim = _define_prim(layer, f"{spec.path}/{node.role}", catalog.graph.node_type)
-    _prepend_apis(prim, [catalog.graph.gui_api])
+def _author_node(layer: Sdf.Layer, spec: GraphSpec, node: NodeSpec, platform: Platform) -> None:
+    prim = _define_prim(layer, f"{spec.path}/{node.role}", platform.graph.node_type)
+    _prepend_apis(prim, [platform.graph.gui_api])
     _declare(prim, "node:type", "token", node.type.type, custom=False)
     _declare(prim, "node:typeVersion", "int", node.type.version, custom=False)
     values = {setting.port: setting.value for setting in node.settings}
@@ -175,7 +176,7 @@ def usd_value(value: Any, value_type: Sdf.ValueTypeName) -> Any:
 
 
 def catalog_value(value: Value, usd_type: str) -> Any:
-    """Return a value of the catalog, whose quaternions are x, y, z, w."""
+    """Return a value of the platform, whose quaternions are x, y, z, w."""
     if usd_type == _QUATERNION and isinstance(value, tuple):
         value = (value[3], *value[:3])
     return usd_value(value, Sdf.ValueTypeNames.Find(usd_type))

@@ -7,10 +7,11 @@ from typing import Literal
 
 from msgspec import Struct
 
-from lab3_usd.check.ros.contexts import Domain
-from lab3_usd.check.ros.running import LintSubject, effective_value, live_sources
-from lab3_usd.check.ros.topics import Endpoint, endpoints
-from lab3_usd.model.stage import Node
+from lab3_usd.facts.domains import Domain
+from lab3_usd.facts.endpoints import Endpoint, endpoints
+from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.stage import Node, StageModel
 
 STAMP = "inputs:timeStamp"
 _SYSTEM, _RESET = "inputs:useSystemTime", "inputs:resetSimulationTimeOnStop"
@@ -33,18 +34,20 @@ class Stamp(Struct, frozen=True, eq=False):
     domain: Domain
 
 
-def stamps(subject: LintSubject) -> Iterator[Stamp]:
+def stamps(stage: StageModel, platform: Platform) -> Iterator[Stamp]:
     """Yield the clock of each topic that is published."""
-    for endpoint in endpoints(subject.stage, subject.lab):
+    for endpoint in endpoints(stage, platform):
         if endpoint.runs and endpoint.direction == "publishes" and endpoint.topic:
-            stamp = _stamp_of_helper(endpoint, subject) or _stamp_by_wire(endpoint, subject)
+            stamp = _stamp_of_helper(endpoint, stage, platform) or _stamp_by_wire(
+                endpoint, stage, platform
+            )
             if stamp is not None:
                 yield stamp
 
 
-def _stamp_of_helper(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
+def _stamp_of_helper(endpoint: Endpoint, stage: StageModel, platform: Platform) -> Stamp | None:
     """Return the clock of a node that reads the time by itself."""
-    node, live = endpoint.node, subject.live
+    node, live = endpoint.node, live_nodes(stage, platform)
     if node.type is None or _SYSTEM not in node.type.ports:
         return None
     topic = str(endpoint.topic)
@@ -55,15 +58,15 @@ def _stamp_of_helper(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
     return Stamp(node, topic, _RESET, "simulation", known, is_clock=False, domain=endpoint.domain)
 
 
-def _stamp_by_wire(endpoint: Endpoint, subject: LintSubject) -> Stamp | None:
+def _stamp_by_wire(endpoint: Endpoint, stage: StageModel, platform: Platform) -> Stamp | None:
     """Return the clock of a node whose time comes over a wire."""
     node = endpoint.node
-    sources = list(live_sources(node, STAMP, subject.live))
+    sources = list(live_sources(node, STAMP, live_nodes(stage, platform)))
     if not sources:
         return None
     source, _ = sources[0]
     is_clock, topic = endpoint.type == CLOCK, str(endpoint.topic)
-    restarts = effective_value(source, _READER_RESET, subject.live)
+    restarts = effective_value(source, _READER_RESET, live_nodes(stage, platform))
     if source.type is None:
         return Stamp(node, topic, STAMP, "unknown", None, is_clock, endpoint.domain)
     if any("systemTime" in port for port in source.type.ports):

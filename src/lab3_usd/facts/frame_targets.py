@@ -10,6 +10,8 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from msgspec import Struct
 
+from lab3_usd.isaac.node_types import TfPorts
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.physics import (
     ARTICULATION_API,
     BODIES,
@@ -21,8 +23,6 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
-from lab3_usd.spec.catalog import TfPorts
-from lab3_usd.spec.lab import Lab
 
 NAME_OVERRIDE = "isaac:nameOverride"
 
@@ -210,13 +210,13 @@ def parent_prim(node: Node) -> str:
     return next(iter(node.targets(ports[0])), "") if ports else ""
 
 
-def parent_frame(node: Node, stage: StageModel, lab: Lab) -> str:
+def parent_frame(node: Node, stage: StageModel, platform: Platform) -> str:
     """Return the frame below which a node hangs those that have no other parent."""
     prim = parent_prim(node)
-    return frame_name(prim, stage) if prim else lab.catalog.world_frame
+    return frame_name(prim, stage) if prim else platform.world_frame
 
 
-def computed_pairs(node: Node, stage: StageModel, lab: Lab) -> list[Pair]:
+def computed_pairs(node: Node, stage: StageModel, platform: Platform) -> list[Pair]:
     """Return the frames that a node's target prims give, in the order of the targets.
 
     Targets that do not exist, and those whose frames only a missing asset knows, give
@@ -241,7 +241,7 @@ def computed_pairs(node: Node, stage: StageModel, lab: Lab) -> list[Pair]:
         first = [parent_prim(node)] if parent_prim(node) else []
         names = names_in_turn([*first, *paths], stage)[len(first) :]
     frames = {**_bodies_above(paths, node, stage), **dict(zip(paths, names, strict=True))}
-    top = parent_frame(node, stage, lab)
+    top = parent_frame(node, stage, platform)
     pairs = [
         Pair(frames.get(links[path], top), name, target, path, target in expanded)
         for (target, path), name in zip(sources, names, strict=True)

@@ -8,9 +8,10 @@ from typing import Literal
 
 from msgspec import Struct
 
-from lab3_usd.check.ros.running import LintSubject
-from lab3_usd.model.stage import Node, absence_reason, is_acyclic
-from lab3_usd.spec.catalog import NUMBERS, Port, shape_of
+from lab3_usd.facts.execution_order import live_nodes
+from lab3_usd.isaac.node_types import NUMBERS, Port, shape_of
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.stage import Node, StageModel, absence_reason, is_acyclic
 
 
 class Connection(Struct, frozen=True, eq=False):
@@ -52,9 +53,9 @@ class Connection(Struct, frozen=True, eq=False):
         return (ends[0], ends[1]) if ends[0] is not None and ends[1] is not None else None
 
 
-def connections(subject: LintSubject) -> Iterator[Connection]:
+def connections(stage: StageModel, platform: Platform) -> Iterator[Connection]:
     """Yield every wire into a live node, in the order of nodes and ports."""
-    live = subject.live
+    live = live_nodes(stage, platform)
     for node in live.values():
         for name, state in node.ports.items():
             for path in state.sources:
@@ -88,10 +89,10 @@ def _without_role(ogn_type: str) -> tuple[str, str]:
     return _PRECISIONS[known[2]], shape
 
 
-def why_dead(wire: Connection, subject: LintSubject) -> str | None:
+def why_dead(wire: Connection, stage: StageModel, platform: Platform) -> str | None:
     """Say why there is no node at the source of a wire, None if that is unknown."""
-    stage, path = subject.stage, wire.source_prim
-    if stage.unknown_node(path) or subject.catalog.graph.ignores(path):
+    path = wire.source_prim
+    if stage.unknown_node(path) or platform.graph.ignores(path):
         return None
     if any(node.path == path for node in stage.orphans):
         return "is outside every graph"
@@ -104,9 +105,9 @@ def why_dead(wire: Connection, subject: LintSubject) -> str | None:
     return absence_reason(stage, path) if stage.prim(path) is None else "is no node"
 
 
-def sublayer_with_source(wire: Connection, subject: LintSubject) -> str | None:
+def sublayer_with_source(wire: Connection, stage: StageModel) -> str | None:
     """Return the missing sublayer that could hold the source of a wire, which nothing else has."""
-    stage, path = subject.stage, wire.source_prim
+    path = wire.source_prim
     known = {node.path for graph in stage.graphs for node in graph.nodes}
     known |= {prim.path for graph in stage.graphs for prim in graph.absent}
     if path in stage.prims or path in known or any(node.path == path for node in stage.orphans):
@@ -132,10 +133,10 @@ class WireCycle(Struct, frozen=True, eq=False):
         return (*names, *names[:1])
 
 
-def find_cycles(subject: LintSubject) -> Iterator[WireCycle]:
+def find_cycles(stage: StageModel, platform: Platform) -> Iterator[WireCycle]:
     """Yield one cycle for each set of nodes that lead to each other."""
     kinds: dict[Kind, list[Connection]] = {"execution": [], "data": []}
-    for wire in connections(subject):
+    for wire in connections(stage, platform):
         if wire.is_live and wire.ports is not None:
             kinds["execution" if wire.ports[1].is_execution else "data"].append(wire)
     for kind, wires in kinds.items():

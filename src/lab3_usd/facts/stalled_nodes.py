@@ -6,28 +6,31 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from lab3_usd.check.ros.running import (
-    LintSubject,
+from lab3_usd.facts.execution_order import (
     event_of,
     is_opened_first,
     is_switched_on,
+    live_nodes,
     live_sources,
+    run_states,
     shut_gate,
     signal_inputs,
     signal_sources,
     signals_once,
 )
-from lab3_usd.model.stage import GraphModel, Node
-from lab3_usd.spec.catalog import INPUT
-from lab3_usd.spec.isaac import Need, is_within
-from lab3_usd.spec.values import Value
+from lab3_usd.isaac.behaviour import Need
+from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.releases import is_within
+from lab3_usd.isaac.values import Value
+from lab3_usd.model.stage import GraphModel, Node, StageModel
 
 
-def needs_of(node: Node, subject: LintSubject) -> Iterator[Need]:
-    """Yield what a node needs by the catalog, as it is set and wired."""
+def needs_of(node: Node, platform: Platform) -> Iterator[Need]:
+    """Yield what a node needs by the platform, as it is set and wired."""
     kind = node.type
-    for need in subject.types.needs.get(kind.type, ()) if kind is not None else ():
-        if not is_within(subject.release, "", need.until):
+    for need in platform.needs.get(kind.type, ()) if kind is not None else ():
+        if not is_within(platform.release, "", need.until):
             continue
         if need.when and not (is_given(node, need.when) or _is_on(node, need.when)):
             continue
@@ -38,9 +41,9 @@ def needs_of(node: Node, subject: LintSubject) -> Iterator[Need]:
         yield need
 
 
-def unmet_needs(node: Node, subject: LintSubject) -> Iterator[Need]:
-    """Yield what a node needs by the catalog and does not get."""
-    for need in needs_of(node, subject):
+def unmet_needs(node: Node, platform: Platform) -> Iterator[Need]:
+    """Yield what a node needs by the platform and does not get."""
+    for need in needs_of(node, platform):
         names = [name for name in need.inputs if node.type and INPUT + name in node.type.ports]
         if names and not any(_is_met(node, name, need) for name in names):
             yield need
@@ -141,48 +144,50 @@ class Stop(Struct, frozen=True, eq=False):
     waiting: tuple[Node, ...]
 
 
-def stops(graph: GraphModel, subject: LintSubject) -> Iterator[Stop]:
+def stops(graph: GraphModel, stage: StageModel, platform: Platform) -> Iterator[Stop]:
     """Yield the nodes of an evaluated graph that no signal reaches, each with those behind it.
 
     A node that waits for one of those is not listed again.
     """
-    live = subject.live
+    live = live_nodes(stage, platform)
     idle = [
         node
         for node in graph.nodes
-        if node.path in live and node.type is not None and not subject.runs(node.path)
-        if event_of(node, subject.lab) is None and node.type.execution_inputs
+        if node.path in live
+        and node.type is not None
+        and node.path not in run_states(stage, platform)
+        if event_of(node, platform) is None and node.type.execution_inputs
     ]
     for node in idle:
         ahead = [source for source in signal_sources(node, live) if source.path != node.path]
-        if any(not subject.runs(source.path) for source in ahead):
+        if any(source.path not in run_states(stage, platform) for source in ahead):
             continue
-        waiting = tuple(_behind(node, idle, subject))
+        waiting = tuple(_behind(node, idle, stage, platform))
         port = signal_inputs(node)[0]
         written = any(node.sources(signal_input) for signal_input in signal_inputs(node))
         if not ahead:
             reason = "broken" if written else "unwired"
             yield Stop(node, port, reason, "", waiting)
         else:
-            reason, cause = _obstacle(node, subject)
+            reason, cause = _obstacle(node, stage, platform)
             yield Stop(node, port, reason, cause, waiting)
 
 
-def _obstacle(node: Node, subject: LintSubject) -> tuple[str, str]:
+def _obstacle(node: Node, stage: StageModel, platform: Platform) -> tuple[str, str]:
     """Return why signals of running nodes do not reach this one, and the node that holds them."""
-    live = subject.live
+    live = live_nodes(stage, platform)
     for port in signal_inputs(node):
         for source, out in live_sources(node, port, live):
             if not is_switched_on(source, live):
                 return "off", source.path
-            if shut_gate(source, live, subject.lab):
+            if shut_gate(source, live, platform):
                 return "shut", source.path
-            if is_opened_first(node) and signals_once(source, out, live, subject.lab):
+            if is_opened_first(node) and signals_once(source, out, live, platform):
                 return "once", source.path
     return "broken", ""
 
 
-def _behind(first: Node, idle: list[Node], subject: LintSubject) -> Iterator[Node]:
+def _behind(first: Node, idle: list[Node], stage: StageModel, platform: Platform) -> Iterator[Node]:
     """Yield the idle nodes that would run if this one did, in the order of the graph."""
     reached = {first.path}
     is_growing = True
@@ -191,7 +196,10 @@ def _behind(first: Node, idle: list[Node], subject: LintSubject) -> Iterator[Nod
             node.path
             for node in idle
             if node.path not in reached
-            and any(source.path in reached for source in signal_sources(node, subject.live))
+            and any(
+                source.path in reached
+                for source in signal_sources(node, live_nodes(stage, platform))
+            )
         }
         reached |= new
         is_growing = bool(new)
@@ -203,12 +211,12 @@ def has_side_effects(node: Node) -> bool:
     return node.type is not None and (bool(node.type.role) or node.type.drives is not None)
 
 
-def feeds(node: Node, subject: LintSubject) -> list[Node]:
+def feeds(node: Node, stage: StageModel, platform: Platform) -> list[Node]:
     """Return the nodes into which something is connected to this one."""
     prefix = f"{node.path}."
     return [
         target
-        for target in subject.live.values()
+        for target in live_nodes(stage, platform).values()
         if target.path != node.path
         and any(
             source.startswith(prefix) for state in target.ports.values() for source in state.sources
@@ -216,9 +224,9 @@ def feeds(node: Node, subject: LintSubject) -> list[Node]:
     ]
 
 
-def is_wired(node: Node, subject: LintSubject) -> bool:
+def is_wired(node: Node, stage: StageModel, platform: Platform) -> bool:
     """Whether anything is wired into a node or out of it."""
-    return any(node.sources(port) for port in node.ports) or bool(feeds(node, subject))
+    return any(node.sources(port) for port in node.ports) or bool(feeds(node, stage, platform))
 
 
 def short(port: str) -> str:
@@ -226,11 +234,10 @@ def short(port: str) -> str:
     return port.removeprefix(INPUT)
 
 
-def nodes_of_unknown_type(subject: LintSubject) -> Iterator[Node]:
+def nodes_of_unknown_type(stage: StageModel, platform: Platform) -> Iterator[Node]:
     """Yield the nodes of a type that nothing is known of, not even that it is an event."""
-    catalog = subject.catalog
-    known = {*catalog.events, *catalog.once}
-    for node in subject.live.values():
-        modern = catalog.modern(node.type_name)
-        if node.type is None and modern not in known and not catalog.scripts.runs(node.type_name):
+    known = {*platform.events, *platform.once}
+    for node in live_nodes(stage, platform).values():
+        modern = platform.modern(node.type_name)
+        if node.type is None and modern not in known and not platform.scripts.runs(node.type_name):
             yield node

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.ros.running import LintSubject, event_of, live_sources, run_states
+from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.facts.execution_order import event_of, live_sources, run_states
+from lab3_usd.isaac.node_types import OUTPUT
 from lab3_usd.model.changes import Connect, Edit
 from lab3_usd.model.stage import Node
-from lab3_usd.spec.catalog import OUTPUT
 
 _CONTEXT = f"{OUTPUT}context"
 _SUBSCRIBER = "subscriber"
@@ -40,12 +41,12 @@ def _makers(node: Node, subject: LintSubject) -> Iterator[Node]:
 
 def _events(node: Node, subject: LintSubject) -> list[Node]:
     """Return the events of a node's graph that surely fire at every update."""
-    states = run_states(subject.stage, subject.lab)
-    usual = subject.catalog.graph.value(subject.catalog.graph.evaluation.stage)
+    states = run_states(subject.stage, subject.platform)
+    usual = subject.platform.graph.value(subject.platform.graph.evaluation.stage)
     return [
         other
         for other in _beside(node, subject)
-        if event_of(other, subject.lab) == usual and states.get(other.path) == "runs"
+        if event_of(other, subject.platform) == usual and states.get(other.path) == "runs"
     ]
 
 
@@ -63,7 +64,7 @@ def _signals(node: Node) -> Iterator[str]:
 
 def step_wire(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ...]:
     """Return the wire that gives a node the length of a step, from the one event of its graph."""
-    deltas = subject.catalog.deltas
+    deltas = subject.platform.deltas
     outputs = [
         f"{event.path}.{OUTPUT}{deltas[event.type_name]}"
         for event in _events(node, subject)

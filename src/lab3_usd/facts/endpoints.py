@@ -15,8 +15,8 @@ from typing import Literal
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.ros.contexts import Domain, domain_of
-from lab3_usd.check.ros.running import (
+from lab3_usd.facts.domains import Domain, domain_of
+from lab3_usd.facts.execution_order import (
     Nodes,
     effective_value,
     fed_by_sensor,
@@ -29,10 +29,10 @@ from lab3_usd.check.ros.running import (
     running_nodes,
     sensor_of,
 )
+from lab3_usd.isaac.node_types import INPUT, NodeType
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
-from lab3_usd.spec.catalog import INPUT, NodeType
-from lab3_usd.spec.graph import frame_ports, product_input, resolved_topic, topic_switch
-from lab3_usd.spec.lab import Lab
 
 _ALIKE = 0.8
 _NEAR_TYPE = 0.92
@@ -259,14 +259,14 @@ def resolve(namespace: str, written: str) -> str | None:
 
 
 @once_per_stage
-def endpoints(stage: StageModel, lab: Lab) -> tuple[Endpoint, ...]:
+def endpoints(stage: StageModel, platform: Platform) -> tuple[Endpoint, ...]:
     """Return every topic of every node in an active graph, in the order of topic and node."""
-    live, running = live_nodes(stage, lab), running_nodes(stage, lab)
-    states = run_states(stage, lab)
+    live, running = live_nodes(stage, platform), running_nodes(stage, platform)
+    states = run_states(stage, platform)
     certain = {path: node for path, node in running.items() if states[path] == "runs"}
     nodes = (live, running, certain)
     unordered = [
-        _endpoint(node, port, stage, lab, nodes)
+        _endpoint(node, port, stage, platform, nodes)
         for node in live.values()
         if node.type is not None and node.type.role in _DIRECTIONS
         for port in used_topics(node, node.type, live)
@@ -274,11 +274,13 @@ def endpoints(stage: StageModel, lab: Lab) -> tuple[Endpoint, ...]:
     return tuple(sorted(unordered, key=lambda end: (end.topic or "", end.direction, end.node.path)))
 
 
-def running_endpoints(stage: StageModel, lab: Lab, direction: Direction) -> list[Endpoint]:
+def running_endpoints(
+    stage: StageModel, platform: Platform, direction: Direction
+) -> list[Endpoint]:
     """Return the topics that something is sent to, or received from, and whose name is known."""
     return [
         endpoint
-        for endpoint in endpoints(stage, lab)
+        for endpoint in endpoints(stage, platform)
         if endpoint.runs and endpoint.topic and endpoint.direction == direction
     ]
 
@@ -300,7 +302,7 @@ def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:
 
 
 def _endpoint(
-    node: Node, port: str, stage: StageModel, lab: Lab, nodes: tuple[Nodes, Nodes, Nodes]
+    node: Node, port: str, stage: StageModel, platform: Platform, nodes: tuple[Nodes, Nodes, Nodes]
 ) -> Endpoint:
     live, running, certain = nodes
     kind = node.type
@@ -313,7 +315,7 @@ def _endpoint(
     is_sure = len(certain) == len(running) or _is_at_work(node, port, live, certain)
     frames = (effective_value(node, name, live) for name in frame_ports(kind, port))
     return Endpoint(
-        topic=resolve(namespace_of(node, stage, lab, live), written)
+        topic=resolve(namespace_of(node, stage, platform, live), written)
         if isinstance(written, str)
         else None,
         written="" if written is None else str(written),
@@ -324,7 +326,7 @@ def _endpoint(
         frames=tuple("?" if frame is None else str(frame) for frame in frames),
         queue=queue if isinstance(queue, int) else None,
         qos=qos_of(node, live, static=static),
-        rate=rate_source(node, stage, lab, running, static=static),
+        rate=rate_source(node, stage, platform, running, static=static),
         runs=runs,
         sure=runs and is_sure,
         domain=domain_of(node, live),
@@ -341,13 +343,13 @@ def _is_at_work(node: Node, port: str, live: Nodes, running: Nodes) -> bool:
     return node.path in running and is_on and has_sensor
 
 
-def namespace_of(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> str:
+def namespace_of(node: Node, stage: StageModel, platform: Platform, live: Nodes) -> str:
     """Return the namespace before the node's topics.
 
     The node's own setting wins; else the attributes on the prims above the node count, for
     a TF publisher the outermost one only, for a sensor helper those above its sensor.
     """
-    own = effective_value(node, INPUT + lab.policy.namespace, live)
+    own = effective_value(node, INPUT + platform.ros.namespace, live)
     if isinstance(own, str) and own:
         return own
     if node.type is not None and node.type.tf is not None:
@@ -355,24 +357,26 @@ def namespace_of(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> str:
     sensor = sensor_of(node, live)
     if sensor is None:
         return "/".join(node.namespaces)
-    return "/".join(value for _, value in namespaces_above(sensor, stage, lab))
+    return "/".join(value for _, value in namespaces_above(sensor, stage, platform))
 
 
-def namespaces_above(path: str, stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
+def namespaces_above(path: str, stage: StageModel, platform: Platform) -> list[tuple[str, str]]:
     """Return the prims at and above a path that carry a namespace, outermost first, with it."""
     namespaces: list[tuple[str, str]] = []
     while path:
         prim = stage.prim(path)
-        value = None if prim is None else prim.attributes.get(lab.policy.namespace_attribute)
+        value = None if prim is None else prim.attributes.get(platform.ros.namespace_attribute)
         if isinstance(value, str) and value:
             namespaces.append((path, value))
         path = path.rpartition("/")[0]
     return namespaces[::-1]
 
 
-def moving_prims(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> list[tuple[str, str]]:
+def moving_prims(
+    node: Node, stage: StageModel, platform: Platform, live: Nodes
+) -> list[tuple[str, str]]:
     """Return the prims whose namespace attribute moves the node's topics, with the attribute."""
-    if effective_value(node, INPUT + lab.policy.namespace, live):
+    if effective_value(node, INPUT + platform.ros.namespace, live):
         return []
     sensor = sensor_of(node, live)
     is_tf = node.type is not None and node.type.tf is not None
@@ -380,7 +384,7 @@ def moving_prims(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> list[t
     if is_on_graph and not node.namespaces:
         return []
     graph = node.path.rpartition("/")[0]
-    prims = namespaces_above(graph if sensor is None or is_tf else sensor, stage, lab)
+    prims = namespaces_above(graph if sensor is None or is_tf else sensor, stage, platform)
     if node.own_namespace and is_on_graph:
         prims.append((node.path, node.own_namespace))
     return prims[:1] if is_tf else prims

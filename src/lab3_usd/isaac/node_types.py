@@ -1,125 +1,14 @@
-"""The catalog of node types.
-
-Ports, defaults, how graphs are saved, and what a type does with topics and frames.
-"""
+"""Node types: their ports and defaults, and what a type does with topics and frames."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from fnmatch import fnmatchcase
-from functools import cached_property, lru_cache
-from typing import Any, Literal
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Literal
 
 from msgspec import Struct, field
 
-from lab3_usd.spec.values import Value, typed_value
-
-
-class GraphAttribute(Struct, frozen=True):
-    """An attribute of a graph prim: how it is saved, and which values are as good.
-
-    `unwritten` is what it means that a file leaves it out, None where it must be there.
-    """
-
-    name: str
-    usd_type: str
-    value: Value
-    accepted: tuple[Value, ...] = ()
-    required: bool = False
-    unwritten: Value | None = None
-    handout: str | None = None
-
-
-class Evaluation(Struct, frozen=True, forbid_unknown_fields=True):
-    """The graphs that Isaac Sim evaluates, and the nodes that compute.
-
-    `mode`, `stage` and `evaluator` are attributes of a graph. A graph whose mode is in
-    `by_reference` needs a prim whose relationship `reference` names it; one whose stage is in
-    `on_demand` needs an event of that stage. With an evaluator of `all_nodes` every node computes,
-    otherwise those that a signal reaches.
-    """
-
-    mode: str
-    reference: str
-    stage: str
-    evaluator: str
-    by_reference: tuple[str, ...]
-    on_demand: tuple[str, ...]
-    all_nodes: tuple[str, ...]
-
-
-class GraphForm(Struct, frozen=True):
-    """How Isaac Sim saves graph and node prims."""
-
-    type: str
-    node_type: str
-    gui_api: str
-    attributes: tuple[GraphAttribute, ...]
-    evaluation: Evaluation
-    ignored_below: tuple[str, ...]
-
-    def ignores(self, path: str) -> bool:
-        """Whether the application made what stands at this path, for itself."""
-        is_near = path.startswith(self.ignored_below)  # which most paths are not
-        return is_near and any(f"{path}/".startswith(f"{top}/") for top in self.ignored_below)
-
-    def value(self, name: str) -> Value | None:
-        """Return the value with which an Action Graph is saved."""
-        return next(
-            (attribute.value for attribute in self.attributes if attribute.name == name), None
-        )
-
-
-class _AttributeEntry(Struct, forbid_unknown_fields=True):
-    type: str
-    value: Any
-    accepted: tuple[Any, ...] | None = None
-    required: bool = False
-    unwritten: Any = None
-    handout: str | None = None
-
-
-class GraphEntry(Struct, forbid_unknown_fields=True):
-    """The attributes of a graph."""
-
-    type: str
-    node_type: str
-    gui_api: str
-    attributes: dict[str, _AttributeEntry]
-    evaluation: Evaluation
-    ignored_below: tuple[str, ...]
-
-
-def graph_form(entry: GraphEntry, where: str) -> GraphForm:
-    """Return the form of graphs.
-
-    Raises:
-        SpecError: a value is not of its type; the line opens with `where`.
-    """
-    attributes = []
-    for name, attribute in entry.attributes.items():
-        usd_type, place, unwritten = attribute.type, f"{where}: {name}", attribute.unwritten
-        accepted = (attribute.value,) if attribute.accepted is None else attribute.accepted
-        attributes.append(
-            GraphAttribute(
-                name=name,
-                usd_type=usd_type,
-                value=typed_value(attribute.value, usd_type, place),
-                accepted=tuple(typed_value(value, usd_type, place) for value in accepted),
-                required=attribute.required,
-                unwritten=None if unwritten is None else typed_value(unwritten, usd_type, place),
-                handout=attribute.handout,
-            )
-        )
-    return GraphForm(
-        type=entry.type,
-        node_type=entry.node_type,
-        gui_api=entry.gui_api,
-        attributes=tuple(attributes),
-        evaluation=entry.evaluation,
-        ignored_below=entry.ignored_below,
-    )
-
+from lab3_usd.isaac.values import Value
 
 INPUT = "inputs:"
 OUTPUT = "outputs:"
@@ -198,7 +87,7 @@ def shape_of(ogn_type: str) -> tuple[str, str]:
 
 
 class NodeType(Struct, frozen=True, dict=True):
-    """One node type of Isaac Sim 6.0.1.
+    """One node type of Isaac Sim.
 
     `message` maps the value of the port `type` to a message type; the key '' holds where the
     type has one message only, and `moved` maps former values to the types that have them now. A
@@ -280,85 +169,6 @@ class NodeType(Struct, frozen=True, dict=True):
         if first is None or not short.removeprefix(self.dynamic.prefix).isdecimal():
             return None
         return Port(INPUT + short, first.ogn_type, first.usd_type, accepts=first.accepts)
-
-
-@lru_cache(maxsize=1024)
-def _is_one_of(name: str, patterns: tuple[str, ...]) -> bool:
-    return any(fnmatchcase(name, pattern) for pattern in patterns)
-
-
-class Scripts(Struct, frozen=True, forbid_unknown_fields=True):
-    """Node types (patterns) and schemas that run code from the file."""
-
-    types: tuple[str, ...]
-    apis: tuple[str, ...]
-
-    def runs(self, node_type: str) -> bool:
-        """Whether a node of this type runs code that the file holds."""
-        return _is_one_of(node_type, self.types)
-
-    def among(self, apis: Iterable[str]) -> str | None:
-        """Return the first of these schemas by which a prim runs code, None where there is none."""
-        return next((api for api in apis if api in self.apis), None)
-
-
-class SingleSignal(Struct, frozen=True, forbid_unknown_fields=True):
-    """Outputs that signal once, unless a wire reaches `again`."""
-
-    outputs: tuple[str, ...]
-    again: str = ""
-
-
-class WriterPorts(Struct, frozen=True, forbid_unknown_fields=True):
-    """The inputs of a type that say what it changes in the scene.
-
-    `prims` are relationships, `paths` texts; `wires` lead to the node whose work is changed.
-    `property` is what is written, '' for the prims themselves. A prim without one of the `schemas`
-    does not change.
-    """
-
-    prims: tuple[str, ...] = ()
-    paths: tuple[str, ...] = ()
-    wires: tuple[str, ...] = ()
-    property: str = ""
-    schemas: tuple[str, ...] = ()
-
-
-class Catalog(Struct, frozen=True):
-    """Every node type the lab knows, by its name in 6.0.1, and the names that mean another.
-
-    `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
-    in which it does, '' where a stage does not tell whether it will; `deltas` name their outputs
-    that give the length of a step. `once` are the types with
-    outputs that signal a single time after Play, `gates` those that pass no signal on while the
-    input named there is 0. Below `world_frame` hangs what has no parent prim. `writers` change the
-    scene; what begins with one of the `looks` is a property that only changes what one sees.
-    """
-
-    types: Mapping[str, NodeType]
-    graph: GraphForm
-    prefixes: Mapping[str, str]
-    renamed: Mapping[str, str]
-    lookalikes: Mapping[str, str]
-    events: Mapping[str, str]
-    deltas: Mapping[str, str]
-    once: Mapping[str, SingleSignal]
-    gates: Mapping[str, str]
-    scripts: Scripts
-    world_frame: str
-    writers: Mapping[str, WriterPorts] = field(default_factory=dict)
-    looks: tuple[str, ...] = ()
-
-    def modern(self, name: str) -> str:
-        """Return the 6.0.1 name of a type saved before 4.5; other names come back unchanged."""
-        if name in self.renamed:
-            return self.renamed[name]
-        prefix, _, rest = name.rpartition(".")
-        return f"{self.prefixes[prefix]}.{rest}" if prefix in self.prefixes else name
-
-    def get(self, name: str) -> NodeType | None:
-        """Return the type that a file's `node:type` means, old names included."""
-        return self.types.get(name) or self.types.get(self.modern(name))
 
 
 class Dynamic(Struct, frozen=True, forbid_unknown_fields=True):

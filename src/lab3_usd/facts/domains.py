@@ -6,9 +6,10 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
-from lab3_usd.check.ros.running import LintSubject, Nodes, effective_value, live_sources
-from lab3_usd.model.stage import Node
-from lab3_usd.spec.catalog import INPUT, OUTPUT
+from lab3_usd.facts.execution_order import Nodes, effective_value, live_nodes, live_sources
+from lab3_usd.isaac.node_types import INPUT, OUTPUT
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.stage import Node, StageModel
 
 _CONTEXT = "context"
 LAST_DOMAIN = 232  # its ports begin at 7400 + 250 * domain (DDS-RTPS), and end at 65535
@@ -55,12 +56,14 @@ class ContextInput(Struct, frozen=True, eq=False):
     is_set: bool
 
 
-def context_inputs(subject: LintSubject) -> Iterator[ContextInput]:
+def context_inputs(stage: StageModel, platform: Platform) -> Iterator[ContextInput]:
     """Yield the context of every live node that takes one."""
     port = INPUT + _CONTEXT
-    for node in subject.live.values():
+    for node in live_nodes(stage, platform).values():
         if node.type is not None and port in node.type.ports:
-            contexts = tuple(source for source, _ in live_sources(node, port, subject.live))
+            contexts = tuple(
+                source for source, _ in live_sources(node, port, live_nodes(stage, platform))
+            )
             yield ContextInput(node, port, contexts, bool(node.sources(port) or node.value(port)))
 
 
@@ -82,15 +85,17 @@ def _domain_of_context(context: Node, live: Nodes) -> Domain:
     return Domain(str(number) if isinstance(number, int) else context.path, is_open)
 
 
-def domains(subject: LintSubject) -> dict[Domain, list[Node]]:
+def domains(stage: StageModel, platform: Platform) -> dict[Domain, list[Node]]:
     """Return the contexts that a node uses by the domain that they name."""
     by_domain: dict[Domain, list[Node]] = {}
     used = {
         node.path: node
-        for context_input in context_inputs(subject)
+        for context_input in context_inputs(stage, platform)
         for node in context_input.contexts
     }
     for node in used.values():
         if node.type is not None and OUTPUT + _CONTEXT in node.type.ports:
-            by_domain.setdefault(_domain_of_context(node, subject.live), []).append(node)
+            by_domain.setdefault(_domain_of_context(node, live_nodes(stage, platform)), []).append(
+                node
+            )
     return by_domain

@@ -6,9 +6,14 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct
 
-from lab3_usd.check.robot.wheels import joint_names, listed
-from lab3_usd.check.ros.running import LintSubject, effective_value, live_sources
-from lab3_usd.check.tf.targets import articulation_links
+from lab3_usd.facts.arrays import joint_names, listed
+from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources
+from lab3_usd.facts.frame_targets import articulation_links
+from lab3_usd.isaac.behaviour import BodyOf
+from lab3_usd.isaac.node_types import INPUT, OUTPUT, DrivePorts
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.releases import is_within
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.physics import (
     BODIES,
     BODY_API,
@@ -24,9 +29,6 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
-from lab3_usd.spec.catalog import INPUT, OUTPUT, DrivePorts
-from lab3_usd.spec.isaac import BodyOf, is_within
-from lab3_usd.spec.values import Value
 
 _DRIVE = "PhysicsDriveAPI"
 AXES = {REVOLUTE: "angular", "PhysicsPrismaticJoint": "linear"}  # others have several drives
@@ -54,48 +56,50 @@ class Command(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def commands(subject: LintSubject) -> tuple[Command, ...]:
+def commands(stage: StageModel, platform: Platform) -> tuple[Command, ...]:
     """Return every live node that moves joints, in the order of the stage."""
-    return tuple(_commands(subject))
+    return tuple(_commands(stage, platform))
 
 
-def _commands(subject: LintSubject) -> Iterator[Command]:
-    for node in subject.live.values():
+def _commands(stage: StageModel, platform: Platform) -> Iterator[Command]:
+    for node in live_nodes(stage, platform).values():
         ports = None if node.type is None else node.type.drives
         if ports is None:
             continue
-        path = effective_value(node, ports.path, subject.live)
+        path = effective_value(node, ports.path, live_nodes(stage, platform))
         is_by_path = path is None or bool(path)
         aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")
-        names = joint_names(node, ports.joints, subject.live)
-        is_by_number = _has_indices(node, ports, subject) and not ignored_indices(
-            node, ports, subject
+        names = joint_names(node, ports.joints, live_nodes(stage, platform))
+        is_by_number = _has_indices(node, ports, stage, platform) and not ignored_indices(
+            node, ports, stage, platform
         )
         yield Command(
             node=node,
             ports=ports,
             port=ports.path if is_by_path else ports.target,
             robot=aim,
-            roots=tuple(articulations(aim, subject.stage)) if aim else (),
+            roots=tuple(articulations(aim, stage)) if aim else (),
             names=None if is_by_number and not names else names,
-            unknown=subject.stage.unknown_below(aim) if aim else None,
+            unknown=stage.unknown_below(aim) if aim else None,
         )
 
 
-def _has_indices(node: Node, ports: DrivePorts, subject: LintSubject) -> bool:
+def _has_indices(node: Node, ports: DrivePorts, stage: StageModel, platform: Platform) -> bool:
     """Whether joints are picked by number, as far as anything is wired or set."""
     return bool(node.sources(ports.indices)) or bool(
-        effective_value(node, ports.indices, subject.live)
+        effective_value(node, ports.indices, live_nodes(stage, platform))
     )
 
 
-def ignored_indices(node: Node, ports: DrivePorts, subject: LintSubject) -> Value | None:
+def ignored_indices(
+    node: Node, ports: DrivePorts, stage: StageModel, platform: Platform
+) -> Value | None:
     """Return the numbers of joints that this release ignores because all are 0, None for others."""
-    facts = None if node.type is None else subject.types.joints.get(node.type.type)
-    indices = effective_value(node, ports.indices, subject.live)
+    facts = None if node.type is None else platform.joints.get(node.type.type)
+    indices = effective_value(node, ports.indices, live_nodes(stage, platform))
     if facts is None or not isinstance(indices, tuple) or not indices or any(indices):
         return None
-    return indices if is_within(subject.release, "", facts.zeros_until) else None
+    return indices if is_within(platform.release, "", facts.zeros_until) else None
 
 
 def articulations(top: str, stage: StageModel) -> Iterator[str]:
@@ -145,34 +149,34 @@ def ends(joint: Prim) -> tuple[str, ...]:
     return tuple(path for name in BODIES for path in joint.relationships.get(name, ()))
 
 
-def told_joints(command: Command, port: str, subject: LintSubject) -> list[Prim]:
+def told_joints(command: Command, port: str, stage: StageModel, platform: Platform) -> list[Prim]:
     """Return the joints that a command surely moves: those that are named, or all of the robot.
 
     Without names each joint gets a command only where there are as many commands as joints, and
     none of them stands still.
     """
     if command.names:
-        known = joints_of(command, subject.stage)
+        known = joints_of(command, stage)
         return [known[name] for name in dict.fromkeys(command.names) if name in known]
-    value = effective_value(command.node, port, subject.live)
+    value = effective_value(command.node, port, live_nodes(stage, platform))
     if isinstance(value, tuple):
         is_moving = all(value)
     else:
-        is_moving = controller_of(command, subject) is not None
-    joints = _axes(command, subject.stage) if is_moving and command.names == () else []
-    return joints if number_of_commands(command, port, subject) == len(joints) else []
+        is_moving = controller_of(command, stage, platform) is not None
+    joints = _axes(command, stage) if is_moving and command.names == () else []
+    return joints if number_of_commands(command, port, stage, platform) == len(joints) else []
 
 
-def named_joints(command: Command, subject: LintSubject) -> list[str] | None:
+def named_joints(command: Command, stage: StageModel, platform: Platform) -> list[str] | None:
     """Return the names of the joints that a command is about, None where they are unknown.
 
     Numbers stand in the articulation's own order, which no file tells: they are known where they
     are those of all its axes.
     """
     if command.names is not None:
-        return list(command.names or joints_of(command, subject.stage))
-    numbers = listed(command.node, command.ports.indices, subject.live)
-    axes = [joint.name for joint in _axes(command, subject.stage)]
+        return list(command.names or joints_of(command, stage))
+    numbers = listed(command.node, command.ports.indices, live_nodes(stage, platform))
+    axes = [joint.name for joint in _axes(command, stage)]
     is_whole = numbers is not None and sorted(map(str, numbers)) == sorted(
         map(str, range(len(axes)))
     )
@@ -235,16 +239,16 @@ def drive_of(joint: Prim) -> str | None:
     return None if kind is None else f"drive:{kind.partition(':')[2]}:physics:"
 
 
-def leaves_joints(command: Command, port: str, subject: LintSubject) -> bool:
+def leaves_joints(command: Command, port: str, stage: StageModel, platform: Platform) -> bool:
     """Whether speeds that come in as positions or efforts surely move none of the joints.
 
     A drive without stiffness goes to no position; damping holds a joint against a small effort.
     """
-    joints = told_joints(command, port, subject) if command.roots else []
+    joints = told_joints(command, port, stage, platform) if command.roots else []
     told = {joint.name for joint in joints}
     others = (
-        named_joints(other, subject)
-        for other in commands(subject)
+        named_joints(other, stage, platform)
+        for other in commands(stage, platform)
         if other is not command and set(other.roots) & set(command.roots)
     )
     is_alone = wired_commands(command) == [port] and all(
@@ -263,9 +267,11 @@ def _leaves(joint: Prim, port: str) -> bool:
     return port == EFFORT and joint.type == REVOLUTE and damping >= _HOLDING
 
 
-def number_of_commands(command: Command, port: str, subject: LintSubject) -> int | None:
+def number_of_commands(
+    command: Command, port: str, stage: StageModel, platform: Platform
+) -> int | None:
     """Return how many values come into an input for commands, None where nothing tells it."""
-    sources = list(live_sources(command.node, port, subject.live))
+    sources = list(live_sources(command.node, port, live_nodes(stage, platform)))
     if len(sources) > 1:
         return None
     for source, out in sources:
@@ -273,28 +279,30 @@ def number_of_commands(command: Command, port: str, subject: LintSubject) -> int
         if kind is not None and out in kind.sizes:
             return kind.sizes[out]
         if kind is not None and kind.dynamic is not None:
-            count = effective_value(source, INPUT + kind.dynamic.count, subject.live)
+            count = effective_value(source, INPUT + kind.dynamic.count, live_nodes(stage, platform))
             return count if isinstance(count, int) else None
-    value = effective_value(command.node, port, subject.live)
+    value = effective_value(command.node, port, live_nodes(stage, platform))
     return len(value) if isinstance(value, tuple) else None
 
 
-def controller_of(command: Command, subject: LintSubject) -> Node | None:
+def controller_of(command: Command, stage: StageModel, platform: Platform) -> Node | None:
     """Return the node that computes the wheel speeds of a command, None for several or none."""
     for port in command.ports.commands:
-        for source, _ in live_sources(command.node, port, subject.live):
+        for source, _ in live_sources(command.node, port, live_nodes(stage, platform)):
             if source.type is not None and source.type.step_limits:
                 return source
     return None
 
 
-def driven_pairs(subject: LintSubject) -> Iterator[tuple[Command, Node, tuple[Prim, Prim]]]:
+def driven_pairs(
+    stage: StageModel, platform: Platform
+) -> Iterator[tuple[Command, Node, tuple[Prim, Prim]]]:
     """Yield the commands of two wheels, with what computes them and the joints in its order."""
-    for command in commands(subject):
-        controller = controller_of(command, subject)
+    for command in commands(stage, platform):
+        controller = controller_of(command, stage, platform)
         if controller is None or len(command.names or ()) != _PAIR:
             continue
-        known = joints_of(command, subject.stage) if command.roots else {}
+        known = joints_of(command, stage) if command.roots else {}
         pair = [known[name] for name in command.names or () if name in known]
         if len(pair) == _PAIR:
             yield command, controller, (pair[0], pair[1])
@@ -323,18 +331,17 @@ class Followed(Struct, frozen=True, eq=False):
         return self.body is not None and _is_body(self.body, self.asked)
 
 
-def followed_bodies(subject: LintSubject) -> Iterator[Followed]:
+def followed_bodies(stage: StageModel, platform: Platform) -> Iterator[Followed]:
     """Yield the nodes that follow a prim."""
-    stage = subject.stage
-    for node in subject.live.values():
-        demand = _demand(node, subject)
+    for node in live_nodes(stage, platform).values():
+        demand = _demand(node, platform)
         prim = None if demand is None else stage.prim(_first(node.targets(INPUT + demand.prim)))
         if demand is None or prim is None:
             continue  # another rule reports a target that does not exist
         path = prim.path
-        is_robot = demand.robot in prim.apis and is_within(subject.release, demand.robot_since, "")
+        is_robot = demand.robot in prim.apis and is_within(platform.release, demand.robot_since, "")
         if is_robot and not _is_body(prim, demand):
-            path = _first(_links(prim, demand, subject))
+            path = _first(_links(prim, demand, stage, platform))
         yield Followed(node, demand, prim, stage.prim(path), stage.unknown(prim.path, path))
 
 
@@ -346,28 +353,30 @@ def _is_body(prim: Prim, demand: BodyOf) -> bool:
     return bool(set(prim.apis) & set(demand.schemas))
 
 
-def _demand(node: Node, subject: LintSubject) -> BodyOf | None:
-    return None if node.type is None else subject.types.bodies.get(node.type.type)
+def _demand(node: Node, platform: Platform) -> BodyOf | None:
+    return None if node.type is None else platform.bodies.get(node.type.type)
 
 
-def _links(robot: Prim, demand: BodyOf, subject: LintSubject, depth: int = 8) -> Iterator[str]:
+def _links(
+    robot: Prim, demand: BodyOf, stage: StageModel, platform: Platform, depth: int = 8
+) -> Iterator[str]:
     """Yield the links of a robot and of the robots that it lists, and those that are unknown."""
     if demand.link in robot.apis:
         yield robot.path
     elif demand.robot in robot.apis and depth:
         for path in robot.relationships.get(demand.links, ()):
-            listed = subject.stage.prim(path)
+            listed = stage.prim(path)
             if listed is not None:
-                yield from _links(listed, demand, subject, depth - 1)
-            elif subject.stage.unknown(path):
+                yield from _links(listed, demand, stage, platform, depth - 1)
+            elif stage.unknown(path):
                 yield path
 
 
-def moving_source(node: Node, subject: LintSubject) -> Node | None:
+def moving_source(node: Node, stage: StageModel, platform: Platform) -> Node | None:
     """Return the node that follows a body and gives what comes into another one, None for none."""
     for port in node.ports:
-        for source, out in live_sources(node, port, subject.live):
-            demand = _demand(source, subject)
+        for source, out in live_sources(node, port, live_nodes(stage, platform)):
+            demand = _demand(source, platform)
             if demand is not None and out.removeprefix(OUTPUT) in demand.gives:
                 return source
     return None

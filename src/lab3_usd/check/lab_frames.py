@@ -8,11 +8,10 @@ from functools import lru_cache
 from msgspec import Struct
 
 from lab3_usd.check.match.conformance import setting_matches, setting_value, target_matches
-from lab3_usd.check.match.subject import StageSubject
-from lab3_usd.check.ros.running import live_nodes, running_nodes
-from lab3_usd.check.ros.topics import TRANSFORMS, Endpoint, endpoints, resolve
-from lab3_usd.check.tf.frames import Edge, published_edges, unresolved_frames
-from lab3_usd.check.tf.targets import (
+from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.facts.endpoints import TRANSFORMS, Endpoint, endpoints, resolve
+from lab3_usd.facts.execution_order import live_nodes, running_nodes
+from lab3_usd.facts.frame_targets import (
     FRAME_APIS,
     Pair,
     UnresolvedFrames,
@@ -25,6 +24,7 @@ from lab3_usd.check.tf.targets import (
     tf_ports,
     unknown_target,
 )
+from lab3_usd.facts.frames import Edge, published_edges, unresolved_frames
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.graph import NodeSpec, Target
@@ -68,11 +68,11 @@ def repeated_publishers(subject: StageSubject) -> Iterator[tuple[Endpoint, tuple
     Left out are transforms, a node whose setting differs from its role's (the rule of settings says
     so) and an extra node in a graph of the lab (the rule of extra nodes does).
     """
-    played, tree = role_specs(subject), subject.lab.policy.tree_topics
+    played, tree = role_specs(subject), subject.lab.platform.ros.tree_topics
     required_by_lab = required_topics(subject.lab, subject.checkpoint)
     lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
     together: dict[str, list[Endpoint]] = {}
-    for endpoint in endpoints(subject.stage, subject.lab):
+    for endpoint in endpoints(subject.stage, subject.lab.platform):
         if endpoint.topic and endpoint.runs and endpoint.direction == "publishes":
             required = required_topic(played.get(endpoint.node.path), endpoint.port)
             is_tree = endpoint.topic in tree or endpoint.type == TRANSFORMS
@@ -130,17 +130,17 @@ class TfView(Struct, frozen=True, eq=False):
 def tf_view(subject: StageSubject) -> TfView:
     """Compute what the frame rules look at."""
     stage, lab = subject.stage, subject.lab
-    edges, children = published_edges(stage, lab), dict[str, list[Edge]]()
+    edges, children = published_edges(stage, lab.platform), dict[str, list[Edge]]()
     for edge in edges:
         children.setdefault(edge.child, []).append(edge)
     return TfView(
         subject,
         edges,
         children,
-        live_nodes(stage, lab),
-        running_nodes(stage, lab),
+        live_nodes(stage, lab.platform),
+        running_nodes(stage, lab.platform),
         role_specs(subject),
-        unresolved_frames(stage, lab),
+        unresolved_frames(stage, lab.platform),
     )
 
 
@@ -166,7 +166,7 @@ def is_altered_by_wires(edge: Edge, view: TfView) -> bool:
         or edge.publisher not in view.subject.faulty_prims
     ):
         return False
-    pairs = computed_pairs(cause, view.subject.stage, view.subject.lab)
+    pairs = computed_pairs(cause, view.subject.stage, view.subject.lab.platform)
     return all((edge.parent, edge.child) != (pair.parent, pair.child) for pair in pairs)
 
 
@@ -215,7 +215,7 @@ def frame_sources(view: TfView) -> tuple[FrameSource, ...]:
         node = view.running.get(path)
         if node is None or not spec.frames_from or path in mangled:
             continue
-        if path not in sent and computed_pairs(node, view.subject.stage, view.subject.lab):
+        if path not in sent and computed_pairs(node, view.subject.stage, view.subject.lab.platform):
             continue
         for target in spec.targets:
             if target.port in spec.frames_from:
@@ -277,7 +277,7 @@ def unknown_frame(frame: str, maker: FrameSource, view: TfView) -> UnresolvedAss
 
 def self_parent_pairs(node: Node, view: TfView) -> list[Pair]:
     """Return the frames of a node that would be their own parents."""
-    pairs = computed_pairs(node, view.subject.stage, view.subject.lab)
+    pairs = computed_pairs(node, view.subject.stage, view.subject.lab.platform)
     return [pair for pair in pairs if pair.parent == pair.child]
 
 

@@ -15,7 +15,7 @@ from msgspec.structs import FieldInfo, fields
 
 from lab3_usd.errors import SpecError
 
-# The C loader reads the catalog about seven times as fast as the plain one.
+# The C loader reads the platform about seven times as fast as the plain one.
 _Safe: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _TEXT = "tag:yaml.org,2002:str"
 _MEGABYTE = 1_000_000

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Literal, Protocol
 
 from msgspec import Struct, field
 
+from lab3_usd.facts.execution_order import Nodes, live_nodes, run_states
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding, Requirement
+from lab3_usd.model.physics import ARTICULATION_API, BODY_API
 from lab3_usd.model.stage import GraphModel, Node, StageModel
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -106,3 +109,41 @@ class Outcome(Struct, frozen=True, eq=False):
     subject: StageSubject
     requirements: tuple[Requirement, ...]
     findings: tuple[Finding, ...]
+
+
+_SENSORS = ("Camera", "OmniLidar", "OmniRadar")
+
+
+class LintSubject(Struct, frozen=True, eq=False):
+    """A stage without a spec, beside the release of Isaac Sim by which it is judged."""
+
+    stage: StageModel
+    platform: Platform
+
+    @property
+    def live(self) -> Nodes:
+        """The nodes of all active graphs by path."""
+        return live_nodes(self.stage, self.platform)
+
+    def runs(self, path: str) -> bool:
+        """Whether a node runs, or may run, while the timeline plays."""
+        return path in run_states(self.stage, self.platform)
+
+    @property
+    def is_module(self) -> bool:
+        """Whether the stage holds graphs and neither robot nor sensor, for others to refer to."""
+        if self.stage.unresolved:
+            return False
+        made = self.platform.application_prims
+        bodies = (*self.stage.with_api(ARTICULATION_API), *self.stage.with_api(BODY_API))
+        sensors = (prim for kind in _SENSORS for prim in self.stage.of_type(kind))
+        return not bodies and all(prim.path in made for prim in sensors)
+
+    def graphs(self) -> Iterator[GraphModel]:
+        """Yield the graphs that no application made for itself, in the scene or not."""
+        ignores = self.platform.graph.ignores
+        return (graph for graph in self.stage.graphs if not ignores(graph.path))
+
+    def title(self, node: Node) -> str:
+        """Return what a node is called in the graph editor."""
+        return node.type.ui_name if node.type is not None else node.type_name or "a node"

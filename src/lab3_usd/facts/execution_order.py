@@ -8,21 +8,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
-from msgspec import Struct
-
+from lab3_usd.isaac.node_types import INPUT, OUTPUT
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Severity
-from lab3_usd.model.physics import ARTICULATION_API, BODY_API
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
-from lab3_usd.spec.catalog import INPUT, OUTPUT, Catalog
-from lab3_usd.spec.isaac import IsaacTypes
-from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.values import Value
 
 # A node that is not named among the states does not run.
 State = Literal["runs", "may run"]
 ENABLED = "inputs:enabled"
-_SENSORS = ("Camera", "OmniLidar", "OmniRadar")
 Nodes = Mapping[str, Node]
 _Followers = Mapping[str, list[str]]
 _OPENED_FIRST = ("publisher", "subscriber")
@@ -30,18 +25,18 @@ _SUREST_FIRST: tuple[State, ...] = ("runs", "may run")
 
 
 @once_per_stage
-def live_nodes(stage: StageModel, lab: Lab) -> dict[str, Node]:
+def live_nodes(stage: StageModel, platform: Platform) -> dict[str, Node]:
     """Return the nodes of all active graphs by path, leaving out what the application made."""
     return {
         node.path: node
         for graph in stage.graphs
-        if graph.active and not lab.catalog.graph.ignores(graph.path)
+        if graph.active and not platform.graph.ignores(graph.path)
         for node in graph.nodes
     }
 
 
 @once_per_stage
-def run_states(stage: StageModel, lab: Lab) -> dict[str, State]:
+def run_states(stage: StageModel, platform: Platform) -> dict[str, State]:
     """Return how surely each node runs while the timeline plays, by path.
 
     A node runs when a signal of an event reaches it over execution wires in a graph that is
@@ -50,83 +45,85 @@ def run_states(stage: StageModel, lab: Lab) -> dict[str, State]:
     signal on. A publisher or subscriber that is signalled a single time does not run: the first
     signal opens it, the second would have it work. Nodes that are not named do not run.
     """
-    live = live_nodes(stage, lab)
+    live = live_nodes(stage, platform)
     computing: dict[str, Node] = {}
     states: dict[str, State] = {}
     for graph in stage.graphs:
         nodes = {node.path: node for node in graph.nodes if node.path in live}
-        if not nodes or not is_graph_evaluated(graph, stage, lab):
+        if not nodes or not is_graph_evaluated(graph, stage, platform):
             continue
         computing.update(nodes)
-        form = lab.catalog.graph.evaluation
-        if _attribute(graph, form.evaluator, lab) not in form.all_nodes:
-            states.update(_starts(graph, nodes, lab))
+        form = platform.graph.evaluation
+        if _attribute(graph, form.evaluator, platform) not in form.all_nodes:
+            states.update(_starts(graph, nodes, platform))
             continue
-        pace = _attribute(graph, form.stage, lab)
-        is_usual = pace in (lab.catalog.graph.value(form.stage), *form.on_demand)
+        pace = _attribute(graph, form.stage, platform)
+        is_usual = pace in (platform.graph.value(form.stage), *form.on_demand)
         # Isaac Sim should load no graph of an instance.
         is_certain = is_usual and not graph.instanced
         states.update(dict.fromkeys(nodes, "runs" if is_certain else "may run"))
-    for followers in _followers(computing, lab):
+    for followers in _followers(computing, platform):
         for state in _SUREST_FIRST:
-            _spread(state, states, followers, live, lab)
+            _spread(state, states, followers, live, platform)
     return {path: states[path] for path in computing if path in states}
 
 
-def running_nodes(stage: StageModel, lab: Lab) -> dict[str, Node]:
+def running_nodes(stage: StageModel, platform: Platform) -> dict[str, Node]:
     """Return the nodes that run or may run, by path."""
-    live = live_nodes(stage, lab)
-    return {path: live[path] for path in run_states(stage, lab)}
+    live = live_nodes(stage, platform)
+    return {path: live[path] for path in run_states(stage, platform)}
 
 
-def severity_if_uncertain(stage: StageModel, lab: Lab, *paths: str) -> Severity | None:
+def severity_if_uncertain(stage: StageModel, platform: Platform, *paths: str) -> Severity | None:
     """Return how grave a fault is that needs all these nodes to run, None for the rule's own.
 
     Where one of them only may run, the fault may not show: a warning.
     """
-    states = run_states(stage, lab)
+    states = run_states(stage, platform)
     return "warning" if any(states.get(path) == "may run" for path in paths) else None
 
 
-def _attribute(graph: GraphModel, name: str, lab: Lab) -> Value | None:
+def _attribute(graph: GraphModel, name: str, platform: Platform) -> Value | None:
     """Return an attribute of a graph; one that the file leaves out is as an Action Graph's."""
-    return graph.attributes.get(name, lab.catalog.graph.value(name))
+    return graph.attributes.get(name, platform.graph.value(name))
 
 
-def is_graph_evaluated(graph: GraphModel, stage: StageModel, lab: Lab) -> bool:
+def is_graph_evaluated(graph: GraphModel, stage: StageModel, platform: Platform) -> bool:
     """Whether anything at all is computed in the graph while the timeline plays."""
-    form = lab.catalog.graph.evaluation
-    if _attribute(graph, form.mode, lab) in form.by_reference:
+    form = platform.graph.evaluation
+    if _attribute(graph, form.mode, platform) in form.by_reference:
         prims = (prim for prim in stage.prims.values() if prim.present)
         if not any(graph.path in prim.relationships.get(form.reference, ()) for prim in prims):
             return False
-    pace = _attribute(graph, form.stage, lab)
-    return pace not in form.on_demand or any(event_of(n, lab) == pace for n in graph.nodes)
+    pace = _attribute(graph, form.stage, platform)
+    return pace not in form.on_demand or any(event_of(n, platform) == pace for n in graph.nodes)
 
 
-def event_of(node: Node, lab: Lab) -> str | None:
+def event_of(node: Node, platform: Platform) -> str | None:
     """Return the pipeline stage in which an event fires, '' for an unknown one, None for none."""
-    return lab.catalog.events.get(lab.catalog.modern(node.type_name))
+    return platform.events.get(platform.modern(node.type_name))
 
 
-def _starts(graph: GraphModel, nodes: Nodes, lab: Lab) -> Iterator[tuple[str, State]]:
+def _starts(graph: GraphModel, nodes: Nodes, platform: Platform) -> Iterator[tuple[str, State]]:
     """Yield the nodes of an evaluated graph that start an execution by themselves."""
-    form = lab.catalog.graph.evaluation
-    pace = _attribute(graph, form.stage, lab)
+    form = platform.graph.evaluation
+    pace = _attribute(graph, form.stage, platform)
     for path, node in nodes.items():
-        needed = event_of(node, lab)
+        needed = event_of(node, platform)
         if needed is not None and needed == pace:
             yield path, "may run" if graph.instanced else "runs"
-        elif needed not in form.on_demand and (needed is not None or _may_start(node, nodes, lab)):
+        elif needed not in form.on_demand and (
+            needed is not None or _may_start(node, nodes, platform)
+        ):
             yield path, "may run"
 
 
-def _may_start(node: Node, nodes: Nodes, lab: Lab) -> bool:
+def _may_start(node: Node, nodes: Nodes, platform: Platform) -> bool:
     """Whether a node that is no known event may be one: it sends signals and waits for none.
 
     What changes the scene waits for a signal.
     """
-    if lab.catalog.modern(node.type_name) in lab.catalog.writers:
+    if platform.modern(node.type_name) in platform.writers:
         return False
     if node.type is None:
         return not any(True for _ in signal_sources(node, nodes))
@@ -136,7 +133,7 @@ def _may_start(node: Node, nodes: Nodes, lab: Lab) -> bool:
 
 
 def _spread(
-    state: State, states: dict[str, State], followers: _Followers, live: Nodes, lab: Lab
+    state: State, states: dict[str, State], followers: _Followers, live: Nodes, platform: Platform
 ) -> None:
     """Carry a state on to all that the nodes in it trigger, unless those are surer already.
 
@@ -145,39 +142,39 @@ def _spread(
     ahead = [
         path
         for path, known in states.items()
-        if known == state or (state == "may run" and _is_unsure(live[path], lab))
+        if known == state or (state == "may run" and _is_unsure(live[path], platform))
     ]
     while ahead:
         path = ahead.pop()
-        is_passing = is_switched_on(live[path], live) and not shut_gate(live[path], live, lab)
-        is_passing = is_passing and not (state == "runs" and _is_unsure(live[path], lab))
+        is_passing = is_switched_on(live[path], live) and not shut_gate(live[path], live, platform)
+        is_passing = is_passing and not (state == "runs" and _is_unsure(live[path], platform))
         for follower in followers.get(path, ()) if is_passing else ():
             if states.get(follower) not in ("runs", state):
                 states[follower] = state
                 ahead.append(follower)
 
 
-def _is_unsure(node: Node, lab: Lab) -> bool:
+def _is_unsure(node: Node, platform: Platform) -> bool:
     """Whether it is unknown if the node passes a signal on that reaches it."""
-    return node.type is not None and node.type.is_open and event_of(node, lab) is None
+    return node.type is not None and node.type.is_open and event_of(node, platform) is None
 
 
-def _followers(nodes: Nodes, lab: Lab) -> tuple[_Followers, _Followers]:
+def _followers(nodes: Nodes, platform: Platform) -> tuple[_Followers, _Followers]:
     """Map each node to those that it triggers time and again, and to those that it may run once."""
     lasting: dict[str, list[str]] = {}
     once: dict[str, list[str]] = {}
     for node in nodes.values():
         for source, port in signals(node, nodes):
-            if not signals_once(source, port, nodes, lab):
+            if not signals_once(source, port, nodes, platform):
                 lasting.setdefault(source.path, []).append(node.path)
             if not is_opened_first(node):
                 once.setdefault(source.path, []).append(node.path)
     return lasting, once
 
 
-def signals_once(node: Node, port: str, nodes: Nodes, lab: Lab) -> bool:
+def signals_once(node: Node, port: str, nodes: Nodes, platform: Platform) -> bool:
     """Whether an output of a node signals a single time after Play."""
-    once = lab.catalog.once.get(lab.catalog.modern(node.type_name))
+    once = platform.once.get(platform.modern(node.type_name))
     if once is None or port.removeprefix(OUTPUT) not in once.outputs:
         return False
     return not once.again or not any(live_sources(node, INPUT + once.again, nodes))
@@ -222,9 +219,9 @@ def is_switched_on(node: Node, live: Nodes) -> bool:
     return effective_value(node, ENABLED, live) is not False
 
 
-def shut_gate(node: Node, live: Nodes, lab: Lab) -> str | None:
+def shut_gate(node: Node, live: Nodes, platform: Platform) -> str | None:
     """Return the input that lets no signal through, because it is 0; None for another node."""
-    gate = lab.catalog.gates.get(lab.catalog.modern(node.type_name))
+    gate = platform.gates.get(platform.modern(node.type_name))
     is_shut = gate is not None and effective_value(node, INPUT + gate, live) == 0
     return f"{INPUT}{gate}" if is_shut else None
 
@@ -257,7 +254,6 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
 
 
 _PRODUCT = "inputs:renderProductPath"
-_RATE = "omni:sensor:tickRate"
 
 
 def sensor_of(node: Node, live: Nodes) -> str | None:
@@ -282,83 +278,42 @@ def fed_by_sensor(node: Node, port: str, running: Nodes) -> bool:
     return any(is_switched_on(source, running) for source, _ in live_sources(node, port, running))
 
 
-def rate_source(node: Node, stage: StageModel, lab: Lab, running: Nodes, *, static: bool) -> str:
+def rate_source(
+    node: Node, stage: StageModel, platform: Platform, running: Nodes, *, static: bool
+) -> str:
     """Say what sets the pace: the sensor's own rate, the event that starts the node, or nothing."""
-    state = run_states(stage, lab).get(node.path)
+    state = run_states(stage, platform).get(node.path)
     if state is None:
         return "never"
-    event = ", ".join(dict.fromkeys(_events(node, lab, running))) or "every update"
+    event = ", ".join(dict.fromkeys(_events(node, platform, running))) or "every update"
     event = event if state == "runs" else f"perhaps {event}"
     if static:
         return f"once after {event}"
     sensor = sensor_of(node, running)
     prim = None if sensor is None else stage.prim(sensor)
-    rate = 0.0 if prim is None else _rate(prim, lab)
+    rate = 0.0 if prim is None else _rate(prim, platform)
     return f"sensor at {rate:g} Hz" if rate > 0 else event
 
 
-def _rate(prim: Prim, lab: Lab) -> float:
+def _rate(prim: Prim, platform: Platform) -> float:
     """Return the sensor's own rate: as written, else what its schema takes; 0 for every frame."""
-    rate = prim.attributes.get(_RATE)
-    for sensor in lab.sensors.values() if rate is None else ():
-        demand = sensor.attributes.get(_RATE)
-        if demand and demand.unset == "right" and sensor.required_api in prim.apis:
-            rate = demand.value
+    known = platform.ros.rate
+    rate = prim.attributes.get(known.attribute)
+    if rate is None:
+        rate = next((known.schemas[name] for name in prim.apis if name in known.schemas), 0.0)
     return float(rate) if isinstance(rate, (int, float)) else 0.0
 
 
-def _events(node: Node, lab: Lab, running: Nodes) -> Iterator[str]:
+def _events(node: Node, platform: Platform, running: Nodes) -> Iterator[str]:
     """Yield the names of the events that the node's execution comes from, each once."""
     seen = {node.path}
     ahead = [node]
     while ahead:
         current = ahead.pop(0)
         senders = list(signal_sources(current, running))
-        if event_of(current, lab) is not None or (current is not node and not senders):
+        if event_of(current, platform) is not None or (current is not node and not senders):
             known = current.type
             yield current.type_name.rpartition(".")[2] if known is None else known.handout_name
         new = [source for source in senders if source.path not in seen]
         seen.update(source.path for source in new)
         ahead.extend(new)
-
-
-class LintSubject(Struct, frozen=True, eq=False):
-    """A stage without a spec. Of the lab only its facts about Isaac Sim and ROS are asked."""
-
-    lab: Lab
-    types: IsaacTypes
-    stage: StageModel
-    release: str
-
-    @property
-    def catalog(self) -> Catalog:
-        """The node types of the release by which the stage is judged."""
-        return self.lab.catalog
-
-    @property
-    def live(self) -> Nodes:
-        """The nodes of all active graphs by path."""
-        return live_nodes(self.stage, self.lab)
-
-    def runs(self, path: str) -> bool:
-        """Whether a node runs, or may run, while the timeline plays."""
-        return path in run_states(self.stage, self.lab)
-
-    @property
-    def is_module(self) -> bool:
-        """Whether the stage holds graphs and neither robot nor sensor, for others to refer to."""
-        if self.stage.unresolved:
-            return False
-        made = self.types.application_prims
-        bodies = (*self.stage.with_api(ARTICULATION_API), *self.stage.with_api(BODY_API))
-        sensors = (prim for kind in _SENSORS for prim in self.stage.of_type(kind))
-        return not bodies and all(prim.path in made for prim in sensors)
-
-    def graphs(self) -> Iterator[GraphModel]:
-        """Yield the graphs that no application made for itself, in the scene or not."""
-        ignores = self.catalog.graph.ignores
-        return (graph for graph in self.stage.graphs if not ignores(graph.path))
-
-    def title(self, node: Node) -> str:
-        """Return what a node is called in the graph editor."""
-        return node.type.ui_name if node.type is not None else node.type_name or "a node"

@@ -12,8 +12,9 @@ from functools import lru_cache
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.ros.contexts import Domain, domain_of
-from lab3_usd.check.ros.running import (
+from lab3_usd.facts.domains import Domain, domain_of
+from lab3_usd.facts.endpoints import message_type, namespace_of, resolve
+from lab3_usd.facts.execution_order import (
     Nodes,
     effective_value,
     live_nodes,
@@ -22,8 +23,7 @@ from lab3_usd.check.ros.running import (
     severity_if_uncertain,
     signal_inputs,
 )
-from lab3_usd.check.ros.topics import message_type, namespace_of, resolve
-from lab3_usd.check.tf.targets import (
+from lab3_usd.facts.frame_targets import (
     Pair,
     UnresolvedFrames,
     computed_pairs,
@@ -33,25 +33,12 @@ from lab3_usd.check.tf.targets import (
     unknown_target,
     unresolved_frames_of,
 )
-from lab3_usd.model.stage import Node, StageModel, is_acyclic, once_per_stage
-from lab3_usd.spec.catalog import TfPorts
-from lab3_usd.spec.lab import Lab
+from lab3_usd.facts.tree import Tree, tree
+from lab3_usd.isaac.node_types import TfPorts
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
-
-def frames_in_cycles(edges: Iterable[Edge]) -> list[str]:
-    """Return the frames of cycles, and of what lies between two of them, as the edges name them."""
-    pairs = [(edge.parent, edge.child) for edge in edges]
-    if is_acyclic(pairs):
-        return []
-    import networkx as nx
-
-    graph = nx.DiGraph(pairs)
-    parts = nx.strongly_connected_components(graph)
-    rings = {name for part in parts if len(part) > 1 for name in part}
-    rings.update(nx.nodes_with_selfloops(graph))
-    below = rings.union(*(nx.descendants(graph, name) for name in rings))
-    above = rings.union(*(nx.ancestors(graph, name) for name in rings))
-    return [name for name in graph if name in above and name in below]
+_STATIC = "_static"  # what the topic of transforms that never change has more
 
 
 class Edge(Struct, frozen=True):
@@ -89,7 +76,7 @@ class _Scene(Struct, frozen=True):
     """What the computation looks things up in."""
 
     stage: StageModel
-    lab: Lab
+    platform: Platform
     live_nodes: Nodes
     running: Nodes
 
@@ -107,43 +94,45 @@ class PublishedTransforms(Struct, frozen=True):
 
 
 @once_per_stage
-def published_transforms(stage: StageModel, lab: Lab) -> tuple[PublishedTransforms, ...]:
+def published_transforms(stage: StageModel, platform: Platform) -> tuple[PublishedTransforms, ...]:
     """Return what each publisher of the TF tree sends.
 
     All graphs count. A node publishes when an event reaches it over execution wires; the order
     is that of the nodes and their targets.
     """
-    scene = _Scene(stage, lab, live_nodes(stage, lab), running_nodes(stage, lab))
-    tree = lab.policy.tree_topics
-    senders = _transform_publishers(stage, lab)
+    scene = _Scene(stage, platform, live_nodes(stage, platform), running_nodes(stage, platform))
+    tree = platform.ros.tree_topics
+    senders = _transform_publishers(stage, platform)
     return tuple(_published_by(node, topic, scene) for node, topic in senders if topic in tree)
 
 
 @once_per_stage
-def moved_edges(stage: StageModel, lab: Lab) -> tuple[Edge, ...]:
+def moved_edges(stage: StageModel, platform: Platform) -> tuple[Edge, ...]:
     """Return every transform that a namespace or another name moves off the topics of the tree."""
-    scene = _Scene(stage, lab, live_nodes(stage, lab), running_nodes(stage, lab))
-    tree = lab.policy.tree_topics
-    senders = _transform_publishers(stage, lab)
+    scene = _Scene(stage, platform, live_nodes(stage, platform), running_nodes(stage, platform))
+    tree = platform.ros.tree_topics
+    senders = _transform_publishers(stage, platform)
     sent = (_published_by(node, topic, scene) for node, topic in senders if topic not in tree)
     return tuple(edge for transforms in sent for edge in transforms.edges or ())
 
 
-def published_edges(stage: StageModel, lab: Lab) -> tuple[Edge, ...]:
+def published_edges(stage: StageModel, platform: Platform) -> tuple[Edge, ...]:
     """Return every transform that the stage publishes on a topic of the TF tree."""
-    return tuple(edge for sent in published_transforms(stage, lab) for edge in sent.edges or ())
-
-
-def unknown_publishers(stage: StageModel, lab: Lab) -> tuple[str, ...]:
-    """Return the nodes that publish transforms between frames that the stage does not define."""
     return tuple(
-        sent.publisher.path for sent in published_transforms(stage, lab) if sent.edges is None
+        edge for sent in published_transforms(stage, platform) for edge in sent.edges or ()
     )
 
 
-def unresolved_frames(stage: StageModel, lab: Lab) -> tuple[UnresolvedFrames, ...]:
+def unknown_publishers(stage: StageModel, platform: Platform) -> tuple[str, ...]:
+    """Return the nodes that publish transforms between frames that the stage does not define."""
+    return tuple(
+        sent.publisher.path for sent in published_transforms(stage, platform) if sent.edges is None
+    )
+
+
+def unresolved_frames(stage: StageModel, platform: Platform) -> tuple[UnresolvedFrames, ...]:
     """Return the frames that would be published, and that only a missing asset could tell."""
-    return tuple(hidden for sent in published_transforms(stage, lab) for hidden in sent.hidden)
+    return tuple(hidden for sent in published_transforms(stage, platform) for hidden in sent.hidden)
 
 
 def certain_edges(edges: Iterable[Edge]) -> list[Edge]:
@@ -151,20 +140,74 @@ def certain_edges(edges: Iterable[Edge]) -> list[Edge]:
     return [edge for edge in edges if edge.sure]
 
 
+class HeardTree(Struct, frozen=True):
+    """The transforms that one listener of tf2 hears: in one domain, on one topic and its twin.
+
+    `domain` is the name of the domain, `topic` that of the moving transforms (`/tf`, or
+    `/robot1/tf` for a robot in a namespace). `tree` is what tf2 makes of them.
+    """
+
+    domain: str
+    topic: str
+    tree: Tree[Edge]
+
+
 @once_per_stage
-def _transform_publishers(stage: StageModel, lab: Lab) -> tuple[tuple[Node, str], ...]:
+def heard_trees(stage: StageModel, platform: Platform) -> tuple[HeardTree, ...]:
+    """Return the trees that a stage publishes, by domain and topic, in the order of transforms.
+
+    Transforms of different domains, or on different topics, never meet.
+    """
+    heard: dict[tuple[str, str], list[Edge]] = {}
+    for edge in (*published_edges(stage, platform), *moved_edges(stage, platform)):
+        topic = edge.topic.removesuffix(_STATIC)
+        heard.setdefault((edge.domain.name, topic), []).append(edge)
+    return tuple(HeardTree(*key, tree(edges)) for key, edges in heard.items())
+
+
+def trees_by_domain(edges: Iterable[Edge]) -> dict[str, Tree[Edge]]:
+    """Return what tf2 makes of transforms on one topic, by the name of the domain."""
+    heard: dict[str, list[Edge]] = {}
+    for edge in edges:
+        heard.setdefault(edge.domain.name, []).append(edge)
+    return {name: tree(sent) for name, sent in heard.items()}
+
+
+def tree_of_tf2(stage: StageModel, platform: Platform) -> tuple[HeardTree, ...]:
+    """Return the trees on the topics that tf2 listens to by itself, one for each domain."""
+    own = platform.ros.tree_topics
+    return tuple(heard for heard in heard_trees(stage, platform) if heard.topic in own)
+
+
+def is_tree_known(stage: StageModel, platform: Platform) -> bool:
+    """Whether all frames are known: no node and no asset hides some, and every publisher works.
+
+    The fault of a publisher that sends nothing is reported at that publisher.
+    """
+    sending = {edge.publisher for edge in published_edges(stage, platform)}
+    idle = [
+        node
+        for node in live_nodes(stage, platform).values()
+        if node.type is not None and node.type.tf is not None and node.type.role
+        if node.path not in sending
+    ]
+    return not (unknown_publishers(stage, platform) or unresolved_frames(stage, platform) or idle)
+
+
+@once_per_stage
+def _transform_publishers(stage: StageModel, platform: Platform) -> tuple[tuple[Node, str], ...]:
     """Return the running nodes that publish transforms, with the topic they publish on."""
-    live, senders = live_nodes(stage, lab), list[tuple[Node, str]]()
-    for node in running_nodes(stage, lab).values():
+    live, senders = live_nodes(stage, platform), list[tuple[Node, str]]()
+    for node in running_nodes(stage, platform).values():
         kind = node.type
         if kind is None or kind.role != "publisher":
             continue
         message = message_type(node, kind, kind.topics[0], live)
-        if kind.tf is None and message not in _transform_messages(lab):
+        if kind.tf is None and message not in _transform_messages(platform):
             continue
         written = effective_value(node, kind.topics[0], live)
         topic = (
-            resolve(namespace_of(node, stage, lab, live), written)
+            resolve(namespace_of(node, stage, platform, live), written)
             if isinstance(written, str)
             else None
         )
@@ -174,9 +217,9 @@ def _transform_publishers(stage: StageModel, lab: Lab) -> tuple[tuple[Node, str]
 
 
 @lru_cache(maxsize=16)
-def _transform_messages(lab: Lab) -> frozenset[str]:
+def _transform_messages(platform: Platform) -> frozenset[str]:
     """Return the types of the messages that nodes which publish transforms send."""
-    types = lab.catalog.types.values()
+    types = platform.types.values()
     return frozenset(kind.message[""] for kind in types if kind.tf and kind.role)
 
 
@@ -208,7 +251,7 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
             expanded=pair.expanded, sure=is_sure, domain=domain,
         )  # fmt: skip
         edges.append(edge)
-    top = parent_frame(maker, scene.stage, scene.lab)
+    top = parent_frame(maker, scene.stage, scene.platform)
     hidden = tuple(
         replace(frames, parent=top, publisher=node.path, cause=maker.path, topic=topic)
         for frames in (unresolved_frames_of(maker, scene.stage) if arrays.is_filled else ())
@@ -217,7 +260,9 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
 
 
 def _is_sure(scene: _Scene, *nodes: Node) -> bool:
-    return severity_if_uncertain(scene.stage, scene.lab, *(node.path for node in nodes)) is None
+    return (
+        severity_if_uncertain(scene.stage, scene.platform, *(node.path for node in nodes)) is None
+    )
 
 
 class _Arrays(Struct, frozen=True):
@@ -256,7 +301,7 @@ def _arrays(node: Node, ports: TfPorts, scene: _Scene) -> _Arrays | None:
         targets = listed_targets(node)
         if any(not stage.prim(path) and not unknown_target(path, stage) for path in targets):
             return _Arrays(node, is_filled=False)
-        return _Arrays(node, computed_pairs(node, stage, scene.lab))
+        return _Arrays(node, computed_pairs(node, stage, scene.platform))
     if not all(makers.values()):
         return _Arrays(node, is_filled=False)
     maker = first[0][0]
@@ -264,5 +309,5 @@ def _arrays(node: Node, ports: TfPorts, scene: _Scene) -> _Arrays | None:
     sources = [makers[port][0] for port in ports.arrays]
     if not gives or any(source.path != maker.path or out not in gives for source, out in sources):
         return None
-    pairs = computed_pairs(maker, stage, scene.lab)
+    pairs = computed_pairs(maker, stage, scene.platform)
     return _Arrays(maker, pairs, tuple(gives.index(out) for _, out in sources))

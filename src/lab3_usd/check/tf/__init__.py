@@ -1,1 +1,0 @@
-"""The TF frames that a stage publishes."""

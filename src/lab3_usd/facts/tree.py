@@ -1,0 +1,193 @@
+"""What tf2 makes of transforms: a tree, or what keeps them from being one.
+
+Whoever asks gives the transforms that one listener hears: those of one domain, on one topic and its
+static twin. Published transforms, recorded ones and those of a dry run are all judged here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from types import MappingProxyType
+from typing import Generic, Protocol, TypeVar
+
+from msgspec import Struct
+
+from lab3_usd.model.stage import is_acyclic
+
+
+class Placement(Protocol):
+    """A transform, wherever it is from: `publisher` is empty where nobody knows who sends it."""
+
+    @property
+    def parent(self) -> str:
+        """The frame above."""
+
+    @property
+    def child(self) -> str:
+        """The frame that is placed."""
+
+    @property
+    def publisher(self) -> str:
+        """Who sends it."""
+
+
+_Edge = TypeVar("_Edge", bound=Placement)
+_NONE: Mapping[str, str] = MappingProxyType({})
+
+
+class Tree(Struct, Generic[_Edge], frozen=True, dict=True):
+    """The transforms that one listener of tf2 hears, in the order in which they are known.
+
+    tf2 rejects a transform of a frame below itself, keeps the latest of several parents, and looks
+    nothing up in a cycle.
+    """
+
+    edges: tuple[_Edge, ...]
+
+    @cached_property
+    def by_child(self) -> dict[str, list[_Edge]]:
+        """The transforms that place each frame."""
+        placed: dict[str, list[_Edge]] = {}
+        for edge in self.edges:
+            placed.setdefault(edge.child, []).append(edge)
+        return placed
+
+    @cached_property
+    def by_parent(self) -> dict[str, list[_Edge]]:
+        """The transforms below each frame."""
+        below: dict[str, list[_Edge]] = {}
+        for edge in self.edges:
+            below.setdefault(edge.parent, []).append(edge)
+        return below
+
+    @cached_property
+    def self_parents(self) -> tuple[_Edge, ...]:
+        """The transforms of frames below themselves."""
+        return tuple(edge for edge in self.edges if edge.parent == edge.child)
+
+    @cached_property
+    def several_parents(self) -> dict[str, tuple[str, ...]]:
+        """The frames with more than one parent beside themselves, with these."""
+        parents = {child: self.parents_of(child) for child in self.by_child}
+        return {child: names for child, names in parents.items() if len(names) > 1}
+
+    def parents_of(self, child: str) -> tuple[str, ...]:
+        """Return the parents of a frame beside itself, each once."""
+        above = (edge.parent for edge in self.by_child.get(child, ()) if edge.parent != child)
+        return tuple(dict.fromkeys(above))
+
+    @cached_property
+    def several_publishers(self) -> dict[tuple[str, str], tuple[_Edge, ...]]:
+        """The transforms, by parent and child, that more than one publisher sends."""
+        sent: dict[tuple[str, str], list[_Edge]] = {}
+        for edge in self.edges:
+            if edge.parent != edge.child:
+                sent.setdefault((edge.parent, edge.child), []).append(edge)
+        return {
+            pair: tuple(edges)
+            for pair, edges in sent.items()
+            if len({edge.publisher for edge in edges}) > 1
+        }
+
+    @cached_property
+    def cycle(self) -> tuple[str, ...]:
+        """The frames of cycles, and of what lies between two of them, as the edges name them."""
+        return tuple(frames_in_cycles(self.edges))
+
+    @cached_property
+    def roots(self) -> tuple[str, ...]:
+        """The frames below no other, then one frame of every cycle that hangs below none."""
+        tops = [name for name in self.by_parent if name not in self.by_child]
+        reached: set[str] = set()
+        for top in [*tops, *self.by_parent]:
+            if top not in reached and top not in tops:
+                tops.append(top)
+            reached |= self.below(top) - reached
+        return tuple(tops)
+
+    def below(self, *tops: str) -> set[str]:
+        """Return the frames that hang below some, and these."""
+        reached: set[str] = set()
+        ahead = list(tops)
+        while ahead:
+            name = ahead.pop()
+            if name not in reached:
+                reached.add(name)
+                ahead.extend(edge.child for edge in self.by_parent.get(name, ()))
+        return reached
+
+    @cached_property
+    def parts(self) -> tuple[tuple[tuple[_Edge, ...], frozenset[str]], ...]:
+        """The trees that nothing connects: their transforms and frames, the largest first."""
+        parts: list[tuple[list[_Edge], set[str]]] = []
+        for edge in self.edges:
+            touched = [part for part in parts if {edge.parent, edge.child} & part[1]]
+            joined = ([edge], {edge.parent, edge.child})
+            for part in touched:
+                parts.remove(part)
+                joined = (part[0] + joined[0], part[1] | joined[1])
+            parts.append(joined)
+        ordered = sorted(parts, key=lambda part: -len(part[1]))
+        return tuple((tuple(edges), frozenset(frames)) for edges, frames in ordered)
+
+
+def tree(edges: Iterable[_Edge]) -> Tree[_Edge]:
+    """Return what tf2 makes of transforms that one listener hears."""
+    return Tree(tuple(edges))
+
+
+def frames_in_cycles(edges: Iterable[Placement]) -> list[str]:
+    """Return the frames of cycles, and of what lies between two of them, as the edges name them."""
+    pairs = [(edge.parent, edge.child) for edge in edges]
+    if is_acyclic(pairs):
+        return []
+    import networkx as nx
+
+    graph = nx.DiGraph(pairs)
+    components = nx.strongly_connected_components(graph)
+    rings = {name for component in components if len(component) > 1 for name in component}
+    rings.update(nx.nodes_with_selfloops(graph))
+    below = rings.union(*(nx.descendants(graph, name) for name in rings))
+    above = rings.union(*(nx.ancestors(graph, name) for name in rings))
+    return [name for name in graph if name in above and name in below]
+
+
+class FrameFault(Struct, frozen=True):
+    """Something that tf2 cannot make a tree of, at one frame."""
+
+    frame: str
+    kind: str
+    message: str
+
+
+def frame_faults(
+    edges: Sequence[Placement], reserved: Mapping[str, str] = _NONE
+) -> list[FrameFault]:
+    """Return what is wrong with a tree, in the order of the frames.
+
+    `reserved` are the frames that only something outside the stage may place, with its name.
+    """
+    faults = []
+    heard = tree(edges)
+    own = {edge.child for edge in heard.self_parents}
+    for frame in heard.by_child:
+        names = heard.parents_of(frame)
+        if frame in reserved:
+            faults.append(FrameFault(frame, "reserved", f"only {reserved[frame]} may place it"))
+        if frame in heard.several_parents:
+            faults.append(
+                FrameFault(frame, "two parents", f"{len(names)} parents: {', '.join(names)}")
+            )
+        for name in names:
+            times = len(
+                {edge.publisher for edge in heard.several_publishers.get((name, frame), ())}
+            )
+            if times:
+                text = f"{times} publishers below {name}"
+                faults.append(FrameFault(frame, "published twice", text))
+        if frame in own:
+            faults.append(FrameFault(frame, "own parent", "its own parent"))
+        elif frame in heard.cycle:
+            faults.append(FrameFault(frame, "ring", "part of a cycle"))
+    return faults

@@ -1,0 +1,135 @@
+"""The trees of frames that any stage publishes, and names as nodes write them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from lab3_usd.facts.endpoints import namespace_of, resolve, used_topics
+from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources, run_states
+from lab3_usd.facts.frame_targets import tf_ports
+from lab3_usd.facts.frames import (
+    tf2_name,
+)
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.stage import Node, StageModel
+
+_POSE = ("inputs:position", "inputs:translation")
+_WHOLE = re.compile(r"^/?([A-Za-z0-9].*[A-Za-z0-9]|[A-Za-z0-9])$")
+
+
+class WrittenTopic(Struct, frozen=True, eq=False):
+    """The name of a topic; `resolved` is None where ROS 2 refuses it."""
+
+    node: Node
+    port: str
+    written: str
+    resolved: str | None
+
+    @property
+    def is_changed(self) -> bool:
+        """Whether more is stripped off than what everybody writes: a slash before."""
+        return _WHOLE.match(self.written) is None
+
+
+def written_topics(stage: StageModel, platform: Platform) -> Iterator[WrittenTopic]:
+    """Yield the topics and services that live nodes name."""
+    for node in live_nodes(stage, platform).values():
+        kind = node.type
+        if kind is None or not kind.role:
+            continue
+        for port in (*used_topics(node, kind, live_nodes(stage, platform)), *kind.services):
+            value = effective_value(node, port, live_nodes(stage, platform))
+            if isinstance(value, str):
+                yield WrittenTopic(node, port, value, resolve("", value))
+
+
+def written_frames(stage: StageModel, platform: Platform) -> Iterator[tuple[Node, str, str]]:
+    """Yield the frames that live nodes name: the node, the port and the name."""
+    for node in live_nodes(stage, platform).values():
+        kind = node.type
+        if kind is None or not kind.topics or node.path not in run_states(stage, platform):
+            continue
+        used = set(used_topics(node, kind, live_nodes(stage, platform)))
+        for port in kind.frames:
+            right = port.endswith("Right")
+            value = effective_value(node, port, live_nodes(stage, platform))
+            if isinstance(value, str) and (not right or any(t.endswith("Right") for t in used)):
+                yield node, port, value
+
+
+def refused_namespaces(stage: StageModel, platform: Platform) -> Iterator[tuple[Node, str]]:
+    """Yield each namespace that ROS 2 refuses, with the first node whose topics are in it."""
+    refused: set[str] = set()
+    for node in live_nodes(stage, platform).values():
+        if node.type is None or not node.type.role:
+            continue
+        namespace = namespace_of(node, stage, platform, live_nodes(stage, platform))
+        if namespace and namespace not in refused and resolve(namespace, "topic") is None:
+            refused.add(namespace)
+            yield node, namespace
+
+
+def message_frames(stage: StageModel, platform: Platform) -> Iterator[tuple[Node, str, str]]:
+    """Yield the frames that messages name, but those of transforms themselves."""
+    for node, port, value in written_frames(stage, platform):
+        if node.type is not None and node.type.tf is None and node.type.role != "subscriber":
+            yield node, port, value
+
+
+class OdometryPair(Struct, frozen=True, eq=False):
+    """A message and a transform that tell the same pose, with the frames of both."""
+
+    publisher: Node
+    port: str
+    message: tuple[str, str]
+    tree: Node
+    transform: tuple[str, str]
+
+
+class _SentPose(Struct, frozen=True, eq=False):
+    """A pose that a node sends: the port that names the child, both frames, and who computes it."""
+
+    node: Node
+    port: str
+    frames: tuple[str, str]
+    maker: str
+    is_transform: bool
+
+
+def odometry_pairs(stage: StageModel, platform: Platform) -> Iterator[OdometryPair]:
+    """Yield messages and transforms whose pose comes from one node."""
+    poses = [
+        pose
+        for node in live_nodes(stage, platform).values()
+        if (pose := _sent_pose(node, stage, platform))
+    ]
+    for message in poses:
+        for transform in poses:
+            if message.maker != transform.maker:
+                continue
+            if transform.is_transform and not message.is_transform:
+                yield OdometryPair(
+                    message.node, message.port, message.frames, transform.node, transform.frames
+                )
+
+
+def _sent_pose(node: Node, stage: StageModel, platform: Platform) -> _SentPose | None:
+    sources = (
+        source
+        for port in _POSE
+        for source, _ in live_sources(node, port, live_nodes(stage, platform))
+    )
+    maker = next(sources, None)
+    if node.type is None or maker is None or node.path not in run_states(stage, platform):
+        return None
+    names = tf_ports(node).names
+    ports = names or node.type.frames
+    values = [effective_value(node, port, live_nodes(stage, platform)) for port in ports]
+    texts = [value for value in values if isinstance(value, str)]
+    if len(texts) != len(_POSE) or len(ports) != len(_POSE):
+        return None
+    frames = (tf2_name(texts[0]), tf2_name(texts[1])) if names else (texts[0], texts[1])
+    return _SentPose(node, ports[1], frames, maker.path, bool(names))

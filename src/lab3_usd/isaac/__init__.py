@@ -1,0 +1,1 @@
+"""What Isaac Sim is: node types, events, names, schemas of sensors; one release, no lab."""

@@ -1,0 +1,165 @@
+"""What node types do that their ports do not say: what they need, follow, read and change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from fnmatch import fnmatchcase
+from functools import lru_cache
+from typing import Literal
+
+from msgspec import Struct
+
+from lab3_usd.isaac.releases import is_within
+
+
+class Need(Struct, frozen=True, forbid_unknown_fields=True):
+    """Inputs of which a node needs one that is wired or set, or else works on zeros.
+
+    With `when` it needs it only where that input is wired or set, or switched on, with
+    `when_wired` where it is wired, and with `unless` where it is not switched on. With
+    `zero_counts`, zeros that somebody wrote are as good as other values. `effect` says what
+    happens without, `source` names the file of Isaac Sim that shows it. `until` is the last release
+    in which it does, '' where all do.
+    """
+
+    inputs: tuple[str, ...]
+    effect: str
+    source: str
+    when: str = ""
+    when_wired: str = ""
+    unless: str = ""
+    zero_counts: bool = False
+    severity: Literal["error", "warning"] = "error"
+    until: str = ""
+
+
+class SensorOf(Struct, frozen=True, forbid_unknown_fields=True):
+    """The sensors whose render product a node reads: prims of these types.
+
+    `schemas_until` are schemas that also made a prim such a sensor, each with the last release in
+    which it did. `needs` is a schema that a prim of the types must carry, '' where it needs none.
+    """
+
+    types: tuple[str, ...]
+    source: str
+    schemas_until: Mapping[str, str] = {}
+    needs: str = ""
+
+    def schemas_in(self, release: str) -> set[str]:
+        """Return the schemas that make a prim such a sensor in a release."""
+        return {name for name, last in self.schemas_until.items() if is_within(release, "", last)}
+
+
+class BodyOf(Struct, frozen=True, forbid_unknown_fields=True):
+    """The body that a node follows: the prim of the input `prim`, with one of these schemas.
+
+    A prim without them that carries the schema `robot` stands for the first link that it lists in
+    the relationship `links`: a prim with the schema `link`, or that of a robot that it lists. It
+    does so from the release `robot_since` on. `gives` are the outputs that change as the body
+    moves.
+    """
+
+    prim: str
+    schemas: tuple[str, ...]
+    robot: str
+    links: str
+    link: str
+    gives: tuple[str, ...]
+    source: str
+    robot_since: str = ""
+
+
+class JointsOf(Struct, frozen=True, forbid_unknown_fields=True):
+    """How a node picks the joints that it moves, each with the last release in which it does so.
+
+    Until `zeros_until` numbers of joints that are all 0 are ignored, so that all joints move. Until
+    `spreads_until` one command counts for all joints named.
+    """
+
+    zeros_until: str
+    spreads_until: str
+    source: str
+
+
+class UnitOf(Struct, frozen=True, forbid_unknown_fields=True):
+    """The unit of length of what a node gives.
+
+    `metres` are outputs in metres. Others keep the unit of the input `passes`; where the input `by`
+    says so, metres become units of the stage (`to_stage`) or the other way (`to_metres`).
+    """
+
+    source: str
+    metres: tuple[str, ...] = ()
+    passes: str = ""
+    by: str = ""
+    to_stage: str = ""
+    to_metres: str = ""
+
+
+class TargetOf(Struct, frozen=True, forbid_unknown_fields=True):
+    """The prims that a node can read by its input `input`.
+
+    Such a prim has one of these types and one of these schemas, where any are listed. A prim above
+    it carries the schema `inside`; it or a prim below it carries `holds`. `since` is the first
+    release in which that holds.
+    """
+
+    input: str
+    what: str
+    effect: str
+    source: str
+    types: tuple[str, ...] = ()
+    schemas: tuple[str, ...] = ()
+    inside: str = ""
+    holds: str = ""
+    since: str = ""
+
+
+class QuantityOf(Struct, frozen=True, forbid_unknown_fields=True):
+    """The quantities that outputs give, and those that inputs are meant for."""
+
+    source: str
+    gives: Mapping[str, str] = {}
+    takes: Mapping[str, tuple[str, ...]] = {}
+
+
+@lru_cache(maxsize=1024)
+def _is_one_of(name: str, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatchcase(name, pattern) for pattern in patterns)
+
+
+class Scripts(Struct, frozen=True, forbid_unknown_fields=True):
+    """Node types (patterns) and schemas that run code from the file."""
+
+    types: tuple[str, ...]
+    apis: tuple[str, ...]
+
+    def runs(self, node_type: str) -> bool:
+        """Whether a node of this type runs code that the file holds."""
+        return _is_one_of(node_type, self.types)
+
+    def among(self, apis: Iterable[str]) -> str | None:
+        """Return the first of these schemas by which a prim runs code, None where there is none."""
+        return next((api for api in apis if api in self.apis), None)
+
+
+class SingleSignal(Struct, frozen=True, forbid_unknown_fields=True):
+    """Outputs that signal once, unless a wire reaches `again`."""
+
+    outputs: tuple[str, ...]
+    again: str = ""
+
+
+class WriterPorts(Struct, frozen=True, forbid_unknown_fields=True):
+    """The inputs of a type that say what it changes in the scene.
+
+    `prims` are relationships, `paths` texts; `wires` lead to the node whose work is changed.
+    `property` is what is written, '' for the prims themselves. A prim without one of the `schemas`
+    does not change.
+    """
+
+    prims: tuple[str, ...] = ()
+    paths: tuple[str, ...] = ()
+    wires: tuple[str, ...] = ()
+    property: str = ""
+    schemas: tuple[str, ...] = ()

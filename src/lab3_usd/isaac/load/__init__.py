@@ -1,0 +1,1 @@
+"""Reads the files of `graphs/isaac/`, and those in which a lab adds to them."""

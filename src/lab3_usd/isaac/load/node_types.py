@@ -1,0 +1,273 @@
+"""Loads node types: their ports as `name: type = default`, and what a type does with them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal, TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.errors import SpecError
+from lab3_usd.isaac.node_types import (
+    INPUT,
+    OUTPUT,
+    DrivePorts,
+    Dynamic,
+    NodeType,
+    Port,
+    ProductPorts,
+    TfPorts,
+)
+from lab3_usd.isaac.values import Value, is_known_type, typed_value
+from lab3_usd.yaml_file import record
+
+_RELATIONSHIP = "rel"
+Fact = TypeVar("Fact")
+
+
+class PortEntry(Struct, forbid_unknown_fields=True):
+    """The long form of a port; most are written `TYPE = DEFAULT`."""
+
+    type: str
+    default: Any = None
+    allowed: tuple[str, ...] = ()
+    of: tuple[str, ...] = ()
+    output_only: bool = False
+    deprecated: bool = False
+    former: Any = None
+
+
+class _DrivesEntry(Struct, forbid_unknown_fields=True):
+    robot: tuple[str, str]
+    joints: str
+    indices: str
+    commands: tuple[str, ...]
+
+
+class _ProductEntry(Struct, forbid_unknown_fields=True):
+    named: str
+    camera: str
+    size: tuple[str, str]
+
+
+class TypeEntry(Struct, forbid_unknown_fields=True):
+    """A node type, as in its `.ogn` file or a saved stage.
+
+    A port is written `name: type = default`. `execution` ports carry signals, `target` ports name
+    prims, `union` ports take the type of their connection. A publisher has a `role`, a `message`,
+    and ports with `topics` and `frames`. Of a type of Isaac Sim what differs is enough; another one
+    has a `version`, a `name`, and the name `prim` that the editor gives to its prims.
+    """
+
+    version: int | None = None
+    name: str = ""
+    prim: str = ""
+    handout: str = ""
+    inputs: dict[str, str | PortEntry] = {}
+    outputs: dict[str, str | PortEntry] = {}
+    former: dict[str, Any] = {}
+    dynamic: Dynamic | None = None
+    role: Literal["", "publisher", "subscriber", "helper", "service"] = ""
+    topics: tuple[str, ...] = ()
+    only_of: dict[str, tuple[str, ...]] = {}
+    services: tuple[str, ...] = ()
+    message: str | dict[str, str] = {}
+    moved: dict[str, str] = {}
+    frames: tuple[str, ...] = ()
+    tf: TfPorts | None = None
+    articulation: tuple[str, ...] = ()
+    time_step: tuple[str, ...] = ()
+    step_limits: tuple[str, ...] = ()
+    sizes: dict[str, int] = {}
+    drives: _DrivesEntry | None = None
+    product: _ProductEntry | None = None
+    same_in_metres: tuple[str, ...] = ()
+    grows_by_message: bool = False
+    is_open: bool = False
+
+
+_FIELDS = {
+    "inputs": "ports",
+    "outputs": "ports",
+    "former": "ports",
+    "name": "ui_name",
+    "prim": "prim_name",
+}
+
+
+def type_over(
+    known: NodeType, entry: Mapping[str, Any], usd_types: Mapping[str, str], file: str
+) -> NodeType:
+    """Return a type with what an entry has otherwise."""
+    needed = {"version": known.version, "name": known.ui_name, "prim": known.prim_name}
+    content = record({**needed, **entry}, TypeEntry, f"{file}: {known.type}")
+    made = _node_type(known.type, content, usd_types, file, known.ports)
+    fields = {_FIELDS.get(key, key) for key in entry if key not in ("handout", "name")}
+    if "handout" in entry or known.handout_name == known.ui_name:
+        fields |= {"handout_name"} if {"handout", "name"} & set(entry) else set()
+    fields |= {"ui_name"} if "name" in entry else set()
+    return replace(known, **{field: getattr(made, field) for field in fields})
+
+
+def parse_types(
+    data: Mapping[str, Any], usd_types: Mapping[str, str], file: str
+) -> dict[str, NodeType]:
+    """Build node types that are written as those of `node_types.yaml`.
+
+    Raises:
+        SpecError: names the file, the type and the port that are wrong.
+    """
+    content = record(data, dict[str, TypeEntry], file)
+    return {
+        name: _node_type(name, type_entry, usd_types, file) for name, type_entry in content.items()
+    }
+
+
+def _node_type(
+    name: str,
+    entry: TypeEntry,
+    usd_types: Mapping[str, str],
+    file: str,
+    known: Mapping[str, Port] = {},
+) -> NodeType:
+    where = f"{file}: {name}"
+    for key in ("version", "name", "prim"):
+        if not getattr(entry, key):
+            raise SpecError(f"{where}: lacks '{key}'")
+    ports = {
+        prefix + short: parse_port(prefix + short, port_entry, usd_types, where)
+        for prefix, side in ((INPUT, entry.inputs), (OUTPUT, entry.outputs))
+        for short, port_entry in side.items()
+    }
+    ports = {**known, **ports}
+    for port in _named(entry.former, INPUT, ports, f"{where}: former"):
+        place, usd_type = f"{where}: {port}: former", ports[port].usd_type
+        ports[port] = replace(
+            ports[port], former=_value(entry.former[port[len(INPUT) :]], usd_type, place)
+        )
+    if entry.dynamic is not None:
+        grown = (f"{entry.dynamic.prefix}0", entry.dynamic.count)
+        _named(grown, INPUT, ports, f"{where}: dynamic")
+    return NodeType(
+        type=name,
+        version=entry.version or 0,
+        ui_name=entry.name,
+        handout_name=entry.handout or entry.name,
+        prim_name=entry.prim,
+        ports=ports,
+        dynamic=entry.dynamic,
+        role=entry.role,
+        topics=_named(entry.topics, INPUT, ports, f"{where}: topics"),
+        only_of=_by_port(entry.only_of, INPUT, ports, f"{where}: only_of"),
+        services=_named(entry.services, INPUT, ports, f"{where}: services"),
+        frames=_named(entry.frames, INPUT, ports, f"{where}: frames"),
+        message={"": entry.message} if isinstance(entry.message, str) else entry.message,
+        moved=entry.moved,
+        tf=_tf_ports(entry.tf, ports, f"{where}: tf"),
+        articulation=_named(entry.articulation, INPUT, ports, f"{where}: articulation"),
+        time_step=_named(entry.time_step, INPUT, ports, f"{where}: time_step"),
+        step_limits=_named(entry.step_limits, INPUT, ports, f"{where}: step_limits"),
+        sizes=_by_port(entry.sizes, OUTPUT, ports, f"{where}: sizes"),
+        drives=_drive_ports(entry.drives, ports, f"{where}: drives"),
+        product=_product_ports(entry.product, ports, f"{where}: product"),
+        same_in_metres=_named(entry.same_in_metres, INPUT, ports, f"{where}: same_in_metres"),
+        grows_by_message=entry.grows_by_message,
+        is_open=entry.is_open,
+    )
+
+
+def parse_port(
+    name: str, written: str | PortEntry, usd_types: Mapping[str, str], where: str
+) -> Port:
+    """Return a port that is written as those of types.
+
+    Raises:
+        SpecError: its type or its default is wrong; the line opens with `where`.
+    """
+    place = f"{where}: {name}"
+    entry = _short_form(written, place) if isinstance(written, str) else written
+    usd_type = usd_types.get(entry.type, entry.type)
+    if usd_type != _RELATIONSHIP and not is_known_type(usd_type):
+        raise SpecError(f"{place}: '{entry.type}' is not a type of a port")
+    # The default need not be an allowed token: Isaac Sim's own QoS profile node breaks that.
+    return Port(
+        name=name,
+        ogn_type=entry.type,
+        usd_type=usd_type,
+        default=_value(entry.default, usd_type, f"{place}: default"),
+        allowed=entry.allowed,
+        accepts=entry.of,
+        output_only=entry.output_only,
+        deprecated=entry.deprecated,
+        former=_value(entry.former, usd_type, f"{place}: former"),
+    )
+
+
+def _value(default: Any, usd_type: str, place: str) -> Value | None:
+    return None if default is None else typed_value(default, usd_type, place)
+
+
+def _short_form(text: str, place: str) -> PortEntry:
+    """Read `TYPE = JSON`."""
+    ogn_type, equals, default = text.partition(" = ")
+    if not equals:
+        return PortEntry(ogn_type)
+    try:
+        return PortEntry(ogn_type, json.loads(default))
+    except ValueError as error:
+        raise SpecError(f"{place}: default '{default}' is not JSON") from error
+
+
+def _named(
+    names: Iterable[str], prefix: str, ports: Mapping[str, Port], where: str
+) -> tuple[str, ...]:
+    """Return the full names of ports, which the type must have."""
+    found = tuple(prefix + short for short in names)
+    for name in found:
+        if name not in ports:
+            raise SpecError(f"{where} names the port '{name}', which the type does not have")
+    return found
+
+
+def _by_port(
+    facts: Mapping[str, Fact], prefix: str, ports: Mapping[str, Port], where: str
+) -> dict[str, Fact]:
+    """Return the entries of ports by their full names."""
+    return dict(zip(_named(facts, prefix, ports, where), facts.values(), strict=True))
+
+
+def _tf_ports(entry: TfPorts | None, ports: Mapping[str, Port], where: str) -> TfPorts | None:
+    if entry is None:
+        return None
+    static = () if entry.static is None else (entry.static,)
+    return TfPorts(
+        names=_named(entry.names, INPUT, ports, where),
+        arrays=_named(entry.arrays, INPUT, ports, where),
+        prims=_named(entry.prims, INPUT, ports, where),
+        gives=_named(entry.gives, OUTPUT, ports, where),
+        static=next(iter(_named(static, INPUT, ports, where)), None),
+    )
+
+
+def _drive_ports(
+    entry: _DrivesEntry | None, ports: Mapping[str, Port], where: str
+) -> DrivePorts | None:
+    if entry is None:
+        return None
+    path, target, joints, indices, *commands = _named(
+        (*entry.robot, entry.joints, entry.indices, *entry.commands), INPUT, ports, where
+    )
+    return DrivePorts(path, target, joints, indices, tuple(commands))
+
+
+def _product_ports(
+    entry: _ProductEntry | None, ports: Mapping[str, Port], where: str
+) -> ProductPorts | None:
+    if entry is None:
+        return None
+    named, camera, width, height = _named(
+        (entry.named, entry.camera, *entry.size), INPUT, ports, where
+    )
+    return ProductPorts(named, camera, (width, height))

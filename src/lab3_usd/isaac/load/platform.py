@@ -1,0 +1,247 @@
+"""Loads what Isaac Sim is from the files of `graphs/isaac/`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from msgspec import Struct
+
+from lab3_usd.errors import SpecError
+from lab3_usd.isaac.behaviour import (
+    BodyOf,
+    JointsOf,
+    Need,
+    QuantityOf,
+    Scripts,
+    SensorOf,
+    SingleSignal,
+    TargetOf,
+    UnitOf,
+    WriterPorts,
+)
+from lab3_usd.isaac.load.graph_form import GraphEntry, graph_form
+from lab3_usd.isaac.load.node_types import PortEntry, parse_port, parse_types
+from lab3_usd.isaac.node_types import (
+    INPUT,
+    NodeType,
+)
+from lab3_usd.isaac.platform import Platform, RosNames
+from lab3_usd.isaac.releases import BASE, Release, TypeChanges
+from lab3_usd.yaml_file import read_yaml, record
+
+
+class EventEntry(Struct, forbid_unknown_fields=True):
+    """The pipeline stage in which an event fires, and its output with the length of a step."""
+
+    stage: str = ""
+    delta: str = ""
+
+
+class _SystemFile(Struct, forbid_unknown_fields=True):
+    """How Isaac Sim saves and runs graphs."""
+
+    usd_types: dict[str, str]
+    lookalikes: dict[str, str]
+    events: dict[str, EventEntry]
+    once: dict[str, SingleSignal]
+    gates: dict[str, str]
+    scripts: Scripts
+    world_frame: str
+    graph: GraphEntry
+    writers: dict[str, WriterPorts]
+    looks: tuple[str, ...]
+    types: dict[str, Any]
+
+
+def stages_of(events: Mapping[str, EventEntry]) -> dict[str, str]:
+    """Return the pipeline stage of each event."""
+    return {name: event.stage for name, event in events.items()}
+
+
+def deltas_of(events: Mapping[str, EventEntry]) -> dict[str, str]:
+    """Return the output with the length of a step, of the events that have one."""
+    return {name: event.delta for name, event in events.items() if event.delta}
+
+
+def transform_messages(types: Mapping[str, NodeType]) -> frozenset[str]:
+    """Return the types of the messages that nodes which publish transforms send."""
+    senders = (kind for kind in types.values() if kind.tf and kind.role)
+    return frozenset(message for kind in senders if (message := kind.message.get("")))
+
+
+_Fact = TypeVar("_Fact")
+SYSTEM = "omnigraph.yaml"
+ROS = "ros.yaml"
+TYPES = "node_types.yaml"
+KIT_TYPES = "kit_types.yaml"
+ROLES = "roles.yaml"
+NEEDS = "needs.yaml"
+VERSIONS = "versions.yaml"
+LATER = "later_releases.yaml"
+RENAMES = "renames.yaml"
+SENSORS = "sensors.yaml"
+BODIES = "bodies.yaml"
+JOINTS = "joints.yaml"
+UNITS = "units.yaml"
+TARGETS = "targets.yaml"
+QUANTITIES = "quantities.yaml"
+APPLICATION = "application.yaml"
+
+
+class _Renames(Struct, forbid_unknown_fields=True):
+    prefixes: dict[str, str]
+    renamed: dict[str, str]
+
+
+class _ChangesEntry(Struct, forbid_unknown_fields=True):
+    version: int | None = None
+    ports: dict[str, str | PortEntry] = {}
+    lacks: tuple[str, ...] = ()
+    defaults: dict[str, Any] = {}
+    allowed: dict[str, tuple[str, ...]] = {}
+    message: dict[str, str] = {}
+
+
+class _ReleaseEntry(Struct, forbid_unknown_fields=True):
+    has: dict[str, Any] = {}
+    lacks: tuple[str, ...] = ()
+    types: dict[str, _ChangesEntry] = {}
+
+
+class _LaterReleases(Struct, forbid_unknown_fields=True):
+    usd_types: dict[str, str]
+    types: dict[str, Any]
+    releases: dict[str, _ReleaseEntry]
+
+
+class _Application(Struct, forbid_unknown_fields=True):
+    prims: tuple[str, ...]
+
+
+def assemble_platform(folder: Path) -> Platform:
+    """Read the files of `folder`.
+
+    Raises:
+        SpecError: a file is missing or wrong.
+    """
+    name = folder.name
+    system = record(read_yaml(folder / SYSTEM), _SystemFile, f"{name}/{SYSTEM}")
+    data = read_yaml(folder / TYPES)
+    later = record(read_yaml(folder / LATER), _LaterReleases, f"{name}/{LATER}")
+    usd_types = {**system.usd_types, **data["usd_types"], **later.usd_types}
+    public = _with_roles({**data["types"], **later.types}, folder)
+    kit = read_yaml(folder / KIT_TYPES)["types"]
+    types = {
+        **parse_types(kit, usd_types, f"{name}/{KIT_TYPES}"),
+        **parse_types(public, usd_types, f"{name}/{TYPES}"),
+        **parse_types(system.types, usd_types, f"{name}/{SYSTEM}"),
+    }
+    names = record(read_yaml(folder / RENAMES), _Renames, f"{name}/{RENAMES}")
+    earlier = record(
+        _tuples(read_yaml(folder / VERSIONS)), dict[str, _ReleaseEntry], f"{name}/{VERSIONS}"
+    )
+    releases = {
+        release: _release(entry, usd_types, f"{name}: {release}")
+        for release, entry in {**earlier, **later.releases}.items()
+    }
+
+    def by_type(file: str, kind: type[_Fact]) -> dict[str, _Fact]:
+        return record(read_yaml(folder / file), dict[str, kind], f"{name}/{file}")  # type: ignore[valid-type]
+
+    sensors = by_type(SENSORS, SensorOf)
+    return Platform(
+        release=BASE,
+        types=types,
+        base=types,
+        releases=releases,
+        usd_types=usd_types,
+        graph=graph_form(system.graph, f"{name}/{SYSTEM}: graph"),
+        prefixes=names.prefixes,
+        renamed=names.renamed,
+        lookalikes=system.lookalikes,
+        events=stages_of(system.events),
+        deltas=deltas_of(system.events),
+        once=system.once,
+        gates=system.gates,
+        scripts=system.scripts,
+        world_frame=system.world_frame,
+        writers=system.writers,
+        looks=system.looks,
+        ros=record(read_yaml(folder / ROS), RosNames, f"{name}/{ROS}"),
+        transform_messages=transform_messages(types),
+        needs=_needs(folder, types, releases),
+        sensors=sensors,
+        bodies=by_type(BODIES, BodyOf),
+        joints=by_type(JOINTS, JointsOf),
+        units=by_type(UNITS, UnitOf),
+        targets=by_type(TARGETS, TargetOf),
+        quantities=by_type(QUANTITIES, QuantityOf),
+        application_prims=record(
+            read_yaml(folder / APPLICATION), _Application, f"{name}/{APPLICATION}"
+        ).prims,
+        placed=frozenset(kind for sensor in sensors.values() for kind in sensor.types),
+    )
+
+
+def _with_roles(types: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the entries of types with the facts about their ports that are written by hand.
+
+    Raises:
+        SpecError: a type is not there.
+    """
+    roles = read_yaml(folder / ROLES)
+    for name in roles:
+        if name not in types:
+            raise SpecError(f"{folder.name}/{ROLES}: '{name}' is not a node type")
+    return {name: {**entry, **roles.get(name, {})} for name, entry in types.items()}
+
+
+def _release(entry: _ReleaseEntry, usd_types: Mapping[str, str], where: str) -> Release:
+    changes = {
+        name: TypeChanges(
+            version=node.version,
+            ports={
+                full: parse_port(full, port, usd_types, f"{where}: {name}")
+                for full, port in node.ports.items()
+            },
+            lacks=node.lacks,
+            defaults=_tuples(node.defaults),
+            allowed=node.allowed,
+            message=node.message,
+        )
+        for name, node in entry.types.items()
+    }
+    return Release(parse_types(entry.has, usd_types, where), entry.lacks, changes)
+
+
+def _tuples(data: Any) -> Any:
+    """Make lists of values comparable with the values of ports."""
+    if isinstance(data, dict):
+        return {key: _tuples(entry) for key, entry in data.items()}
+    return tuple(_tuples(entry) for entry in data) if isinstance(data, list) else data
+
+
+def _needs(
+    folder: Path, types: Mapping[str, NodeType], releases: Mapping[str, Release]
+) -> dict[str, tuple[Need, ...]]:
+    where = f"{folder.name}/{NEEDS}"
+    needs = record(read_yaml(folder / NEEDS), dict[str, tuple[Need, ...]], where)
+    for name, entries in needs.items():
+        kind = types.get(name)
+        if kind is None:
+            raise SpecError(f"{where}: '{name}' is not a node type")
+        known = set(kind.ports)
+        for release in releases.values():
+            known |= set(release.types[name].ports if name in release.types else ())
+        for short in (port_name for need in entries for port_name in _isaac_named(need)):
+            if INPUT + short not in known:
+                raise SpecError(f"{where}: {name} has no input '{short}'")
+    return needs
+
+
+def _isaac_named(need: Need) -> Iterator[str]:
+    """Yield the inputs that an entry names."""
+    yield from need.inputs
+    yield from filter(None, (need.when, need.when_wired, need.unless))

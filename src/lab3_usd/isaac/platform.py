@@ -1,0 +1,157 @@
+"""What Isaac Sim is, in one release: its node types, how graphs run, and the rules of ROS names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.isaac.behaviour import (
+    BodyOf,
+    JointsOf,
+    Need,
+    QuantityOf,
+    Scripts,
+    SensorOf,
+    SingleSignal,
+    TargetOf,
+    UnitOf,
+    WriterPorts,
+)
+from lab3_usd.isaac.graph_form import GraphForm
+from lab3_usd.isaac.node_types import NodeType
+from lab3_usd.isaac.releases import BASE, Release, changed, order
+
+
+class SensorRate(Struct, frozen=True, forbid_unknown_fields=True):
+    """The attribute that says how often a sensor gives its data, in Hz.
+
+    `schemas` are those that have it, with its value where none is written.
+    """
+
+    attribute: str
+    schemas: Mapping[str, float]
+
+
+class RosNames(Struct, frozen=True, forbid_unknown_fields=True):
+    """What the ROS 2 bridge makes of names.
+
+    The input `namespace` of a node, and the attribute `namespace_attribute` of prims, go before
+    topics. tf2 listens to the `tree_topics`, which may have several publishers.
+    """
+
+    namespace: str
+    namespace_attribute: str
+    tree_topics: tuple[str, ...]
+    rate: SensorRate
+
+
+class Platform(Struct, frozen=True, eq=False):
+    """What Isaac Sim is in one release, apart from any lab.
+
+    `types` are the node types by their names in this release, `base` those of the release that all
+    others are told apart from, and `releases` what those have otherwise. `prefixes`, `renamed` and
+    `lookalikes` are names that mean another.
+
+    `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
+    in which it does, '' where a stage does not tell whether it will; `deltas` name their outputs
+    that give the length of a step. `once` are the types with outputs that signal a single time
+    after Play, `gates` those that pass no signal on while the input named there is 0. Below
+    `world_frame` hangs what has no parent prim. `writers` change the scene; what begins with one of
+    the `looks` is a property that only changes what one sees. `placed` are the types of prims whose
+    place matters beside those of bodies, `attributes` those that are read beside the usual ones.
+    """
+
+    release: str
+    types: Mapping[str, NodeType]
+    base: Mapping[str, NodeType]
+    releases: Mapping[str, Release]
+    usd_types: Mapping[str, str]
+    graph: GraphForm
+    prefixes: Mapping[str, str]
+    renamed: Mapping[str, str]
+    lookalikes: Mapping[str, str]
+    events: Mapping[str, str]
+    deltas: Mapping[str, str]
+    once: Mapping[str, SingleSignal]
+    gates: Mapping[str, str]
+    scripts: Scripts
+    world_frame: str
+    writers: Mapping[str, WriterPorts]
+    looks: tuple[str, ...]
+    ros: RosNames
+    transform_messages: frozenset[str]
+    needs: Mapping[str, tuple[Need, ...]]
+    sensors: Mapping[str, SensorOf]
+    bodies: Mapping[str, BodyOf]
+    joints: Mapping[str, JointsOf]
+    units: Mapping[str, UnitOf]
+    targets: Mapping[str, TargetOf]
+    quantities: Mapping[str, QuantityOf]
+    application_prims: tuple[str, ...]
+    placed: frozenset[str] = frozenset()
+    attributes: frozenset[str] = frozenset()
+
+    def modern(self, name: str) -> str:
+        """Return the name that an old name of a type means; other names come back unchanged."""
+        if name in self.renamed:
+            return self.renamed[name]
+        prefix, _, rest = name.rpartition(".")
+        return f"{self.prefixes[prefix]}.{rest}" if prefix in self.prefixes else name
+
+    def get(self, name: str) -> NodeType | None:
+        """Return the type that a file's `node:type` means, old names included."""
+        return self.types.get(name) or self.types.get(self.modern(name))
+
+    @property
+    def known_releases(self) -> tuple[str, ...]:
+        """All releases that are known, the oldest first."""
+        return tuple(sorted((*self.releases, BASE), key=order))
+
+    def releases_of(self, node_type: str) -> tuple[str, ...]:
+        """Return the releases that have a type, the oldest first."""
+        return tuple(name for name in self.known_releases if self._has(name, node_type))
+
+    def _has(self, name: str, node_type: str) -> bool:
+        release = self.releases.get(name)
+        if release is None:
+            return node_type in self.base
+        is_kept = node_type in self.base and node_type not in release.lacks
+        return is_kept or node_type in release.has
+
+    def releases_with(self, node_type: str, port: str) -> tuple[str, ...]:
+        """Return the releases in which a type has a port that it lacks in 6.0."""
+        return tuple(
+            name
+            for name in self.known_releases
+            if name in self.releases
+            and node_type in self.releases[name].types
+            and port in self.releases[name].types[node_type].ports
+        )
+
+    def versions(self, node_type: str) -> dict[str, int]:
+        """Return the version that a type has in each release."""
+        known = self.base.get(node_type)
+        found: dict[str, int] = {}
+        for name in self.releases_of(node_type):
+            release = self.releases.get(name)
+            kind = known if release is None else release.has.get(node_type, known)
+            changes = None if release is None else release.types.get(node_type)
+            if changes is not None and changes.version is not None:
+                found[name] = changes.version
+            elif kind is not None:
+                found[name] = kind.version
+        return found
+
+    def in_release(self, name: str) -> Platform:
+        """Return Isaac Sim as it is in a release: its types, ports, defaults and tokens."""
+        release = self.releases.get(name)
+        if release is None:
+            return self if name == self.release else replace(self, release=name, types=self.base)
+        types = {
+            type_name: changed(node_type, release.types.get(type_name))
+            for type_name, node_type in self.base.items()
+            if type_name not in release.lacks
+        }
+        return replace(self, release=name, types={**types, **release.has})

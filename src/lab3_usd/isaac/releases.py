@@ -1,0 +1,87 @@
+"""The releases of Isaac Sim: their order, and what one has otherwise than another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.isaac.node_types import NodeType, Port
+
+_KIND = "inputs:type"
+BASE = (
+    "6.0"  # the release that the types are written for, and by which a stage is judged by default
+)
+
+
+def is_within(release: str, since: str, until: str) -> bool:
+    """Whether a release is one of those from `since` to `until`, '' for no bound."""
+    return (not since or order(since) <= order(release)) and (
+        not until or order(release) <= order(until)
+    )
+
+
+@lru_cache(maxsize=64)
+def order(release: str) -> tuple[int, ...]:
+    """Return what sorts releases."""
+    return tuple(int(part) for part in release.split("."))
+
+
+class TypeChanges(Struct, frozen=True):
+    """What a node type of another release has otherwise: ports by full name, defaults and tokens.
+
+    `ports` are those that only that release has, `message` kinds of messages. A release that offers
+    other kinds and has none of its own takes no others.
+    """
+
+    version: int | None = None
+    ports: Mapping[str, Port] = {}
+    lacks: tuple[str, ...] = ()
+    defaults: Mapping[str, Any] = {}
+    allowed: Mapping[str, tuple[str, ...]] = {}
+    message: Mapping[str, str] = {}
+
+
+class Release(Struct, frozen=True):
+    """What another release has otherwise than the one that the platform describes.
+
+    `has` are types that only the other one has, `lacks` those that it does not have.
+    """
+
+    has: Mapping[str, NodeType]
+    lacks: tuple[str, ...]
+    types: Mapping[str, TypeChanges]
+
+
+def changed(node_type: NodeType, changes: TypeChanges | None) -> NodeType:
+    """Return a type as another release has it."""
+    if changes is None:
+        return node_type
+    ports = {
+        key: _other_port(port, changes)
+        for key, port in node_type.ports.items()
+        if key not in changes.lacks
+    }
+    tf = node_type.tf
+    if tf is not None and set(tf.arrays) & set(changes.lacks):
+        tf = replace(tf, arrays=())
+    kinds = () if changes.message else changes.allowed.get(_KIND, ())
+    message = {kind: name for kind, name in node_type.message.items() if not kinds or kind in kinds}
+    return replace(
+        node_type,
+        version=changes.version or node_type.version,
+        ports={**ports, **changes.ports},
+        tf=tf,
+        message={**message, **changes.message},
+    )
+
+
+def _other_port(port: Port, changes: TypeChanges) -> Port:
+    if port.name in changes.defaults:
+        port = replace(port, default=changes.defaults[port.name], former=None)
+    if port.name in changes.allowed:
+        port = replace(port, allowed=changes.allowed[port.name])
+    return port

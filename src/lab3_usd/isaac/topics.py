@@ -1,0 +1,46 @@
+"""The names of topics, and the inputs that belong to each, by the way Isaac Sim names them."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+
+from lab3_usd.isaac.node_types import INPUT, NodeType
+
+_ENDS = re.compile(r"^[^A-Za-z0-9]+|[^A-Za-z0-9]+$")
+
+
+@lru_cache(maxsize=64)  # the lab has a dozen topics, and every rule about them asks
+def resolved_topic(name: str, namespace: str = "") -> str:
+    """Return the topic that Isaac Sim publishes for a topic name and namespace.
+
+    Everything that is no letter or digit is trimmed off both ends, then namespace and a slash are
+    put before (`Ros2Node.h:139, 209, 304`). An empty name stays empty.
+    """
+    trimmed = _ENDS.sub("", name)
+    inside = _ENDS.sub("", namespace)
+    if not trimmed:
+        return ""
+    return f"/{inside}/{trimmed}" if inside else f"/{trimmed}"
+
+
+def topic_switch(port: str) -> str:
+    """Return the input that switches this topic on, by the way Isaac Sim names the two."""
+    stem = port.removeprefix(INPUT).removesuffix("TopicName")
+    return f"{INPUT}enable{stem[:1].upper()}{stem[1:]}"
+
+
+def product_input(port: str) -> str:
+    """Return the input that takes the render product of this topic."""
+    return f"{INPUT}renderProductPath{_suffix(port)}"
+
+
+def frame_ports(kind: NodeType, port: str) -> tuple[str, ...]:
+    """Return the inputs that name the frames of one topic: its own of a pair, else all."""
+    paired = f"{INPUT}frameId{_suffix(port)}"
+    return (paired,) if paired in kind.frames else kind.frames
+
+
+def _suffix(port: str) -> str:
+    """Return what tells the second topic of a pair from the first (`Right`)."""
+    return port.partition("opicName")[2]
