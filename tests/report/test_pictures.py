@@ -441,7 +441,7 @@ def test_a_node_of_another_type_stands_in_its_place() -> None:
     other = models.node(TICK, "omni.graph.action.OnTick")
     picture = drawn(changed(clock(), other), finding(TICK, "node:type"))
     box = box_of(picture, TICK)
-    assert (box.state, box.title) == ("wrong", "OnTick")
+    assert (box.state, box.title) == ("wrong", "On Tick")
     assert box.subtitle == "on_playback_tick · expected On Playback Tick"
     assert states(picture.boxes) == {"ok": 3, "wrong": 1}
 
