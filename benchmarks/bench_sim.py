@@ -26,7 +26,7 @@ from lab3_usd.sim.execution.drive import Session, fixed_drive
 from lab3_usd.sim.judge.topics import interface
 from lab3_usd.sim.lidar import sweep
 from lab3_usd.sim.timeline import record
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import load_lab, load_platform
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.read.scene import read_scene
 
@@ -75,7 +75,7 @@ def main() -> int:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         path = build_checkpoint(None, CHECKPOINT, Path(folder) / "Lab3_05.usda")
-        scene = read_scene(open_stage(path))
+        scene = read_scene(open_stage(path), load_platform())
     drive = fixed_drive(slow=options.slow)
     short = 0
     for name, each in (("with scan", scene), ("without scan", without_scan(scene))):

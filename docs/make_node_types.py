@@ -1,9 +1,12 @@
 """Writes the files of `graphs/isaac/` that hold facts of Isaac Sim's public source.
 
-Run `python docs/make_node_types.py CLONE PAGES`. CLONE is a git clone of isaac-sim/IsaacSim with
-its tags: names, ports, types, defaults and tokens come from the `.ogn` files. PAGES is a JSON file
-of what the node pages in the released wheels tell: the types of `omni.physx` in 6.0.1, and under
-each later release the types that it `added` and the ports that it `changed`.
+Run `python docs/make_node_types.py CLONE PAGES KIT`. CLONE is a git clone of isaac-sim/IsaacSim
+with its tags: names, ports, types, defaults and tokens come from the `.ogn` files. PAGES is a JSON
+file of what the node pages in the released wheels tell: the types of `omni.physx` in 6.0.1, and
+under each later release the types that it `added` and the ports that it `changed`. KIT is a JSON
+file of what NVIDIA's published node documentation tells of the library of Kit: `types` by name,
+with their ports, and `about` which versions of which extensions were read. A type of Kit alone is
+written by `python docs/make_node_types.py --kit KIT`.
 """
 
 from __future__ import annotations
@@ -330,8 +333,113 @@ def later_release_lines(pages: Mapping[str, Any], now: Types) -> Iterator[str]:
         yield from release_lines(page_types(said["added"]), changed, "    ")
 
 
+KIT_TYPES = {  # declarations in files, beside those of the others
+    "any": "token",
+    "unknown": "token",
+    **{
+        f"{role}{precision}[{size}]{many}": f"{role}{size}{precision}{many}"
+        for role, sizes in {"color": "34", "normal": "3", "point": "3", "vector": "3"}.items()
+        for size in sizes
+        for precision in "dfh"
+        for many in ("", "[]")
+    },
+    **{f"texcoord{each}[{size}]": f"texCoord{size}{each}" for each in "dfh" for size in "23"},
+    **{f"quat{each}[4]{many}": f"quat{each}{many}" for each in "dfh" for many in ("", "[]")},
+    **{
+        f"{kind}[{size}]{many}": f"{kind}{size}{many}"
+        for kind in ("double", "float", "half", "int")
+        for size in "234"
+        for many in ("", "[]")
+    },
+    **{f"matrixd[{size}]{many}": f"matrix{size}d{many}" for size in "234" for many in ("", "[]")},
+    "frame[4]": "frame4d",
+    "transform[4]": "frame4d",
+}
+_WORDS = {"True": True, "False": False, "None": None, "NaN": None}
+# Files say that of the ports of `omni.graph.core` nodes, which pages of a node do not list.
+_LONG_DEFAULT = 100  # characters
+
+
+def kit_lines(kit: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the lines of `kit_types.yaml`: the types of Kit, by the documentation of its nodes."""
+    yield "# The node types of Kit's library, whose source is not public: names, ports, types and"
+    yield "# defaults read off NVIDIA's published documentation of the nodes (facts only), by"
+    yield "# docs/make_node_types.py: change that, not this. A type that `is_open` has more ports"
+    yield "# than are known. How a port is written is explained in omnigraph.yaml; `of` names the"
+    yield "# types of a union, or groups of them as omni.graph.tools has them."
+    for release, extensions in kit["about"]["releases"].items():
+        names = (f"{name} {version}" for name, version in extensions.items())
+        yield f"# {release}: {', '.join(names)}"
+    yield ""
+    yield "usd_types:"
+    yield from (f"  {json.dumps(kind)}: {usd}" for kind, usd in KIT_TYPES.items())
+    yield ""
+    yield "types:"
+    for name, entry in sorted(kit["types"].items()):
+        yield f"  {name}:"
+        yield f"    version: {entry['version']}"
+        yield f"    name: {json.dumps(entry['uiName'])}"
+        yield f"    prim: {prim_name(entry['uiName'])}"
+        if not entry["complete"]:
+            yield "    is_open: true"
+        if entry.get("dynamic"):
+            grown = {each["port"]: kit_port(each) for each in entry["dynamic"]}
+            yield f"    grows: {json.dumps(grown)}"
+        for side in SIDES:
+            if entry[side]:
+                yield f"    {side}:"
+                for port, said in entry[side].items():
+                    yield f"      {json.dumps(port)}: {json.dumps(kit_port(said, side))}"
+
+
+def kit_port(said: Mapping[str, Any], side: str = "") -> Any:
+    """Return a port that the documentation of Kit tells, as the catalog writes it."""
+    kind = "union" if said["type"] == "unknown" else said["type"]
+    long: dict[str, Any] = {"type": kind}
+    if said.get("union"):
+        long["of"] = said["union"]
+    default = kit_default(said, kind)
+    if side == "inputs" and default is None:
+        default = zero(kind)
+    if default is not None and kind not in {"target", "bundle", "union", "any", "execution"}:
+        long["default"] = default
+    if said.get("tokens"):
+        long["allowed"] = said["tokens"]
+    for key, theirs in (("output_only", "outputOnly"), ("deprecated", "deprecated")):
+        if said.get(theirs):
+            long[key] = True
+    if said.get("literalOnly"):
+        long["literal_only"] = True
+    return long if len(long) > 1 else kind
+
+
+def kit_default(said: Mapping[str, Any], kind: str) -> Any:
+    """Return the default that a page prints, None where it prints none that can be read."""
+    written = said.get("default")
+    if written is None:
+        return None
+    if kind in TEXTS:
+        return "" if written == "None" else written
+    if written in _WORDS:
+        return _WORDS[written]
+    if written in {"zeros", "identity"}:
+        return identity(kind) if written == "identity" else zero(kind)
+    try:
+        return ast.literal_eval(written)
+    except (ValueError, SyntaxError):
+        return None
+
+
+def identity(kind: str) -> Any:
+    """Return the matrix, or the rotation, that changes nothing."""
+    if kind.startswith("quat"):
+        return [0.0, 0.0, 0.0, 1.0]
+    size = int(kind.partition("[")[2].partition("]")[0])
+    return [[float(row == column) for column in range(size)] for row in range(size)]
+
+
 def main(clone: Path, pages: Path) -> None:
-    """Write the four files."""
+    """Write the files that hold what the source and the wheels tell."""
     now = node_types(clone, TAG)
     earlier = {release: node_types(clone, tag) for release, tag in EARLIER.items()}
     for name, lines in (
@@ -347,5 +455,15 @@ def main(clone: Path, pages: Path) -> None:
     sys.stdout.write(f"{len(now)} node types\n")
 
 
+def write_kit(kit: Path) -> None:
+    """Write the types of Kit."""
+    data = json.loads(kit.read_text(encoding="utf-8"))
+    (FOLDER / "kit_types.yaml").write_text("\n".join(kit_lines(data)) + "\n")
+
+
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    if sys.argv[1] == "--kit":
+        write_kit(Path(sys.argv[2]))
+    else:
+        main(Path(sys.argv[1]), Path(sys.argv[2]))
+        write_kit(Path(sys.argv[3]))

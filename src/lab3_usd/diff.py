@@ -195,7 +195,7 @@ def _itself(was: Node, now: Node, pairs: StagePairs) -> Iterator[StageChange]:
         folder = pairs.path(was.path.rpartition("/")[0])
         yield StageChange("node", "changed", now.path, "path", f"{folder}/{was.name}", now.path)
     facts = {
-        _TYPE: (was.type_name, now.type_name),
+        _TYPE: (was.saved_type, now.saved_type),
         _VERSION: (was.version, now.version),
         _NAMESPACE: (was.own_namespace, now.own_namespace),
     }

@@ -10,6 +10,7 @@ from lone_nodes import node
 
 from lab3_usd.sim.execution.running import functions
 from lab3_usd.sim.execution.world import World, world_of
+from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
 KIT, ISAAC, ROS = "omni.graph.nodes.", "isaacsim.core.nodes.", "isaacsim.ros2.bridge."
@@ -50,7 +51,7 @@ LACKING: list[tuple[str, dict[str, Any], dict[str, str], str]] = [
 
 @pytest.fixture(scope="module")
 def stage() -> World:
-    return world_of(read_scene(correct_stage("05")))
+    return world_of(read_scene(correct_stage("05"), load_platform()))
 
 
 @pytest.mark.parametrize(("name", "values", "targets", "kind"), LACKING)

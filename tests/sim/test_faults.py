@@ -28,6 +28,7 @@ from lab3_usd.sim.judge.checks import CHECKS
 from lab3_usd.sim.judge.motion import odometry
 from lab3_usd.sim.judge.trial import Fault, Trial
 from lab3_usd.sim.timeline import record
+from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
 KINDS: frozenset[FaultKind] = frozenset(get_args(FaultKind))
@@ -119,7 +120,7 @@ def test_a_render_product_that_is_named_has_its_own_size() -> None:
 def test_wheels_in_the_wrong_order_turn_an_arc_the_wrong_way() -> None:
     stage = broken("02", [{"swap": [f"{NAMES}.inputs:input0", f"{NAMES}.inputs:input1"]}])
     drive = drive_of("0.1,0.5,2", INTERFACE.limits)
-    trial = record(read_scene(stage), the_lab().platform, drive, INTERFACE)
+    trial = record(read_scene(stage, load_platform()), the_lab().platform, drive, INTERFACE)
     assert ("follows", "wrong-arc") in shown(faults_of(trial))
 
 

@@ -17,6 +17,7 @@ from pxr import Sdf, Usd, UsdPhysics
 from lab3_usd.sim.execution.recording import JointStates
 from lab3_usd.sim.execution.world import Endpoint, World, world_of
 from lab3_usd.sim.robot.machine import Machine
+from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
 SENSORS, ROS = "isaacsim.sensors.physics.", "isaacsim.ros2.bridge."
@@ -26,7 +27,7 @@ NAMES = ("shoulder_joint", "elbow_joint", "tool_joint")
 
 @pytest.fixture
 def stage() -> World:
-    return world_of(read_scene(arm()))
+    return world_of(read_scene(arm(), load_platform()))
 
 
 def machine_of(world: World, path: str = "/arm") -> Machine:
@@ -73,7 +74,7 @@ def sliding() -> Usd.Stage:
 
 
 def test_a_slide_moves_along_its_axis() -> None:
-    world = world_of(read_scene(sliding()))
+    world = world_of(read_scene(sliding(), load_platform()))
     bent(world, slide=5.0, hand=math.pi / 2)
     assert world.machines.place("/arm/hand").origin == pytest.approx((15.0, 0.0, 0.0))
 
@@ -132,7 +133,7 @@ def test_what_reaches_a_publisher_is_published(stage: World) -> None:
 
 
 def test_lengths_are_published_divided_by_the_unit_of_the_stage() -> None:
-    world = world_of(read_scene(sliding()))
+    world = world_of(read_scene(sliding(), load_platform()))
     bent(world, slide=5.0)
     assert published(world, {}, targetPrim="/arm").positions == (500.0, 0.0)
 

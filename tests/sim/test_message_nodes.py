@@ -13,6 +13,7 @@ from pxr import Sdf
 
 from lab3_usd.sim.execution.recording import Fields, Inertia
 from lab3_usd.sim.execution.world import World, world_of
+from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
 SENSORS, ROS = "isaacsim.sensors.physics.", "isaacsim.ros2.bridge."
@@ -21,7 +22,7 @@ TOOL = "/arm/tool/imu"
 
 @pytest.fixture
 def stage() -> World:
-    return world_of(read_scene(arm()))
+    return world_of(read_scene(arm(), load_platform()))
 
 
 def test_a_sensor_at_rest_feels_the_ground(stage: World) -> None:
@@ -80,7 +81,7 @@ def test_a_message_of_any_type_is_published_from_the_third_signal_on(tmp_path: P
     found = played(stage, tmp_path)
     assert {topic.name: topic.type for topic in found.topics}["/level"] == "std_msgs/msg/Float64"
     assert by_name(found)["topics"].verdict == "ok"
-    here = world_of(read_scene(stage))
+    here = world_of(read_scene(stage, load_platform()))
     lone = node(f"{ROS}ROS2Publisher", {**values, "messageSubfolder": "msg", "data": 2.5})
     assert [lone.compute(here), lone.compute(here), lone.compute(here)] == [False, True, True]
     (message,) = here.network.sent

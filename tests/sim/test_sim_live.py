@@ -30,6 +30,7 @@ from lab3_usd.sim.bag.writer import serialized
 from lab3_usd.sim.execution.recording import Message, Profile, Transform
 from lab3_usd.sim.execution.world import STATIC
 from lab3_usd.sim.timeline import Player, player_of
+from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
 pytest.importorskip("cyclonedds", reason="the extra lab3-usd[live] is not installed")
@@ -79,7 +80,7 @@ def link(domain: int) -> Iterator[Link]:
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    return read_scene(correct_stage("05"))
+    return read_scene(correct_stage("05"), load_platform())
 
 
 @pytest.fixture
@@ -251,7 +252,7 @@ def test_a_domain_that_cannot_be_is_said(monkeypatch: pytest.MonkeyPatch, domain
 
 def test_what_is_in_another_domain_is_said_and_not_sent(link: Link) -> None:
     stage = broken("01", [{"set": ["ROS_Clock/ros2_context.inputs:domain_id", 7]}])
-    player = player_of(read_scene(stage), the_lab().platform, INTERFACE)
+    player = player_of(read_scene(stage, load_platform()), the_lab().platform, INTERFACE)
     lived = play_live(player, link, lambda frames: frames >= 3)
     assert (lived.sent, lived.away) == ({}, (("/clock", 7),))
     assert "not sent: /clock, as it is in domain 7" in [*closing_lines(lived)]

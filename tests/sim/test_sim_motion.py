@@ -26,6 +26,7 @@ from lab3_usd.sim.geometry import cut, distance, height_at, joined, placed
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.robot.machine import Machine
 from lab3_usd.sim.robot.machines import Machines
+from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
 DT = 1.0 / 60.0
@@ -34,7 +35,7 @@ DT = 1.0 / 60.0
 def machine(*changes: Change) -> tuple[Machines, Machine]:
     stage = correct_stage("05")
     several(*changes)(stage)
-    machines = Machines(read_scene(stage))
+    machines = Machines(read_scene(stage, load_platform()))
     return machines, machines.member[f"{ROBOT}/base_footprint"]
 
 
@@ -236,9 +237,9 @@ def test_a_lidar_stands_where_usd_says_though_usd_does_not_know_its_type() -> No
     stage = correct_stage("05")
     lidar = stage.GetPrimAtPath(f"{ROBOT}/base_scan/Lidar2D")
     lidar.GetAttribute("xformOp:translate").Set(Gf.Vec3d(0, 0, 0.1))
-    assert read_scene(stage).prims[str(lidar.GetPath())].world.origin == pytest.approx(
-        (1.768, 0.0, 0.282)
-    )
+    assert read_scene(stage, load_platform()).prims[
+        str(lidar.GetPath())
+    ].world.origin == pytest.approx((1.768, 0.0, 0.282))
 
 
 def test_a_version_that_is_no_number_is_none() -> None:
@@ -246,7 +247,7 @@ def test_a_version_that_is_no_number_is_none() -> None:
     clock = stage.GetPrimAtPath("/World/ROS_Clock/ros2_publish_clock")
     clock.RemoveProperty("node:typeVersion")
     clock.CreateAttribute("node:typeVersion", Sdf.ValueTypeNames.String).Set("two")
-    nodes = (node for graph in read_scene(stage).graphs for node in graph.nodes)
+    nodes = (node for graph in read_scene(stage, load_platform()).graphs for node in graph.nodes)
     assert next(node for node in nodes if node.path == str(clock.GetPath())).version == 0
 
 
@@ -257,7 +258,7 @@ def test_samples_at_the_start_are_what_plays() -> None:
     port.Set("/late", 0.0)
     wall = UsdGeom.Xformable(stage.GetPrimAtPath("/Environment/Walls/East"))
     wall.GetPrim().GetAttribute("xformOp:translate").Set(Gf.Vec3d(9, 0, 0), 0.0)
-    scene = read_scene(stage)
+    scene = read_scene(stage, load_platform())
     clock = next(graph for graph in scene.graphs if graph.path == "/World/ROS_Clock")
     node = next(each for each in clock.nodes if each.path == str(port.GetPrim().GetPath()))
     assert node.inputs["inputs:topicName"].value == "/late"

@@ -19,6 +19,7 @@ from lab3_usd.sim.execution.running import Running, functions
 from lab3_usd.sim.execution.world import Network, World, profile_of, trimmed, world_of
 from lab3_usd.sim.robot.machines import Machines
 from lab3_usd.sim.timeline import render
+from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
 ISAAC, ROS = "isaacsim.core.nodes.", "isaacsim.ros2.bridge."
@@ -29,7 +30,7 @@ HALF = math.sqrt(0.5)
 @pytest.fixture
 def stage() -> World:
     """The stage of 05 before it plays."""
-    return world_of(read_scene(correct_stage("05")))
+    return world_of(read_scene(correct_stage("05"), load_platform()))
 
 
 @pytest.mark.parametrize("name", ["omni.graph.action.OnPlaybackTick", "omni.graph.action.OnTick"])
@@ -584,7 +585,7 @@ def test_an_older_context_does_not_look_at_the_environment(version: int, looks: 
 
 
 def test_links_stand_where_their_joints_put_them() -> None:
-    scene = read_scene(correct_stage("05"))
+    scene = read_scene(correct_stage("05"), load_platform())
     machines = Machines(scene)
     left = machines.place(f"{ROBOT}/wheel_left_link").origin
     assert left == pytest.approx((1.8, 0.08, 0.033), abs=1e-6)

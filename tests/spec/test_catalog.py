@@ -175,9 +175,9 @@ def test_message_types(known: Facts, facts: Facts, catalog: Platform) -> None:
 def test_names_before_4_5_lead_to_the_type(known: Facts, catalog: Platform) -> None:
     for name, fact in known.items():
         for alias in fact["aliases"]:
-            assert catalog.modern(alias) == name
+            assert catalog.names.modern(alias) == name
             assert catalog.get(alias) is catalog.types[name]
-        assert catalog.modern(name) == name
+        assert catalog.names.modern(name) == name
 
 
 def test_quaternion_defaults_stand_in_the_order_x_y_z_w(known: Facts, catalog: Platform) -> None:
@@ -221,14 +221,14 @@ def test_frames_computed_by_one_type_leave_it_as_parents_and_children(catalog: P
 
 def test_old_prefixes(facts: Facts, catalog: Platform) -> None:
     old = {fact["old"]: fact["new"] for fact in facts["type_prefix_aliases"]}
-    assert old.items() <= catalog.prefixes.items()
+    assert old.items() <= catalog.names.prefixes.items()
 
 
 def test_old_names_that_do_not_follow_their_prefix(facts: Facts, catalog: Platform) -> None:
     old = {fact["old"]: fact["new"] for fact in facts["type_alias_exceptions"]}
-    assert old.items() <= catalog.renamed.items()
-    for old, new in catalog.renamed.items():
-        assert catalog.modern(old) == new
+    assert old.items() <= catalog.names.renamed.items()
+    for old, new in catalog.names.renamed.items():
+        assert catalog.names.modern(old) == new
 
 
 def test_lookalikes_are_known_and_mean_a_type_of_the_lab(facts: Facts, catalog: Platform) -> None:

@@ -178,6 +178,6 @@ def test_a_port_is_called_short_without_its_side() -> None:
 
 
 def test_unknown_types_keep_their_name_and_have_no_entry() -> None:
-    assert CATALOG.modern("acme.Filter") == "acme.Filter"
+    assert CATALOG.type_name("acme.Filter") == "acme.Filter"
     assert CATALOG.get("acme.Filter") is None
     assert CATALOG.get("") is None

@@ -9,6 +9,7 @@ from pxr import Gf, Usd
 from lab3_usd.facts.endpoints import endpoints
 from lab3_usd.facts.execution_order import run_states
 from lab3_usd.model.stage import StageModel
+from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.reader import read_model
 from lab3_usd.stage.read.scene import read_scene
 
@@ -95,4 +96,4 @@ def test_a_unit_that_is_no_number_is_not_said(
     model = read_model(stage, the_lab().platform, "stage.usdc")
     assert (model.meters_per_unit, model.kilograms_per_unit) == (0.01, 1.0)
     assert max(box.high[0] for box in model.colliders.below("/")) < 1
-    assert read_scene(stage).meters_per_unit == 0.01
+    assert read_scene(stage, load_platform()).meters_per_unit == 0.01

@@ -69,7 +69,7 @@ SHORT = drive_of(
 def driven(
     stage: Usd.Stage, drive: Sequence[Session] = DRIVE, wanted: Interface = INTERFACE
 ) -> Trial:
-    return record(read_scene(stage), load_platform(), drive, wanted)
+    return record(read_scene(stage, load_platform()), load_platform(), drive, wanted)
 
 
 def faults(trial: Trial) -> list[Check]:

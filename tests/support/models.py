@@ -46,7 +46,9 @@ def lab() -> Lab:
 
 def node(path: str, type_name: str, /, **inputs: Value) -> Node:
     """A node with values at its inputs."""
-    made = Node(path, type_name, lab().platform.get(type_name), 1, {})
+    name = lab().platform.type_name(type_name)
+    made = Node(path, name, lab().platform.types.get(name), 1, {})
+    made = made if name == type_name else replace(made, written_type=type_name)
     for name, value in inputs.items():
         made = valued(made, f"inputs:{name}", value)
     return made

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+
+from msgspec import Struct
 
 from lab3_usd.check.match.conformance import setting_matches, source_path
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.facts.endpoints import likely_name
+from lab3_usd.isaac.names import origin
 from lab3_usd.isaac.node_types import NodeType, Port
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import (
@@ -19,7 +22,7 @@ from lab3_usd.model.changes import (
     SetValue,
 )
 from lab3_usd.model.finding import Severity
-from lab3_usd.model.stage import Node
+from lab3_usd.model.stage import GraphModel, Node
 
 TYPE, VERSION = "node:type", "node:typeVersion"
 
@@ -63,7 +66,7 @@ def _property_edits(subject: GraphSubject, role: str, node: Node, name: str) -> 
     spec = subject.spec.nodes[role]
     port = spec.type.port(name)
     if name in {TYPE, VERSION}:
-        if node.type_name != spec.type.type:
+        if node.saved_type != spec.type.type:
             yield SetValue(node.path, TYPE, "token", spec.type.type)
         if node.version != spec.type.version:
             yield SetValue(node.path, VERSION, "int", spec.type.version)
@@ -88,12 +91,57 @@ def _property_edits(subject: GraphSubject, role: str, node: Node, name: str) -> 
         yield from _value_edits(subject, role, node, port)
 
 
-def modern_types(nodes: Iterable[Node], platform: Platform) -> Iterator[Edit]:
-    """Yield the names that the types of nodes have now, where they are of an earlier release."""
-    for node in nodes:
-        now = platform.modern(node.type_name)
-        if now != node.type_name:
-            yield SetValue(node.path, TYPE, "token", now)
+class OtherNames(Struct, frozen=True, eq=False):
+    """The nodes of a graph that have names of one release, and the first such name.
+
+    `what` says in words which names of which release they are, `known` is what the name means.
+    """
+
+    nodes: tuple[Node, ...]
+    what: str
+    written: str
+    known: str
+    edits: tuple[Edit, ...] = ()
+
+    @property
+    def count(self) -> str:
+        """How many nodes there are, in words."""
+        return "1 node" if len(self.nodes) == 1 else f"{len(self.nodes)} nodes"
+
+
+def other_names(graph: GraphModel, platform: Platform) -> Iterator[OtherNames]:
+    """Yield the names of other releases that nodes of a graph have, for types and then for ports.
+
+    Names that the release by which the stage is judged has, too, are no other names.
+    """
+    types: dict[str, list[Node]] = {}
+    ports: dict[str, list[tuple[Node, str, str]]] = {}
+    for node in graph.nodes if graph.active else ():
+        others = platform.other_ports(node.type_name)
+        if node.type is not None and node.written_type:
+            known = platform.names.types.get(node.written_type)
+            if known is None or not platform.is_own(known.release):
+                types.setdefault(platform.names.origin(node.written_type), []).append(node)
+        for name, written in node.written_ports.items():
+            release = others[written].release
+            if name in node.ports and not platform.is_own(release):
+                ports.setdefault(origin(release), []).append((node, written, name))
+    for where, nodes in types.items():
+        # A file with names of a later release is left to that: here it would lose them.
+        is_later = getattr(platform.names.types.get(nodes[0].written_type), "release", "")
+        edits = (
+            ()
+            if is_later
+            else (SetValue(node.path, TYPE, "token", node.type_name) for node in nodes)
+        )
+        what = f"{'a type name' if len(nodes) == 1 else 'type names'} {where}"
+        first = nodes[0]
+        yield OtherNames(tuple(nodes), what, first.saved_type, first.type_name, tuple(edits))
+    for where, found in ports.items():
+        _, written, name = found[0]
+        nodes = list({node.path: node for node, _, _ in found}.values())
+        what = f"{'a port name' if len(found) == 1 else 'port names'} {where}"
+        yield OtherNames(tuple(nodes), what, written, name)
 
 
 def _misspelt(kind: NodeType, node: Node, name: str) -> str | None:

@@ -7,11 +7,13 @@ from typing import Any
 
 from msgspec import Struct
 
+from lab3_usd.check.as_written import as_written
 from lab3_usd.check.manual import in_words_of
 from lab3_usd.check.registry import SCENE, TF, Rule, Scope, rules_of
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import repair_by
 from lab3_usd.model.finding import Crash, Finding, NotJudged, Problem
+from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Lab
 
 
@@ -53,8 +55,10 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
     # A site that a rule comes to by several ways is left open once.
     not_judged: dict[NotJudged, None] = {}
     crashes: tuple[Crash, ...] = ()
+    stage = getattr(subject, "stage", None)
     try:
-        for problem in rule.check(subject):
+        for found in rule.check(subject):
+            problem = as_written(found, stage) if isinstance(stage, StageModel) else found
             if problem.rests_on is None:
                 findings.append(finding_of(rule, problem, lab))
             else:

@@ -72,7 +72,7 @@ def live(stage: Path, lab: Lab, checkpoint: str, topic: str, seconds: float | No
     from lab3_usd.sim.robots import TWIST, interface_of, robots_of
     from lab3_usd.sim.timeline import player_of
 
-    scene, platform = scene_of(stage), lab.platform
+    scene, platform = scene_of(stage, lab.platform), lab.platform
     if checkpoint:
         wanted = interface(lab, lab.checkpoints[checkpoint])
     else:

@@ -68,10 +68,10 @@ def catalog_text(used: Mapping[str, str], known: Platform, unknown: Mapping[str,
     `used` maps the names of types as the stage writes them to those of today, `known` is the
     bundled lab's platform.
     """
-    old = {name: new for name, new in sorted(used.items()) if known.modern(name) != new}
+    old = {name: new for name, new in sorted(used.items()) if known.type_name(name) != new}
     data: dict[str, Any] = {}
     if old:
-        data["renamed"] = {**known.renamed, **old}
+        data["renamed"] = old
     if unknown:
         data["types"] = unknown
     return document(_HEAD, data, _NOTES) if data else ""

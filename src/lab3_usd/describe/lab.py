@@ -192,7 +192,7 @@ def _files(
     """Return the text of every file by name; `known` are the bundled lab's node types."""
     title = parts.names.shared or " ".join(source.stem.replace("_", " ").split())
     nodes = source.stage.nodes()
-    used = {node.type_name: node.type.type for node in nodes if node.type is not None}
+    used = {node.saved_type: node.type.type for node in nodes if node.type is not None}
     types = catalog_text(used, known, source.unknown)
     return {
         CHECKPOINTS: checkpoints_text(parts.names, title, steps, parts.frames, parts.lab),

@@ -101,7 +101,7 @@ def is_graph_evaluated(graph: GraphModel, stage: StageModel, platform: Platform)
 
 def event_of(node: Node, platform: Platform) -> str | None:
     """Return the pipeline stage in which an event fires, '' for an unknown one, None for none."""
-    return platform.events.get(platform.modern(node.type_name))
+    return platform.events.get(node.type_name)
 
 
 def _starts(graph: GraphModel, nodes: Nodes, platform: Platform) -> Iterator[tuple[str, State]]:
@@ -123,7 +123,7 @@ def _may_start(node: Node, nodes: Nodes, platform: Platform) -> bool:
 
     What changes the scene waits for a signal.
     """
-    if platform.modern(node.type_name) in platform.writers:
+    if node.type_name in platform.writers:
         return False
     if node.type is None:
         return not any(True for _ in signal_sources(node, nodes))
@@ -174,7 +174,7 @@ def _followers(nodes: Nodes, platform: Platform) -> tuple[_Followers, _Followers
 
 def signals_once(node: Node, port: str, nodes: Nodes, platform: Platform) -> bool:
     """Whether an output of a node signals a single time after Play."""
-    once = platform.once.get(platform.modern(node.type_name))
+    once = platform.once.get(node.type_name)
     if once is None or port.removeprefix(OUTPUT) not in once.outputs:
         return False
     return not once.again or not any(live_sources(node, INPUT + once.again, nodes))
@@ -221,7 +221,7 @@ def is_switched_on(node: Node, live: Nodes) -> bool:
 
 def shut_gate(node: Node, live: Nodes, platform: Platform) -> str | None:
     """Return the input that lets no signal through, because it is 0; None for another node."""
-    gate = platform.gates.get(platform.modern(node.type_name))
+    gate = platform.gates.get(node.type_name)
     is_shut = gate is not None and effective_value(node, INPUT + gate, live) == 0
     return f"{INPUT}{gate}" if is_shut else None
 

@@ -238,6 +238,6 @@ def nodes_of_unknown_type(stage: StageModel, platform: Platform) -> Iterator[Nod
     """Yield the nodes of a type that nothing is known of, not even that it is an event."""
     known = {*platform.events, *platform.once}
     for node in live_nodes(stage, platform).values():
-        modern = platform.modern(node.type_name)
-        if node.type is None and modern not in known and not platform.scripts.runs(node.type_name):
+        name = node.type_name
+        if node.type is None and name not in known and not platform.scripts.runs(name):
             yield node

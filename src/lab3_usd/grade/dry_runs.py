@@ -52,7 +52,7 @@ def shown_by(path: Path, lab: Lab, checkpoint: str) -> dict[str, str]:
     """
     wanted = interface(lab, lab.checkpoints[checkpoint])
     try:
-        scene = scene_of(path)
+        scene = scene_of(path, lab.platform)
     except StageError:
         return {}  # what is damaged, the rules did not need
     platform = lab.platform

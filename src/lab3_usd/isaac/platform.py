@@ -20,6 +20,7 @@ from lab3_usd.isaac.behaviour import (
     WriterPorts,
 )
 from lab3_usd.isaac.graph_form import GraphForm
+from lab3_usd.isaac.names import Names, OtherName
 from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.releases import BASE, Release, changed, order
 
@@ -51,8 +52,8 @@ class Platform(Struct, frozen=True, eq=False):
     """What Isaac Sim is in one release, apart from any lab.
 
     `types` are the node types by their names in this release, `base` those of the release that all
-    others are told apart from, and `releases` what those have otherwise. `prefixes`, `renamed` and
-    `lookalikes` are names that mean another.
+    others are told apart from, and `releases` what those have otherwise. `names` are those of other
+    releases; `lookalikes` are no names of any, and which types they likely mean.
 
     `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
     in which it does, '' where a stage does not tell whether it will; `deltas` name their outputs
@@ -69,8 +70,7 @@ class Platform(Struct, frozen=True, eq=False):
     releases: Mapping[str, Release]
     usd_types: Mapping[str, str]
     graph: GraphForm
-    prefixes: Mapping[str, str]
-    renamed: Mapping[str, str]
+    names: Names
     lookalikes: Mapping[str, str]
     events: Mapping[str, str]
     deltas: Mapping[str, str]
@@ -93,21 +93,29 @@ class Platform(Struct, frozen=True, eq=False):
     placed: frozenset[str] = frozenset()
     attributes: frozenset[str] = frozenset()
 
-    def modern(self, name: str) -> str:
-        """Return the name that an old name of a type means; other names come back unchanged."""
-        if name in self.renamed:
-            return self.renamed[name]
-        prefix, _, rest = name.rpartition(".")
-        return f"{self.prefixes[prefix]}.{rest}" if prefix in self.prefixes else name
+    def type_name(self, written: str) -> str:
+        """Return the name of the type that a file's `node:type` means, whichever release wrote it.
 
-    def get(self, name: str) -> NodeType | None:
-        """Return the type that a file's `node:type` means, old names included."""
-        return self.types.get(name) or self.types.get(self.modern(name))
+        A name that nobody knows comes back unchanged.
+        """
+        return self.names.canonical(written, self.types)
+
+    def get(self, written: str) -> NodeType | None:
+        """Return the type that a file's `node:type` means, whichever release wrote it."""
+        return self.types.get(self.type_name(written))
+
+    def other_ports(self, type_name: str) -> Mapping[str, OtherName]:
+        """Return what other releases call ports of a type, by full name."""
+        return self.names.ports.get(type_name, {})
+
+    def is_own(self, release: str) -> bool:
+        """Whether names of a release are those that this one has, too."""
+        return bool(release) and order(BASE) < order(release) <= order(self.release)
 
     @property
     def known_releases(self) -> tuple[str, ...]:
         """All releases that are known, the oldest first."""
-        return tuple(sorted((*self.releases, BASE), key=order))
+        return tuple(sorted({*self.releases, *self.names.releases, BASE}, key=order))
 
     def releases_of(self, node_type: str) -> tuple[str, ...]:
         """Return the releases that have a type, the oldest first."""
@@ -144,9 +152,14 @@ class Platform(Struct, frozen=True, eq=False):
                 found[name] = kind.version
         return found
 
+    def _described(self, release: str) -> str:
+        """Return the release that is described, for one of which names alone are known."""
+        later = [name for name in self.releases if order(BASE) < order(name) <= order(release)]
+        return release if release in self.releases or not later else max(later, key=order)
+
     def in_release(self, name: str) -> Platform:
         """Return Isaac Sim as it is in a release: its types, ports, defaults and tokens."""
-        release = self.releases.get(name)
+        release = self.releases.get(self._described(name))
         if release is None:
             return self if name == self.release else replace(self, release=name, types=self.base)
         types = {

@@ -68,7 +68,10 @@ class PortState(Struct, frozen=True):
 class Node(Struct, frozen=True):
     """A node prim that is active and defined.
 
-    `type_name` is `node:type` as saved ('' where absent), `type` its platform entry or None.
+    `type_name` is the name of its type in the release by which the stage is judged ('' where
+    absent), `type` its entry of the platform or None. So are the names of ports. `written_type` is
+    `node:type` as the file has it, where that is another name, and `written_ports` are the names
+    that the file has, or would have, for ports that another release calls otherwise.
     `namespaces` are the namespace attributes of the prim and its ancestors, outermost first,
     `own_namespace` is that of the prim alone. `is_local` tells whether the stage's own layers
     define the node, rather than an asset.
@@ -83,6 +86,13 @@ class Node(Struct, frozen=True):
     namespaces: tuple[str, ...] = ()
     own_namespace: str = ""
     is_local: bool = True
+    written_type: str = ""
+    written_ports: Mapping[str, str] = {}
+
+    @property
+    def saved_type(self) -> str:
+        """`node:type` as the file has it."""
+        return self.written_type or self.type_name
 
     @property
     def name(self) -> str:

@@ -239,7 +239,7 @@ class DryRun(Struct, frozen=True):
         return replay(self.trial) if self.trial is not None else None
 
 
-def scene_of(path: Path) -> Scene:
+def scene_of(path: Path, platform: Platform) -> Scene:
     """Open a stage, and return what is needed to play it.
 
     Raises:
@@ -249,7 +249,7 @@ def scene_of(path: Path) -> Scene:
     from lab3_usd.stage.read.scene import read_scene
 
     with quiet(), stage_errors(path):
-        return read_scene(open_stage(path))
+        return read_scene(open_stage(path), platform)
 
 
 def dry_run(
@@ -272,7 +272,7 @@ def dry_run(
     wanted = interface(lab, lab.checkpoints[checkpoint]) if checkpoint else interface_of(None)
     sessions = () if drive is None else drive_of(drive, wanted.limits)
     try:
-        scene = scene_of(path)
+        scene = scene_of(path, lab.platform)
     except StageError as error:
         reason = str(error).removeprefix(f"{path}: ")
         unknown = (Unknown("/", reason),)

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import TYPE, VERSION, modern_types
+from lab3_usd.check.repairs import TYPE, VERSION, other_names
 from lab3_usd.facts.endpoints import did_you_mean, likely_type
 from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
 from lab3_usd.isaac.releases import order
@@ -38,10 +38,10 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
         release = f"{subject.platform.release}{of_release}"
         yield Problem(
             node.path,
-            f"'{node.type_name}' is not a node type of Isaac Sim {release}{did_you_mean(likely)}",
+            f"'{node.saved_type}' is not a node type of Isaac Sim {release}{did_you_mean(likely)}",
             property=TYPE,
             expected=likely,
-            actual=node.type_name,
+            actual=node.saved_type,
             hint=_other_hint(node, subject) if likely is None else None,
             fix=(SetValue(node.path, TYPE, "token", likely),) if likely else (),
         )
@@ -49,7 +49,7 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
 
 def _other_release(node: Node, subject: LintSubject) -> str | None:
     """Say which other releases have a type: '' where none has, None where this one has it."""
-    releases = subject.platform.releases_of(subject.platform.modern(node.type_name))
+    releases = subject.platform.releases_of(node.type_name)
     if subject.platform.release in releases:
         return None
     later = _later(node, subject)
@@ -66,7 +66,7 @@ def _other_hint(node: Node, subject: LintSubject) -> str:
 
 def _later(node: Node, subject: LintSubject) -> str | None:
     """Return the first release after this one that has a type, None where none has."""
-    releases = subject.platform.releases_of(subject.platform.modern(node.type_name))
+    releases = subject.platform.releases_of(node.type_name)
     later = (name for name in releases if order(name) > order(subject.platform.release))
     return next(later, None)
 
@@ -75,39 +75,31 @@ def _likely(node: Node, subject: LintSubject) -> str | None:
     """Return the type that was likely meant, None where none is near."""
     if _later(node, subject):
         return None
-    alike = subject.platform.lookalikes.get(node.type_name)
-    return alike or likely_type(node.type_name, subject.platform.types)
+    alike = subject.platform.lookalikes.get(node.saved_type)
+    return alike or likely_type(node.saved_type, subject.platform.types)
 
 
 @rule("K31", "deprecated-types", scope="lint", severity="warning", formerly="old-names")
 def old_names(subject: LintSubject) -> Iterator[Problem]:
-    """Node types have names from before Isaac Sim 4.5.
+    """Nodes have names of another release, for their types or their ports.
 
-    Why: Isaac Sim 4.5 and later rename these types when they open the stage. The stage was saved by
-    an older release with other defaults.
+    Why: Isaac Sim 4.5 and later rename types from before when they open the stage, which an older
+    release saved with other defaults. An earlier release does not know the names of a later one.
 
     Fix: open the stage in the release that you use, look at the graph, and save it again.
 
     Example: a ROS2 Context whose type begins with `omni.isaac`.
     """
     for graph in subject.graphs():
-        old = [
-            node
-            for node in (graph.nodes if graph.active else ())
-            if node.type is not None and subject.platform.modern(node.type_name) != node.type_name
-        ]
-        if old:
-            now = subject.platform.modern(old[0].type_name)
-            count = (
-                "1 node has a type name" if len(old) == 1 else f"{len(old)} nodes have type names"
-            )
+        for other in other_names(graph, subject.platform):
+            verb = "has" if len(other.nodes) == 1 else "have"
             yield Problem(
                 graph.path,
-                f"{count} from before Isaac Sim 4.5: {old[0].type_name}, now {now}",
-                expected=now,
-                actual=old[0].type_name,
-                related=tuple(node.path for node in old),
-                fix=tuple(modern_types(old, subject.platform)),
+                f"{other.count} {verb} {other.what}: {other.written}, now {other.known}",
+                expected=other.known,
+                actual=other.written,
+                related=tuple(node.path for node in other.nodes),
+                fix=other.edits,
             )
 
 
@@ -132,7 +124,7 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     for node in nodes_of_unknown_type(subject.stage, subject.platform):
         of_release = _other_release(node, subject)
         if of_release is None or (_likely(node, subject) is None and not of_release):
-            paths_by_type.setdefault(node.type_name, []).append(node.path)
+            paths_by_type.setdefault(node.saved_type, []).append(node.path)
     for name, paths in paths_by_type.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
         yield Problem(
@@ -220,7 +212,7 @@ class _Sign(Struct, frozen=True, eq=False):
 
 def _signs(node: Node, subject: LintSubject) -> Iterator[_Sign]:
     """Yield what of a node only some releases have: its type, its version and its ports."""
-    types, name = subject.platform, subject.platform.modern(node.type_name)
+    types, name = subject.platform, node.type_name
     versions = types.versions(name)
     if versions and node.type is None:
         yield _Sign(node, TYPE, f"only {_named(versions)} has the type {name}", tuple(versions))

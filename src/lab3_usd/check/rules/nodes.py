@@ -12,7 +12,7 @@ from lab3_usd.check.hints import note_if_harmless, shown_graph
 from lab3_usd.check.match.diagnosis import absent_nodes, in_another_graph, missing_roles
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import TYPE, VERSION, edits_at, modern_types
+from lab3_usd.check.repairs import TYPE, VERSION, edits_at, other_names
 from lab3_usd.check.robot.wheels import is_doubtful, second_commanders
 from lab3_usd.facts.endpoints import Endpoint, endpoints
 from lab3_usd.facts.execution_order import live_nodes, severity_if_uncertain
@@ -214,32 +214,29 @@ def _version_problem(subject: GraphSubject, node: Node, spec: NodeSpec, kind: st
 
 @rule("N06", "old-type-names", scope="graph", severity="warning")
 def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
-    """Node types have names from before Isaac Sim 4.5.
+    """Nodes have names of another release, for their types or their ports.
 
-    Why: Isaac Sim 6.0.1 renames the types when it opens the stage, so the graph works. The stage
-    was not saved by 6.0.1. There is one finding for the graph.
+    Why: Isaac Sim 6.0.1 renames types from before 4.5 when it opens the stage, so the graph works.
+    The stage was not saved by 6.0.1, which does not know the names of a later release. There is one
+    finding for the graph and the release.
 
     Fix: open the stage in Isaac Sim 6.0.1 and save it again.
 
     Example: a ROS2 Context whose type begins with `omni.isaac`.
     """
     graph = subject.roles.graph
-    platform = subject.lab.platform
-    nodes = () if graph is None else graph.nodes
-    old = [node for node in nodes if platform.modern(node.type_name) != node.type_name]
-    if graph is not None and old:
-        names = tuple(node.path for node in old)
-        count = "1 node carries a type name" if len(old) == 1 else f"{len(old)} nodes carry names"
-        message = f"{count} from before 4.5: {old[0].type_name}"
-        expected = platform.modern(old[0].type_name)
+    if graph is None:
+        return
+    for other in other_names(graph, subject.lab.platform):
+        verb = "carries" if len(other.nodes) == 1 else "carry"
         yield Problem(
             graph.path,
-            message,
-            expected=expected,
-            actual=old[0].type_name,
+            f"{other.count} {verb} {other.what}: {other.written}",
+            expected=other.known,
+            actual=other.written,
             handout=subject.spec.handout,
-            related=names,
-            fix=tuple(modern_types(old, platform)),
+            related=tuple(node.path for node in other.nodes),
+            fix=other.edits,
         )
 
 

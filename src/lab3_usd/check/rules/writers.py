@@ -43,7 +43,7 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
     live, played = live_nodes(stage, lab.platform), role_specs(subject)
     extra = {node.path for roles in subject.roles.values() for node in roles.extra}
     for path, node in running_nodes(stage, lab.platform).items():
-        ports = lab.platform.writers.get(lab.platform.modern(node.type_name))
+        ports = lab.platform.writers.get(node.type_name)
         if ports is None:
             continue
         written = (path for path in _written(node, ports, live) if _takes(path, ports, subject))

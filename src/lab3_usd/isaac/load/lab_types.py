@@ -17,7 +17,16 @@ from lab3_usd.isaac.behaviour import (
 from lab3_usd.isaac.graph_form import Evaluation, GraphForm
 from lab3_usd.isaac.load.graph_form import GraphEntry, attribute_over, graph_form
 from lab3_usd.isaac.load.node_types import TypeEntry, parse_types, type_over
-from lab3_usd.isaac.load.platform import EventEntry, deltas_of, stages_of, transform_messages
+from lab3_usd.isaac.load.platform import (
+    EventEntry,
+    deltas_of,
+    other_ports,
+    other_types,
+    stages_of,
+    transform_messages,
+)
+from lab3_usd.isaac.names import Names, OtherName
+from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.yaml_file import record
 
@@ -47,13 +56,17 @@ class LabGraph(Struct, forbid_unknown_fields=True):
 class LabTypesFile(Struct, forbid_unknown_fields=True):
     """What a lab adds to the node types and graphs of Isaac Sim, or has otherwise.
 
-    Tables are extended key by key. An entry of a type with a `version` is the whole type, one
-    without holds what differs; a `graph` with a `type` is whole, too.
+    Tables are extended key by key. `type_names` gives a type, and `port_names` a `TYPE.PORT`, the
+    name that it has in a release, by release; `renamed` are other names of types. An entry of a
+    type with a `version` is the whole type, one without holds what differs; a `graph` with a `type`
+    is whole, too.
     """
 
     usd_types: dict[str, str] = {}
     prefixes: dict[str, str] = {}
     renamed: dict[str, str] = {}
+    type_names: dict[str, dict[str, str]] = {}
+    port_names: dict[str, dict[str, str]] = {}
     lookalikes: dict[str, str] = {}
     events: dict[str, EventEntry] = {}
     once: dict[str, SingleSignal] = {}
@@ -88,8 +101,7 @@ def with_lab_types(platform: Platform, data: Mapping[str, Any], file: str) -> Pl
         base=types,
         usd_types=usd_types,
         graph=_graph_over(platform.graph, data.get("graph", {}), file),
-        prefixes={**platform.prefixes, **content.prefixes},
-        renamed={**platform.renamed, **content.renamed},
+        names=_names_over(platform.names, content, types, file),
         lookalikes={**platform.lookalikes, **content.lookalikes},
         events={**platform.events, **stages_of(events)},
         deltas={**platform.deltas, **deltas_of(events)},
@@ -100,6 +112,21 @@ def with_lab_types(platform: Platform, data: Mapping[str, Any], file: str) -> Pl
         writers={**platform.writers, **content.writers},
         looks=content.looks or platform.looks,
         transform_messages=transform_messages(types),
+    )
+
+
+def _names_over(
+    names: Names, content: LabTypesFile, types: Mapping[str, NodeType], file: str
+) -> Names:
+    """Return the names of other releases with those that a lab declares."""
+    declared = {other: OtherName(name) for other, name in content.renamed.items()}
+    ports = other_ports(content.port_names, types, f"{file}: port_names")
+    both = {*names.ports, *ports}
+    return replace(
+        names,
+        prefixes={**names.prefixes, **content.prefixes},
+        types={**names.types, **declared, **other_types(content.type_names)},
+        ports={kind: {**names.ports.get(kind, {}), **ports.get(kind, {})} for kind in both},
     )
 
 

@@ -23,6 +23,7 @@ from lab3_usd.isaac.behaviour import (
 )
 from lab3_usd.isaac.load.graph_form import GraphEntry, graph_form
 from lab3_usd.isaac.load.node_types import PortEntry, parse_port, parse_types
+from lab3_usd.isaac.names import Names, OtherName
 from lab3_usd.isaac.node_types import (
     INPUT,
     NodeType,
@@ -91,8 +92,11 @@ APPLICATION = "application.yaml"
 
 
 class _Renames(Struct, forbid_unknown_fields=True):
+    before: str
     prefixes: dict[str, str]
     renamed: dict[str, str]
+    types: dict[str, dict[str, str]] = {}
+    ports: dict[str, dict[str, str]] = {}
 
 
 class _ChangesEntry(Struct, forbid_unknown_fields=True):
@@ -158,8 +162,13 @@ def assemble_platform(folder: Path) -> Platform:
         releases=releases,
         usd_types=usd_types,
         graph=graph_form(system.graph, f"{name}/{SYSTEM}: graph"),
-        prefixes=names.prefixes,
-        renamed=names.renamed,
+        names=Names(
+            before=names.before,
+            prefixes=names.prefixes,
+            renamed=names.renamed,
+            types=other_types(names.types),
+            ports=other_ports(names.ports, types, f"{name}/{RENAMES}: ports"),
+        ),
         lookalikes=system.lookalikes,
         events=stages_of(system.events),
         deltas=deltas_of(system.events),
@@ -183,6 +192,35 @@ def assemble_platform(folder: Path) -> Platform:
         ).prims,
         placed=frozenset(kind for sensor in sensors.values() for kind in sensor.types),
     )
+
+
+def other_types(said: Mapping[str, Mapping[str, str]]) -> dict[str, OtherName]:
+    """Return the names of types that single releases have, of names by type and release."""
+    return {
+        other: OtherName(name, release)
+        for name, others in said.items()
+        for release, other in others.items()
+    }
+
+
+def other_ports(
+    said: Mapping[str, Mapping[str, str]], types: Mapping[str, NodeType], where: str
+) -> dict[str, dict[str, OtherName]]:
+    """Return the names of ports that single releases have, by type.
+
+    `said` has `TYPE.PORT` and by release the name that the port has there.
+
+    Raises:
+        SpecError: a type or a port is not known; the line opens with `where`.
+    """
+    named: dict[str, dict[str, OtherName]] = {}
+    for path, others in said.items():
+        kind, _, port = path.rpartition(".")
+        if kind not in types or port not in types[kind].ports:
+            raise SpecError(f"{where}: '{path}' is not a port of a node type")
+        for release, other in others.items():
+            named.setdefault(kind, {})[other] = OtherName(port, release)
+    return named
 
 
 def _with_roles(types: Mapping[str, Any], folder: Path) -> dict[str, Any]:

@@ -271,7 +271,7 @@ def type_of(node: Node, platform: Platform) -> NodeType | None:
     known = platform.get(node.type)
     if known is not None:
         return known
-    modern = platform.modern(node.type)
+    modern = platform.type_name(node.type)
     extension, _, name = modern.rpartition(".")
     extensions = {name.rpartition(".")[0] for name in (*platform.types, *platform.events)}
     if extension not in extensions:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from msgspec.structs import replace
 from pxr import Usd
 
+from lab3_usd.isaac.names import OtherName
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
@@ -73,6 +75,7 @@ def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
     hidden = tuple(dict.fromkeys(missing.prim for missing in unresolved))
     scan = _Scan(stage, platform, hidden)
     scan.run()
+    scan.settle_names()
     reader = PrimReader(stage, path, hidden, platform)
     prims = StagePrims(reader, platform.graph, scan.others)
     kilograms = stage.GetPseudoRoot().GetMetadata("kilogramsPerUnit")
@@ -148,6 +151,35 @@ class _Scan:
             everything = Usd.PrimRange(self._stage.GetPseudoRoot(), EVERYTHING)
             self.instances += (str(prim.GetPath()) for prim in everything if prim.IsInstance())
 
+    def settle_names(self) -> None:
+        """Let wires leave from ports by their own names, and note what a file calls the others.
+
+        A file that has names of a release has them for the ports that it leaves out, too.
+        """
+        others = self._platform.names
+        if not others.ports:
+            return
+        nodes = {node.path: node for graph in self.nodes.values() for node in graph}
+        known = {path: self._platform.other_ports(node.type_name) for path, node in nodes.items()}
+        releases = set(self._releases(nodes, known))
+        for graph, found in self.nodes.items():
+            self.nodes[graph] = [_settled(node, known, releases) for node in found]
+
+    def _releases(
+        self, nodes: Mapping[str, Node], known: Mapping[str, Mapping[str, OtherName]]
+    ) -> Iterator[str]:
+        """Yield the releases whose names nodes have, for types or at either end of a wire."""
+        for node in nodes.values():
+            if node.written_type in self._platform.names.types:
+                yield self._platform.names.types[node.written_type].release
+            for written in node.written_ports.values():
+                yield known[node.path][written].release
+            for path, _, port in (
+                w.rpartition(".") for s in node.ports.values() for w in s.sources
+            ):
+                if port in known.get(path, {}):
+                    yield known[path][port].release
+
     def _tree(self, top: Usd.Prim, *, is_ignored: bool) -> None:
         """Look at a prim at the root and at all below it.
 
@@ -196,9 +228,10 @@ class _Scan:
             self._note_absent(prim, graph)
             return
         properties = AuthoredProperties(prim)
-        type_name, own = (_text(properties[name].value()) for name in (_NODE_TYPE, _NAMESPACE))
-        kind, version = self._platform.get(type_name), properties[_VERSION].value()
-        ports = read_ports(properties, kind)
+        written, own = (_text(properties[name].value()) for name in (_NODE_TYPE, _NAMESPACE))
+        type_name, version = self._platform.type_name(written), properties[_VERSION].value()
+        kind, others = self._platform.types.get(type_name), self._platform.other_ports(type_name)
+        ports = read_ports(properties, kind, others)
         if not type_name and not ports:
             return  # a leftover, which is no node
         namespaces = self._namespaces_above(prim, path)
@@ -216,6 +249,8 @@ class _Scan:
                 namespaces=namespaces,
                 own_namespace=own,
                 is_local=not self._hidden or is_defined_in(prim, self._own_layers),
+                written_type="" if written == type_name else written,
+                written_ports=_written_ports(properties, others),
             )
         )
 
@@ -223,7 +258,8 @@ class _Scan:
         """Keep a prim that looks like a node and is none: its own graph may miss it."""
         platform, properties = self._platform, AuthoredProperties(prim)
         type_name = _text(properties[_NODE_TYPE].value())
-        ports = read_ports(properties, platform.get(type_name))
+        others = platform.other_ports(platform.type_name(type_name))
+        ports = read_ports(properties, platform.get(type_name), others)
         if not (ports or type_name):
             return
         reason = f"of {prim.GetTypeName() or 'no type'}, not {platform.graph.node_type}"
@@ -275,23 +311,62 @@ class _Scan:
         )
 
 
+def _written_ports(
+    properties: AuthoredProperties, others: Mapping[str, OtherName]
+) -> dict[str, str]:
+    """Return the ports of a prim that it has under names of other releases, with these."""
+    names = properties.names() if others else ()
+    return {other.name: name for name, other in others.items() if name in names}
+
+
+def _settled(
+    node: Node, known: Mapping[str, Mapping[str, OtherName]], releases: Collection[str]
+) -> Node:
+    """Return a node whose wires come from ports by their own names, beside what the file has."""
+    ports = {
+        name: replace(state, sources=tuple(_settled_source(path, known) for path in state.sources))
+        if state.sources
+        else state
+        for name, state in node.ports.items()
+    }
+    implied = {
+        other.name: name
+        for name, other in known[node.path].items()
+        if other.release in releases and other.name not in node.ports
+    }
+    return replace(node, ports=ports, written_ports={**implied, **node.written_ports})
+
+
+def _settled_source(path: str, known: Mapping[str, Mapping[str, OtherName]]) -> str:
+    prim, _, port = path.rpartition(".")
+    other = known.get(prim, {}).get(port)
+    return path if other is None else f"{prim}.{other.name}"
+
+
 def has_custom_ports(prim: Usd.Prim) -> bool:
     """Whether a prim has ports as Kit writes those of nodes, and not those of shaders."""
     properties = (spec for prim_spec in prim.GetPrimStack() for spec in prim_spec.properties)
     return any(spec.custom and spec.name.startswith((INPUT, OUTPUT)) for spec in properties)
 
 
-def read_ports(properties: AuthoredProperties, kind: NodeType | None) -> Mapping[str, PortState]:
+def read_ports(
+    properties: AuthoredProperties, kind: NodeType | None, others: Mapping[str, OtherName]
+) -> Mapping[str, PortState]:
     """Return the ports among the properties of a prim, by full name; `kind` is its node type.
 
-    Of outputs only the names count: what flows through them is made at run time.
+    Of outputs only the names count: what flows through them is made at run time. `others` are the
+    names of other releases, each with the port that it means.
     """
     ports = {}
-    for name in properties.names():
+    names = properties.names()
+    for written in names:
+        name = others[written].name if written in others else written
+        if name != written and name in names:
+            continue  # the file has the port under its own name, too
         if name.startswith(OUTPUT):
             ports[name] = PortState(name)
         elif name.startswith(INPUT):
-            ports[name] = _input(name, properties[name], kind)
+            ports[name] = _input(name, properties[written], kind)
     return ports
 
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
+from msgspec.structs import replace
 from pxr import Usd, UsdGeom
 
+from lab3_usd.isaac.names import OtherName
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import HERE, RENDER_PRODUCT, Affine, Graph, Input, Node, Prim, Scene
 from lab3_usd.stage.read.assets import find_unresolved
 from lab3_usd.stage.read.properties import CENTIMETRES, stage_number, targets_of
 from lab3_usd.stage.read.transforms import ORDER
 
+_Value = TypeVar("_Value")
 GRAPH, NODE = "OmniGraph", "OmniGraphNode"
 VARIABLE = "graph:variable:"  # how the attributes begin that hold variables of a graph
 IGNORED = ("Replicator", "Render")
@@ -32,8 +37,8 @@ _SIZES = {
 }
 
 
-def read_scene(stage: Usd.Stage) -> Scene:
-    """Read a stage as it is composed."""
+def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
+    """Read a stage as it is composed; types and ports of nodes have their names of the platform."""
     time = Usd.TimeCode(stage.GetStartTimeCode())
     graphs: dict[str, Usd.Prim] = {}
     nodes: dict[str, list[Node]] = {}
@@ -54,6 +59,15 @@ def read_scene(stage: Usd.Stage) -> Scene:
                 nodes[parent].append(_node(prim, path, time))
         else:
             prims[path] = _prim(prim, path, kind, time, prims)
+    nodes = {
+        graph: [_of_platform(node, platform) for node in found] for graph, found in nodes.items()
+    }
+    known = {
+        node.path: others
+        for found in nodes.values()
+        for node in found
+        if (others := platform.other_ports(node.type))
+    }
     unit = stage_number(stage.GetMetadata("metersPerUnit"), CENTIMETRES)
     return Scene(
         # A unit too small to see a room in is a metre, as is one too large.
@@ -65,7 +79,7 @@ def read_scene(stage: Usd.Stage) -> Scene:
                 str(_value(prim, "evaluator:type") or "push"),
                 str(_value(prim, "pipelineStage") or "pipelineStageSimulation"),
                 str(_value(prim, "evaluationMode") or "Automatic"),
-                tuple(nodes[path]),
+                tuple(_named(node, known) for node in nodes[path]),
                 {
                     str(name).removeprefix(VARIABLE): _value(prim, str(name))
                     for name in prim.GetAuthoredPropertyNames()
@@ -77,6 +91,35 @@ def read_scene(stage: Usd.Stage) -> Scene:
         prims,
         {asset.prim: asset.asset for asset in find_unresolved(stage)},
     )
+
+
+def _of_platform(node: Node, platform: Platform) -> Node:
+    """Return a node whose type has the name that the platform has for it."""
+    name = platform.type_name(node.type)
+    return node if name == node.type else replace(node, type=name)
+
+
+def _named(node: Node, known: Mapping[str, Mapping[str, OtherName]]) -> Node:
+    """Return a node whose ports, and those that feed it, have their names of the platform."""
+    if not known:
+        return node
+    others = known.get(node.path, {})
+
+    def own(names: Mapping[str, _Value]) -> dict[str, _Value]:
+        renamed = {others[name].name: value for name, value in names.items() if name in others}
+        kept = {name: value for name, value in names.items() if name not in others}
+        return {**renamed, **kept}
+
+    def source(path: str) -> str:
+        prim, _, port = path.rpartition(".")
+        other = known.get(prim, {}).get(port)
+        return path if other is None else f"{prim}.{other.name}"
+
+    inputs = {
+        name: replace(state, sources=tuple(map(source, state.sources)))
+        for name, state in own(node.inputs).items()
+    }
+    return replace(node, inputs=inputs, targets=own(node.targets))
 
 
 def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> Node:

@@ -1,0 +1,72 @@
+"""The names that other releases of Isaac Sim have for node types and ports."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from msgspec import Struct
+
+from lab3_usd.isaac.node_types import NodeType
+from lab3_usd.isaac.releases import BASE, order
+
+
+class OtherName(Struct, frozen=True):
+    """A name, and the release that has the other one for it: '' where that is not known.
+
+    A release after the described one has the other name from then on, an earlier one until then.
+    """
+
+    name: str
+    release: str = ""
+
+
+class Names(Struct, frozen=True):
+    """Which names mean which types and ports: other names first, those of this catalog behind them.
+
+    `prefixes` and `renamed` are names of types from before the release `before`. `types` are those
+    that single releases have, and `ports` by type the names of its ports, in full.
+    """
+
+    before: str
+    prefixes: Mapping[str, str]
+    renamed: Mapping[str, str]
+    types: Mapping[str, OtherName]
+    ports: Mapping[str, Mapping[str, OtherName]]
+
+    def modern(self, name: str) -> str:
+        """Return the name that another name of a type means; the others come back unchanged."""
+        if name in self.types:
+            return self.types[name].name
+        if name in self.renamed:
+            return self.renamed[name]
+        prefix, _, rest = name.rpartition(".")
+        return f"{self.prefixes[prefix]}.{rest}" if prefix in self.prefixes else name
+
+    def canonical(self, name: str, types: Mapping[str, NodeType]) -> str:
+        """Return the name of a type among these, where they have the written one or what it means.
+
+        A type that is there keeps its name, whatever that means elsewhere.
+        """
+        return name if name in types else self.modern(name)
+
+    @property
+    def releases(self) -> set[str]:
+        """The releases that have other names."""
+        ports = (other for known in self.ports.values() for other in known.values())
+        return {other.release for other in (*self.types.values(), *ports) if other.release}
+
+    def origin(self, name: str) -> str:
+        """Say which releases have another name of a type, as the end of a sentence about it."""
+        if name in self.types:
+            return origin(self.types[name].release)
+        return f"from before Isaac Sim {self.before}"
+
+
+def origin(release: str) -> str:
+    """Say which releases have another name, as the end of a sentence about it."""
+    if not release:
+        return "that the lab declares"
+    since = "from" if order(release) > order(BASE) else "up to"
+    return (
+        f"of Isaac Sim {since} {release} on" if since == "from" else f"of Isaac Sim up to {release}"
+    )
