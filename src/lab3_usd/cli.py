@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal, NoReturn
 
 import click
 
+from lab3_usd import features
 from lab3_usd.commands.table import CALLS, COMMANDS, EXAMPLES, GROUPS
 from lab3_usd.data import LAB_VARIABLE, as_called, program
 from lab3_usd.errors import EXIT_CRASH, EXIT_INTERRUPTED, EXIT_USAGE, Lab3Error, UsageError
@@ -128,9 +129,7 @@ def _use_lab(context: click.Context, _option: click.Parameter, given: str | None
 
     context.call_on_close(put_back)
     if is_zip:
-        from lab3_usd.grade.intake.lab_archive import unpacked_lab
-
-        folder = context.with_resource(unpacked_lab(folder))
+        folder = context.with_resource(features.unpacked_lab(folder))
     os.environ[LAB_VARIABLE] = str(folder)
 
 

@@ -26,9 +26,7 @@ from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import worker_main
 from lab3_usd.grade.workers.messages import PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import grade_submission
-from lab3_usd.judge import files as module
-from lab3_usd.judge.files import opens_all, read_recordings
-from lab3_usd.judge.folder import FolderSettings, check_folder
+from lab3_usd.judge.folder import FolderSettings, check_folder, opens_all
 from lab3_usd.lab.submission import entries_below
 from lab3_usd.model.dry_run import Check
 from lab3_usd.model.finding import Problem
@@ -41,6 +39,8 @@ from lab3_usd.model.folder import (
     RecordingShown,
 )
 from lab3_usd.sim.bag import files
+from lab3_usd.sim.bag import submitted as module
+from lab3_usd.sim.bag.submitted import read_recordings
 
 RULES = {rule.id: rule for rule in rules_of("evidence", "E")}
 

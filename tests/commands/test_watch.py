@@ -27,7 +27,7 @@ from lab3_usd.commands.steps import watching
 from lab3_usd.commands.steps.watching import changes_between
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.model.finding import Finding, Report, Score, StageResult
-from lab3_usd.report.html.templates import live_page, version_file, version_script
+from lab3_usd.report.html.live_page import live_page, version_file, version_script
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.read.watched_files import may_be_whole, text_in_memory
 from lab3_usd.stage.write.starter import build_starter

@@ -46,9 +46,9 @@ from report_examples import (
 from lab3_usd.judge.lint import lint_stage
 from lab3_usd.model.finding import Report, Score
 from lab3_usd.report.entries import plural, summarize
-from lab3_usd.report.formats import html as html_format
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html import pictures as html_pictures
+from lab3_usd.report.html import report_page
 from lab3_usd.report.options import Options
 from lab3_usd.report.picture.model import HEADER, Box, LegendEntry, Picture
 from lab3_usd.spec.load.loader import load_lab
@@ -130,7 +130,7 @@ def test_a_chapter_is_named_after_the_parts_of_the_lab(monkeypatch: pytest.Monke
     lab = load_lab()
     parts = {"00": "Ex 3", "01": "Ex 31", "02": "Ex 31"}
     points = {name: replace(lab.checkpoints[name], part=part) for name, part in parts.items()}
-    monkeypatch.setattr(html_format, "load_lab", lambda: replace(lab, checkpoints=points))
+    monkeypatch.setattr(report_page, "load_lab", lambda: replace(lab, checkpoints=points))
     names = (None, "Ex 31.1", "Ex 4", "Ex 3.1", "Ex 3.2")
     findings = tuple(replace(OLD_NAME, handout=name, prim=f"/{name}") for name in names)
     tree = shown(Report((replace(FAILED, checkpoint="00", findings=findings),)))

@@ -11,9 +11,9 @@ from report_examples import BROKEN, DRIVE, FAILED, HOSTILE, REPORT, hostile
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Report, Requirement, Score, StageResult
+from lab3_usd.model.grade import GradeItem, GradeSummary, LostPoints
 from lab3_usd.report.formats.gradescope import VISIBILITIES
 from lab3_usd.report.formats.registry import render
-from lab3_usd.report.html.model import GradeItem, GradeSummary, LostPoints
 from lab3_usd.report.options import Options
 
 VISIBLE = {"enum": ["hidden", "after_due_date", "after_published", "visible"]}

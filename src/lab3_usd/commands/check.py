@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lab3_usd import features
 from lab3_usd.commands.steps.options import (
     asset_places,
     assets_option,
@@ -104,29 +105,11 @@ def _refuse_trust(options: Mapping[str, Any]) -> None:
 def _untrusting_judge(options: Mapping[str, Any]) -> Judge:
     """Say how submissions of strangers are judged: one after the other, in a worker each."""
     from lab3_usd.commands.steps.judging import Judge
-    from lab3_usd.grade.intake.archives import is_archive
-    from lab3_usd.grade.intake.submission_copy import Limits
-    from lab3_usd.grade.untrusted import check_untrusted
-    from lab3_usd.grade.workers.messages import PoolSettings
-    from lab3_usd.judge.results import Entry
 
-    settings = PoolSettings(
-        Path(options["starter"]), None, Limits(), assets=asset_places(options["assets"])
-    )
-
-    def find(path: str) -> list[Entry]:
-        if not Path(path).is_dir() and not is_archive(path):
-            raise UsageError(f"{path}: --untrusted judges submissions: give a folder or an archive")
-        return [Entry(path, is_submission=True)]
-
-    def judge(work: list[Entry], _jobs: int) -> Generator[Results]:
-        for entry in work:
-            report = check_untrusted(Path(entry.path), settings, _notify)
-            yield report.results, report.submissions
-
+    starter, assets = Path(options["starter"]), asset_places(options["assets"])
     return Judge(
-        find=find,
-        judge=judge,
+        find=features.find_untrusted,
+        judge=lambda work, _jobs: features.judge_untrusted(work, starter, assets, _notify),
         module="lab3_usd.check.checker",
     )
 

@@ -18,10 +18,10 @@ from lab3_usd.commands.steps.options import (
     complete_checkpoints,
     use_config,
 )
-from lab3_usd.commands.steps.pictures import ENDINGS, encoder
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
 from lab3_usd.files import refuse_existing, write_whole
+from lab3_usd.report.picture.picture_file import ENDINGS, encoder
 from lab3_usd.report.picture.svg import THEMES
 
 if TYPE_CHECKING:

@@ -20,10 +20,12 @@ from lab3_usd.commands.steps.options import (
     text_or_json,
     use_config,
 )
+from lab3_usd.data import program
 from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
 from lab3_usd.installation import install_command
 
 if TYPE_CHECKING:
+    from lab3_usd.model.finding import StageResult
     from lab3_usd.sim.live import Lived
     from lab3_usd.spec.lab import Lab
 
@@ -223,3 +225,40 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
         click.echo(text.render(behaviour, width(), color=wants_color()), nl=False, color=True)
     exits = {"bad": EXIT_FOUND, "not judged": EXIT_FOUND, "unreadable": EXIT_USAGE}
     return 0 if behaviour.is_early else exits.get(behaviour.verdict, 0)
+
+
+def with_dry_run(result: StageResult, shown: dict[str, object]) -> StageResult:
+    """Return a result with a note for each bad check of a dry run; the score stays.
+
+    `lab3 check --sim` calls it. What the HTML page shows of the run is added to `shown`.
+    """
+    from lab3_usd.check.explanations import explaining_rule
+    from lab3_usd.check.registry import all_rules
+    from lab3_usd.judge.results import unreadable, with_findings
+    from lab3_usd.model.finding import Finding
+    from lab3_usd.report.behaviour.page import dry_run_summary
+    from lab3_usd.sim.dry_run import dry_run
+    from lab3_usd.spec.load.loader import load_lab
+
+    if result.verdict == "unreadable" or result.checkpoint is None:
+        return result
+    run = dry_run(Path(result.path), load_lab(), result.checkpoint)
+    if run.behaviour.verdict == "unreadable":  # by damage where no rule looks
+        return unreadable(result.path, result.checkpoint, run.behaviour.not_simulated[0].reason)
+    drawn = dry_run_summary(run.behaviour, run.replay)
+    if drawn is not None:
+        shown[result.path] = drawn
+    rules = all_rules()
+    wrong = [check for check in run.behaviour.checks if check.verdict == "bad"]
+    notes = (
+        Finding(
+            rule,
+            rules[rule].name,
+            "note",
+            check.prim or "/",
+            f"in a dry run ({check.name}): {check.text}",
+            hint=f"{program()} sim plays the stage and shows what it does",
+        )
+        for check, rule in ((check, explaining_rule(check)) for check in wrong)
+    )
+    return with_findings(result, (*result.findings, *notes))

@@ -51,14 +51,13 @@ def command(
     """
     from textwrap import wrap
 
-    from lab3_usd.commands.steps.pictures import write_picture
-
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.facts.endpoints import endpoints
     from lab3_usd.facts.frames import published_edges, unknown_publishers, unresolved_frames
     from lab3_usd.judge.lint import read_ros
     from lab3_usd.judge.stage import checkpoint_of
     from lab3_usd.report.entries import coverage_line
+    from lab3_usd.report.picture.picture_file import write_picture
     from lab3_usd.report.pictures.tf_picture import published_frames_picture
     from lab3_usd.report.safe_text import printable
     from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text
@@ -74,6 +73,7 @@ def command(
     not_judged = printable(coverage_line(ros.coverage))
     if picture is not None:
         write_picture(published_frames_picture(edges, hidden, rates, not_judged), picture, force)
+        click.echo(picture)
         return
     unknown = unknown_publishers(model, platform)
     lab = load_lab()

@@ -50,13 +50,12 @@ def command(
     """
     from textwrap import wrap
 
-    from lab3_usd.commands.steps.pictures import write_picture
-
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.facts.endpoints import endpoints
     from lab3_usd.facts.frames import published_edges, unresolved_frames
     from lab3_usd.judge.lint import read_ros
     from lab3_usd.report.entries import coverage_line
+    from lab3_usd.report.picture.picture_file import write_picture
     from lab3_usd.report.pictures.topic_picture import topics_picture
     from lab3_usd.report.safe_text import printable
     from lab3_usd.report.topic_table import WIDTH, TopicReport, as_csv, as_json, as_table
@@ -68,6 +67,7 @@ def command(
     ends, not_judged = endpoints(model, platform), printable(coverage_line(ros.coverage))
     if picture is not None:
         write_picture(topics_picture(stage.name, ends, ros.unknown, not_judged), picture, force)
+        click.echo(picture)
         return
     edges, hidden = published_edges(model, platform), unresolved_frames(model, platform)
     table = TopicReport(str(stage), ends, edges, hidden)

@@ -21,9 +21,9 @@ from lab3_usd.grade.rosters import PLATFORMS
 from lab3_usd.grade.rubric import COLUMNS, Item, Rubric, load_rubric
 from lab3_usd.grade.scoring import Grade, State, facts_of, grade_facts
 from lab3_usd.model.finding import Report
+from lab3_usd.model.grade import GradeItem, GradeSummary, LostPoints
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html.class_page import class_page
-from lab3_usd.report.html.model import GradeItem, GradeSummary, LostPoints
 from lab3_usd.report.options import NAME, Options, tool_version
 from lab3_usd.report.safe_text import safe_cell
 from lab3_usd.spec.lab import Lab

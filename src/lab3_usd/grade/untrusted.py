@@ -1,16 +1,20 @@
-"""Checks one untrusted submission as grading does, and returns the report instead of points."""
+"""Checks untrusted submissions as grading does, and returns their reports instead of points."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable
 from pathlib import Path, PurePosixPath
 
 import msgspec
 from msgspec.structs import replace
 
+from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import grade_alone
+from lab3_usd.grade.intake.archives import is_archive
+from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.messages import PoolSettings
 from lab3_usd.grade.workers.submission_grading import ungraded_report
+from lab3_usd.judge.results import Entry, Results
 from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
 
 
@@ -33,10 +37,24 @@ class _SentReport(Report, frozen=True):
     submissions: tuple[_SentSubmission, ...] = ()
 
 
-def check_untrusted(
-    submission: Path, settings: PoolSettings, notify: Callable[[str], None]
-) -> Report:
-    """Judge a folder or an archive in a worker, as a copy within the fence.
+def find_untrusted(path: str) -> list[Entry]:
+    """Return the submission at a path.
+
+    Raises:
+        UsageError: it is neither a folder nor an archive.
+    """
+    if not Path(path).is_dir() and not is_archive(path):
+        raise UsageError(f"{path}: --untrusted judges submissions: give a folder or an archive")
+    return [Entry(path, is_submission=True)]
+
+
+def judge_untrusted(
+    entries: Iterable[Entry],
+    starter: Path,
+    assets: dict[str, Path],
+    notify: Callable[[str], None],
+) -> Generator[Results]:
+    """Judge submissions one after the other, each in a worker and as a copy within the fence.
 
     Files go by where they lie from here, and a failure of the program is a crash in the report.
 
@@ -45,6 +63,15 @@ def check_untrusted(
         StageError: the starter cannot be opened.
         UsageError: there is no such submission, or no starter to judge it with.
     """
+    settings = PoolSettings(starter, None, Limits(), assets=assets)
+    for entry in entries:
+        report = _check_untrusted(Path(entry.path), settings, notify)
+        yield report.results, report.submissions
+
+
+def _check_untrusted(
+    submission: Path, settings: PoolSettings, notify: Callable[[str], None]
+) -> Report:
     answer = grade_alone(submission, replace(settings, with_report=True), notify)
     if "report" in answer:
         report: Report = msgspec.convert(answer["report"], _SentReport)

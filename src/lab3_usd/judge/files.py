@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
-from importlib.util import find_spec
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.rule_runs import RuleResults, merge_results, run_family
-from lab3_usd.errors import Lab3Error, RecordingError
+from lab3_usd.errors import Lab3Error
 from lab3_usd.lab.evidence.reader import read_listed
 from lab3_usd.lab.maps import MapFrame, agreement, draw_map, find_map, map_subject, read_pgm
 from lab3_usd.lab.nav2 import read_params
@@ -20,95 +18,13 @@ from lab3_usd.lab.submission import find_parameter_files, folder_named
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.folder import (
     Agreement,
-    Entry,
     Evidence,
     EvidenceSubject,
     Listing,
-    RecordingShown,
 )
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import MapFacts, RosSpec
-from lab3_usd.spec.submission import SubmissionSpec, named_checkpoint
-
-MOST = 12  # recordings
-MOST_BYTES = 512_000_000  # of all of them
-MESSAGES = 200_000  # of one
-LISTED = 600_000  # transforms and goals in them
-LARGEST_FILE = 512_000_000  # bytes that one may unpack to
-UNPACKED = 1_000_000_000  # bytes that the parts of one may unpack to
-_ENDINGS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
-_METADATA = "metadata.yaml"
-
-
-def opens_all(_name: str) -> str:
-    """Have nothing against opening a recording."""
-    return ""
-
-
-def read_recordings(
-    root: Path, entries: Sequence[Entry], until: tuple[Lab, str], may_open: Callable[[str], str]
-) -> tuple[RecordingShown, ...]:
-    """Judge each recording by what was recorded, at the checkpoint in its name, or the last.
-
-    `may_open` receives each before it is opened, and returns a reason not to open it.
-    """
-    return tuple(_recordings_shown(root, entries, until, may_open))
-
-
-def _recordings_shown(
-    root: Path, entries: Sequence[Entry], until: tuple[Lab, str], may_open: Callable[[str], str]
-) -> Iterator[RecordingShown]:
-    room = MOST_BYTES
-    for number, files in enumerate(_recordings(entries)):
-        name = files[0].path
-        refused = next((file.why_not for file in files if file.why_not), "")
-        if refused:
-            yield RecordingShown(name, unread=refused)
-        elif find_spec("rosbags") is None:
-            yield RecordingShown(name, unread="needs the extra lab3-usd[sim]", for_lack=True)
-        else:
-            room -= sum((root / entry.path).stat().st_size for entry in files)
-            if room < 0 or number >= MOST:
-                most = f"{MOST} recordings of {MOST_BYTES // 10**6} MB in all are read"
-                yield RecordingShown(name, unread=f"no more than {most}")
-                return
-            refused = may_open(name)
-            yield (
-                RecordingShown(name, unread=refused) if refused else _recording(root, files, until)
-            )
-
-
-def _recordings(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
-    """Yield the files of each recording: a folder with metadata is one, else each file is one."""
-    folders: dict[str, list[Entry]] = {}
-    for entry in entries:
-        if entry.name == _METADATA or entry.name.endswith(_ENDINGS):
-            folders.setdefault(entry.folder, []).append(entry)
-    for inside in folders.values():
-        files = [entry for entry in inside if entry.name != _METADATA]
-        if files and len(files) < len(inside):
-            yield [*files, *(entry for entry in inside if entry.name == _METADATA)]
-        else:
-            yield from ([file] for file in files)
-
-
-def _recording(root: Path, files: Sequence[Entry], until: tuple[Lab, str]) -> RecordingShown:
-    from lab3_usd.sim.bag.files import Bounds, layout_of
-    from lab3_usd.sim.bag.judge import judge_what_came
-
-    lab, last = until
-    name = files[0].path
-    parts = reversed(PurePosixPath(name).parts)
-    known = (named_checkpoint(part, lab.files) for part in parts)
-    bounds = Bounds(MESSAGES, LISTED, LARGEST_FILE, UNPACKED)
-    try:
-        layout = layout_of([root / file.path for file in files])
-        judged = judge_what_came(layout, bounds, lab, next(filter(None, known), last))
-    except (RecordingError, OSError) as error:
-        return RecordingShown(name, unread=str(error).replace(f"{root}{os.sep}", ""))
-    frames = {name for frame in judged.frames for name in (frame.parent, frame.child)}
-    topics = frozenset(topic.name for topic in judged.topics)
-    return RecordingShown(name, topics, frozenset(frames), judged.checks)
+from lab3_usd.spec.submission import SubmissionSpec
 
 
 class FolderContents(Struct, frozen=True):

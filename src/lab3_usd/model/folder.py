@@ -233,6 +233,9 @@ def judge_best(
     return min(reversed(problems), key=len, default=[])
 
 
+_RECORDING_ENDINGS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
+
+
 class Entry(Struct, frozen=True):
     """A file of the folder, by its path in it; `why_not` says why it is never opened."""
 
@@ -248,6 +251,11 @@ class Entry(Struct, frozen=True):
     def folder(self) -> str:
         """The path of the folder that holds it, '' for the submission itself."""
         return self.path.rpartition("/")[0]
+
+    @property
+    def is_recording(self) -> bool:
+        """Whether the file is a recording of ROS 2, or a part of one, by its name."""
+        return self.name.endswith(_RECORDING_ENDINGS)
 
 
 class StageFile(Struct, frozen=True):

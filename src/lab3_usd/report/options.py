@@ -15,8 +15,7 @@ from lab3_usd.model.changes import TextChange
 from lab3_usd.model.finding import Site
 
 if TYPE_CHECKING:
-    from lab3_usd.report.behaviour.page import DryRunSummary
-    from lab3_usd.report.html.model import GradeSummary
+    from lab3_usd.model.grade import GradeSummary
 
 
 Verbosity = Literal["quiet", "normal", "verbose"]
@@ -49,7 +48,7 @@ class Options(Struct, frozen=True):
     root: str | None = None
     visibility: str = "visible"
     grade: GradeSummary | None = None
-    dry_runs: Mapping[str, DryRunSummary] = {}
+    dry_runs: Mapping[str, object] = {}
     editor: bool = False
     changes: Mapping[tuple[str, Site], tuple[TextChange, ...]] = {}
 

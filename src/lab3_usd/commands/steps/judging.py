@@ -18,6 +18,7 @@ import click
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd import features
 from lab3_usd.commands.steps.options import understands_ansi
 from lab3_usd.commands.steps.reporting import (
     exit_code,
@@ -137,9 +138,7 @@ def _judged(entries: list[Entry], judge: Judge, options: Mapping[str, Any]) -> R
 def _played(stages: Iterable[StageResult], options: Mapping[str, Any]) -> Iterable[StageResult]:
     if not options.get("sim"):
         return stages
-    from lab3_usd.commands.steps.dry_runs import with_dry_run
-
-    return (with_dry_run(stage, options["dry_runs"]) for stage in stages)
+    return (features.with_dry_run(stage, options["dry_runs"]) for stage in stages)
 
 
 def _progress(judged: Iterable[Any], count: int, options: Mapping[str, Any]) -> Any:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lab3_usd import features
 from lab3_usd.commands.steps.options import chosen, wants_color, width
 from lab3_usd.config.settings import with_config_applied
 from lab3_usd.data import program
@@ -21,7 +22,7 @@ from lab3_usd.spec.load.loader import load_lab
 
 if TYPE_CHECKING:
     from lab3_usd.fix.repairing import Changes
-    from lab3_usd.report.html.model import GradeSummary
+    from lab3_usd.model.grade import GradeSummary
 
 GRADESCOPE = "gradescope"  # the format with the points of grading
 
@@ -153,9 +154,7 @@ def _grade(report: Report) -> GradeSummary | None:
         SpecError: the rubric of the lab is wrong.
         UsageError: there are several submissions.
     """
-    from lab3_usd.grade.gradebook import grade_of
-
-    return grade_of(report, load_lab())
+    return features.grade_of(report, load_lab())
 
 
 def write_report(text: str, output: str | None) -> None:

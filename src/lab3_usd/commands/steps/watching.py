@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import click
 from msgspec import Struct
 
+from lab3_usd import features
 from lab3_usd.commands.steps.options import understands_ansi
 from lab3_usd.commands.steps.reporting import write_report
 from lab3_usd.errors import Lab3Error, UsageError
@@ -319,10 +320,8 @@ class _Session:
     def close(self) -> None:
         """Leave a page that is a report like any other."""
         if self._is_page and self._version:
-            from lab3_usd.report.html.templates import version_file
-
-            write_report(self._watched.render(self._whole()), self._options["output"])
-            version_file(Path(self._options["output"])).unlink(missing_ok=True)
+            page = self._watched.render(self._whole())
+            features.end_live_page(page, Path(self._options["output"]))
 
     @property
     def _is_page(self) -> bool:
@@ -379,11 +378,7 @@ class _Session:
             click.clear()
         text = self._watched.render(self._whole())
         if self._is_page:
-            from lab3_usd.report.html.templates import live_page, version_file, version_script
-
-            page = Path(output)
-            write_report(live_page(text, page, self._version), str(page))
-            write_report(version_script(self._version), str(version_file(page)))
+            features.write_live_page(text, Path(output), self._version)
         elif output is not None:
             write_report(text, output)
         is_data = output is None and form != "text"

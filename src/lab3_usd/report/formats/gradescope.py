@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Finding, Report, Requirement, StageResult
+from lab3_usd.model.grade import GradeItem, LostPoints
 from lab3_usd.report.entries import crashes, gaps, site, summarize, summary_line
 from lab3_usd.report.formats.markdown import code, text
 from lab3_usd.report.options import Options, Rules
-
-if TYPE_CHECKING:
-    from lab3_usd.report.html.model import GradeItem, LostPoints
 
 VISIBILITIES = ("hidden", "after_due_date", "after_published", "visible")
 Json = dict[str, Any]

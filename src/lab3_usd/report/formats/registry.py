@@ -13,7 +13,7 @@ from lab3_usd.report.safe_text import truncated_report
 
 
 class Format(Struct, frozen=True):
-    """One output format: the module that renders it, and what it is for.
+    """One output format: the module below `report` that renders it, and what it is for.
 
     `manual` says that the renderer quotes the rules' manuals, so that they are worth importing.
     """
@@ -26,18 +26,18 @@ class Format(Struct, frozen=True):
 
 # A module is imported when its format is asked for: checking one file stays fast.
 FORMATS: dict[str, Format] = {
-    "text": Format("text", "for people, on a terminal or in a file"),
-    "concise": Format("concise", "one line for each finding, for editors"),
-    "json": Format("json_report", "for programs; schema/report-2.json"),
-    "jsonl": Format("jsonl", "one JSON object for each finding"),
-    "sarif": Format("sarif", "SARIF 2.1.0, for code scanning", manual=True, changes=True),
-    "junit": Format("junit", "JUnit XML, for Jenkins and its kind"),
-    "github": Format("github", "annotations of GitHub Actions"),
-    "gitlab": Format("gitlab", "GitLab Code Quality"),
-    "gradescope": Format("gradescope", "results of a Gradescope autograder"),
-    "csv": Format("csv_report", "one row for each finding, for spreadsheets"),
-    "markdown": Format("markdown", "tables, for pull requests and wikis"),
-    "html": Format("html", "one self-contained page", manual=True),
+    "text": Format("formats.text", "for people, on a terminal or in a file"),
+    "concise": Format("formats.concise", "one line for each finding, for editors"),
+    "json": Format("formats.json_report", "for programs; schema/report-2.json"),
+    "jsonl": Format("formats.jsonl", "one JSON object for each finding"),
+    "sarif": Format("formats.sarif", "SARIF 2.1.0, for code scanning", manual=True, changes=True),
+    "junit": Format("formats.junit", "JUnit XML, for Jenkins and its kind"),
+    "github": Format("formats.github", "annotations of GitHub Actions"),
+    "gitlab": Format("formats.gitlab", "GitLab Code Quality"),
+    "gradescope": Format("formats.gradescope", "results of a Gradescope autograder"),
+    "csv": Format("formats.csv_report", "one row for each finding, for spreadsheets"),
+    "markdown": Format("formats.markdown", "tables, for pull requests and wikis"),
+    "html": Format("html.report_page", "one self-contained page", manual=True),
 }
 
 
@@ -59,7 +59,7 @@ def module_of(name: str) -> str:
     Raises:
         UsageError: there is no such format.
     """
-    return f"lab3_usd.report.formats.{format_named(name).module}"
+    return f"lab3_usd.report.{format_named(name).module}"
 
 
 def render(

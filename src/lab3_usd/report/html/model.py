@@ -1,4 +1,4 @@
-"""What the HTML page shows, as plain data: blocks of stages, their content, faults and grades."""
+"""What the HTML page shows, as plain data: blocks of stages, their content and faults."""
 
 from __future__ import annotations
 
@@ -57,57 +57,6 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
         )
     except StageError:  # it is damaged where no rule has looked
         return None
-
-
-class LostPoints(Struct, frozen=True):
-    """Points that an item lost, and why: none where nothing was left to lose."""
-
-    points: float
-    title: str
-    rule: str = ""
-    place: str = ""
-
-
-class GradeItem(Struct, frozen=True):
-    """One item of the rubric: what it earned, of how many points, and why not of all.
-
-    `state` is that of the gradebook. `possible` is what counts of the item's `points`. What it
-    `lost` adds up to what it did not earn; `more` of what cost nothing more are not named. `groups`
-    are the groups of requirements that it is about, each after its checkpoint. `visibility` says
-    when Gradescope shows it.
-    """
-
-    title: str
-    state: str
-    earned: float
-    possible: float
-    points: float
-    why: tuple[str, ...] = ()
-    lost: tuple[LostPoints, ...] = ()
-    more: int = 0
-    groups: tuple[str, ...] = ()
-    visibility: str = "visible"
-
-
-class GradeSummary(Struct, frozen=True):
-    """The grade of one student; `percent` is None where nothing could be judged.
-
-    `title` is that of the rubric, `because` says what limits the grade as a whole.
-    """
-
-    title: str
-    student: str
-    name: str
-    earned: float
-    possible: float
-    percent: float | None
-    because: tuple[str, ...] = ()
-    items: tuple[GradeItem, ...] = ()
-
-    @property
-    def heading(self) -> str:
-        """Whose grade it is: the name, or where none is known the student's number."""
-        return self.name or self.student
 
 
 class Link(Struct, frozen=True):

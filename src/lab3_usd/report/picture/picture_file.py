@@ -1,12 +1,10 @@
-"""Writes pictures in the format that is asked for."""
+"""The file of a picture: its formats, their endings, and writing it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-import click
 
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
@@ -35,7 +33,7 @@ def encoder(form: str, theme: Theme = "auto") -> Callable[[Picture], bytes]:
 
 
 def write_picture(picture: Picture, path: Path, force: bool) -> None:  # noqa: FBT001
-    """Write a picture in the format that the ending of its file names, and print the file.
+    """Write a picture in the format that the ending of its file names.
 
     Raises:
         UsageError: there is no such format, the picture is empty, or the file exists.
@@ -47,4 +45,3 @@ def write_picture(picture: Picture, path: Path, force: bool) -> None:  # noqa: F
         raise UsageError("there is nothing to draw")
     refuse_existing(path, force=force)
     write_whole(path, encoder(forms[path.suffix.lower()])(picture), force=force)
-    click.echo(path)
