@@ -54,7 +54,7 @@ NOT_RUN = (
     "_browser.py",
 )
 # Where the tests of a room lie that are not in the folder of its name.
-TESTS = {"lint": "check", "diff": "stage", "describe": "spec", "judge": "check", "model": "check"}
+TESTS = {"lint": "check", "diff": "stage", "new_lab": "spec", "judge": "check", "model": "check"}
 ROOMS = {
     "check/rules/lint_": "lint",
     "stage/compare/": "diff",

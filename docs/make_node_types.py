@@ -2,7 +2,7 @@
 
 Run `python docs/make_node_types.py CLONE PAGES KIT`. CLONE is a git clone of isaac-sim/IsaacSim
 with its tags: names, ports, types, defaults and tokens come from the `.ogn` files. PAGES is a JSON
-file of what the node pages in the released wheels tell: the types of `omni.physx` in 6.0.1, and
+file of what the node pages in its pip packages tell: the types of `omni.physx` in 6.0.1, and
 under each later release the types that it `added` and the ports that it `changed`. KIT is a JSON
 file of what NVIDIA's published node documentation tells of the library of Kit: `types` by name,
 with their ports, and `about` which versions of which extensions were read. A type of Kit alone is
@@ -311,8 +311,8 @@ def page_changes(name: str, said: Mapping[str, Any], base: Mapping[str, Any]) ->
 
 
 def later_release_lines(pages: Mapping[str, Any], now: Types) -> Iterator[str]:
-    """Yield the lines of `later_releases.yaml`: what only the released wheels tell."""
-    yield "# What the node pages in the released wheels of Isaac Sim tell: the types of"
+    """Yield the lines of `later_releases.yaml`: what only the pip packages tell."""
+    yield "# What the node pages in the pip packages of Isaac Sim tell: the types of"
     yield "# omni.physx, which its public source lacks, and what later releases have otherwise than"
     yield "# 6.0.1, as in versions.yaml. By docs/make_node_types.py: change that, not this."
     yield ""

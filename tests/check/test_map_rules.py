@@ -9,7 +9,7 @@ from golden import assert_golden, numbered, problems_text
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import rules_of
-from lab3_usd.lab.maps import find_map, map_subject
+from lab3_usd.deliverables.maps import find_map, map_subject
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import Agreement, MapSubject
 from lab3_usd.spec.load.loader import load_lab

@@ -16,9 +16,9 @@ from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.stage.fence import Fence, fenced
 from lab3_usd.stage.read.opening import kept_open
 from lab3_usd.stage.read.reader import read_stage
+from lab3_usd.stage.sandboxed_open import Fence, fenced
 
 # Handout, parts G to I: 06 verifies QoS, 07 adds localization, 08 only navigates.
 SAME = {"08": "07"}

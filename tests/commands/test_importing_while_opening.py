@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from breaking import correct_stage
 
-from lab3_usd.commands.steps import judging
-from lab3_usd.commands.steps.judging import AFTER_OPENING
+from lab3_usd.commands.shared import judging
+from lab3_usd.commands.shared.judging import AFTER_OPENING
 from lab3_usd.errors import EXIT_CRASH
 from lab3_usd.report.formats.registry import FORMATS, module_of
 from lab3_usd.stage.read.opening import open_stage, opener

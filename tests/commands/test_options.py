@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from invoking import invoke
 
 from lab3_usd import build_checkpoint, cli
-from lab3_usd.commands.steps.options import complete_rules, split_rules, wants_color
+from lab3_usd.commands.shared.options import complete_rules, split_rules, wants_color
 from lab3_usd.errors import Lab3Error, UsageError
 
 

@@ -23,8 +23,8 @@ from click.testing import Result
 from invoking import invoke
 from pxr import Sdf
 
-from lab3_usd.commands.steps import watching
-from lab3_usd.commands.steps.watching import changes_between
+from lab3_usd.commands.shared import watching
+from lab3_usd.commands.shared.watching import changes_between
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.model.finding import Finding, Report, Score, StageResult
 from lab3_usd.report.html.live_page import live_page, version_file, version_script

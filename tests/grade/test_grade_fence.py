@@ -15,11 +15,11 @@ from lab3_usd.grade.intake.guard import check_layer
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.fence import Fence, fenced, files_of, memory_errors
 from lab3_usd.stage.read.assets import blocked_path, find_unresolved, original_asset
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.read.reader import read_model
 from lab3_usd.stage.read.server_assets import assets_at
+from lab3_usd.stage.sandboxed_open import Fence, fenced, files_of, memory_errors
 
 INNER = """#usda 1.0
 (
@@ -370,7 +370,7 @@ def test_a_layer_that_usd_core_opens_without_a_word_is_refused(
         def FindOrOpen(identifier: str) -> None:  # noqa: N802 - usd-core's name
             del identifier
 
-    monkeypatch.setattr("lab3_usd.stage.fence.Sdf.Layer", Silent)
+    monkeypatch.setattr("lab3_usd.stage.sandboxed_open.Sdf.Layer", Silent)
     with pytest.raises(StageError, match="opens no stage"):
         open_stage(write(root / "a.usda", INNER))
     assert fence.layers == {}
@@ -387,7 +387,7 @@ def test_running_out_of_memory_is_told_from_damage(said: str, expected: type[Exc
 def test_a_reference_that_stays_whatever_is_done_is_no_stage(
     root: Path, fence: Fence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.stage.fence._ATTEMPTS", 0)
+    monkeypatch.setattr("lab3_usd.stage.sandboxed_open._ATTEMPTS", 0)
     with pytest.raises(StageError, match="cannot be taken out"):
         open_stage(write(root / "a.usda", sublayer("../outside.usda")))
     assert fence.stages == {}
@@ -396,7 +396,7 @@ def test_a_reference_that_stays_whatever_is_done_is_no_stage(
 def test_a_layer_that_was_not_looked_at_is_no_part_of_a_stage(
     root: Path, fence: Fence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.stage.fence.close_openings", lambda *_arguments: None)
+    monkeypatch.setattr("lab3_usd.stage.sandboxed_open.close_openings", lambda *_arguments: None)
     write(root / "b.usda", INNER)
     with pytest.raises(StageError, match="was not looked at"):
         open_stage(write(root / "a.usda", sublayer("b.usda")))

@@ -37,7 +37,7 @@ from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submis
 from lab3_usd.grade.workers.worker_process import Worker
 from lab3_usd.model.stage import StageModel
 from lab3_usd.report.options import tool_version
-from lab3_usd.stage.fence import Fence, files_of, open_layer
+from lab3_usd.stage.sandboxed_open import Fence, files_of, open_layer
 
 SETTINGS = PoolSettings(None, None, Limits())
 
@@ -166,7 +166,7 @@ def test_a_stage_that_is_saved_again_is_read_once(
     def unwanted(path: Path) -> str:
         raise AssertionError(path)
 
-    monkeypatch.setattr("lab3_usd.stage.fence.open_layer", noted)
+    monkeypatch.setattr("lab3_usd.stage.sandboxed_open.open_layer", noted)
     monkeypatch.setattr("lab3_usd.judge.folder._digest", unwanted)
     folder = submission(tmp_path / "jane", "03", "04")
     shutil.copy(folder / "work" / stage("04").name, folder / "work" / stage("05").name)

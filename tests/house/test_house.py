@@ -18,7 +18,7 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 from places import REPOSITORY
 
-from lab3_usd.lab.scripts import collect_script
+from lab3_usd.deliverables.scripts import collect_script
 from lab3_usd.spec.load.loader import load_lab
 
 if sys.version_info >= (3, 11):

@@ -15,8 +15,8 @@ from second_author import Style
 
 from lab3_usd.sim.execution.recording import Odometry
 from lab3_usd.sim.judge.checks import CHECKS, judge
+from lab3_usd.sim.judge.expectations import Trial
 from lab3_usd.sim.judge.topics import interface
-from lab3_usd.sim.judge.trial import Trial
 from lab3_usd.stage.write.builder import build_checkpoint
 
 DRIVING = interface(the_lab(), the_lab().checkpoints["02"])  # of a stage that only drives

@@ -8,7 +8,7 @@ import pytest
 from breaking import correct_stage
 from lone_nodes import node
 
-from lab3_usd.sim.execution.running import functions
+from lab3_usd.sim.execution.node_instance import functions
 from lab3_usd.sim.execution.world import World, world_of
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene

@@ -25,8 +25,8 @@ from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import Leg, Session, drive_of
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Recording
 from lab3_usd.sim.judge.checks import CHECKS
+from lab3_usd.sim.judge.expectations import Fault, Trial
 from lab3_usd.sim.judge.motion import odometry
-from lab3_usd.sim.judge.trial import Fault, Trial
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene

@@ -16,7 +16,7 @@ pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed"
 from recordings import STORE, Sent, recorded, rewritten, tied
 
 from lab3_usd.data import data_folder
-from lab3_usd.lab.maps import read_map
+from lab3_usd.deliverables.maps import read_map
 
 YAML = "turtlebot3_map.yaml"
 

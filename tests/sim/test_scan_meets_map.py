@@ -14,15 +14,15 @@ from pxr import Gf, Usd, UsdGeom
 from scene_changes import LIDAR, ORIENT, put
 
 from lab3_usd.data import data_folder
-from lab3_usd.lab.maps import MapError, map_of_stage, read_map
+from lab3_usd.deliverables.maps import MapError, map_of_stage, read_map
 from lab3_usd.model.dry_run import HERE, Affine, about
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import MapFit, OccupancyMap
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.sim.execution.drive import Leg, Session, drive_of
 from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, Transform
+from lab3_usd.sim.judge.expectations import Trial, in_root
 from lab3_usd.sim.judge.localization import fit, on_map
-from lab3_usd.sim.judge.trial import Trial, in_root
 
 YAML = "turtlebot3_map.yaml"
 AHEAD = "0.15,0,0.3"  # how far it drives is of no importance

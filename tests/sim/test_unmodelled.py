@@ -22,7 +22,7 @@ from scene_changes import (
 )
 
 from lab3_usd.sim.judge.checks import judge
-from lab3_usd.sim.judge.trial import Trial
+from lab3_usd.sim.judge.expectations import Trial
 
 BASE, WHEEL = f"{ROBOT}/base_link", f"{ROBOT}/wheel_left_link"
 LEFT, SCENE = f"{JOINTS}/wheel_left_joint", "/physicsScene"

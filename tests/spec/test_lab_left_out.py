@@ -10,7 +10,7 @@ import yaml
 from another_robot import write_stage
 from pxr import Sdf, Usd
 
-from lab3_usd.describe.lab import describe_lab
+from lab3_usd.new_lab.lab import describe_lab
 from lab3_usd.spec.load.loader import load_lab, load_platform
 
 INERTIA = "/World/Inertia"

@@ -10,7 +10,7 @@ from pxr import Usd
 from lab3_usd.model.dry_run import Check
 from lab3_usd.sim.execution.drive import Session, drive_of, fixed_drive
 from lab3_usd.sim.judge.checks import judge
-from lab3_usd.sim.judge.trial import Interface, Trial
+from lab3_usd.sim.judge.expectations import Interface, Trial
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene

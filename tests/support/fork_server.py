@@ -29,7 +29,7 @@ MODULES = (
     "lab3_usd.check.lint",
     "lab3_usd.grade.workers.worker_main",
     "lab3_usd.judge.entries",
-    "lab3_usd.stage.fence",
+    "lab3_usd.stage.sandboxed_open",
 )
 LARGEST = 1 << 17  # bytes of a message
 PATH = "PYTHONPATH"

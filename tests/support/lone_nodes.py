@@ -6,8 +6,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from lab3_usd.model.dry_run import Node, Scene
+from lab3_usd.sim.execution.node_instance import Running, function_of
 from lab3_usd.sim.execution.program import type_of
-from lab3_usd.sim.execution.running import Running, function_of
 from lab3_usd.sim.execution.world import Endpoint, Network
 from lab3_usd.spec.load.loader import load_platform
 

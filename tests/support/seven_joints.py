@@ -11,7 +11,7 @@ from pathlib import Path
 from foreign_robots import Nodes, add_api, body, empty_stage, revolute, write_graph
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
-from lab3_usd.describe.lab import describe_lab
+from lab3_usd.new_lab.lab import describe_lab
 from lab3_usd.spec.load.loader import load_lab, load_platform
 
 ROBOT = "/World/Panda"

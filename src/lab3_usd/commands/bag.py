@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import color_option, complete_checkpoints, text_or_json
+from lab3_usd.commands.shared.options import color_option, complete_checkpoints, text_or_json
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.installation import install_command
@@ -48,7 +48,7 @@ def command(
     unreadable or wrong usage, 3 the program itself failed.
     """
     # The specs are slow to import, and `lab3 --help` does not need them.
-    from lab3_usd.commands.steps.options import (
+    from lab3_usd.commands.shared.options import (
         checkpoint_number,
         wants_color,
         width,

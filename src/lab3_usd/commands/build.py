@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import checkpoint_number, complete_checkpoints
+from lab3_usd.commands.shared.options import checkpoint_number, complete_checkpoints
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_FOUND
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lab3_usd import features
-from lab3_usd.commands.steps.options import (
+from lab3_usd.commands.shared.options import (
     asset_places,
     assets_option,
     complete_checkpoints,
@@ -24,7 +24,7 @@ from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
-    from lab3_usd.commands.steps.judging import Judge
+    from lab3_usd.commands.shared.judging import Judge
     from lab3_usd.judge.results import Entry, Results
 
 
@@ -69,8 +69,8 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
         _refuse_trust(options)
     options = with_config(paths, options)
     shared = tuple(options[name] for name in ("starter", "maps") if options[name] is not None)
-    from lab3_usd.commands.steps.judging import run
-    from lab3_usd.commands.steps.reporting import refuse_unusable
+    from lab3_usd.commands.shared.judging import run
+    from lab3_usd.commands.shared.reporting import refuse_unusable
 
     refuse_unusable((*paths, *shared), options)
     judge = _untrusting_judge(options) if options["untrusted"] else _judge(shared, options)
@@ -104,7 +104,7 @@ def _refuse_trust(options: Mapping[str, Any]) -> None:
 
 def _untrusting_judge(options: Mapping[str, Any]) -> Judge:
     """Say how submissions of strangers are judged: one after the other, in a worker each."""
-    from lab3_usd.commands.steps.judging import Judge
+    from lab3_usd.commands.shared.judging import Judge
 
     starter, assets = Path(options["starter"]), asset_places(options["assets"])
     return Judge(
@@ -124,9 +124,9 @@ def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
     Raises:
         UsageError: the checkpoint is unknown, or usd-core has no validators.
     """
-    from lab3_usd.commands.steps.judging import Judge
-    from lab3_usd.commands.steps.options import checkpoint_number
-    from lab3_usd.commands.steps.reporting import wants_native
+    from lab3_usd.commands.shared.judging import Judge
+    from lab3_usd.commands.shared.options import checkpoint_number
+    from lab3_usd.commands.shared.reporting import wants_native
     from lab3_usd.judge import entries
     from lab3_usd.spec.load.loader import load_lab
 

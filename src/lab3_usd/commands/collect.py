@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import script_options
+from lab3_usd.commands.shared.options import script_options
 
 
 @click.command("collect")
@@ -18,8 +18,8 @@ def command(script: Path, *, force: bool) -> None:
     diagnostic command of the handout in the folder (`results` in the bundled lab) where `lab3
     check` reads it.
     """
+    from lab3_usd.deliverables.scripts import collect_script
     from lab3_usd.files import write_whole
-    from lab3_usd.lab.scripts import collect_script
     from lab3_usd.spec.load.loader import load_lab
 
     write_whole(script, collect_script(load_lab()).encode(), force=force)

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from lab3_usd.commands.steps.options import config_options
+from lab3_usd.commands.shared.options import config_options
 from lab3_usd.data import LAB_VARIABLE
 
 _DEFAULTS = {

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lab3_usd.commands.steps.options import assets_option, terminal_width, text_or_json, use_config
+from lab3_usd.commands.shared.options import assets_option, terminal_width, text_or_json, use_config
 from lab3_usd.errors import EXIT_FOUND
 from lab3_usd.files import refuse_existing, write_whole
 

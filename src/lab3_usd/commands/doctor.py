@@ -18,7 +18,7 @@ import click
 from msgspec import Struct
 
 from lab3_usd.commands.rules import LEAST
-from lab3_usd.commands.steps.options import width
+from lab3_usd.commands.shared.options import width
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_FOUND
 from lab3_usd.installation import NAME, install_command

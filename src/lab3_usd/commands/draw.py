@@ -12,7 +12,7 @@ import click
 from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.commands.steps.options import (
+from lab3_usd.commands.shared.options import (
     assets_option,
     checkpoint_number,
     complete_checkpoints,

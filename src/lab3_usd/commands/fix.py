@@ -12,7 +12,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from lab3_usd.commands.steps.options import (
+from lab3_usd.commands.shared.options import (
     assets_option,
     checkpoint_number,
     complete_checkpoints,
@@ -20,7 +20,7 @@ from lab3_usd.commands.steps.options import (
     rules_options,
     with_config,
 )
-from lab3_usd.commands.steps.reporting import selected_findings
+from lab3_usd.commands.shared.reporting import selected_findings
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import (

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from lab3_usd.commands.steps.options import asset_places, assets_option, understands_ansi
+from lab3_usd.commands.shared.options import asset_places, assets_option, understands_ansi
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
 
@@ -288,7 +288,7 @@ def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
         if options[name]:
             option = f"--{name.replace('_', '-')}"
             raise UsageError(f"{option} is for a class; --format grades one submission")
-    from lab3_usd.commands.steps.reporting import write_report
+    from lab3_usd.commands.shared.reporting import write_report
     from lab3_usd.grade.class_run import grade_alone
     from lab3_usd.grade.gradebook import GRADESCOPE
     from lab3_usd.grade.workers.messages import PoolSettings

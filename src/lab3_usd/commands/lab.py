@@ -11,12 +11,12 @@ from pathlib import Path
 import click
 
 from lab3_usd.data import data_folder, lab_folder, program
-from lab3_usd.describe.checkpoints import Step
-from lab3_usd.describe.lab import describe_lab, refuse_existing_folder, write_folder
 from lab3_usd.errors import EXIT_FOUND, SpecError, UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.grade.lab_schemas import FOLDER, schema_of, schema_texts, with_schema
 from lab3_usd.judge.stage import check_stage
+from lab3_usd.new_lab.checkpoints import Step
+from lab3_usd.new_lab.lab import describe_lab, refuse_existing_folder, write_folder
 from lab3_usd.report.entries import score_text
 from lab3_usd.report.safe_text import printable
 from lab3_usd.sim.dry_run import dry_run

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from lab3_usd.commands.steps.options import (
+from lab3_usd.commands.shared.options import (
     assets_option,
     config_options,
     leave_broken_lab,
@@ -63,8 +63,8 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
         sys.exit(repair(paths, {**_AS_FIX, **options, "lint": True, "output": output}))
     if options["diff"] or options["in_place"]:
         raise UsageError("--diff and --in-place go with --fix")
-    from lab3_usd.commands.steps.judging import Judge, run
-    from lab3_usd.commands.steps.reporting import refuse_unusable, wants_native
+    from lab3_usd.commands.shared.judging import Judge, run
+    from lab3_usd.commands.shared.reporting import refuse_unusable, wants_native
 
     refuse_unusable(paths, options)
     from lab3_usd.isaac.releases import BASE

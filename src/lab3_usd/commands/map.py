@@ -13,7 +13,7 @@ from lab3_usd.files import refuse_existing, write_whole
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Lab
-    from lab3_usd.stage.slices import StageSlice
+    from lab3_usd.stage.lidar_plane import StageSlice
 
 CELLS = click.IntRange(1, 10_000)
 FARTHEST = 100_000.0  # metres; no laboratory is larger, and larger numbers lose centimetres
@@ -68,7 +68,7 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
     frame is the world of the stage.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.lab.maps import MapFile, MapFrame, draw_map, map_yaml, pgm
+    from lab3_usd.deliverables.maps import MapFile, MapFrame, draw_map, map_yaml, pgm
     from lab3_usd.spec.load.loader import load_lab
 
     lab = load_lab()
@@ -102,8 +102,8 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
 def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
     """Cut the stage, and say what is not on the map."""
     from lab3_usd.report.entries import plural
+    from lab3_usd.stage.lidar_plane import SliceOptions, slice_stage
     from lab3_usd.stage.read.opening import open_stage
-    from lab3_usd.stage.slices import SliceOptions, slice_stage
 
     robot = lab.scene.robot.path
     if height is None and not lab.lidar_link:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import script_options
+from lab3_usd.commands.shared.options import script_options
 from lab3_usd.data import program
+from lab3_usd.deliverables.scripts import fill_template
 from lab3_usd.errors import UsageError
-from lab3_usd.lab.scripts import fill_template
 from lab3_usd.sim.execution.drive import COMMANDS, RATE, Leg, fixed_drive
 from lab3_usd.sim.judge.topics import interface
 from lab3_usd.spec.lab import Lab

@@ -11,7 +11,7 @@ import click
 from lab3_usd.check.manual import rules_in
 from lab3_usd.check.registry import FAMILIES, Rule
 from lab3_usd.commands.rules import first_sentence, rule_lines
-from lab3_usd.commands.steps.options import complete_rules, width
+from lab3_usd.commands.shared.options import complete_rules, width
 from lab3_usd.data import program
 from lab3_usd.report.text import NARROWEST
 from lab3_usd.spec.load.loader import load_lab

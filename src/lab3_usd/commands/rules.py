@@ -10,7 +10,7 @@ import click
 
 from lab3_usd.check.manual import rules_in, rules_of_lab
 from lab3_usd.check.registry import FAMILIES, Rule
-from lab3_usd.commands.steps.options import terminal_width
+from lab3_usd.commands.shared.options import terminal_width
 from lab3_usd.spec.load.loader import load_lab
 
 LEAST = 72  # columns that a list is wrapped to

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.steps.options import (
+from lab3_usd.commands.shared.options import (
     assets_option,
     color_option,
     complete_checkpoints,
@@ -174,7 +174,7 @@ def command(stage: Path, **options: Any) -> None:
     2 unreadable or wrong usage, 3 the program itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.commands.steps.options import checkpoint_number
+    from lab3_usd.commands.shared.options import checkpoint_number
     from lab3_usd.judge.stage import checkpoint_of
     from lab3_usd.spec.load.loader import load_lab
 
@@ -197,7 +197,7 @@ def command(stage: Path, **options: Any) -> None:
 
 def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -> int:
     """Play a stage, write what was asked for, and return the exit code."""
-    from lab3_usd.commands.steps.options import wants_color, width
+    from lab3_usd.commands.shared.options import wants_color, width
     from lab3_usd.report.behaviour import text
     from lab3_usd.sim.dry_run import dry_run
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.steps.options import (
+from lab3_usd.commands.shared.options import (
     assets_option,
     leave_broken_lab,
     terminal_width,

@@ -187,7 +187,7 @@ def salt_of(rubric: Rubric, starter: Path, assets: Mapping[str, Path]) -> str:
 
     Of assets that are not the starter's it holds where they lie.
     """
-    from lab3_usd.stage.fence import files_of
+    from lab3_usd.stage.sandboxed_open import files_of
 
     digest = hashlib.sha256(f"{tool_version()}\0{rubric.digest}\0".encode())
     for path in [starter, *sorted(lab_folder().glob("*.yaml"))]:

@@ -12,8 +12,8 @@ from lab3_usd.grade.scoring import SubmissionFacts
 from lab3_usd.sim.dry_run import is_asked, scene_of
 from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.judge.checks import CHECKS, why_unplayed
+from lab3_usd.sim.judge.expectations import Fault, Trial
 from lab3_usd.sim.judge.topics import interface
-from lab3_usd.sim.judge.trial import Fault, Trial
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
 

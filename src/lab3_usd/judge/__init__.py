@@ -1,1 +1,1 @@
-"""Reads a stage or a folder, has it checked, and says where the findings are."""
+"""Judges the stages and folders that a path names, and finds the lines of the findings."""

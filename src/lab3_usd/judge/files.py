@@ -10,11 +10,18 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.rule_runs import RuleResults, merge_results, run_family
+from lab3_usd.deliverables.evidence.reader import read_listed
+from lab3_usd.deliverables.maps import (
+    MapFrame,
+    agreement,
+    draw_map,
+    find_map,
+    map_subject,
+    read_pgm,
+)
+from lab3_usd.deliverables.nav2 import read_params
+from lab3_usd.deliverables.submission import find_parameter_files, folder_named
 from lab3_usd.errors import Lab3Error
-from lab3_usd.lab.evidence.reader import read_listed
-from lab3_usd.lab.maps import MapFrame, agreement, draw_map, find_map, map_subject, read_pgm
-from lab3_usd.lab.nav2 import read_params
-from lab3_usd.lab.submission import find_parameter_files, folder_named
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.folder import (
     Agreement,
@@ -104,8 +111,8 @@ def _wall_agreements(
     Nobody says whether the map's frame is the world's or begins where the robot starts, so both
     are tried.
     """
+    from lab3_usd.stage.lidar_plane import SliceOptions, slice_stage
     from lab3_usd.stage.read.opening import open_stage
-    from lab3_usd.stage.slices import SliceOptions, slice_stage
 
     robot = lab.scene.robot
     if not lab.lidar_link:

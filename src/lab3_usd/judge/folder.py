@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from lab3_usd import features
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
+from lab3_usd.deliverables.submission import folder_named, list_submission
 from lab3_usd.errors import StageError
 from lab3_usd.judge.files import (
     FolderContents,
@@ -23,7 +24,6 @@ from lab3_usd.judge.files import (
 from lab3_usd.judge.results import is_stage_file
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter, open_starter
-from lab3_usd.lab.submission import folder_named, list_submission
 from lab3_usd.model.finding import Finding, StageResult, Submission, ordered
 from lab3_usd.model.folder import Listing, StarterFile, SubmissionSubject
 from lab3_usd.spec.lab import Lab

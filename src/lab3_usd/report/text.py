@@ -12,8 +12,8 @@ from msgspec import Struct
 from lab3_usd.data import program
 from lab3_usd.installation import command_line
 from lab3_usd.model.finding import ChecklistItem, Finding, Submission, Verdict
-from lab3_usd.report.blocks import Block, Fault, Stage, Stages, faults
 from lab3_usd.report.entries import is_repairable, site
+from lab3_usd.report.grouped_stages import Block, Fault, Stage, Stages, faults
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import Excerpt, excerpt_lines, paint, visible
 from lab3_usd.spec.lab import Lab

@@ -16,16 +16,13 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, arm_checks
 from lab3_usd.sim.execution.drive import drive_of
+from lab3_usd.sim.execution.node_instance import Running
 from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Message, Recording, Transform
-from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.execution.world import NOT_OPENED
 from lab3_usd.sim.judge.causes import SUBSCRIBER, RunCauses
 from lab3_usd.sim.judge.checks import graphs, verdict
-from lab3_usd.sim.judge.motion import again, follows, odometry, rest
-from lab3_usd.sim.judge.sensors import MISSED, WALL, mounted
-from lab3_usd.sim.judge.topics import clock, tree
-from lab3_usd.sim.judge.trial import (
+from lab3_usd.sim.judge.expectations import (
     Cause,
     Fault,
     Interface,
@@ -34,6 +31,9 @@ from lab3_usd.sim.judge.trial import (
     displacement,
     in_root,
 )
+from lab3_usd.sim.judge.motion import again, follows, odometry, rest
+from lab3_usd.sim.judge.sensors import MISSED, WALL, mounted
+from lab3_usd.sim.judge.topics import clock, tree
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robots import (
     NO_LIMITS,

@@ -15,7 +15,7 @@ from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.recording import Held, JointStates, Message
 from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
-from lab3_usd.sim.judge.trial import Fault, Trial, agree, in_root
+from lab3_usd.sim.judge.expectations import Fault, Trial, agree, in_root
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robot.machine import SLIDER, Joint, Machine
 

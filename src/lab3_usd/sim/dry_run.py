@@ -9,9 +9,9 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.deliverables.maps import MapError, map_of_stage
 from lab3_usd.errors import StageError
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.lab.maps import MapError, map_of_stage
 from lab3_usd.model.dry_run import (
     HERE,
     Affine,
@@ -33,11 +33,11 @@ from lab3_usd.sim.any_stage import Played, commanded_joints, domain_of, play_any
 from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Scan
 from lab3_usd.sim.judge.checks import judge, whole_verdict
+from lab3_usd.sim.judge.expectations import Interface, Stretch, Trial, displacement, in_root
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.motion import leg_fault
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.judge.topics import interface
-from lab3_usd.sim.judge.trial import Interface, Stretch, Trial, displacement, in_root
 from lab3_usd.sim.robots import interface_of
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab

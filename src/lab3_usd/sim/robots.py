@@ -13,10 +13,10 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, joint_drive
 from lab3_usd.sim.execution.drive import Leg, Session
-from lab3_usd.sim.execution.running import Running
+from lab3_usd.sim.execution.node_instance import Running
 from lab3_usd.sim.execution.world import Endpoint, World, open_endpoint
 from lab3_usd.sim.judge.causes import SUBSCRIBER
-from lab3_usd.sim.judge.trial import Interface
+from lab3_usd.sim.judge.expectations import Interface
 from lab3_usd.sim.nodes.robot import articulated
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robot.machine import Machine

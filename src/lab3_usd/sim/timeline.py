@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
+from lab3_usd.sim.execution.node_instance import FRAME, STEP
 from lab3_usd.sim.execution.program import Program, compile_graphs, depending
 from lab3_usd.sim.execution.recording import (
     Held,
@@ -18,10 +19,9 @@ from lab3_usd.sim.execution.recording import (
     Steering,
     View,
 )
-from lab3_usd.sim.execution.running import FRAME, STEP
 from lab3_usd.sim.execution.world import Endpoint, Twist, World, Writer, send, world_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
-from lab3_usd.sim.judge.trial import SIZE, Interface, Trial
+from lab3_usd.sim.judge.expectations import SIZE, Interface, Trial
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.nodes.sensors import IMAGES
 from lab3_usd.sim.nodes.transforms import OPTICAL

@@ -14,8 +14,8 @@ from typing import BinaryIO
 
 from msgspec import Struct
 
+from lab3_usd.deliverables.plain_yaml import bracket_depth
 from lab3_usd.errors import Lab3Error
-from lab3_usd.lab.plain_yaml import bracket_depth
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
 

@@ -47,7 +47,7 @@ def packed(settings: PoolSettings) -> Shipment:
     Raises:
         UsageError: there is no starter, or it refers to files where other machines have none.
     """
-    from lab3_usd.stage.fence import files_of
+    from lab3_usd.stage.sandboxed_open import files_of
 
     if settings.starter is None:
         raise UsageError("--cluster needs a starter")

@@ -29,9 +29,9 @@ from lab3_usd.judge.starter import Starter
 from lab3_usd.model.finding import Crash, Finding, Report, Submission, ordered
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.fence import BlockedAsset, Fence, fenced
-from lab3_usd.stage.likeness import likeness
+from lab3_usd.stage.graph_signature import likeness
 from lab3_usd.stage.read.opening import PLACEHOLDER
+from lab3_usd.stage.sandboxed_open import BlockedAsset, Fence, fenced
 
 _EMPTY = hashlib.sha256().hexdigest()
 

@@ -111,7 +111,7 @@ def _most_memory() -> int:
 def load_setup(settings: PoolSettings) -> GradingSetup:
     """Load what every submission is judged with."""
     # Imported here so that importing it is over before the files are fenced.
-    from lab3_usd.stage.fence import files_of
+    from lab3_usd.stage.sandboxed_open import files_of
 
     lab, starter = load_lab(), settings.starter
     return GradingSetup(

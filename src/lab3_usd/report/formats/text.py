@@ -8,7 +8,6 @@ from msgspec.structs import replace
 
 from lab3_usd.data import program
 from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, StageResult, Submission
-from lab3_usd.report.blocks import Block, blocks
 from lab3_usd.report.entries import (
     coverage_line,
     entries,
@@ -19,6 +18,7 @@ from lab3_usd.report.entries import (
     summarize,
     summary_line,
 )
+from lab3_usd.report.grouped_stages import Block, blocks
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import paint, read_excerpts, visible
 from lab3_usd.report.text import (

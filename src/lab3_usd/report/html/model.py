@@ -15,8 +15,8 @@ from lab3_usd.facts.endpoints import endpoints
 from lab3_usd.facts.frames import published_edges, unknown_publishers, unresolved_frames
 from lab3_usd.installation import command_line
 from lab3_usd.model.finding import ChecklistItem, Crash, Severity, StageResult, section_key
-from lab3_usd.report.blocks import Block, Fault, Spot, Stages
 from lab3_usd.report.entries import coverage_line, is_repairable
+from lab3_usd.report.grouped_stages import Block, Fault, Spot, Stages
 from lab3_usd.report.picture.model import Picture
 from lab3_usd.report.pictures.graph_picture import stage_pictures
 from lab3_usd.report.safe_text import excerpt_lines, read_excerpts

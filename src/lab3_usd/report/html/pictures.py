@@ -12,7 +12,7 @@ from itertools import chain
 from msgspec import Struct, field
 
 from lab3_usd.model.finding import Finding
-from lab3_usd.report.blocks import Block, Fault
+from lab3_usd.report.grouped_stages import Block, Fault
 from lab3_usd.report.html.model import Link, PagePicture, StageContent, Topic
 from lab3_usd.report.picture.canvas import LEGEND_LINE
 from lab3_usd.report.picture.model import HEADER, Box, Picture, port_id

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.model.finding import SEVERITIES, ChecklistItem, Report
-from lab3_usd.report.blocks import Block, blocks, faults
 from lab3_usd.report.entries import plural, summarize, summary_line
+from lab3_usd.report.grouped_stages import Block, blocks, faults
 from lab3_usd.report.html.model import (
     BlockView,
     ChecklistSection,

@@ -14,9 +14,9 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.deliverables.maps import MapError, map_of_stage
 from lab3_usd.errors import RecordingError
 from lab3_usd.facts.tree import tree
-from lab3_usd.lab.maps import MapError, map_of_stage
 from lab3_usd.model.dry_run import HERE, Behaviour, Check, Difference, Place, Topic, Unknown
 from lab3_usd.model.occupancy import MapFit
 from lab3_usd.sim.bag.files import Bounds, Layout, layout_at, opened
@@ -27,10 +27,7 @@ from lab3_usd.sim.execution.recording import Pose
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
 from lab3_usd.sim.judge.checks import verdict as verdict_of
 from lab3_usd.sim.judge.checks import whole_verdict
-from lab3_usd.sim.judge.localization import fit
-from lab3_usd.sim.judge.sensors import SHORT
-from lab3_usd.sim.judge.topics import interface, map_topic, reached_topics, static_topics
-from lab3_usd.sim.judge.trial import (
+from lab3_usd.sim.judge.expectations import (
     PHYSICAL,
     Fault,
     Interface,
@@ -39,6 +36,9 @@ from lab3_usd.sim.judge.trial import (
     displacement,
     is_about,
 )
+from lab3_usd.sim.judge.localization import fit
+from lab3_usd.sim.judge.sensors import SHORT
+from lab3_usd.sim.judge.topics import interface, map_topic, reached_topics, static_topics
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 

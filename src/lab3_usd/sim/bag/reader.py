@@ -18,7 +18,7 @@ from lab3_usd.model.occupancy import OccupancyMap
 from lab3_usd.sim.bag.files import Offered, Raw
 from lab3_usd.sim.bag.writer import STORE
 from lab3_usd.sim.execution.recording import Message, Odometry, Recording, Scan, Transform, View
-from lab3_usd.sim.judge.trial import Interface
+from lab3_usd.sim.judge.expectations import Interface
 
 NEAR = 0.5  # seconds from the clock within which a stamp is of that clock
 _NANOSECONDS = 1e9

@@ -34,7 +34,7 @@ from lab3_usd.sim.execution.recording import (
     Transform,
     View,
 )
-from lab3_usd.sim.judge.trial import Trial
+from lab3_usd.sim.judge.expectations import Trial
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 TWIST, JOINTS = "geometry_msgs/msg/Twist", "sensor_msgs/msg/JointState"

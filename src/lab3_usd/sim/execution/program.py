@@ -15,7 +15,7 @@ from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, can_connect
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import are_alike
 from lab3_usd.model.dry_run import Graph, Input, Node, Scene
-from lab3_usd.sim.execution.running import (
+from lab3_usd.sim.execution.node_instance import (
     CONSTANT,
     FRAME,
     STEP,

@@ -19,8 +19,8 @@ from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.execution.node_instance import Running
 from lab3_usd.sim.execution.recording import Message, Profile
-from lab3_usd.sim.execution.running import Running
 from lab3_usd.sim.lidar import Beam, Surroundings
 from lab3_usd.sim.robot.machines import Machines
 

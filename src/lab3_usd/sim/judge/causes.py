@@ -12,10 +12,10 @@ from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import FAR
 from lab3_usd.model.traction import Pull
+from lab3_usd.sim.execution.node_instance import Running
 from lab3_usd.sim.execution.program import Program, is_within
 from lab3_usd.sim.execution.recording import Message
-from lab3_usd.sim.execution.running import Running
-from lab3_usd.sim.judge.trial import Cause, Fault
+from lab3_usd.sim.judge.expectations import Cause, Fault
 from lab3_usd.sim.robot.machine import Joint, Machine
 
 _RADIUS = "wheelRadius"

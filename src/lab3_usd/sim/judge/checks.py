@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Literal
 
 from lab3_usd.model.dry_run import Check, Verdict
+from lab3_usd.sim.judge.expectations import Fault, Trial
 from lab3_usd.sim.judge.localization import on_map
 from lab3_usd.sim.judge.motion import again, follows, limits, moving_frames, odometry, rest
 from lab3_usd.sim.judge.sensors import camera, mounted, scan
 from lab3_usd.sim.judge.topics import clock, stamps, topics, tree
-from lab3_usd.sim.judge.trial import Fault, Trial
 
 
 def graphs(trial: Trial) -> Iterator[Fault]:

@@ -16,7 +16,7 @@ from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import Cell, MapFit, OccupancyMap
 from lab3_usd.sim.execution.recording import Scan
 from lab3_usd.sim.geometry import distance
-from lab3_usd.sim.judge.trial import Fault, Trial, in_root
+from lab3_usd.sim.judge.expectations import Fault, Trial, in_root
 
 _DRAWN = 1500  # points of a scan
 _CORNERS = 800  # cells that points lie in, by which a map is shifted

@@ -10,7 +10,7 @@ from lab3_usd.model.dry_run import Affine, rotation
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose
-from lab3_usd.sim.judge.trial import (
+from lab3_usd.sim.judge.expectations import (
     SOON,
     Fault,
     Stretch,

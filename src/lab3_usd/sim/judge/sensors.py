@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from lab3_usd.model.transforms import length, minus
 from lab3_usd.sim.execution.recording import Message, Scan, View
-from lab3_usd.sim.judge.trial import Fault, Trial, agree, in_root
+from lab3_usd.sim.judge.expectations import Fault, Trial, agree, in_root
 
 WALL = 0.03  # metres between a scan and the walls
 SHORT = 2.0  # seconds of a recording in which a stream may come once

@@ -13,7 +13,7 @@ from lab3_usd.facts.tree import tree as build_tree
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE
-from lab3_usd.sim.judge.trial import Fault, Interface, Trial
+from lab3_usd.sim.judge.expectations import Fault, Interface, Trial
 from lab3_usd.spec.contradictions.names import value_of
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.lab import Checkpoint, Lab

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.sim.execution.running import Running, computes
+from lab3_usd.sim.execution.node_instance import Running, computes
 from lab3_usd.sim.execution.world import World
 
 _Number = int | float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.dry_run import Affine, Quaternion
-from lab3_usd.sim.execution.running import CONSTANT, FRAME, NO_VECTOR, STEP, Running, computes
+from lab3_usd.sim.execution.node_instance import CONSTANT, FRAME, NO_VECTOR, STEP, Running, computes
 from lab3_usd.sim.execution.world import World, domain_number
 
 NO_TURN = (0.0, 0.0, 0.0, 1.0)

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 
+from lab3_usd.sim.execution.node_instance import Running, computes
 from lab3_usd.sim.execution.recording import JointStates, Message
-from lab3_usd.sim.execution.running import Running, computes
 from lab3_usd.sim.execution.world import World, open_endpoint, send
 from lab3_usd.sim.nodes.robot import received
 from lab3_usd.sim.robot.machine import SLIDER, Joint

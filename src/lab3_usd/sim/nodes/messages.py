@@ -8,8 +8,8 @@ from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.dry_run import Affine, column
 from lab3_usd.model.physics import SCENE, number
 from lab3_usd.model.transforms import Vector, cross, length
+from lab3_usd.sim.execution.node_instance import NO_VECTOR, Running, computes
 from lab3_usd.sim.execution.recording import Fields, Inertia, Message
-from lab3_usd.sim.execution.running import NO_VECTOR, Running, computes
 from lab3_usd.sim.execution.world import World, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
 

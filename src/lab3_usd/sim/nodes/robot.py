@@ -9,8 +9,8 @@ import math
 
 from lab3_usd.model.dry_run import Affine
 from lab3_usd.model.transforms import Vector, cross, dot, length
+from lab3_usd.sim.execution.node_instance import Running, computes
 from lab3_usd.sim.execution.recording import Message, Odometry
-from lab3_usd.sim.execution.running import Running, computes
 from lab3_usd.sim.execution.world import World, open_endpoint, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
 from lab3_usd.sim.robot.machine import Joint, Machine

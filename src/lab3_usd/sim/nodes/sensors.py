@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import RENDER_PRODUCT, Prim
 from lab3_usd.model.fault import FaultKind
-from lab3_usd.sim.execution.running import Running, computes
+from lab3_usd.sim.execution.node_instance import Running, computes
 from lab3_usd.sim.execution.world import Product, World, Writer, open_endpoint
 from lab3_usd.sim.lidar import Beam
 

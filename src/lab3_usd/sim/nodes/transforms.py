@@ -12,8 +12,8 @@ from msgspec import Struct
 from lab3_usd.model.dry_run import HERE, Affine, Prim, Quaternion, Scene
 from lab3_usd.model.physics import EXCLUDED
 from lab3_usd.model.transforms import Vector
+from lab3_usd.sim.execution.node_instance import Running, computes
 from lab3_usd.sim.execution.recording import Message, Transform
-from lab3_usd.sim.execution.running import Running, computes
 from lab3_usd.sim.execution.world import Endpoint, World, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
 from lab3_usd.sim.robot.machine import Machine

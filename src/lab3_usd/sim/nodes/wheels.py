@@ -9,8 +9,8 @@ import math
 
 from lab3_usd.model.dry_run import AXES, Affine, about, rotation, turned
 from lab3_usd.model.transforms import Vector, length, minus
+from lab3_usd.sim.execution.node_instance import Running, computes
 from lab3_usd.sim.execution.recording import Message, Steering
-from lab3_usd.sim.execution.running import Running, computes
 from lab3_usd.sim.execution.world import World, opened_endpoint, send
 from lab3_usd.sim.nodes.robot import received
 

@@ -14,15 +14,15 @@ from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.robot.ground import boxes, has_ground, lights, planes
 from lab3_usd.check.robot.sensors import CAMERA, LIDAR
 from lab3_usd.check.robot.surroundings import enclosing
-from lab3_usd.describe.graphs import unknown_types, with_types
-from lab3_usd.describe.robot import PART, describe_robot, describe_wheels, moved_joints, plain, pose
-from lab3_usd.describe.yaml_text import as_typed
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value, is_known_type
 from lab3_usd.model.physics import BODY_API, SCENE, collides, is_joint
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import IDENTITY, camera_axes
+from lab3_usd.new_lab.graphs import unknown_types, with_types
+from lab3_usd.new_lab.robot import PART, describe_robot, describe_wheels, moved_joints, plain, pose
+from lab3_usd.new_lab.yaml_text import as_typed
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.lab import parse_scene

@@ -8,14 +8,14 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.describe.checkpoints import part_letter
-from lab3_usd.describe.yaml_text import as_typed, document
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.load.lab_types import with_lab_types
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, can_connect
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value, is_known_type, typed_value
 from lab3_usd.model.stage import GraphModel, Node, StageModel
+from lab3_usd.new_lab.checkpoints import part_letter
+from lab3_usd.new_lab.yaml_text import as_typed, document
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, Lab
 from lab3_usd.spec.load.graph import parse_graph

@@ -8,9 +8,9 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.describe.robot import pose
-from lab3_usd.describe.yaml_text import as_typed, document
 from lab3_usd.model.physics import MASS
+from lab3_usd.new_lab.robot import pose
+from lab3_usd.new_lab.yaml_text import as_typed, document
 from lab3_usd.spec.lab import STARTER, Lab
 from lab3_usd.stage.read.plain_scene import PlainPrim, read_plain_scene
 

@@ -12,8 +12,7 @@ from places import SHARED
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.data import data_folder
-from lab3_usd.errors import UsageError
-from lab3_usd.lab.maps import (
+from lab3_usd.deliverables.maps import (
     FREE,
     OCCUPIED,
     UNKNOWN,
@@ -28,7 +27,8 @@ from lab3_usd.lab.maps import (
     pgm,
     read_pgm,
 )
-from lab3_usd.stage.slices import SliceOptions, slice_stage
+from lab3_usd.errors import UsageError
+from lab3_usd.stage.lidar_plane import SliceOptions, slice_stage
 from lab3_usd.stage.write.starter import build_starter
 
 OUTSIDE = SHARED / "turtlebot3"

@@ -10,9 +10,9 @@ import shlex
 from collections.abc import Mapping
 from pathlib import Path
 
+from lab3_usd.deliverables.evidence.reader import MANIFEST
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
-from lab3_usd.lab.evidence.reader import MANIFEST
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import RosSpec
 

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from lab3_usd.lab.evidence import outputs
-from lab3_usd.lab.evidence.commands import CommandOutput, split_outputs
-from lab3_usd.lab.evidence.outputs import parse_messages
+from lab3_usd.deliverables.evidence import outputs
+from lab3_usd.deliverables.evidence.commands import CommandOutput, split_outputs
+from lab3_usd.deliverables.evidence.outputs import parse_messages
 from lab3_usd.model.folder import Evidence, GoalRun, Lookup, Observation
 from lab3_usd.spec.ros import GoalSpec, RosSpec
 

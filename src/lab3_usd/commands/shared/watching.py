@@ -15,8 +15,8 @@ import click
 from msgspec import Struct
 
 from lab3_usd import features
-from lab3_usd.commands.steps.options import understands_ansi
-from lab3_usd.commands.steps.reporting import write_report
+from lab3_usd.commands.shared.options import understands_ansi
+from lab3_usd.commands.shared.reporting import write_report
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.installation import install_command
 from lab3_usd.model.finding import Finding, Report

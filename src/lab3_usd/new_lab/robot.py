@@ -8,7 +8,6 @@ from typing import Any
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.robot.axles import anchor, axle
 from lab3_usd.check.robot.wheels import WheelJoint, tied_joints
-from lab3_usd.describe.yaml_text import as_typed
 from lab3_usd.errors import UsageError
 from lab3_usd.facts.frame_targets import articulation_links
 from lab3_usd.model.physics import (
@@ -31,6 +30,7 @@ from lab3_usd.model.physics import (
 from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import IDENTITY, decompose, distance, dot, euler_angles
+from lab3_usd.new_lab.yaml_text import as_typed
 from lab3_usd.spec.graph import GraphSpec
 
 PART = "A1"

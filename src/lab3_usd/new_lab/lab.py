@@ -11,7 +11,11 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.describe.checkpoints import (
+from lab3_usd.errors import UsageError
+from lab3_usd.facts.frames import published_edges
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.stage import StageModel
+from lab3_usd.new_lab.checkpoints import (
     FileNames,
     Step,
     checkpoints_text,
@@ -23,8 +27,8 @@ from lab3_usd.describe.checkpoints import (
     steps_of_stages,
     submission_text,
 )
-from lab3_usd.describe.graphs import GraphText, catalog_text, describe_graphs, running_graphs
-from lab3_usd.describe.scene import (
+from lab3_usd.new_lab.graphs import GraphText, catalog_text, describe_graphs, running_graphs
+from lab3_usd.new_lab.scene import (
     Source,
     describe_scene,
     describe_sensors,
@@ -32,12 +36,8 @@ from lab3_usd.describe.scene import (
     read_source,
     targets_of,
 )
-from lab3_usd.describe.starter import describe_starter
-from lab3_usd.describe.yaml_text import document
-from lab3_usd.errors import UsageError
-from lab3_usd.facts.frames import published_edges
-from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.stage import StageModel
+from lab3_usd.new_lab.starter import describe_starter
+from lab3_usd.new_lab.yaml_text import document
 from lab3_usd.spec.contradictions.names import graph_frames, named_frames
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
 from lab3_usd.spec.load.lab import parse_scene

@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from lab3_usd.lab.plain_yaml import load_plain
+from lab3_usd.deliverables.plain_yaml import load_plain
 from lab3_usd.model.folder import Edge, Endpoint, Lookup, Message, Run, Scalar
 
 _SCALARS = (str, int, float, bool, type(None))

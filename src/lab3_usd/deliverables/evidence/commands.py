@@ -8,7 +8,7 @@ from itertools import takewhile
 
 from msgspec import Struct
 
-from lab3_usd.lab.evidence.outputs import NAME
+from lab3_usd.deliverables.evidence.outputs import NAME
 from lab3_usd.spec.ros import Command, EvidenceKind, RosSpec, file_word
 
 _PROGRAM = "ros2"

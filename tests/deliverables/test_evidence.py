@@ -31,15 +31,15 @@ from ros_outputs import (
 )
 from saved_outputs import read_evidence
 
-from lab3_usd.lab.evidence.commands import is_prompt, read_command, recognise
-from lab3_usd.lab.evidence.outputs import (
+from lab3_usd.deliverables.evidence.commands import is_prompt, read_command, recognise
+from lab3_usd.deliverables.evidence.outputs import (
     parse_endpoints,
     parse_lookup,
     parse_messages,
     parse_state,
     parse_tree,
 )
-from lab3_usd.lab.evidence.reader import read_listed
+from lab3_usd.deliverables.evidence.reader import read_listed
 from lab3_usd.model.folder import Evidence, GoalRun, Lookup
 from lab3_usd.spec.load.lab import load_ros
 

@@ -12,8 +12,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.data import data_folder
-from lab3_usd.describe.yaml_text import document
 from lab3_usd.errors import UsageError
+from lab3_usd.new_lab.yaml_text import document
 from lab3_usd.spec.contradictions.names import FRAME_FIELDS, GraphTopic, graph_topics
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, Lab

@@ -10,7 +10,7 @@ import pytest
 import quick_yaml
 from invoking import invoke
 
-from lab3_usd.lab.scripts import (
+from lab3_usd.deliverables.scripts import (
     LAUNCH_FILE,
     LIDAR_RVIZ_FILE,
     PARAMS_FILE,

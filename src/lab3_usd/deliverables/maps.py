@@ -11,8 +11,8 @@ import yaml
 from msgspec import Struct
 
 from lab3_usd.data import data_folder, own_lab
+from lab3_usd.deliverables.plain_yaml import load_plain
 from lab3_usd.errors import Lab3Error, UsageError
-from lab3_usd.lab.plain_yaml import load_plain
 from lab3_usd.model.folder import MapSubject
 from lab3_usd.model.occupancy import OccupancyMap
 from lab3_usd.spec.lab import Lab

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lab3_usd import features
-from lab3_usd.commands.steps.options import chosen, wants_color, width
+from lab3_usd.commands.shared.options import chosen, wants_color, width
 from lab3_usd.config.settings import with_config_applied
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
@@ -95,7 +95,7 @@ def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
     written, given = options["write_baseline"], options["baseline"]
     if (written is None and given is None) or options["form"] == GRADESCOPE:
         return report
-    from lab3_usd.commands.steps.baseline import without_known, write_baseline
+    from lab3_usd.commands.shared.baseline import without_known, write_baseline
 
     if written is not None:
         count = write_baseline(report, written)

@@ -19,8 +19,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd import features
-from lab3_usd.commands.steps.options import understands_ansi
-from lab3_usd.commands.steps.reporting import (
+from lab3_usd.commands.shared.options import understands_ansi
+from lab3_usd.commands.shared.reporting import (
     exit_code,
     rendered,
     selected_findings,
@@ -95,7 +95,7 @@ def run(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
     """
     options = {**options, "dry_runs": {}}
     if options["watch"]:
-        from lab3_usd.commands.steps.watching import Watched, prepare, watch
+        from lab3_usd.commands.shared.watching import Watched, prepare, watch
 
         prepare(options)
         watched = Watched(

@@ -8,8 +8,8 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.errors import UsageError
-from lab3_usd.stage import slices
-from lab3_usd.stage.slices import Segment, SliceOptions, StageSlice, slice_stage
+from lab3_usd.stage import lidar_plane
+from lab3_usd.stage.lidar_plane import Segment, SliceOptions, StageSlice, slice_stage
 from lab3_usd.stage.write.starter import build_starter
 
 ROBOT, LIDAR = "/robot", "/robot/scan"
@@ -308,13 +308,13 @@ def test_faces_of_a_mesh_that_the_cut_misses_are_not_looked_at(
     prim = mesh(stage, [(-1, -1, -1), (1, 0, 1), (0, 1, -1), (0, 0, 1)], [[0, 1, 2], [0, 2, 3]])
     UsdGeom.Xformable(prim).AddTranslateOp().Set(Gf.Vec3d(0, 0, up))
     seen: list[str] = []
-    faces_of = slices.faces_of
+    faces_of = lidar_plane.faces_of
 
     def noted(prim: Usd.Prim) -> object:
         seen.append(str(prim.GetPath()))
         return faces_of(prim)
 
-    monkeypatch.setattr(slices, "faces_of", noted)
+    monkeypatch.setattr(lidar_plane, "faces_of", noted)
     found = cut(stage, height)
     assert seen == (["/Thing"] if is_looked_at else [])
     assert bool(found.segments) == is_looked_at

@@ -9,8 +9,8 @@ from typing import Any
 
 import yaml
 
+from lab3_usd.deliverables.plain_yaml import PlainLoader
 from lab3_usd.errors import SpecError
-from lab3_usd.lab.plain_yaml import PlainLoader
 from lab3_usd.model.folder import NavigationSubject, Parameter, Refusal, kind_of
 from lab3_usd.spec.lab import FrameSpec
 from lab3_usd.spec.ros import RosSpec

@@ -1,1 +1,0 @@
-"""What the commands share: their options, and the steps of those that judge stages."""

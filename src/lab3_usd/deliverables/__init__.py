@@ -1,0 +1,1 @@
+"""What a submission holds beside its stages: maps, Nav2 parameters, saved output."""

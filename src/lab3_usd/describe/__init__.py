@@ -1,1 +1,0 @@
-"""Describing a lab after a stage that works."""

@@ -1,1 +1,0 @@
-"""The parts of the lab that are not USD: maps, navigation files, evidence, submissions."""

@@ -1,0 +1,1 @@
+"""Writes a first description of a lab from stages that work."""
