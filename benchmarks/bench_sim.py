@@ -23,7 +23,7 @@ from lab3_usd import build_checkpoint
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.sim.dry_run import outcome
 from lab3_usd.sim.execution.drive import Session, fixed_drive
-from lab3_usd.sim.judge.topics import interface
+from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.sim.lidar import sweep
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.load.loader import load_lab, load_platform
@@ -54,7 +54,7 @@ def measured(scene: Scene, drive: Sequence[Session]) -> Figure:
     lab = load_lab()
     sweep.cache_clear()  # what the run before has seen
     start = time.process_time()
-    trial = record(scene, lab.platform, drive, interface(lab, lab.checkpoints[CHECKPOINT]))
+    trial = record(scene, lab.platform, drive, expected_at(lab, lab.checkpoints[CHECKPOINT]))
     played = time.process_time()
     outcome("stage", CHECKPOINT, trial)
     done = time.process_time()

@@ -29,7 +29,7 @@ from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.judge import processes
 from lab3_usd.judge.entries import JudgeSettings, crashed_entry
 from lab3_usd.judge.processes import in_processes
-from lab3_usd.judge.results import Entry
+from lab3_usd.judge.results import Target
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.registry import FORMATS, render
 
@@ -140,7 +140,7 @@ def test_a_file_that_ends_its_process_is_a_crash_and_costs_no_other_its_result(
 
 @pytest.mark.parametrize("form", FORMATS)
 def test_every_format_tells_of_a_crash(form: str) -> None:
-    entries = (Entry(CLOCK, is_submission=False), Entry("ana", is_submission=True))
+    entries = (Target(CLOCK, is_submission=False), Target("ana", is_submission=True))
     crashed = [crashed_entry(JudgeSettings(), entry, "SIGSEGV") for entry in entries]
     report = Report(crashed[0][0], crashed[1][1])
     assert render(form, report, all_rules()).count("SIGSEGV") >= 2
@@ -214,9 +214,9 @@ def test_a_process_imports_no_rule_anew(stages: list[Path]) -> None:
     script = """
 import sys
 import lab3_usd.judge.preloaded
-from lab3_usd.judge.entries import Entry, JudgeSettings, judge_entry
+from lab3_usd.judge.entries import Target, JudgeSettings, judge_entry
 before = {*sys.modules}
-judge_entry(JudgeSettings(checkpoint="05"), Entry(sys.argv[1]))
+judge_entry(JudgeSettings(checkpoint="05"), Target(sys.argv[1]))
 print(sorted(name for name in {*sys.modules} - before if name.startswith("lab3_usd.check")))
 """
     command = [sys.executable, "-c", script, str(stages[0])]

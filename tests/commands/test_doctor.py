@@ -9,7 +9,7 @@ import pytest
 from invoking import invoke
 
 from lab3_usd.commands import doctor
-from lab3_usd.commands.doctor import Check
+from lab3_usd.commands.doctor import Diagnosis
 from lab3_usd.errors import StageError
 from lab3_usd.grade.workers import worker_process
 from lab3_usd.installation import install_command
@@ -19,8 +19,8 @@ from lab3_usd.stage.write import builder
 @pytest.fixture
 def all_right(monkeypatch: pytest.MonkeyPatch) -> None:
     """What takes long is fine."""
-    monkeypatch.setattr(doctor, "checking", lambda: Check("checking", "ok", ""))
-    monkeypatch.setattr(doctor, "sandbox", lambda: Check("sandbox", "ok", ""))
+    monkeypatch.setattr(doctor, "checking", lambda: Diagnosis("checking", "ok", ""))
+    monkeypatch.setattr(doctor, "sandbox", lambda: Diagnosis("sandbox", "ok", ""))
 
 
 @pytest.mark.usefixtures("forked_workers")
@@ -72,7 +72,7 @@ def test_a_missing_extra_is_named_with_what_installs_it(monkeypatch: pytest.Monk
 
 def test_lines_fit_the_terminal_but_for_commands(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    lines = list(doctor.lines_of(Check("png", "missing", "a word " * 40, "one command " * 20)))
+    lines = list(doctor.lines_of(Diagnosis("png", "missing", "a word " * 40, "one command " * 20)))
     assert max(map(len, lines[:-1])) <= 80
     assert all(line.startswith(" " * 20) for line in lines[1:])
     assert lines[-1].strip() == ("one command " * 20).strip()
@@ -85,7 +85,7 @@ def test_every_extra_of_users_is_looked_for() -> None:
 
 @pytest.mark.usefixtures("all_right")
 def test_something_bad_is_exit_code_1(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "checking", lambda: Check("checking", "bad", "no room"))
+    monkeypatch.setattr(doctor, "checking", lambda: Diagnosis("checking", "bad", "no room"))
     assert invoke("doctor").exit_code == doctor.EXIT_FOUND
 
 

@@ -52,7 +52,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-LOOKS = {
+PASSED = {
     "desk": (DESKTOP, "light", ""),
     "dark phone": (PHONE, "dark", ""),
     "paper": ((794, 1123), "light", "print"),
@@ -71,13 +71,13 @@ def faults(request: pytest.FixtureRequest, chromium: Browser, pages: Path) -> di
     chromium.run("for (const each of document.querySelectorAll('details')) each.open = true")
     axe.Axe(chromium.driver).inject()
     found = {}
-    for look, (size, scheme, media) in LOOKS.items():
+    for look, (size, scheme, media) in PASSED.items():
         chromium.resize(size)
         chromium.scheme(scheme, media)
         found[look] = chromium.driver.execute_async_script(RUN)
     return found
 
 
-@pytest.mark.parametrize("look", LOOKS)
+@pytest.mark.parametrize("look", PASSED)
 def test_axe_finds_nothing(faults: dict[str, list[str]], look: str) -> None:
     assert faults[look] == []

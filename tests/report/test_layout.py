@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from lab3_usd.report.picture import canvas
 from lab3_usd.report.picture.canvas import at_editor_positions, position_missing
 from lab3_usd.report.picture.layered import (
-    Link,
     Slot,
+    WirePiece,
     backward,
     crossings,
     layered,
@@ -147,7 +147,7 @@ def test_no_graph_at_all_is_laid_out() -> None:
 
 def test_ordering_keeps_the_order_with_the_fewest_crossings() -> None:
     slots = [Slot((key,), rank, 40.0) for key, rank in (("a", 0), ("b", 0), ("c", 1), ("d", 1))]
-    links = [Link(("a",), 10, ("d",), 10), Link(("b",), 10, ("c",), 10)]
+    links = [WirePiece(("a",), 10, ("d",), 10), WirePiece(("b",), 10, ("c",), 10)]
     assert crossings(ordered(slots, []), links) == 1
     assert crossings(ordered(slots, links), links) == 0
 
@@ -155,7 +155,7 @@ def test_ordering_keeps_the_order_with_the_fewest_crossings() -> None:
 def test_stacked_slots_keep_their_gap() -> None:
     column = (Slot(("a",), 0, 40.0), Slot(("b",), 0, 60.0))
     target = Slot(("c",), 1, 40.0)
-    links = [Link((key,), 20, ("c",), 20) for key in "ab"]
+    links = [WirePiece((key,), 20, ("c",), 20) for key in "ab"]
     tops = stacked((column, (target,)), links, 10.0)
     assert tops[("b",)] - tops[("a",)] == 50.0
 

@@ -11,7 +11,7 @@ from foreign_robots import connect, rover, write_node
 from lone_nodes import node, world
 from pxr import Sdf, Usd
 
-from lab3_usd.model.dry_run import Graph, Scene
+from lab3_usd.model.dry_run import Scene, SceneGraph
 
 KIT = "omni.graph.nodes."
 
@@ -58,7 +58,9 @@ def test_what_is_no_number_is_not_calculated(name: str, values: dict[str, Any]) 
 
 
 def test_a_variable_of_the_graph_is_read() -> None:
-    graph = Graph("/Graph", "execution", "pipelineStageSimulation", "Automatic", (), {"speed": 2.0})
+    graph = SceneGraph(
+        "/Graph", "execution", "pipelineStageSimulation", "Automatic", (), {"speed": 2.0}
+    )
     here = world(scene=Scene(1.0, "Z", (graph,), {}, {}))
     read = node("omni.graph.core.ReadVariable", {"variableName": "speed"})
     assert read.compute(here)

@@ -32,7 +32,7 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 from lab3_usd.commands import bag as module
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Behaviour, Frame, Topic, Unknown
-from lab3_usd.report.behaviour.text import LOOKS_OF_A_RECORDING
+from lab3_usd.report.behaviour.text import PASSED_IN_A_RECORDING
 from lab3_usd.sim.bag import files, judge, reader
 from lab3_usd.sim.bag.judge import CHECKS, differences
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
@@ -445,4 +445,4 @@ def test_without_the_extra_a_line_says_what_to_install(
 
 
 def test_every_check_has_its_words() -> None:
-    assert set(LOOKS_OF_A_RECORDING) == {*SHARED, *CHECKS}
+    assert set(PASSED_IN_A_RECORDING) == {*SHARED, *CHECKS}

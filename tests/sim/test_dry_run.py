@@ -16,10 +16,10 @@ from second_author import Style
 from lab3_usd.sim.execution.recording import Odometry
 from lab3_usd.sim.judge.checks import CHECKS, judge
 from lab3_usd.sim.judge.expectations import Trial
-from lab3_usd.sim.judge.topics import interface
+from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.stage.write.builder import build_checkpoint
 
-DRIVING = interface(the_lab(), the_lab().checkpoints["02"])  # of a stage that only drives
+DRIVING = expected_at(the_lab(), the_lab().checkpoints["02"])  # of a stage that only drives
 WHEELS = 0.033 / 0.025  # the wheel of the model by that of the controller
 
 

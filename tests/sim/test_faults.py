@@ -11,7 +11,7 @@ from typing import get_args
 
 import pytest
 from breaking import broken, correct_stage, the_lab
-from dry_runs import DRIVE, INTERFACE, SHORT, driven
+from dry_runs import DRIVE, EXPECTED, SHORT, driven
 from fault_stages import IMAGE_PRODUCT, MOTION, NAMES, STAGES
 from golden import assert_golden_case
 from places import REPOSITORY
@@ -25,7 +25,7 @@ from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import Leg, Session, drive_of
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Recording
 from lab3_usd.sim.judge.checks import CHECKS
-from lab3_usd.sim.judge.expectations import Fault, Trial
+from lab3_usd.sim.judge.expectations import RunFault, Trial
 from lab3_usd.sim.judge.motion import odometry
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.load.loader import load_platform
@@ -72,16 +72,16 @@ def test_the_dry_run_knows_no_rule() -> None:
     assert words & {*all_rules(), *IDS} == set()
 
 
-def faults_of(trial: Trial) -> list[tuple[str, Fault]]:
+def faults_of(trial: Trial) -> list[tuple[str, RunFault]]:
     return [(name, fault) for name, look in CHECKS.items() for fault in look(trial)]
 
 
-def shown(faults: list[tuple[str, Fault]]) -> set[tuple[str, FaultKind]]:
+def shown(faults: list[tuple[str, RunFault]]) -> set[tuple[str, FaultKind]]:
     return {(check, fault.kind) for check, fault in faults}
 
 
 @cache
-def faults(kind: FaultKind) -> list[tuple[str, Fault]]:
+def faults(kind: FaultKind) -> list[tuple[str, RunFault]]:
     change, check = STAGES[kind]
     stage = correct_stage("02" if check in MOTION else "05")
     change(stage)
@@ -95,7 +95,7 @@ def test_a_stage_shows_its_kind_of_fault_in_the_words_that_were_kept(kind: Fault
     assert_golden_case("dry-run-faults", kind, fault_text(faults(kind)))
 
 
-def fault_text(found: list[tuple[str, Fault]]) -> str:
+def fault_text(found: list[tuple[str, RunFault]]) -> str:
     return "".join(
         f"{check} {fault.kind}{'' if fault.sure else ' (not sure)'}: {fault.message}\n"
         f"    {fault.prim} {fault.cause}".rstrip()
@@ -119,12 +119,12 @@ def test_a_render_product_that_is_named_has_its_own_size() -> None:
 
 def test_wheels_in_the_wrong_order_turn_an_arc_the_wrong_way() -> None:
     stage = broken("02", [{"swap": [f"{NAMES}.inputs:input0", f"{NAMES}.inputs:input1"]}])
-    drive = drive_of("0.1,0.5,2", INTERFACE.limits)
-    trial = record(read_scene(stage, load_platform()), the_lab().platform, drive, INTERFACE)
+    drive = drive_of("0.1,0.5,2", EXPECTED.limits)
+    trial = record(read_scene(stage, load_platform()), the_lab().platform, drive, EXPECTED)
     assert ("follows", "wrong-arc") in shown(faults_of(trial))
 
 
-def odometry_faults(x: float, y: float, turned: float) -> list[Fault]:
+def odometry_faults(x: float, y: float, turned: float) -> list[RunFault]:
     """Judge what odometry reports of a robot that starts at (1, 2), looking along +Y.
 
     It goes 0.5 m ahead and turns by 0.2 rad to the left: to (1, 2.5), looking by pi/2 + 0.2.
@@ -137,7 +137,7 @@ def odometry_faults(x: float, y: float, turned: float) -> list[Fault]:
     data = Odometry("base_footprint", (x, y, 0.0), orientation, (0.0,) * 3, (0.0,) * 3)
     message = Message("", 2.0, "odom", data, topic="/odom", at=2.0)
     run = Recording(2.0, [message], poses)
-    return list(odometry(Trial(run, (Session((Leg("idle", 2.0),)),), INTERFACE)))
+    return list(odometry(Trial(run, (Session((Leg("idle", 2.0),)),), EXPECTED)))
 
 
 def test_odometry_is_held_against_the_way_of_the_robot() -> None:

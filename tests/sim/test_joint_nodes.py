@@ -15,7 +15,7 @@ from lone_nodes import node
 from pxr import Sdf, Usd, UsdPhysics
 
 from lab3_usd.sim.execution.recording import JointStates
-from lab3_usd.sim.execution.world import Endpoint, World, world_of
+from lab3_usd.sim.execution.world import RosEndpoint, World, world_of
 from lab3_usd.sim.robot.machine import Machine
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
@@ -139,7 +139,7 @@ def test_lengths_are_published_divided_by_the_unit_of_the_stage() -> None:
 
 
 def heard(world: World, command: JointStates) -> Any:
-    world.network.commands = Endpoint(0, "/joint_command")
+    world.network.commands = RosEndpoint(0, "/joint_command")
     subscriber = node(f"{ROS}ROS2SubscribeJointState")
     assert subscriber.compute(world)  # opens
     world.network.command = (1, command)

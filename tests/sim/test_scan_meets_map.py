@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from breaking import correct_stage, the_lab
-from dry_runs import INTERFACE, driven
+from dry_runs import EXPECTED, driven
 from invoking import invoke
 from pxr import Gf, Usd, UsdGeom
 from scene_changes import LIDAR, ORIENT, put
@@ -39,7 +39,7 @@ def maps(folder: Path, before: str = "", after: str = "") -> Path:
 
 @pytest.fixture(scope="module")
 def run() -> Trial:
-    return driven(correct_stage("05"), drive_of(AHEAD, INTERFACE.limits))
+    return driven(correct_stage("05"), drive_of(AHEAD, EXPECTED.limits))
 
 
 def laid(run: Trial, found: OccupancyMap) -> tuple[MapFit, list[FaultKind]]:
@@ -98,7 +98,7 @@ def one_scan(ranges: tuple[float, ...], *walls: tuple[int, int]) -> MapFit:
         Message("", 1.0, "base_scan", scan, topic="/scan", at=1.0),
     ]
     recording = Recording(2.0, messages, [Pose(0, 1.0, "idle", 0.0, 0.0, 0.0)])
-    trial = Trial(recording, (Session((Leg("idle", 2.0),)),), INTERFACE)
+    trial = Trial(recording, (Session((Leg("idle", 2.0),)),), EXPECTED)
     trial.map = OccupancyMap("", 1.0, (0.0, 0.0, 0.0), 20, 20, frozenset(walls))
     trial.located = ([(0.0, HERE)],)
     found = fit(trial)
@@ -143,7 +143,7 @@ def test_a_frame_stands_where_its_last_transform_put_it(
         sent(2.0, 2.0, "first", "second"),
         sent(3.0, 3.0, "second"),
     ]
-    trial = Trial(Recording(4.0, messages), (), INTERFACE)
+    trial = Trial(Recording(4.0, messages), (), EXPECTED)
     found = {name: in_root(trial, Message("", at, name, at=at)) for name in ("first", "second")}
     assert {name: place.origin[0] for name, place in found.items() if place} == places
 

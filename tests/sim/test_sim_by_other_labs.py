@@ -14,7 +14,7 @@ from foreign_robots import rover
 from invoking import invoke
 from msgspec.structs import replace
 
-from lab3_usd.sim.judge.topics import interface
+from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.spec.load.loader import load_lab
 
 
@@ -39,7 +39,7 @@ def test_frames_of_odometry_come_from_its_graph(lab: Path) -> None:
         topic.pop("fields", None)
     (lab / "ros.yaml").write_text(quick_yaml.dump(ros))
     loaded = load_lab(lab)
-    wanted = interface(loaded, loaded.checkpoints["7"])
+    wanted = expected_at(loaded, loaded.checkpoints["7"])
     assert (wanted.root, wanted.base) == ("odom", "chassis")
     assert set(verdicts(lab).values()) == {"ok"}
 
@@ -49,7 +49,7 @@ def test_without_odometry_the_tree_and_the_robot_name_the_frames() -> None:
     graphs = {name: graph for name, graph in lab.graphs.items() if name != "ROS_OdomTF"}
     topics = {name: topic for name, topic in lab.topics.items() if name != "/odom"}
     changed = replace(lab, graphs=graphs, ros=replace(lab.ros, topics=topics))
-    wanted = interface(changed, lab.checkpoints["05"])
+    wanted = expected_at(changed, lab.checkpoints["05"])
     assert (wanted.root, wanted.base) == ("odom", "base_footprint")
 
 
@@ -91,7 +91,7 @@ def test_limits_of_a_lab_in_centimetres_are_turned_into_metres(tmp_path: Path) -
     invoke("lab", "new", tmp_path / "lab", "--from", tmp_path / "Rover_1.usda")
     described = load_lab(tmp_path / "lab")
     checkpoint = described.checkpoints[described.last]
-    wanted = interface(described, checkpoint)
+    wanted = expected_at(described, checkpoint)
     assert (wanted.limits, wanted.wheel_radius) == ((1.5, 0.0), 0.1)
 
 

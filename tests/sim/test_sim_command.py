@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from breaking import Step, broken, correct_stage, the_lab
 from click.testing import Result
-from dry_runs import INTERFACE
+from dry_runs import EXPECTED
 from invoking import invoke
 from msgspec.structs import replace
 from pxr import Sdf, Usd
@@ -22,10 +22,10 @@ from scene_changes import CAMERA, LIDAR, ROBOT, put, switch
 
 from lab3_usd.cli import main
 from lab3_usd.errors import UsageError
-from lab3_usd.report.behaviour.text import LOOKS
+from lab3_usd.report.behaviour.text import PASSED
 from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.judge.checks import CHECKS
-from lab3_usd.sim.judge.topics import interface
+from lab3_usd.sim.judge.topics import expected_at
 
 EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
 DRIVE, CLOCK = "/turtlebot3_burger/ROS_Drive", "/World/ROS_Clock"
@@ -69,7 +69,7 @@ def test_a_right_stage_is_all_right(tmp_path: Path) -> None:
     assert "14 checks: 14 ok, 0 bad" in done.stdout
     found = behaviour(path)
     assert found["verdict"] == "ok"
-    assert {each["name"]: each["type"] for each in found["topics"]} == INTERFACE.types
+    assert {each["name"]: each["type"] for each in found["topics"]} == EXPECTED.types
     rates = {each["name"]: each["hz"] for each in found["topics"]}
     assert (rates["/scan"], rates["/clock"]) == pytest.approx((10.0, 60.0), rel=0.02)
     assert {(each["parent"], each["child"]) for each in found["frames"]} == {
@@ -81,10 +81,10 @@ def test_a_right_stage_is_all_right(tmp_path: Path) -> None:
 
 def test_what_is_asked_for_is_what_the_handout_asks_for() -> None:
     lab = the_lab()
-    asked = interface(lab, lab.checkpoints["05"])
+    asked = expected_at(lab, lab.checkpoints["05"])
     assert asked.profile
     assert replace(asked, profile={}, types=dict(sorted(asked.types.items()))) == replace(
-        INTERFACE, types=dict(sorted(INTERFACE.types.items()))
+        EXPECTED, types=dict(sorted(EXPECTED.types.items()))
     )
 
 
@@ -285,7 +285,7 @@ def test_gravity_is_told_in_several_ways(tmp_path: Path, name: str, value: objec
 
 
 def test_every_check_is_put_into_words() -> None:
-    assert list(LOOKS) == list(CHECKS)
+    assert list(PASSED) == list(CHECKS)
 
 
 def test_a_drive_of_ones_own(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 from breaking import broken, correct_stage, the_lab
-from dry_runs import INTERFACE, driven
+from dry_runs import EXPECTED, driven
 from foreign_robots import arm, rover
 from invoking import invoke
 from pxr import Usd
@@ -40,7 +40,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from lab3_usd.sim import live as link_module
-from lab3_usd.sim.live import Link, Lived, play_live, wire_type
+from lab3_usd.sim.live import DdsLink, Lived, play_live, wire_type
 
 TRIED = itertools.count()
 PEERS = Path(__file__).parent / "live_peer"
@@ -73,8 +73,8 @@ def domain() -> Iterator[int]:
 
 
 @pytest.fixture
-def link(domain: int) -> Iterator[Link]:
-    with closing(Link(domain, "/cmd_vel")) as link:
+def link(domain: int) -> Iterator[DdsLink]:
+    with closing(DdsLink(domain, "/cmd_vel")) as link:
         yield link
 
 
@@ -85,7 +85,7 @@ def scene() -> Scene:
 
 @pytest.fixture
 def player(scene: Scene) -> Player:
-    return player_of(scene, the_lab().platform, INTERFACE)
+    return player_of(scene, the_lab().platform, EXPECTED)
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +119,7 @@ def fast_dds(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "peer"
 
 
-def driven_by(program: list[str], player: Player, link: Link) -> dict[str, Any]:
+def driven_by(program: list[str], player: Player, link: DdsLink) -> dict[str, Any]:
     """Play until a program that drives the robot ends, and return what it says it heard."""
     latest = time.monotonic() + PATIENCE
     with subprocess.Popen(
@@ -146,7 +146,7 @@ def until(ready: Callable[[], list[Any]]) -> list[Any]:
     pytest.fail("nothing came")
 
 
-def test_another_program_hears_and_drives_it(player: Player, link: Link, domain: int) -> None:
+def test_another_program_hears_and_drives_it(player: Player, link: DdsLink, domain: int) -> None:
     heard = driven_by([sys.executable, str(PEERS / "peer.py"), str(domain)], player, link)
     assert heard["times"] == sorted(heard["times"])
     assert (heard["frame"], heard["child"]) == ("odom", "base_footprint")
@@ -159,7 +159,7 @@ def test_another_program_hears_and_drives_it(player: Player, link: Link, domain:
 
 
 def test_so_does_a_program_of_another_vendor(
-    player: Player, link: Link, domain: int, fast_dds: Path
+    player: Player, link: DdsLink, domain: int, fast_dds: Path
 ) -> None:
     heard = driven_by([str(fast_dds), str(domain)], player, link)
     assert heard["clocks"] > 0
@@ -169,7 +169,7 @@ def test_so_does_a_program_of_another_vendor(
     assert player.robot.pose().origin[0] - 1.8 >= heard["x"] - 1e-6 >= 0.1 - 1e-6
 
 
-def test_without_a_command_it_stands(player: Player, link: Link) -> None:
+def test_without_a_command_it_stands(player: Player, link: DdsLink) -> None:
     lived = play_live(player, link, lambda frames: frames >= 30)
     assert (lived.played, lived.commands) == (0.5, 0)
     assert {kind for _, kind in lived.sent} == set(WIRE_NAMES)
@@ -193,7 +193,7 @@ def test_types_and_bytes_on_the_wire_are_those_of_humble() -> None:
     assert seen == set(WIRE_NAMES)
 
 
-def test_static_transforms_are_there_for_those_who_come_late(link: Link) -> None:
+def test_static_transforms_are_there_for_those_who_come_late(link: DdsLink) -> None:
     still = Transform("base_link", "base_scan", (0.0, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0))
     for node, topic, static in (
         ("/a", "/tf_static", True),
@@ -214,7 +214,7 @@ def test_static_transforms_are_there_for_those_who_come_late(link: Link) -> None
     assert DataReader(there, Topic(there, "rt/tf", wire_type(TF)), qos=plain).read() == []
 
 
-def test_what_is_not_reliable_is_not_heard_by_those_who_want_it_so(link: Link) -> None:
+def test_what_is_not_reliable_is_not_heard_by_those_who_want_it_so(link: DdsLink) -> None:
     there = link._participant
     topic = Topic(there, "rt/tf", wire_type(TF))
     reliable = DataReader(there, topic, qos=Qos(Policy.Reliability.Reliable(0)))
@@ -229,7 +229,7 @@ def test_what_is_not_reliable_is_not_heard_by_those_who_want_it_so(link: Link) -
     assert reliable.take(N=10) == []
 
 
-def test_what_is_no_number_is_no_command(link: Link) -> None:
+def test_what_is_no_number_is_no_command(link: DdsLink) -> None:
     there, twist = link._participant, wire_type(TWIST)
     vector = wire_type("geometry_msgs/msg/Vector3")
     writer = DataWriter(
@@ -247,18 +247,18 @@ def test_a_domain_that_cannot_be_is_said(monkeypatch: pytest.MonkeyPatch, domain
         link_module, "CONFIGURATION", link_module.CONFIGURATION.replace("127.0.0.1", "192.0.2.1")
     )
     with pytest.raises(live_run.UsageError, match="DDS does not start"):
-        Link(domain, "/cmd_vel")
+        DdsLink(domain, "/cmd_vel")
 
 
-def test_what_is_in_another_domain_is_said_and_not_sent(link: Link) -> None:
+def test_what_is_in_another_domain_is_said_and_not_sent(link: DdsLink) -> None:
     stage = broken("01", [{"set": ["ROS_Clock/ros2_context.inputs:domain_id", 7]}])
-    player = player_of(read_scene(stage, load_platform()), the_lab().platform, INTERFACE)
+    player = player_of(read_scene(stage, load_platform()), the_lab().platform, EXPECTED)
     lived = play_live(player, link, lambda frames: frames >= 3)
     assert (lived.sent, lived.away) == ({}, (("/clock", 7),))
     assert "not sent: /clock, as it is in domain 7" in [*closing_lines(lived)]
 
 
-def test_ctrl_c_ends_it_with_its_sum(player: Player, link: Link) -> None:
+def test_ctrl_c_ends_it_with_its_sum(player: Player, link: DdsLink) -> None:
     def interrupted(frames: int) -> bool:
         if frames == 3:
             raise KeyboardInterrupt
@@ -301,7 +301,7 @@ def sim(path: Path, *words: str) -> Any:
 def test_the_command_says_what_it_sent(
     path: Path, domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(link_module, "Link", lambda _, commands: Link(domain, commands))
+    monkeypatch.setattr(link_module, "DdsLink", lambda _, commands: DdsLink(domain, commands))
     done = sim(path, "--live", "--seconds", "0.5")
     assert done.exit_code == 0
     first, second, *_, last = done.stdout.splitlines()
@@ -319,7 +319,7 @@ def test_a_stage_of_no_checkpoint_is_driven_by_its_own_commands(
     domain: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(link_module, "Link", lambda _, commands: Link(domain, commands))
+    monkeypatch.setattr(link_module, "DdsLink", lambda _, commands: DdsLink(domain, commands))
     stage = made()
     stage.GetRootLayer().Export(str(tmp_path / "robot.usda"))
     done = sim(tmp_path / "robot.usda", "--live", "--seconds", "0.1")

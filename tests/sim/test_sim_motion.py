@@ -21,7 +21,7 @@ from scene_changes import (
     with_api,
 )
 
-from lab3_usd.model.dry_run import AXES, HERE, Affine, Prim, about, rotation
+from lab3_usd.model.dry_run import AXES, HERE, Affine, ScenePrim, about, rotation
 from lab3_usd.sim.geometry import cut, distance, height_at, joined, placed
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.robot.machine import Machine
@@ -163,8 +163,8 @@ def test_loose_bodies_stay_behind() -> None:
     assert machines.place(f"{ROBOT}/base_scan").origin == before
 
 
-def prim(kind: str, **values: object) -> Prim:
-    return Prim("/shape", kind, frozenset(), Affine(), values, {}, seen=True)
+def prim(kind: str, **values: object) -> ScenePrim:
+    return ScenePrim("/shape", kind, frozenset(), Affine(), values, {}, seen=True)
 
 
 def test_a_cube_is_cut_into_a_square() -> None:
@@ -184,7 +184,7 @@ def test_a_cube_is_cut_into_a_square() -> None:
     ],
     ids=lambda each: getattr(each, "type", ""),
 )
-def test_round_shapes_are_cut_into_circles(shape: Prim, radius: float) -> None:
+def test_round_shapes_are_cut_into_circles(shape: ScenePrim, radius: float) -> None:
     found = cut(placed(shape, HERE), 0.3)
     assert max(math.hypot(x, y) for x, y, _, _ in found) == pytest.approx(radius, rel=0.01)
 

@@ -12,8 +12,8 @@ import pytest
 from breaking import correct_stage, the_lab
 from lone_nodes import node, world
 
-from lab3_usd.model.dry_run import Graph, Input, Node, Scene
-from lab3_usd.sim.execution.node_instance import Running, functions
+from lab3_usd.model.dry_run import Input, Scene, SceneGraph, SceneNode
+from lab3_usd.sim.execution.node_instance import NodeInstance, functions
 from lab3_usd.sim.execution.program import compile_graphs
 from lab3_usd.sim.execution.recording import Message, Odometry, Profile, Scan, Transform, View
 from lab3_usd.sim.execution.world import Network, World, profile_of, trimmed, world_of
@@ -229,7 +229,7 @@ PRODUCT = f"{ISAAC}IsaacCreateRenderProduct"
 LIDAR, CAMERA = f"{ROBOT}/base_scan/Lidar2D", f"{ROBOT}/base_footprint/Camera_1"
 
 
-def product(stage: World, camera: str, **values: Any) -> Running:
+def product(stage: World, camera: str, **values: Any) -> NodeInstance:
     made = node(
         PRODUCT, {"enabled": True, "width": 640, "height": 480, **values}, cameraPrim=camera
     )
@@ -578,8 +578,8 @@ def test_a_profile_is_whole_or_nothing() -> None:
 @pytest.mark.parametrize(("version", "looks"), [(1, False), (2, True)])
 def test_an_older_context_does_not_look_at_the_environment(version: int, looks: object) -> None:
     saved = {"inputs:useDomainIDEnvVar": Input("bool")}
-    context = Node("/Graph/context", f"{ROS}ROS2Context", version, saved, {})
-    graph = Graph("/Graph", "execution", "pipelineStageSimulation", "Automatic", (context,))
+    context = SceneNode("/Graph/context", f"{ROS}ROS2Context", version, saved, {})
+    graph = SceneGraph("/Graph", "execution", "pipelineStageSimulation", "Automatic", (context,))
     program = compile_graphs(Scene(1.0, "Z", (graph,), {}, {}), the_lab().platform)
     assert program.nodes["/Graph/context"].values["useDomainIDEnvVar"] is looks
 

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from lone_nodes import node, world
 
-from lab3_usd.model.dry_run import HERE, Prim, Scene
+from lab3_usd.model.dry_run import HERE, Scene, ScenePrim
 from lab3_usd.sim.execution.recording import Steering
-from lab3_usd.sim.execution.world import Endpoint, world_of
+from lab3_usd.sim.execution.world import RosEndpoint, world_of
 from lab3_usd.sim.robots import AHEAD, TURN, _allowed
 
 WHEELED = "isaacsim.robot.wheeled_robots."
@@ -58,7 +58,7 @@ def test_a_car_has_limits_and_ramps() -> None:
 
 def test_a_command_to_steer_is_held() -> None:
     here = world()
-    here.network.commands = Endpoint(0, "/ackermann_cmd")
+    here.network.commands = RosEndpoint(0, "/ackermann_cmd")
     subscriber = node("isaacsim.ros2.bridge.ROS2SubscribeAckermannDrive")
     assert subscriber.compute(here)
     here.network.command = (1, Steering(1.0, 0.2))
@@ -116,7 +116,7 @@ def test_wheels_of_rollers_have_a_limit() -> None:
 
 
 def test_the_wheels_of_a_robot_are_read_from_its_joints() -> None:
-    joint = Prim(
+    joint = ScenePrim(
         "/robot/joint",
         "PhysicsRevoluteJoint",
         frozenset(),
@@ -130,7 +130,7 @@ def test_the_wheels_of_a_robot_are_read_from_its_joints() -> None:
         {"physics:body0": ("/robot",)},
         seen=False,
     )
-    robot = Prim("/robot", "Xform", frozenset(), HERE, {}, {}, seen=False)
+    robot = ScenePrim("/robot", "Xform", frozenset(), HERE, {}, {}, seen=False)
     scene = Scene(1.0, "Z", (), {prim.path: prim for prim in (robot, joint)}, {})
     here = world_of(scene)
     setup = node(f"{WHEELED}HolonomicRobotUsdSetup", robotPrim="/robot", comPrim="/robot")

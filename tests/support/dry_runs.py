@@ -10,13 +10,13 @@ from pxr import Usd
 from lab3_usd.model.dry_run import Check
 from lab3_usd.sim.execution.drive import Session, drive_of, fixed_drive
 from lab3_usd.sim.judge.checks import judge
-from lab3_usd.sim.judge.expectations import Interface, Trial
+from lab3_usd.sim.judge.expectations import Expected, Trial
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
 # Sections 1, 2 and 5 of the handout, as somebody at the other end of ROS sees them.
-INTERFACE = Interface(
+EXPECTED = Expected(
     types={
         "/clock": "rosgraph_msgs/msg/Clock",
         "/odom": "nav_msgs/msg/Odometry",
@@ -49,7 +49,7 @@ INTERFACE = Interface(
         "Camera_1",
     ),
     wheel_radius=0.025,
-    looks=(1.0, 0.0, 0.0),
+    view=(1.0, 0.0, 0.0),
     upward=(0.0, 0.0, 1.0),
     static=frozenset({"/tf_static"}),
 )
@@ -62,12 +62,12 @@ DRIVE = tuple(
     for session in fixed_drive()
 )
 SHORT = drive_of(
-    "0.15,0,1 0,0.8,0.5", INTERFACE.limits
+    "0.15,0,1 0,0.8,0.5", EXPECTED.limits
 )  # where it is of no importance how it drives
 
 
 def driven(
-    stage: Usd.Stage, drive: Sequence[Session] = DRIVE, wanted: Interface = INTERFACE
+    stage: Usd.Stage, drive: Sequence[Session] = DRIVE, wanted: Expected = EXPECTED
 ) -> Trial:
     return record(read_scene(stage, load_platform()), load_platform(), drive, wanted)
 

@@ -31,7 +31,7 @@ from lab3_usd.fix.source_tree import ROOT, read_blocks
 from lab3_usd.model.finding import Finding, site_of
 from lab3_usd.model.stage import StageModel
 from lab3_usd.sim.dry_run import dry_run
-from lab3_usd.sim.judge.topics import interface
+from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.spec.graph import GraphSpec, PortRef, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -410,7 +410,7 @@ def wrong_in_dry_runs(path: Path, checkpoints: Iterable[str], lab: Lab) -> Itera
     composed = sha256(flat.ExportToString().encode()).hexdigest()
     for checkpoint in checkpoints:
         spec = lab.checkpoints[checkpoint]
-        key = composed, repr(interface(lab, spec)), spec.localization
+        key = composed, repr(expected_at(lab, spec)), spec.localization
         if key not in _WRONG:
             checks = dry_run(path, lab, checkpoint).behaviour.checks
             _WRONG[key] = tuple(check.text for check in checks if check.verdict == "bad")

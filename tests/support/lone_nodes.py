@@ -5,18 +5,18 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from lab3_usd.model.dry_run import Node, Scene
-from lab3_usd.sim.execution.node_instance import Running, function_of
+from lab3_usd.model.dry_run import Scene, SceneNode
+from lab3_usd.sim.execution.node_instance import NodeInstance, function_of
 from lab3_usd.sim.execution.program import type_of
-from lab3_usd.sim.execution.world import Endpoint, Network
+from lab3_usd.sim.execution.world import Network, RosEndpoint
 from lab3_usd.spec.load.loader import load_platform
 
 
-def node(name: str, values: dict[str, Any] | None = None, **targets: str) -> Running:
+def node(name: str, values: dict[str, Any] | None = None, **targets: str) -> NodeInstance:
     """A node of a type, with values at its inputs and no wires; the others have their defaults."""
-    node_type = type_of(Node("", name, 1, {}, {}), load_platform())
+    node_type = type_of(SceneNode("", name, 1, {}, {}), load_platform())
     assert node_type is not None
-    bare = Node(
+    bare = SceneNode(
         "/Graph/node",
         name,
         node_type.version,
@@ -26,14 +26,14 @@ def node(name: str, values: dict[str, Any] | None = None, **targets: str) -> Run
     defaults = {port.short: port.default for port in node_type.ports.values()}
     function = function_of(node_type)
     assert function is not None
-    return Running(bare.path, node_type, function, {}, bare, {**defaults, **(values or {})})
+    return NodeInstance(bare.path, node_type, function, {}, bare, {**defaults, **(values or {})})
 
 
 def world(**known: Any) -> Any:
     """What the functions ask of the world, with an empty stage."""
     given = {
         "scene": Scene(1.0, "Z", (), {}, {}),
-        "network": Network("", commands=Endpoint(0, "/cmd_vel")),
+        "network": Network("", commands=RosEndpoint(0, "/cmd_vel")),
         "frame": 1,
         "dt": 0.5,
         "since_play": 2.0,

@@ -25,7 +25,7 @@ from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
     from lab3_usd.commands.shared.judging import Judge
-    from lab3_usd.judge.results import Entry, Results
+    from lab3_usd.judge.results import Results, Target
 
 
 @click.command("check")
@@ -142,7 +142,7 @@ def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
         handed_in=options["submission"] or options["form"] == "gradescope",
     )
 
-    def judge(work: list[Entry], jobs: int) -> Generator[Results]:
+    def judge(work: list[Target], jobs: int) -> Generator[Results]:
         opened = entries.with_kept_starter(settings) if options["watch"] else settings
         return entries.judge_entries(work, opened, jobs)
 

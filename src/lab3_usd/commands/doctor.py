@@ -36,7 +36,7 @@ EXTRAS = {
 State = Literal["ok", "missing", "bad"]
 
 
-class Check(Struct, frozen=True):
+class Diagnosis(Struct, frozen=True):
     """What was looked at and found: `missing` is optional, `bad` is needed.
 
     `command` adds what is missing.
@@ -66,7 +66,7 @@ def command() -> None:
         sys.exit(EXIT_FOUND)
 
 
-def lines_of(check: Check) -> Iterator[str]:
+def lines_of(check: Diagnosis) -> Iterator[str]:
     """Yield the lines of a check; a command is one line, however long, so that it can be copied."""
     head = f"{check.state:<8} {check.name:<10} "
     hanging = " " * len(head)
@@ -83,7 +83,7 @@ def lines_of(check: Check) -> Iterator[str]:
         yield hanging + check.command
 
 
-def _checks() -> Iterator[Check]:
+def _checks() -> Iterator[Diagnosis]:
     yield dependencies()
     yield checking()
     for name, (package, purpose) in EXTRAS.items():
@@ -92,12 +92,12 @@ def _checks() -> Iterator[Check]:
     yield sandbox()
 
 
-def dependencies() -> Check:
+def dependencies() -> Diagnosis:
     """Look for the packages that the installed package asks for."""
     try:
         requirements = metadata.requires(NAME) or []
     except metadata.PackageNotFoundError:
-        return Check("packages", "missing", f"{NAME} runs from its files, and is not installed")
+        return Diagnosis("packages", "missing", f"{NAME} runs from its files, and is not installed")
     versions, absent = [], []
     for line in requirements:
         if ";" in line:
@@ -108,11 +108,11 @@ def dependencies() -> Check:
         except metadata.PackageNotFoundError:
             absent.append(name)
     if absent:
-        return Check("packages", "bad", f"not installed: {', '.join(absent)}")
-    return Check("packages", "ok", ", ".join(versions))
+        return Diagnosis("packages", "bad", f"not installed: {', '.join(absent)}")
+    return Diagnosis("packages", "ok", ", ".join(versions))
 
 
-def checking() -> Check:
+def checking() -> Diagnosis:
     """Build the last stage of the lab, and check it."""
     begun = time.perf_counter()
     try:
@@ -124,38 +124,38 @@ def checking() -> Check:
         lab = load_lab()
         last = lab.last
         if not (lab.folder / STARTER).is_file():
-            return Check("checking", "missing", f"{lab.title} has no {STARTER} to build on")
+            return Diagnosis("checking", "missing", f"{lab.title} has no {STARTER} to build on")
         with tempfile.TemporaryDirectory() as folder:
             stage = build_checkpoint(None, last, Path(folder) / "stage.usda")
             result = check_stage(stage, last)
     except Exception as error:  # noqa: BLE001 - whatever fails is the answer
-        return Check("checking", "bad", f"{type(error).__name__}: {error}")
+        return Diagnosis("checking", "bad", f"{type(error).__name__}: {error}")
     seconds = time.perf_counter() - begun
     text = f"the stage of checkpoint {last} was built and checked in {seconds:.1f} s: "
-    return Check("checking", "ok" if result.verdict == "pass" else "bad", text + result.verdict)
+    return Diagnosis("checking", "ok" if result.verdict == "pass" else "bad", text + result.verdict)
 
 
-def extra(name: str, package: str, purpose: str) -> Check:
+def extra(name: str, package: str, purpose: str) -> Diagnosis:
     """Look for the package that an extra of ours installs."""
     try:
         version = metadata.version(package)
     except metadata.PackageNotFoundError:
-        return Check(name, "missing", purpose, install_command(name))
-    return Check(name, "ok", f"{purpose} ({package} {version})")
+        return Diagnosis(name, "missing", purpose, install_command(name))
+    return Diagnosis(name, "ok", f"{purpose} ({package} {version})")
 
 
-def browser() -> Check:
+def browser() -> Diagnosis:
     """Look for a program that shows HTML reports."""
     if sys.platform in {"darwin", "win32"}:
-        return Check("browser", "ok", "the system brings one, which shows HTML reports")
+        return Diagnosis("browser", "ok", "the system brings one, which shows HTML reports")
     program = next(filter(None, map(shutil.which, BROWSERS)), None)
     if program is None:
         text = f"HTML reports can be written, not shown: none of {', '.join(BROWSERS)} is here"
-        return Check("browser", "missing", text)
-    return Check("browser", "ok", f"{program} shows HTML reports")
+        return Diagnosis("browser", "missing", text)
+    return Diagnosis("browser", "ok", f"{program} shows HTML reports")
 
 
-def sandbox() -> Check:
+def sandbox() -> Diagnosis:
     """Start a worker of `lab3 grade`, and say which walls this system puts around it."""
     try:
         from lab3_usd.grade.intake.submission_copy import Limits
@@ -165,10 +165,12 @@ def sandbox() -> Check:
 
         worker = start_worker(PoolSettings(None, None, Limits()))
     except Exception as error:  # noqa: BLE001 - whatever fails is the answer
-        return Check("sandbox", "bad", f"{type(error).__name__}: {error}")
+        return Diagnosis("sandbox", "bad", f"{type(error).__name__}: {error}")
     end_worker(worker)
     held = sorted(name for name, is_held in worker.confined.items() if is_held)
     absent = [f"{name} ({WALLS[name]})" for name in sorted({*worker.confined} - {*held})]
     if absent:
-        return Check("sandbox", "missing", f"{program()} grade does without: {', '.join(absent)}")
-    return Check("sandbox", "ok", f"{program()} grade confines {', '.join(held)}")
+        return Diagnosis(
+            "sandbox", "missing", f"{program()} grade does without: {', '.join(absent)}"
+        )
+    return Diagnosis("sandbox", "ok", f"{program()} grade confines {', '.join(held)}")

@@ -11,7 +11,7 @@ from lab3_usd.data import program
 from lab3_usd.deliverables.scripts import fill_template
 from lab3_usd.errors import UsageError
 from lab3_usd.sim.execution.drive import COMMANDS, RATE, Leg, fixed_drive
-from lab3_usd.sim.judge.topics import interface
+from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.spec.lab import Lab
 
 _NAMES = ("", "-again", "-domain")  # what a bag is called beside its stage, by session
@@ -23,7 +23,7 @@ def isaac_script(lab: Lab, script: Path) -> str:
     Raises:
         UsageError: the lab has no topic to drive its robot by.
     """
-    wanted = interface(lab, [*lab.checkpoints.values()][-1])
+    wanted = expected_at(lab, [*lab.checkpoints.values()][-1])
     topic = wanted.commands
     if not topic:
         raise UsageError(

@@ -69,20 +69,20 @@ def live(stage: Path, lab: Lab, checkpoint: str, topic: str, seconds: float | No
     from lab3_usd.report.safe_text import printable
     from lab3_usd.sim.dry_run import scene_of
     from lab3_usd.sim.execution.drive import RATE
-    from lab3_usd.sim.judge.topics import interface
-    from lab3_usd.sim.live import Link, play_live
-    from lab3_usd.sim.robots import TWIST, interface_of, robots_of
+    from lab3_usd.sim.judge.topics import expected_at
+    from lab3_usd.sim.live import DdsLink, play_live
+    from lab3_usd.sim.robots import TWIST, expected_of, robots_of
     from lab3_usd.sim.timeline import player_of
 
     scene, platform = scene_of(stage, lab.platform), lab.platform
     if checkpoint:
-        wanted = interface(lab, lab.checkpoints[checkpoint])
+        wanted = expected_at(lab, lab.checkpoints[checkpoint])
     else:
         robots = (robot for robot in robots_of(scene, platform, topic) if robot.kind == TWIST)
-        wanted = interface_of(next(robots, None))
+        wanted = expected_of(next(robots, None))
     player = player_of(scene, platform, wanted)
     player.world.network.environment = os.environ.get("ROS_DOMAIN_ID", "")
-    with closing(Link(wanted.domain, wanted.commands)) as link:
+    with closing(DdsLink(wanted.domain, wanted.commands)) as link:
         click.echo(f"{printable(str(stage))}: {WHAT_IT_IS}")
         click.echo(
             f"live in domain {wanted.domain} on 127.0.0.1, "

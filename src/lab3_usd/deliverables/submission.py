@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from msgspec.structs import replace
 
 from lab3_usd.files import is_original
-from lab3_usd.model.folder import Entry, Listing, StageFile
+from lab3_usd.model.folder import FolderFile, Listing, StageFile
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.submission import (
     Deliverable,
@@ -35,7 +35,7 @@ def list_submission(root: Path, lab: Lab, spec: SubmissionSpec) -> Listing:
     Hidden files are left out, and the originals that repairs keep. Links are followed to files
     inside the folder only.
     """
-    listed: list[Entry] = []
+    listed: list[FolderFile] = []
     folders = spec.folders
     first = (folders.stages, folders.starter, folders.maps, *folders.shown)
     for entry in entries_below(root, first):
@@ -67,7 +67,7 @@ def folder_named(root: Path, name: str) -> str:
     return name if name in names else next(iter(alike), "")
 
 
-def entries_below(root: Path, first: tuple[str, ...] = ()) -> Iterator[Entry]:
+def entries_below(root: Path, first: tuple[str, ...] = ()) -> Iterator[FolderFile]:
     """Yield every file of a folder, those of the folders named `first` before others.
 
     Each says why it may not be opened, where that is so.
@@ -77,14 +77,14 @@ def entries_below(root: Path, first: tuple[str, ...] = ()) -> Iterator[Entry]:
 
 def _entries(
     root: Path, real_root: Path, below: tuple[str, ...], first: tuple[str, ...] = ()
-) -> Iterator[Entry]:
+) -> Iterator[FolderFile]:
     """Yield every file at or below a folder, those of the folders named `first` before others."""
     folder = root.joinpath(*below)
     try:
         with os.scandir(folder) as scan:
             inside = sorted(scan, key=lambda entry: (entry.name.lower() not in first, entry.name))
     except OSError as error:
-        yield Entry("/".join(below) or ".", f"the folder cannot be read ({error.strerror})")
+        yield FolderFile("/".join(below) or ".", f"the folder cannot be read ({error.strerror})")
         return
     for entry in inside:
         if entry.name.startswith(".") or entry.name == _NOT_OURS or is_original(entry.name):
@@ -92,11 +92,11 @@ def _entries(
         names = (*below, entry.name)
         if entry.is_dir(follow_symlinks=False):
             if len(names) > DEEPEST:
-                yield Entry("/".join(names), "the folders are nested too deep")
+                yield FolderFile("/".join(names), "the folders are nested too deep")
             else:
                 yield from _entries(root, real_root, names)
             continue
-        yield Entry("/".join(names), _refusal_text(Path(entry.path), real_root))
+        yield FolderFile("/".join(names), _refusal_text(Path(entry.path), real_root))
 
 
 def _refusal_text(path: Path, real_root: Path) -> str:
@@ -116,7 +116,7 @@ def _refusal_text(path: Path, real_root: Path) -> str:
     return "" if os.access(path, os.R_OK) else "cannot be read: permission denied"
 
 
-def _starter(usable: Sequence[Entry], folder: str, spec: SubmissionSpec) -> str | None:
+def _starter(usable: Sequence[FolderFile], folder: str, spec: SubmissionSpec) -> str | None:
     """Return the starter: the one with the handout's name, else the only stage of its folder."""
     if not folder:
         return None
@@ -136,7 +136,7 @@ _ALIKE = 0.82  # of 1; `Lab3_lidar` and `Lab3_03_lidar` are alike to 0.87
 
 
 def find_stages(
-    usable: Sequence[Entry], home: str, lab: Lab, files: StageFiles
+    usable: Sequence[FolderFile], home: str, lab: Lab, files: StageFiles
 ) -> dict[str, StageFile]:
     """Return the file of each checkpoint: the one named right, else the one most likely meant.
 
@@ -173,7 +173,7 @@ def find_stages(
     }
 
 
-def _ending(entry: Entry, files: StageFiles) -> str:
+def _ending(entry: FolderFile, files: StageFiles) -> str:
     """Return the ending of a stage, '' for other files; `.usda.txt` is one of a stage as well."""
     known = (*files.endings, *files.openable, *files.slips)
     endings = [suffix.lower() for suffix in PurePosixPath(entry.name).suffixes]
@@ -181,7 +181,7 @@ def _ending(entry: Entry, files: StageFiles) -> str:
 
 
 def _right(
-    ordered: Sequence[Entry], number: str, name: str, home: str, files: StageFiles
+    ordered: Sequence[FolderFile], number: str, name: str, home: str, files: StageFiles
 ) -> StageFile | None:
     """Return the file with exactly the handout's name; of two endings the handout's own."""
     forms = {f"{name}{ending}": rank for rank, ending in enumerate(files.endings)}
@@ -195,7 +195,9 @@ def _right(
     return StageFile(number, first.path, "right" if first.folder == home else "misplaced", others)
 
 
-def _guesses(left: Sequence[Entry], names: Mapping[str, str]) -> Iterator[tuple[Entry, str]]:
+def _guesses(
+    left: Sequence[FolderFile], names: Mapping[str, str]
+) -> Iterator[tuple[FolderFile, str]]:
     """Yield files and the checkpoint that each may be meant for, the likeliest first."""
     guesses = []
     for rank, entry in enumerate(left):
@@ -216,7 +218,7 @@ _PARAMETERS = re.compile(rb"ros_+parameters?[ \t]*:")  # with a slip too
 
 
 def find_deliverables(
-    root: Path, usable: Sequence[Entry], spec: SubmissionSpec
+    root: Path, usable: Sequence[FolderFile], spec: SubmissionSpec
 ) -> dict[str, tuple[str, ...]]:
     """Return the paths of the files that count for each deliverable, by its name."""
     return {
@@ -226,7 +228,7 @@ def find_deliverables(
 
 
 def _deliverable_files(
-    root: Path, usable: Sequence[Entry], deliverable: Deliverable, spec: SubmissionSpec
+    root: Path, usable: Sequence[FolderFile], deliverable: Deliverable, spec: SubmissionSpec
 ) -> Iterator[str]:
     folders, stages = spec.folders, spec.stages
     stage_endings = (*stages.endings, *stages.openable, *stages.slips)
@@ -240,7 +242,7 @@ def _deliverable_files(
             yield entry.path
 
 
-def _counts(root: Path, entry: Entry, deliverable: Deliverable) -> bool:
+def _counts(root: Path, entry: FolderFile, deliverable: Deliverable) -> bool:
     name = entry.name.lower()
     if any(fnmatchcase(name, pattern) for pattern in deliverable.never):
         return False
@@ -262,7 +264,9 @@ def _bytes(path: Path) -> bytes:
         return b""
 
 
-def find_parameter_files(root: Path, usable: Sequence[Entry], folders: FolderNames) -> list[str]:
+def find_parameter_files(
+    root: Path, usable: Sequence[FolderFile], folders: FolderNames
+) -> list[str]:
     """Return the YAML files that hold parameters of ROS 2 nodes, saved output left aside."""
     paths = []
     for entry in usable:

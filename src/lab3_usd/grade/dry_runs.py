@@ -12,8 +12,8 @@ from lab3_usd.grade.scoring import SubmissionFacts
 from lab3_usd.sim.dry_run import is_asked, scene_of
 from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.judge.checks import CHECKS, why_unplayed
-from lab3_usd.sim.judge.expectations import Fault, Trial
-from lab3_usd.sim.judge.topics import interface
+from lab3_usd.sim.judge.expectations import RunFault, Trial
+from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
 
@@ -50,7 +50,7 @@ def shown_by(path: Path, lab: Lab, checkpoint: str) -> dict[str, str]:
     What an asset that is missing could bring is not in there. What a node would do that is not
     simulated, as a script, is not looked for: it is not what the lab asks for.
     """
-    wanted = interface(lab, lab.checkpoints[checkpoint])
+    wanted = expected_at(lab, lab.checkpoints[checkpoint])
     try:
         scene = scene_of(path, lab.platform)
     except StageError:
@@ -58,7 +58,7 @@ def shown_by(path: Path, lab: Lab, checkpoint: str) -> dict[str, str]:
     platform = lab.platform
     trial = record(scene, platform, drive_of(_DRIVE, wanted.limits), wanted)
 
-    def is_sure(check: str, fault: Fault) -> bool:
+    def is_sure(check: str, fault: RunFault) -> bool:
         """Whether no asset that is missing could be at fault."""
         if why_unplayed(check, trial):
             return False
@@ -76,14 +76,14 @@ def shown_by(path: Path, lab: Lab, checkpoint: str) -> dict[str, str]:
     return shown | {topic: _text(fault) for topic, fault in silent}
 
 
-def _text(fault: Fault) -> str:
+def _text(fault: RunFault) -> str:
     return f"{fault.message}; {fault.cause}" if fault.cause else fault.message
 
 
-def _silent(trial: Trial) -> Iterator[tuple[str, Fault]]:
+def _silent(trial: Trial) -> Iterator[tuple[str, RunFault]]:
     """Yield the topics on which nothing comes of their type, and why."""
     for topic, kind in trial.wanted.types.items():
         if not any(message.type == kind for message in trial.recording.topic(topic, 0)):
             cause = trial.causes.of_silence(topic, kind) if trial.causes is not None else None
             prim, because, _ = cause or ("", "", None)
-            yield topic, Fault(f"nothing is received on {topic}", "silent-topic", prim, because)
+            yield topic, RunFault(f"nothing is received on {topic}", "silent-topic", prim, because)

@@ -14,7 +14,7 @@ from lab3_usd.grade.intake.archives import is_archive
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.messages import PoolSettings
 from lab3_usd.grade.workers.submission_grading import ungraded_report
-from lab3_usd.judge.results import Entry, Results
+from lab3_usd.judge.results import Results, Target
 from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
 
 
@@ -37,7 +37,7 @@ class _SentReport(Report, frozen=True):
     submissions: tuple[_SentSubmission, ...] = ()
 
 
-def find_untrusted(path: str) -> list[Entry]:
+def find_untrusted(path: str) -> list[Target]:
     """Return the submission at a path.
 
     Raises:
@@ -45,11 +45,11 @@ def find_untrusted(path: str) -> list[Entry]:
     """
     if not Path(path).is_dir() and not is_archive(path):
         raise UsageError(f"{path}: --untrusted judges submissions: give a folder or an archive")
-    return [Entry(path, is_submission=True)]
+    return [Target(path, is_submission=True)]
 
 
 def judge_untrusted(
-    entries: Iterable[Entry],
+    entries: Iterable[Target],
     starter: Path,
     assets: dict[str, Path],
     notify: Callable[[str], None],

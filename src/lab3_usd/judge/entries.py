@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from lab3_usd.config.settings import Config, matching
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
-from lab3_usd.judge.results import Entry, Results, crashed, is_stage_file, with_findings
+from lab3_usd.judge.results import Results, Target, crashed, is_stage_file, with_findings
 from lab3_usd.judge.stage import check_stage, checkpoint_of
 from lab3_usd.model.finding import Submission
 from lab3_usd.spec.lab import Lab
@@ -42,7 +42,7 @@ class JudgeSettings(Struct, frozen=True):
     handed_in: bool = False
 
 
-def find_entries(path: str, settings: JudgeSettings) -> Iterator[Entry]:
+def find_entries(path: str, settings: JudgeSettings) -> Iterator[Target]:
     """Yield what a path names: a stage, the stages of a folder, or a submission.
 
     Raises:
@@ -51,12 +51,12 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Entry]:
     lab = load_lab()
     if not Path(path).is_dir():
         checkpoint_at(path, settings, lab)
-        yield Entry(path, is_submission=False)
+        yield Target(path, is_submission=False)
         return
     from lab3_usd.judge.folder import is_submission
 
     if settings.handed_in or is_submission(Path(path)):
-        yield Entry(path, is_submission=True)
+        yield Target(path, is_submission=True)
         return
     files = sorted(
         file
@@ -67,7 +67,7 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Entry]:
         raise UsageError(f"{path}: holds no stage and is no submission; {_elsewhere(Path(path))}")
     for file in files:
         checkpoint_at(str(file), settings, lab)
-        yield Entry(str(file), is_submission=False)
+        yield Target(str(file), is_submission=False)
 
 
 def _elsewhere(folder: Path) -> str:
@@ -103,7 +103,7 @@ def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:
 
 
 def judge_entries(
-    entries: Sequence[Entry], settings: JudgeSettings, jobs: int
+    entries: Sequence[Target], settings: JudgeSettings, jobs: int
 ) -> Generator[Results]:
     """Yield the results of each entry, in order, judged in as many processes as asked for.
 
@@ -132,11 +132,11 @@ def _with_open_starter(settings: JudgeSettings) -> JudgeSettings:
 with_kept_starter = lru_cache(maxsize=1)(_with_open_starter)  # for as long as a process serves
 
 
-def _judge_in_process(settings: JudgeSettings, entry: Entry) -> Results:
+def _judge_in_process(settings: JudgeSettings, entry: Target) -> Results:
     return judge_entry(with_kept_starter(settings), entry)
 
 
-def judge_entry(settings: JudgeSettings, entry: Entry) -> Results:
+def judge_entry(settings: JudgeSettings, entry: Target) -> Results:
     """Judge a stage or a submission."""
     if entry.is_submission:
         from lab3_usd.judge.folder import FolderSettings, check_folder
@@ -182,7 +182,7 @@ def judge_entry(settings: JudgeSettings, entry: Entry) -> Results:
     return (result,), ()
 
 
-def crashed_entry(settings: JudgeSettings, entry: Entry, how: str) -> Results:
+def crashed_entry(settings: JudgeSettings, entry: Target, how: str) -> Results:
     """Return the result for a path at which the process that judged it ended."""
     if entry.is_submission:
         return (), (Submission(entry.path, crashes=crashed(entry.path, None, how).crashes),)

@@ -19,8 +19,8 @@ from lab3_usd.errors import SpecError, StageError, UsageError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.judge.results import (
-    Entry,
     Results,
+    Target,
     crashed,
     is_stage_file,
     located,
@@ -161,7 +161,7 @@ def read_ros(path: Path) -> RosStage:
     )
 
 
-def find_stages(path: str, config: Config) -> Iterator[Entry]:
+def find_stages(path: str, config: Config) -> Iterator[Target]:
     """Yield what a path names: a stage, or the stages in a folder and below it.
 
     Folders whose names begin with a dot are left out, and links to folders are not followed.
@@ -170,7 +170,7 @@ def find_stages(path: str, config: Config) -> Iterator[Entry]:
         UsageError: the folder holds no stage.
     """
     if not Path(path).is_dir():
-        yield Entry(path)
+        yield Target(path)
         return
     files: list[Path] = []
     for folder, folders, names in os.walk(path):
@@ -179,10 +179,10 @@ def find_stages(path: str, config: Config) -> Iterator[Entry]:
         files += (file for file in here if not config.excludes(file))
     if not files:
         raise UsageError(f"{path}: holds no stage, nor does a folder in it")
-    yield from (Entry(str(file)) for file in sorted(files))
+    yield from (Target(str(file)) for file in sorted(files))
 
 
-def lint_stages(entries: Sequence[Entry], settings: LintSettings, jobs: int) -> Generator[Results]:
+def lint_stages(entries: Sequence[Target], settings: LintSettings, jobs: int) -> Generator[Results]:
     """Yield the result of each stage, in order, judged in as many processes as asked for."""
     if min(jobs, len(entries)) <= 1:
         from lab3_usd.stage.read.opening import kept_open
@@ -195,9 +195,9 @@ def lint_stages(entries: Sequence[Entry], settings: LintSettings, jobs: int) -> 
     yield from in_processes(partial(_lint, settings), _crashed, entries, min(jobs, len(entries)))
 
 
-def _lint(settings: LintSettings, entry: Entry) -> Results:
+def _lint(settings: LintSettings, entry: Target) -> Results:
     return (lint_stage(entry.path, settings),), ()
 
 
-def _crashed(entry: Entry, how: str) -> Results:
+def _crashed(entry: Target, how: str) -> Results:
     return (crashed(entry.path, None, how),), ()

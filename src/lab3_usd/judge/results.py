@@ -39,7 +39,7 @@ _WITH_SPEC: frozenset[Scope] = frozenset({"model", "graph", "stage", "frames", "
 Results = tuple[tuple[StageResult, ...], tuple[Submission, ...]]
 
 
-class Entry(Struct, frozen=True):
+class Target(Struct, frozen=True):
     """A path to judge: a stage, or the folder of a submission."""
 
     path: str

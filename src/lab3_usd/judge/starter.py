@@ -25,7 +25,7 @@ from lab3_usd.spec.lab import Lab
 
 _FAMILY = "U"
 _SHAPED, _PLACED = "Scene/collision/", "Scene/place/"
-_Fault = tuple[str, str, str | None, str | None]
+_FaultKey = tuple[str, str, str | None, str | None]
 
 
 class Starter(Struct, frozen=True):
@@ -33,7 +33,7 @@ class Starter(Struct, frozen=True):
 
     path: Path
     stage: Any
-    faults: frozenset[_Fault] = frozenset()
+    faults: frozenset[_FaultKey] = frozenset()
 
 
 class _ReportedSites(Struct, frozen=True):
@@ -60,7 +60,7 @@ def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
     return Starter(path, stage, frozenset(_fault(finding) for finding in judged.findings))
 
 
-def _fault(finding: Finding) -> _Fault:
+def _fault(finding: Finding) -> _FaultKey:
     return finding.rule, finding.prim, finding.property, finding.actual
 
 

@@ -140,7 +140,7 @@ class Input(Struct, frozen=True):
     sources: tuple[str, ...] = ()
 
 
-class Node(Struct, frozen=True):
+class SceneNode(Struct, frozen=True):
     """A node prim."""
 
     path: str
@@ -151,21 +151,21 @@ class Node(Struct, frozen=True):
     namespace: str = ""
 
 
-class Graph(Struct, frozen=True):
+class SceneGraph(Struct, frozen=True):
     """A graph prim and its nodes, in the order of the stage."""
 
     path: str
     evaluator: str
     pipeline: str
     mode: str
-    nodes: tuple[Node, ...]
+    nodes: tuple[SceneNode, ...]
     variables: dict[str, Any] = {}
 
 
 RENDER_PRODUCT = "RenderProduct"
 
 
-class Prim(Struct, frozen=True):
+class ScenePrim(Struct, frozen=True):
     """Any other prim that is in the scene; `world` is where it is authored to stand."""
 
     path: str
@@ -186,18 +186,18 @@ class Scene(Struct, frozen=True):
 
     meters_per_unit: float
     up: str
-    graphs: tuple[Graph, ...]
-    prims: dict[str, Prim]
+    graphs: tuple[SceneGraph, ...]
+    prims: dict[str, ScenePrim]
     missing: dict[str, str]
 
-    def below(self, path: str) -> Iterator[Prim]:
+    def below(self, path: str) -> Iterator[ScenePrim]:
         """Yield a prim and all below it."""
         inside = f"{path}/"
         for prim in self.prims.values():
             if prim.path == path or prim.path.startswith(inside):
                 yield prim
 
-    def above(self, path: str) -> Iterator[Prim]:
+    def above(self, path: str) -> Iterator[ScenePrim]:
         """Yield a prim and all above it, nearest first."""
         while path:
             if path in self.prims:

@@ -118,7 +118,7 @@ class Observation(Generic[Fact]):
     file: str
 
 
-class Endpoint(Struct, frozen=True):
+class ListedEndpoint(Struct, frozen=True):
     """A publisher or subscription of a topic, its policies as `ros2 topic info --verbose` says."""
 
     node: str
@@ -192,7 +192,7 @@ class Evidence(Struct, frozen=True):
     topic_type: Outputs[tuple[str, ...]] = field(default_factory=dict)
     topic_hz: Outputs[float] = field(default_factory=dict)
     topic_echo: Outputs[Message] = field(default_factory=dict)
-    topic_info: Outputs[tuple[Endpoint, ...]] = field(default_factory=dict)
+    topic_info: Outputs[tuple[ListedEndpoint, ...]] = field(default_factory=dict)
     lifecycle: Outputs[str] = field(default_factory=dict)
     tf2_echo: Outputs[Lookup] = field(default_factory=dict)
     view_frames: Outputs[tuple[Edge, ...]] = field(default_factory=dict)
@@ -236,7 +236,7 @@ def judge_best(
 _RECORDING_ENDINGS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
 
 
-class Entry(Struct, frozen=True):
+class FolderFile(Struct, frozen=True):
     """A file of the folder, by its path in it; `why_not` says why it is never opened."""
 
     path: str
@@ -288,7 +288,7 @@ class Listing(Struct, frozen=True):
     stages, '' for the submission itself; `complete` is False if there were too many files to list.
     """
 
-    entries: tuple[Entry, ...]
+    entries: tuple[FolderFile, ...]
     stage_folder: str = ""
     stages: Mapping[str, StageFile] = field(default_factory=dict)
     starter: str | None = None

@@ -23,7 +23,7 @@ from lab3_usd.report.safe_text import visible
 _NAMED = 3  # assets or types in the line that counts nodes
 
 
-def fingerprinted(report: Report) -> Iterator[tuple[Entry, str]]:
+def fingerprinted(report: Report) -> Iterator[tuple[ReportedFinding, str]]:
     """Yield every finding with a fingerprint that survives edits elsewhere in the file.
 
     It names rule, prim and property, never the line; the number after the colon counts findings
@@ -55,7 +55,7 @@ def fault_id(finding: Finding) -> str:
     return format(crc32(text.encode("utf-8", "backslashreplace")), "08x")
 
 
-class Entry(Struct, frozen=True):
+class ReportedFinding(Struct, frozen=True):
     """A finding with the path that was checked and the checkpoint of a stage."""
 
     path: str
@@ -79,14 +79,14 @@ class Summary(Struct, frozen=True):
     notes: int
 
 
-def entries(report: Report) -> Iterator[Entry]:
+def entries(report: Report) -> Iterator[ReportedFinding]:
     """Yield every finding in the order of the report: the stages, then the submissions."""
     for result in report.results:
         for finding in result.findings:
-            yield Entry(result.path, result.checkpoint, finding)
+            yield ReportedFinding(result.path, result.checkpoint, finding)
     for submission in report.submissions:
         for finding in submission.findings:
-            yield Entry(submission.path, None, finding)
+            yield ReportedFinding(submission.path, None, finding)
 
 
 def crashes(report: Report) -> Iterator[tuple[str, Crash]]:

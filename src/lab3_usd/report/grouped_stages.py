@@ -218,7 +218,7 @@ class Spot(Struct, frozen=True):
     column: int | None = None
 
 
-class Fault(Struct, frozen=True):
+class ReportedFault(Struct, frozen=True):
     """A finding, and all the stages that have it.
 
     A fault that is carried along from file to file is one fault: `finding` is that of the first.
@@ -233,7 +233,7 @@ class Fault(Struct, frozen=True):
     is_cause: bool = False
 
 
-def faults(block: Block, *, graded: bool = False) -> list[Fault]:
+def faults(block: Block, *, graded: bool = False) -> list[ReportedFault]:
     """Return the different faults of a block: by severity, then as the handout has its sections.
 
     Where they cost points, what was not opened comes before what is missing for it.
@@ -254,14 +254,14 @@ def faults(block: Block, *, graded: bool = False) -> list[Fault]:
         severity = SEVERITIES.index(finding.severity)
         return finding not in causes, severity, section_key(finding.handout)
 
-    ordered: list[Fault] = []
+    ordered: list[ReportedFault] = []
     for key in sorted(occurrences, key=order):
         same = occurrences[key]
         first = same[0][1]
         related = max((finding.related for _, finding in same), key=len)
         spots = {spot.text: spot for _, finding in same for spot in _spots(finding, block)}
         ordered.append(
-            Fault(
+            ReportedFault(
                 id=f"{block.id}-f{len(ordered) + 1}",
                 finding=replace(first, related=related),
                 stages=tuple(dict.fromkeys(index for index, _ in same if index >= 0)),

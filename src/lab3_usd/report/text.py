@@ -13,7 +13,7 @@ from lab3_usd.data import program
 from lab3_usd.installation import command_line
 from lab3_usd.model.finding import ChecklistItem, Finding, Submission, Verdict
 from lab3_usd.report.entries import is_repairable, site
-from lab3_usd.report.grouped_stages import Block, Fault, Stage, Stages, faults
+from lab3_usd.report.grouped_stages import Block, ReportedFault, Stage, Stages, faults
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import Excerpt, excerpt_lines, paint, visible
 from lab3_usd.spec.lab import Lab
@@ -211,7 +211,7 @@ def fault_lines(block: Block, page: Page) -> Iterator[str]:
     yield from finding_blocks(findings, page)
 
 
-def _repair_order(block_faults: Sequence[Fault], block: Block, page: Page) -> Iterator[str]:
+def _repair_order(block_faults: Sequence[ReportedFault], block: Block, page: Page) -> Iterator[str]:
     """Yield the few errors whose repair wins most checkpoints, and then most points.
 
     There are none if there are hardly more errors, or all are in the same stages.
@@ -220,7 +220,7 @@ def _repair_order(block_faults: Sequence[Fault], block: Block, page: Page) -> It
     if len(errors) <= MOST or len({fault.stages for fault in errors}) == 1:
         return
 
-    def gain(fault: Fault) -> tuple[int, float]:
+    def gain(fault: ReportedFault) -> tuple[int, float]:
         held = [stage.result.checkpoint for stage in block.stages if stage.index in fault.stages]
         return len(held), sum(page.options.points.get(number or "", 0.0) for number in held)
 

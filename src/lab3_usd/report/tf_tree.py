@@ -127,12 +127,12 @@ def as_dot(report: TreeReport) -> str:
     lines = ["digraph tf {", "  node [shape=box, fontname=sans];", "  edge [fontname=sans];"]
     lines += [f"  {dot_string(name)}{' [color=red]' if name in wrong else ''};" for name in frames]
     for edge in report.edges:
-        looks = [f"label={dot_string('/'.join(edge.publisher.split('/')[-2:]))}"]
-        looks += [f"tooltip={dot_string(edge.publisher)}"]
-        looks += ["color=red"] if edge.child in wrong else []
-        looks += ["style=dashed"] if edge.static else [] if edge.sure else ["style=dotted"]
+        style = [f"label={dot_string('/'.join(edge.publisher.split('/')[-2:]))}"]
+        style += [f"tooltip={dot_string(edge.publisher)}"]
+        style += ["color=red"] if edge.child in wrong else []
+        style += ["style=dashed"] if edge.static else [] if edge.sure else ["style=dotted"]
         lines.append(
-            f"  {dot_string(edge.parent)} -> {dot_string(edge.child)} [{', '.join(looks)}];"
+            f"  {dot_string(edge.parent)} -> {dot_string(edge.child)} [{', '.join(style)}];"
         )
     for hidden in report.hidden:
         name = dot_string(f"{hidden.what}: asset not found")

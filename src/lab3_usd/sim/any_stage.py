@@ -16,7 +16,7 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, arm_checks
 from lab3_usd.sim.execution.drive import drive_of
-from lab3_usd.sim.execution.node_instance import Running
+from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Message, Recording, Transform
 from lab3_usd.sim.execution.world import NOT_OPENED
@@ -24,8 +24,8 @@ from lab3_usd.sim.judge.causes import SUBSCRIBER, RunCauses
 from lab3_usd.sim.judge.checks import graphs, verdict
 from lab3_usd.sim.judge.expectations import (
     Cause,
-    Fault,
-    Interface,
+    Expected,
+    RunFault,
     Trial,
     agree,
     displacement,
@@ -40,7 +40,7 @@ from lab3_usd.sim.robots import (
     TWIST,
     Robot,
     drive_for,
-    interface_of,
+    expected_of,
     listening_robots,
     robots_of,
 )
@@ -52,7 +52,7 @@ STUCK = 0.5  # part of the stamps of a node that may be no later than the ones b
 LEAST = 0.1  # part of a command that a robot on rollers does at least
 PUBLISHING = ("publisher", "helper")
 
-Look = Callable[[Trial], Iterator[Fault]]
+CheckFunction = Callable[[Trial], Iterator[RunFault]]
 
 
 class Played(Struct, frozen=True):
@@ -85,21 +85,21 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
         legs = drive_for(robot, scene.meters_per_unit)
         if drive is not None and (robot is None or robot.kind == TWIST):
             legs = drive_of(drive, NO_LIMITS)
-        plays.append(record(scene, platform, legs, interface_of(robot)))
+        plays.append(record(scene, platform, legs, expected_of(robot)))
     checks = [*_stage_checks(plays[0], robots)]
     for robot, play in zip(robots, plays, strict=False):
         name = robot.name if len(robots) > 1 else ""
         own = _own(robot, robots, play, scene) if robot.machine is not None else play
         if robot.machine is None:
-            looks = iter([_unmoved(robot, own)])
+            found = iter([_unmoved(robot, own)])
         else:
-            looks = arm_checks(play, scene) if robot.kind == JOINTS else _robot_checks(own, robot)
-        checks += [replace(check, of=name) for check in looks]
+            found = arm_checks(play, scene) if robot.kind == JOINTS else _robot_checks(own, robot)
+        checks += [replace(check, of=name) for check in found]
     return Played(robots, tuple(plays), tuple(checks))
 
 
 def commanded_joints(
-    scene: Scene, platform: Platform, wanted: Interface
+    scene: Scene, platform: Platform, wanted: Expected
 ) -> tuple[Robot | None, tuple[Check, ...]]:
     """Play a stage with commands to the joints that a lab moves by them.
 
@@ -115,14 +115,14 @@ def commanded_joints(
         ),
         None,
     )
-    seen = replace(interface_of(robot), commands=topic, domain=domain)
+    seen = replace(expected_of(robot), commands=topic, domain=domain)
     play = record(scene, platform, drive_for(robot, scene.meters_per_unit), seen)
     if robot is None:
         text = f"commands on {topic} in domain {domain} move no joint"
         cause = play.causes.of_joints() if isinstance(play.causes, RunCauses) else None
-        fault = Fault(text, "does-not-move")
+        fault = RunFault(text, "does-not-move")
         if cause is not None:
-            fault = Fault(text, cause.kind or fault.kind, cause.prim, cause.reason)
+            fault = RunFault(text, cause.kind or fault.kind, cause.prim, cause.reason)
         return None, (verdict("joints", [fault], play),)
     if robot.machine is None:
         return robot, (replace(_unmoved(robot, play), name="joints"),)
@@ -165,27 +165,27 @@ def _publishers(trial: Trial) -> Iterator[tuple[str, Cause | None]]:
             yield node.path, cause
 
 
-def published(trial: Trial) -> Iterator[Fault]:
+def published(trial: Trial) -> Iterator[RunFault]:
     """Every publisher that is not switched off sends."""
     sent = {message.node for message in trial.recording.messages}
     for path, cause in _publishers(trial):
         if path in sent:
             continue
         if cause is None:
-            yield Fault(f"{path} sends nothing", "silent-topic", path, sure=False)
+            yield RunFault(f"{path} sends nothing", "silent-topic", path, sure=False)
         else:
             kind = cause.kind or "silent-topic"
-            yield Fault(f"{path} sends nothing", kind, cause.prim, cause.reason)
+            yield RunFault(f"{path} sends nothing", kind, cause.prim, cause.reason)
 
 
-def _closed(trial: Trial) -> Iterator[Fault]:
+def _closed(trial: Trial) -> Iterator[RunFault]:
     """Yield the subscribers that are never opened."""
     causes = trial.causes
     for node in causes.program.nodes.values() if isinstance(causes, RunCauses) else ():
         failure = node.failure if SUBSCRIBER in node.type.role else None
         if failure is not None and failure.kind in NOT_OPENED:
             text = f"{node.path} receives nothing"
-            yield Fault(text, failure.kind, node.path, failure.reason)
+            yield RunFault(text, failure.kind, node.path, failure.reason)
 
 
 def _stamped(trial: Trial) -> Iterator[tuple[str, list[Message]]]:
@@ -197,14 +197,14 @@ def _stamped(trial: Trial) -> Iterator[tuple[str, list[Message]]]:
     yield from ((node, messages) for node, messages in sent.items() if len(messages) > 1)
 
 
-def advancing(trial: Trial) -> Iterator[Fault]:
+def advancing(trial: Trial) -> Iterator[RunFault]:
     """Later messages of a node have later stamps; from when these count, is up to the stage."""
     for node, messages in _stamped(trial):
         pairs = [(one, two) for one, two in pairwise(messages) if two.at > one.at]
         stuck = [two for one, two in pairs if two.stamp <= one.stamp]
         if len(stuck) > STUCK * len(pairs):
             text = f"the stamps of {stuck[0].topic} do not advance: {stuck[0].stamp:.2f} s"
-            yield Fault(text, "stamp-not-advancing", node)
+            yield RunFault(text, "stamp-not-advancing", node)
 
 
 def domain_of(message: Message, trial: Trial) -> int:
@@ -235,7 +235,7 @@ def _static(messages: Sequence[Message]) -> tuple[tuple[Transform, str], ...]:
     return tuple((frame, message.node) for message in static for frame in message.transforms)
 
 
-def one_tree(trial: Trial, robots: int) -> Iterator[Fault]:
+def one_tree(trial: Trial, robots: int) -> Iterator[RunFault]:
     """Each frame has one parent and one publisher, and there are no more trees than robots."""
     up = _parents(trial)
     tops = list(dict.fromkeys(_top(frame, up) for frame in up))
@@ -272,27 +272,27 @@ def _robot_checks(trial: Trial, robot: Robot) -> Iterator[Check]:
     odometry_came = trial.recording.topic(wanted.odometry, 0)
     scan_came = trial.recording.topic(wanted.scan, 0)
     has_base = trial.recording.topic(wanted.transforms, 0)
-    looks: dict[str, tuple[Look, object]] = {
+    asked: dict[str, tuple[CheckFunction, object]] = {
         "rest": (rest, True),
         "follows": (
-            lambda seen: as_told(seen, robot),
+            lambda seen: follows_command(seen, robot),
             any(leg.command and any(leg.command[::2]) for leg in legs),
         ),
         "odometry": (odometry, odometry_came),
         "moving frames": (moving, has_base),
         "mounted": (mounted, has_base and scan_came),
         "scan": (placed_scan, scan_came),
-        "again": (lambda seen: again_as_told(seen, robot), len(trial.drive) > 1),
+        "again": (lambda seen: follows_after_replay(seen, robot), len(trial.drive) > 1),
     }
-    for name, (look, is_asked) in looks.items():
+    for name, (check, is_asked) in asked.items():
         if is_asked:
-            yield verdict(name, list(look(trial)), trial)
+            yield verdict(name, list(check(trial)), trial)
 
 
-def as_told(trial: Trial, robot: Robot) -> Iterator[Fault]:
+def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:
     """It goes as commanded; where wheels slide in a turn, only the side is known."""
     if robot.has_rollers:
-        yield from _that_way(trial)
+        yield from _moved_as_commanded(trial)
         return
     turns = [stretch for stretch in trial.stretches("left", "right", "arc") if stretch.leg.turn]
     is_right = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
@@ -301,7 +301,7 @@ def as_told(trial: Trial, robot: Robot) -> Iterator[Fault]:
             yield fault
 
 
-def _that_way(trial: Trial) -> Iterator[Fault]:
+def _moved_as_commanded(trial: Trial) -> Iterator[RunFault]:
     """It goes in the commanded direction; the speed depends on the controller's gains."""
     if trial.stands():
         yield trial.motion_fault("does not move", "does-not-move")
@@ -322,7 +322,7 @@ def _that_way(trial: Trial) -> Iterator[Fault]:
             return
 
 
-def again_as_told(trial: Trial, robot: Robot) -> Iterator[Fault]:
+def follows_after_replay(trial: Trial, robot: Robot) -> Iterator[RunFault]:
     """It drives again after Stop and Play; on rollers as fast as it may."""
     leg = trial.drive[1].legs[-1]
     poses = [pose for pose in trial.recording.path if pose.session == 1 and pose.leg == leg.name]
@@ -335,10 +335,10 @@ def _unmoved(robot: Robot, trial: Trial) -> Check:
     """Return that commands reach no joints."""
     text = f"commands on {robot.commands.topic} move nothing"
     reason = "there is no articulation at its target"
-    return verdict("follows", [Fault(text, "no-articulation", robot.controller, reason)], trial)
+    return verdict("follows", [RunFault(text, "no-articulation", robot.controller, reason)], trial)
 
 
-def moving(trial: Trial) -> Iterator[Fault]:
+def moving(trial: Trial) -> Iterator[RunFault]:
     """TF moves the base as the robot moves."""
     wanted = trial.wanted
     messages = trial.recording.topic(wanted.transforms, 0)
@@ -352,17 +352,17 @@ def moving(trial: Trial) -> Iterator[Fault]:
         actual = Affine(about(AXES[2], pose.heading), (pose.x, pose.y, stands.origin[2]))
         if not agree(level, actual):
             text = f"{wanted.root} -> {wanted.base} does not move with the robot"
-            yield Fault(text, "transform-unlike-odometry", message.node)
+            yield RunFault(text, "transform-unlike-odometry", message.node)
             return
 
 
-def placed_scan(trial: Trial) -> Iterator[Fault]:
+def placed_scan(trial: Trial) -> Iterator[RunFault]:
     """Scans end before walls where TF puts the lidar; what stands nearer may be the robot."""
     message = trial.recording.topic(trial.wanted.scan, 0)[-1]
     place, seen = in_root(trial, message), message.data
     if place is None or trial.walls is None:
         text = f"TF does not have {message.frame} below {trial.wanted.root or 'any frame'}"
-        yield Fault(text, "unknown-frame", message.node, sure=False)
+        yield RunFault(text, "unknown-frame", message.node, sure=False)
         return
     walls = trial.walls(trial.start.then(place), seen)
     there = [number for number, wall in enumerate(walls) if wall >= 0]
@@ -371,10 +371,10 @@ def placed_scan(trial: Trial) -> Iterator[Fault]:
         for number in there
     )
     if not there:
-        yield Fault("no wall is in range of the lidar", "no-ray-returns", sure=False)
+        yield RunFault("no wall is in range of the lidar", "no-ray-returns", sure=False)
     elif through > MISSED * len(there):
         text = f"{through} of {len(there)} rays go through walls"
-        yield Fault(text, "scan-off-walls", message.node)
+        yield RunFault(text, "scan-off-walls", message.node)
 
 
 def _is_of_another(node: str, robot: Robot, robots: Sequence[Robot], played: Trial) -> bool:
@@ -398,7 +398,7 @@ def _is_of_another(node: str, robot: Robot, robots: Sequence[Robot], played: Tri
     return bool(others) and (names == others or robot.name.rpartition("/")[2] in ends)
 
 
-def _followed(publisher: Running) -> set[str]:
+def _followed(publisher: NodeInstance) -> set[str]:
     """Return the prims whose places reach a publisher, but those from which they are seen."""
     return {
         prim

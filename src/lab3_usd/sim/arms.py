@@ -15,7 +15,7 @@ from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.recording import Held, JointStates, Message
 from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
-from lab3_usd.sim.judge.expectations import Fault, Trial, agree, in_root
+from lab3_usd.sim.judge.expectations import RunFault, Trial, agree, in_root
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robot.machine import SLIDER, Joint, Machine
 
@@ -75,7 +75,7 @@ def _held(trial: Trial, session: int) -> list[Held]:
     return [held for held in trial.recording.held if held.session == session]
 
 
-def joints(trial: Trial, session: int) -> Iterator[Fault]:
+def joints(trial: Trial, session: int) -> Iterator[RunFault]:
     """Each joint goes where it is commanded to."""
     for held in _held(trial, session):
         for name, commanded in held.commanded.items():
@@ -86,10 +86,10 @@ def joints(trial: Trial, session: int) -> Iterator[Fault]:
                 text = f"{name} is commanded to {commanded:.3f} and is at {stands:.3f}"
                 text += trial.when([session])
                 if cause is None:
-                    yield Fault(text, "joint-off-target")
+                    yield RunFault(text, "joint-off-target")
                 else:
                     kind = cause.kind or "joint-off-target"
-                    yield Fault(text, kind, cause.prim, cause.reason)
+                    yield RunFault(text, kind, cause.prim, cause.reason)
                 return
 
 
@@ -109,7 +109,7 @@ def _with_frames(trial: Trial, scene: Scene) -> Trial:
     return trial
 
 
-def links(trial: Trial, scene: Scene) -> Iterator[Fault]:
+def links(trial: Trial, scene: Scene) -> Iterator[RunFault]:
     """TF has each link where the joints put it, seen from the first link that it has."""
     for held in _held(trial, 0):
         first: tuple[Affine, Affine] | None = None
@@ -121,11 +121,11 @@ def links(trial: Trial, scene: Scene) -> Iterator[Fault]:
             if first is None:
                 first = (published, place)
             elif not agree(first[0].inverse().then(published), first[1].inverse().then(place)):
-                yield Fault(f"TF does not have {frame} where its link is", "link-off-frame")
+                yield RunFault(f"TF does not have {frame} where its link is", "link-off-frame")
                 return
 
 
-def joint_states(trial: Trial, scene: Scene) -> Iterator[Fault]:
+def joint_states(trial: Trial, scene: Scene) -> Iterator[RunFault]:
     """Joint states are those of the joints."""
     unit = 1.0 / scene.meters_per_unit
     for held in _held(trial, 0):
@@ -142,5 +142,5 @@ def joint_states(trial: Trial, scene: Scene) -> Iterator[Fault]:
                 and min(abs(published - actual), abs(published - actual * unit)) > OFF[1]
             ):
                 text = f"joint states have {name} at {published:.3f}, it stands at {actual:.3f}"
-                yield Fault(text, "wrong-joint-state", node)
+                yield RunFault(text, "wrong-joint-state", node)
                 return

@@ -33,12 +33,12 @@ from lab3_usd.sim.any_stage import Played, commanded_joints, domain_of, play_any
 from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Scan
 from lab3_usd.sim.judge.checks import judge, whole_verdict
-from lab3_usd.sim.judge.expectations import Interface, Stretch, Trial, displacement, in_root
+from lab3_usd.sim.judge.expectations import Expected, Stretch, Trial, displacement, in_root
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.motion import leg_fault
 from lab3_usd.sim.judge.sensors import rate_of
-from lab3_usd.sim.judge.topics import interface
-from lab3_usd.sim.robots import interface_of
+from lab3_usd.sim.judge.topics import expected_at
+from lab3_usd.sim.robots import expected_of
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
 
@@ -269,7 +269,7 @@ def dry_run(
     Raises:
         UsageError: the drive is none, or the topic is not that of a robot.
     """
-    wanted = interface(lab, lab.checkpoints[checkpoint]) if checkpoint else interface_of(None)
+    wanted = expected_at(lab, lab.checkpoints[checkpoint]) if checkpoint else expected_of(None)
     sessions = () if drive is None else drive_of(drive, wanted.limits)
     try:
         scene = scene_of(path, lab.platform)
@@ -296,7 +296,7 @@ def dry_run(
 
 
 def _with_joints(
-    behaviour: Behaviour, scene: Scene, platform: Platform, wanted: Interface
+    behaviour: Behaviour, scene: Scene, platform: Platform, wanted: Expected
 ) -> Behaviour:
     """Add what the joints show that the lab moves by commands of their own."""
     robot, shown = commanded_joints(scene, platform, wanted)

@@ -8,7 +8,7 @@ from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
-from lab3_usd.model.dry_run import Affine, Prim, Segment
+from lab3_usd.model.dry_run import Affine, ScenePrim, Segment
 from lab3_usd.model.transforms import Vector
 
 Triangle = tuple[Vector, Vector, Vector]
@@ -19,7 +19,7 @@ _MESH, _MEASURES = "Mesh", ("size", "radius", "height", "axis")
 TURN = {"X": (2, 0, 1), "Y": (1, 2, 0), "Z": (0, 1, 2)}  # where x, y, z of an upright shape go
 
 
-def placed(prim: Prim, at: Affine) -> Sequence[Triangle]:
+def placed(prim: ScenePrim, at: Affine) -> Sequence[Triangle]:
     """Return the surface of a shape that stands at `at`, its scale included."""
     if prim.type == _MESH:
         return _at(at, _mesh(prim.values))

@@ -80,7 +80,7 @@ def _qos(profile: Profile) -> Qos:
     )
 
 
-class Link:
+class DdsLink:
     """What is sent over DDS in one domain, and the commands that come."""
 
     def __init__(self, domain: int, commands: str) -> None:
@@ -185,7 +185,7 @@ class Lived(Struct, frozen=True):
     not_simulated: dict[str, str]
 
 
-def play_live(player: Player, link: Link, done: Callable[[int], bool]) -> Lived:
+def play_live(player: Player, link: DdsLink, done: Callable[[int], bool]) -> Lived:
     """Play frame by frame, until it is done after so many frames, or until Ctrl-C."""
     network = player.world.network
     away: dict[tuple[str, int], None] = {}

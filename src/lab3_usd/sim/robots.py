@@ -13,10 +13,10 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, joint_drive
 from lab3_usd.sim.execution.drive import Leg, Session
-from lab3_usd.sim.execution.node_instance import Running
-from lab3_usd.sim.execution.world import Endpoint, World, open_endpoint
+from lab3_usd.sim.execution.node_instance import NodeInstance
+from lab3_usd.sim.execution.world import RosEndpoint, World, open_endpoint
 from lab3_usd.sim.judge.causes import SUBSCRIBER
-from lab3_usd.sim.judge.expectations import Interface
+from lab3_usd.sim.judge.expectations import Expected
 from lab3_usd.sim.nodes.robot import articulated
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robot.machine import Machine
@@ -44,7 +44,7 @@ class Robot(Struct, frozen=True):
 
     machine: Machine | None  # None where its controller finds no articulation
     controller: str
-    commands: Endpoint
+    commands: RosEndpoint
     kind: str = TWIST  # of the commands
     body: str = ""
     start: Affine = HERE
@@ -86,7 +86,7 @@ def robots_of(scene: Scene, platform: Platform, topic: str = "") -> tuple[Robot,
 
 def listening_robots(scene: Scene, platform: Platform) -> list[Robot]:
     """Return a robot for each way from a subscriber of commands to a controller."""
-    player = player_of(scene, platform, interface_of(None))
+    player = player_of(scene, platform, expected_of(None))
     for _ in range(LOOKED_AT):
         player.step()
     return list(_listening(player))
@@ -99,7 +99,7 @@ def _listening(player: Player) -> Iterator[Robot]:
         kind = node.type.message.get("", "")
         if SUBSCRIBER not in node.type.role or kind not in {TWIST, STEERING, JOINTS}:
             continue
-        endpoint: Endpoint | None = node.memory.get("endpoint") or open_endpoint(node, world)
+        endpoint: RosEndpoint | None = node.memory.get("endpoint") or open_endpoint(node, world)
         if endpoint is None:
             continue
         behind = [nodes[path] for path in _behind(world.scene, node.path) if path in nodes]
@@ -135,14 +135,14 @@ def _behind(scene: Scene, start: str) -> list[str]:
     return [*found][1:]
 
 
-def _stated_size(name: str, nodes: Sequence[Running], world: World) -> float:
+def _stated_size(name: str, nodes: Sequence[NodeInstance], world: World) -> float:
     """Return the size that a controller states, in metres; 0 where none is."""
     unit = world.scene.meters_per_unit
     values = (node.number(name, world) * node.unit(unit) for node in nodes if name in node.values)
     return next(values, 0.0)
 
 
-def _allowed(nodes: Sequence[Running], world: World) -> tuple[tuple[float, float], float]:
+def _allowed(nodes: Sequence[NodeInstance], world: World) -> tuple[tuple[float, float], float]:
     """Return the speeds that controllers let through, and how long it takes to get there."""
     ahead, turn, ramp = AHEAD, TURN, 0.0
     for node in nodes:
@@ -209,9 +209,9 @@ def _centre(machine: Machine, start: Affine, unit: float) -> tuple[float, float]
     return (ahead, left)
 
 
-def interface_of(robot: Robot | None) -> Interface:
+def expected_of(robot: Robot | None) -> Expected:
     """Return what is known before a play: which robot is watched, and where its commands come."""
-    return Interface(
+    return Expected(
         types={},
         domain=robot.commands.domain if robot is not None else 0,
         commands=robot.commands.topic if robot is not None else "",
@@ -226,7 +226,7 @@ def interface_of(robot: Robot | None) -> Interface:
         scan_rate=0.0,
         image_rate=0.0,
         limits=NO_LIMITS,
-        looks=(0.0, 0.0, 0.0),
+        view=(0.0, 0.0, 0.0),
         upward=(0.0, 0.0, 0.0),
         wheel_radius=robot.wheel_radius if robot is not None else 0.0,
         centre=robot.centre if robot is not None else (0.0, 0.0),

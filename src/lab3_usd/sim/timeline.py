@@ -19,9 +19,9 @@ from lab3_usd.sim.execution.recording import (
     Steering,
     View,
 )
-from lab3_usd.sim.execution.world import Endpoint, Twist, World, Writer, send, world_of
+from lab3_usd.sim.execution.world import RosEndpoint, Twist, World, Writer, send, world_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
-from lab3_usd.sim.judge.expectations import SIZE, Interface, Trial
+from lab3_usd.sim.judge.expectations import SIZE, Expected, Trial
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.nodes.sensors import IMAGES
 from lab3_usd.sim.nodes.transforms import OPTICAL
@@ -187,10 +187,10 @@ def driven(world: World) -> Machine | None:
     return max(machines, key=lambda machine: len(machine.joints), default=None)
 
 
-def player_of(scene: Scene, platform: Platform, wanted: Interface) -> Player:
+def player_of(scene: Scene, platform: Platform, wanted: Expected) -> Player:
     """Return a scene ready to play, which takes commands from the topic that is asked for."""
     world = world_of(scene, wanted.profile, has_ground=wanted.has_ground)
-    world.network.commands = Endpoint(wanted.domain, wanted.commands)
+    world.network.commands = RosEndpoint(wanted.domain, wanted.commands)
     player = Player(world, platform, wanted.robot)
     world.not_simulated.update(player.program.not_simulated)
     if player.robot is not None:
@@ -206,7 +206,7 @@ def record(
     scene: Scene,
     platform: Platform,
     drive: Sequence[Session],
-    wanted: Interface,
+    wanted: Expected,
 ) -> Trial:
     """Play the sessions, and return what was sent, where the robot went, and what it stood in."""
     player = player_of(scene, platform, wanted)

@@ -15,7 +15,7 @@ _GRAPH, _NODE, _TYPE = "OmniGraph", "OmniGraphNode", "node:type"
 _OF_THE_EDITOR = "ui:"
 
 
-def likeness(path: Path) -> str:
+def graph_signature(path: Path) -> str:
     """Return a digest of the graphs in a stage's own layer, the same for the same work renamed.
 
     A node counts by its graph, its type and what its inputs hold or come from; '' where the stage

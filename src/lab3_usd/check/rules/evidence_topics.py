@@ -9,9 +9,9 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import same, shortened
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import (
-    Endpoint,
     EvidenceSubject,
     Fact,
+    ListedEndpoint,
     Message,
     Observation,
     Outputs,
@@ -189,7 +189,7 @@ def qos_durability(subject: EvidenceSubject) -> Iterator[Problem]:
 
 
 def _wrong_durability(
-    shown: Observation[tuple[Endpoint, ...]], topic: TopicSpec
+    shown: Observation[tuple[ListedEndpoint, ...]], topic: TopicSpec
 ) -> Iterator[Problem]:
     wanted = topic.durability
     for endpoint in shown.fact if wanted is not None else ():
@@ -216,7 +216,7 @@ def topic_publishers(subject: EvidenceSubject) -> Iterator[Problem]:
 
 
 def _wrong_publishers(
-    shown: Observation[tuple[Endpoint, ...]], topic: TopicSpec
+    shown: Observation[tuple[ListedEndpoint, ...]], topic: TopicSpec
 ) -> Iterator[Problem]:
     publishers = [endpoint.node for endpoint in shown.fact if endpoint.publishes]
     most = topic.publishers if topic.publishers is not None else len(publishers)

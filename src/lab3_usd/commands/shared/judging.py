@@ -27,7 +27,7 @@ from lab3_usd.commands.shared.reporting import (
     without_baseline,
     write_report,
 )
-from lab3_usd.judge.results import Entry, Results, with_findings
+from lab3_usd.judge.results import Results, Target, with_findings
 from lab3_usd.model.finding import Report, StageResult, Submission
 from lab3_usd.report.formats.registry import module_of
 
@@ -80,8 +80,8 @@ class Judge(Struct, frozen=True):
     everything is judged with; `renew` is called when one of these was saved.
     """
 
-    find: Callable[[str], Iterable[Entry]]
-    judge: Callable[[list[Entry], int], Generator[Results]]
+    find: Callable[[str], Iterable[Target]]
+    judge: Callable[[list[Target], int], Generator[Results]]
     module: str
     shared: tuple[str, ...] = ()
     renew: Callable[[], object] = tuple
@@ -117,7 +117,7 @@ def run(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
     return exit_code(report, options)
 
 
-def _judged(entries: list[Entry], judge: Judge, options: Mapping[str, Any]) -> Report:
+def _judged(entries: list[Target], judge: Judge, options: Mapping[str, Any]) -> Report:
     """Judge all entries, and keep the findings that are asked for."""
     results: list[StageResult] = []
     submissions: list[Submission] = []

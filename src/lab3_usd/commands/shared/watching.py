@@ -20,7 +20,7 @@ from lab3_usd.commands.shared.reporting import write_report
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.installation import install_command
 from lab3_usd.model.finding import Finding, Report
-from lab3_usd.report.entries import Entry, entries, site
+from lab3_usd.report.entries import ReportedFinding, entries, site
 from lab3_usd.report.safe_text import printable
 
 # Milliseconds without another event before a save counts as over, and at most.
@@ -127,16 +127,18 @@ def changes_between(before: Report, after: Report) -> ReportChanges:
     )
 
 
-def _place(entry: Entry) -> _Place:
+def _place(entry: ReportedFinding) -> _Place:
     finding = entry.finding
     return entry.path, finding.rule, finding.prim, finding.property
 
 
-def _site_and_message(entry: Entry) -> tuple[_Place, str]:
+def _site_and_message(entry: ReportedFinding) -> tuple[_Place, str]:
     return _place(entry), entry.finding.message
 
 
-def _surplus(reported: list[Entry], more: Counter[tuple[_Place, str]]) -> Iterator[Entry]:
+def _surplus(
+    reported: list[ReportedFinding], more: Counter[tuple[_Place, str]]
+) -> Iterator[ReportedFinding]:
     """Yield as many entries as one report has more than the other."""
     left = Counter(more)
     for entry in reported:

@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 
 from lab3_usd.deliverables.plain_yaml import load_plain
-from lab3_usd.model.folder import Edge, Endpoint, Lookup, Message, Run, Scalar
+from lab3_usd.model.folder import Edge, ListedEndpoint, Lookup, Message, Run, Scalar
 
 _SCALARS = (str, int, float, bool, type(None))
 # What rclcpp and ros2cli print between messages: log lines, and the notice of a lost message.
@@ -153,7 +153,7 @@ def parse_message(text: str) -> Message | None:
     return message
 
 
-def parse_endpoints(text: str) -> tuple[Endpoint, ...] | None:
+def parse_endpoints(text: str) -> tuple[ListedEndpoint, ...] | None:
     """Read `ros2 topic info` (ros2topic/verb/info.py, rclpy/topic_endpoint_info.py).
 
     Without `--verbose` the publishers have neither names nor policies, but are counted.
@@ -163,16 +163,16 @@ def parse_endpoints(text: str) -> tuple[Endpoint, ...] | None:
         return described
     count = re.search(r"Publisher count:\s*(\d{1,3})\b", text)
     if count:
-        return tuple(Endpoint(node="", publishes=True) for _ in range(int(count[1])))
+        return tuple(ListedEndpoint(node="", publishes=True) for _ in range(int(count[1])))
     return () if _UNKNOWN in text else None
 
 
-def _endpoints(text: str) -> Iterator[Endpoint]:
+def _endpoints(text: str) -> Iterator[ListedEndpoint]:
     for part in _NODE_NAME.split(text)[1:]:
         name, *rest = part.split("\n")
         fields = (line.partition(":") for line in rest)
         fields_shown = {key.strip(): value.strip() for key, _, value in fields if value.strip()}
-        yield Endpoint(
+        yield ListedEndpoint(
             node=_full_name(fields_shown.get("Node namespace", "/"), name.strip()),
             publishes=fields_shown.get("Endpoint type", "PUBLISHER") != "SUBSCRIPTION",
             type=fields_shown.get("Topic type", ""),

@@ -16,7 +16,7 @@ from lab3_usd.deliverables.submission import find_stages, folder_named
 from lab3_usd.grade.intake.guard import can_be_read
 from lab3_usd.grade.intake.submission_copy import RefusedFile, SubmissionCopy
 from lab3_usd.judge.folder import is_submission
-from lab3_usd.model.folder import Entry
+from lab3_usd.model.folder import FolderFile
 from lab3_usd.spec.load.loader import load_lab
 
 _DEEPEST = 6
@@ -125,7 +125,7 @@ def stage_folder(copy: SubmissionCopy, place: str) -> StageFolder:
     folder = copy.target / place
     home = folder_named(folder, lab.submission.folders.stages)
     entries = [
-        Entry(f"{below}{entry.name}")
+        FolderFile(f"{below}{entry.name}")
         for below in ("", *([f"{home}/"] if home else []))
         for entry in os.scandir(folder / below)
         if entry.is_file()
@@ -149,7 +149,7 @@ def _stray_stages(copy: SubmissionCopy, places: Sequence[str]) -> list[StageFold
     lab = load_lab()
     names = [Path(path).relative_to(copy.target).as_posix() for path in copy.digests]
     outside = [name for name in names if not any(_is_inside(name, place) for place in places)]
-    entries = [Entry(name) for name in sorted(outside)]
+    entries = [FolderFile(name) for name in sorted(outside)]
     found = find_stages(entries, "", lab, lab.submission.stages)
     parents = {stage.path.rpartition("/")[0] for stage in found.values()}
     return [stage_folder(copy, parent) for parent in sorted(parents)]

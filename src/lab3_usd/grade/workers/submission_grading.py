@@ -29,7 +29,7 @@ from lab3_usd.judge.starter import Starter
 from lab3_usd.model.finding import Crash, Finding, Report, Submission, ordered
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.graph_signature import likeness
+from lab3_usd.stage.graph_signature import graph_signature
 from lab3_usd.stage.read.opening import PLACEHOLDER
 from lab3_usd.stage.sandboxed_open import BlockedAsset, Fence, fenced
 
@@ -132,7 +132,7 @@ def _work(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) -> Json:
         if stage.readable and lab.checkpoints[stage.checkpoint].graphs
     ]
     files = {stage.checkpoint: digests[stage.path] for stage in stages if stage.path in digests}
-    return {"files": files, "likeness": likeness(Path(stages[-1].path)) if stages else ""}
+    return {"files": files, "likeness": graph_signature(Path(stages[-1].path)) if stages else ""}
 
 
 def _without_repairs(judged: FolderResult) -> FolderResult:

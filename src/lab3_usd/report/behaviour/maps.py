@@ -228,8 +228,8 @@ def _grid(box: Extent) -> str:
 
 
 def _text(x: float, y: float, text: str, anchor: str = "") -> str:
-    look = f' text-anchor="{anchor}"' if anchor else ""
-    return f'<text x="{_units(x)}" y="{_units(-y)}"{look}>{text}</text>'
+    anchoring = f' text-anchor="{anchor}"' if anchor else ""
+    return f'<text x="{_units(x)}" y="{_units(-y)}"{anchoring}>{text}</text>'
 
 
 def _rounds(first: float, length: float, step: float) -> Iterator[float]:

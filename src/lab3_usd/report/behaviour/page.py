@@ -16,7 +16,14 @@ from lab3_usd.errors import Lab3Error
 from lab3_usd.model.dry_run import Behaviour, Check, Frame, Replay
 from lab3_usd.model.finding import Finding
 from lab3_usd.report.behaviour.maps import chart_svg, first_moment, map_svg, near_svg, room_svg
-from lab3_usd.report.behaviour.text import WHAT_IT_IS, leg_text, looks_of, rate, rules_of, sum_text
+from lab3_usd.report.behaviour.text import (
+    WHAT_IT_IS,
+    leg_text,
+    passed_texts,
+    rate,
+    rules_of,
+    sum_text,
+)
 from lab3_usd.report.html.templates import (
     content_policy,
     environment,
@@ -119,7 +126,7 @@ def render(
             behaviour=behaviour,
             what=WHAT_IT_IS,
             name=PurePath(behaviour.stage).name,
-            looks=looks_of(behaviour),
+            passed=passed_texts(behaviour),
             verdicts=VERDICTS,
             failing=failing,
             others=[check for check in checks if check.verdict != "bad"],

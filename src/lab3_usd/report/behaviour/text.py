@@ -19,7 +19,7 @@ from lab3_usd.report.safe_text import paint, printable, truncated_values
 
 WHAT_IT_IS = "a dry run from published node source, not Isaac Sim"
 WHAT_A_RECORDING_IS = "a recording of the running system"
-LOOKS = {
+PASSED = {
     "graphs": "every graph can run, and every wire joins existing ports",
     "topics": "every topic is received, of its type, from one node, in the lab's domain",
     "rest": "stands still without a command, after one, and when commanded sideways",
@@ -36,24 +36,24 @@ LOOKS = {
     "camera": "image and info belong together, in the frame of a camera that looks where it should",
     "again": "drives again after Stop and Play, with any ROS_DOMAIN_ID",
 }
-LOOKS_OF_JOINTS = {
+PASSED_BY_JOINTS = {
     "joints": "each joint moves as commanded",
     "links": "TF agrees with the links",
     "joint states": "joint states agree with the joints",
     "again": "drives again after Stop and Play",
 }
-LOOKS_OF_ANY_STAGE = {
-    **LOOKS,
+PASSED_IN_ANY_STAGE = {
+    **PASSED,
     "topics": "every enabled publisher sends",
     "stamps": "stamps advance",
     "rest": "stands still without a command, and after one",
     "moving frames": "TF moves the base as the robot moves",
     "mounted": "the lidar moves with the robot",
     "scan": "scans show the walls where TF has the lidar",
-    **LOOKS_OF_JOINTS,
+    **PASSED_BY_JOINTS,
 }
-LOOKS_OF_A_RECORDING = {
-    **LOOKS,
+PASSED_IN_A_RECORDING = {
+    **PASSED,
     "topics": "every topic is received, of its type",
     "odometry": "the speeds of odometry agree with its path",
     "tree": "TF is one tree, with one parent for each frame",
@@ -70,13 +70,13 @@ LOOKS_OF_A_RECORDING = {
 }
 
 
-def looks_of(behaviour: Behaviour) -> Mapping[str, str]:
+def passed_texts(behaviour: Behaviour) -> Mapping[str, str]:
     """Return what each check that is ok has shown."""
     if behaviour.recording:
-        return LOOKS_OF_A_RECORDING
+        return PASSED_IN_A_RECORDING
     if behaviour.checkpoint:
-        return LOOKS | LOOKS_OF_JOINTS if behaviour.robots else LOOKS
-    return LOOKS_OF_ANY_STAGE
+        return PASSED | PASSED_BY_JOINTS if behaviour.robots else PASSED
+    return PASSED_IN_ANY_STAGE
 
 
 def rules_of(behaviour: Behaviour) -> Callable[[Check], str]:
@@ -125,9 +125,9 @@ def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
         lines += textwrap.wrap(printable(behaviour.missing), max(width, 40))
         return "\n".join(lines) + "\n"
     lines += ["", *_topics(behaviour), ""]
-    looks, rule_of = looks_of(behaviour), rules_of(behaviour)
+    passed, rule_of = passed_texts(behaviour), rules_of(behaviour)
     for check in behaviour.checks:
-        lines += _check(check, looks, rule_of(check), width, color=color)
+        lines += _check(check, passed, rule_of(check), width, color=color)
     legs = "; ".join(map(leg_text, behaviour.legs)) or (
         "joints received commands" if behaviour.robots else "no command was sent"
     )
@@ -173,10 +173,10 @@ def _offer(topic: Topic) -> tuple[str, str]:
 
 
 def _check(
-    check: Check, looks: Mapping[str, str], rule: str, width: int, *, color: bool
+    check: Check, passed: Mapping[str, str], rule: str, width: int, *, color: bool
 ) -> Iterator[str]:
     mark = paint(_SHORT[check.verdict].ljust(4), _COLOURS[check.verdict], color=color)
-    text = looks[check.name] if check.verdict == "ok" else printable(check.message)
+    text = passed[check.name] if check.verdict == "ok" else printable(check.message)
     text = f"{printable(check.of)}: {text}" if check.of else text
     first, *more = textwrap.wrap(text, max(width - _NAME - 4, 30)) or [""]
     yield f"{mark}{check.name.ljust(_NAME)}{first}"

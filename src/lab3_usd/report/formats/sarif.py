@@ -11,7 +11,7 @@ from urllib.parse import quote
 from lab3_usd.check.registry import Rule
 from lab3_usd.model.finding import Report, site_of
 from lab3_usd.report.entries import (
-    Entry,
+    ReportedFinding,
     crashes,
     entries,
     fingerprinted,
@@ -109,7 +109,7 @@ def _descriptor(rule_id: str, name: str, rule: Rule | None) -> Json:
     }
 
 
-def _result(entry: Entry, fingerprint_text: str, root: str | None) -> Json:
+def _result(entry: ReportedFinding, fingerprint_text: str, root: str | None) -> Json:
     finding = entry.finding
     text = f"{finding.message}. {finding.hint}" if finding.hint else finding.message
     physical: Json = {"artifactLocation": file_uri(entry.file, root)}
@@ -144,7 +144,7 @@ def _result(entry: Entry, fingerprint_text: str, root: str | None) -> Json:
     return {**result, "properties": known} if known else result
 
 
-def _fixes(entry: Entry, options: Options) -> Json:
+def _fixes(entry: ReportedFinding, options: Options) -> Json:
     """Return the lines that the repair changes, file by file; nothing where there is none."""
     changes = options.changes.get((entry.path, site_of(entry.finding)))
     if not changes or entry.finding.fix is None:

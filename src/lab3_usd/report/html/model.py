@@ -16,7 +16,7 @@ from lab3_usd.facts.frames import published_edges, unknown_publishers, unresolve
 from lab3_usd.installation import command_line
 from lab3_usd.model.finding import ChecklistItem, Crash, Severity, StageResult, section_key
 from lab3_usd.report.entries import coverage_line, is_repairable
-from lab3_usd.report.grouped_stages import Block, Fault, Spot, Stages
+from lab3_usd.report.grouped_stages import Block, ReportedFault, Spot, Stages
 from lab3_usd.report.picture.model import Picture
 from lab3_usd.report.pictures.graph_picture import stage_pictures
 from lab3_usd.report.safe_text import excerpt_lines, read_excerpts
@@ -59,7 +59,7 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
         return None
 
 
-class Link(Struct, frozen=True):
+class PortLink(Struct, frozen=True):
     """The way from a fault to its port: the element to go to, and the part of the picture.
 
     `view` is the box of an SVG view (`x y width height`), empty for the graph as a whole.
@@ -100,11 +100,11 @@ class Card(Struct, frozen=True):
     repaired; empty where nothing repairs it.
     """
 
-    fault: Fault
+    fault: ReportedFault
     span: str
     command: str = ""
     excerpt: tuple[ExcerptLine, ...] = ()
-    links: tuple[Link, ...] = ()
+    links: tuple[PortLink, ...] = ()
 
 
 class Section(Struct, frozen=True):
@@ -186,8 +186,8 @@ MOST_EXCERPTS = 80  # in one block: a page stays small whatever a stage holds
 
 def cards(
     block: Block,
-    faults: Sequence[Fault],
-    links: Mapping[str, tuple[Link, ...]],
+    faults: Sequence[ReportedFault],
+    links: Mapping[str, tuple[PortLink, ...]],
     *,
     graded: bool = False,
 ) -> Iterator[Card]:
@@ -206,7 +206,7 @@ def cards(
         yield Card(fault, span, command, tuple(frame), ways)
 
 
-def _fix_command(block: Block, fault: Fault, *, graded: bool) -> str:
+def _fix_command(block: Block, fault: ReportedFault, *, graded: bool) -> str:
     """Return what repairs a fault, for the shell of this system; graded files are named as such."""
     stages = [stage for stage in block.stages if stage.index in fault.stages]
     paths = [stage.file if graded else stage.result.path for stage in stages]

@@ -12,8 +12,8 @@ from itertools import chain
 from msgspec import Struct, field
 
 from lab3_usd.model.finding import Finding
-from lab3_usd.report.grouped_stages import Block, Fault
-from lab3_usd.report.html.model import Link, PagePicture, StageContent, Topic
+from lab3_usd.report.grouped_stages import Block, ReportedFault
+from lab3_usd.report.html.model import PagePicture, PortLink, StageContent, Topic
 from lab3_usd.report.picture.canvas import LEGEND_LINE
 from lab3_usd.report.picture.model import HEADER, Box, Picture, port_id
 from lab3_usd.report.picture.svg import svg
@@ -43,7 +43,7 @@ class Gallery(Struct, frozen=True):
     """The pictures of a block, and the links into them by the id of each fault."""
 
     pictures: tuple[PagePicture, ...] = ()
-    links: Mapping[str, tuple[Link, ...]] = field(default_factory=dict)
+    links: Mapping[str, tuple[PortLink, ...]] = field(default_factory=dict)
 
 
 class _SharedPicture(Struct, frozen=True):
@@ -56,7 +56,7 @@ class _SharedPicture(Struct, frozen=True):
 
 
 def gallery(
-    block: Block, contents: Mapping[int, StageContent], block_faults: Sequence[Fault]
+    block: Block, contents: Mapping[int, StageContent], block_faults: Sequence[ReportedFault]
 ) -> Gallery:
     """Draw every picture once; pictures without faults are the first to be left out for size.
 
@@ -84,7 +84,7 @@ def gallery(
         if len(text) <= characters_left:
             characters_left -= len(text)
             drawn[shared.id] = text
-    links: dict[str, list[Link]] = {}
+    links: dict[str, list[PortLink]] = {}
     pictures: list[PagePicture] = []
     for shared in all_shared:
         picture = shared.picture
@@ -102,7 +102,7 @@ def gallery(
         )
         for name, target in targets[shared.id].items() if shared.id in drawn else ():
             element = f"{shared.id}-{target.id}"
-            link = Link(element, shared.id, picture.title, shared.stages, target.view)
+            link = PortLink(element, shared.id, picture.title, shared.stages, target.view)
             links.setdefault(name, []).append(link)
     return Gallery(
         tuple(pictures), {name: tuple(ways[:MOST_LINKS]) for name, ways in links.items()}
@@ -127,7 +127,9 @@ def _shared_pictures(
 
 
 def _svg(
-    shared: _SharedPicture, targets: Mapping[str, _PictureTarget], block_faults: Sequence[Fault]
+    shared: _SharedPicture,
+    targets: Mapping[str, _PictureTarget],
+    block_faults: Sequence[ReportedFault],
 ) -> str:
     links: dict[str, str] = {}
     for name, target in targets.items():

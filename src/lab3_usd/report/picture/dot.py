@@ -41,14 +41,14 @@ def dot(picture: Picture) -> str:
             names[end.key] + cells.get((end.key, end.port), "")
             for end in (curve.source, curve.target)
         )
-        looks = f'color="{COLOURS[curve.state]}"'
+        style = f'color="{COLOURS[curve.state]}"'
         if curve.state == "missing":
-            looks += ", style=dotted"
+            style += ", style=dotted"
         elif curve.dashed:
-            looks += ", style=dashed"
+            style += ", style=dashed"
         if curve.state != "ok":
-            looks += f', penwidth=2, label="{curve.state}"'
-        lines.append(f"  {source} -> {target} [{looks}];")
+            style += f', penwidth=2, label="{curve.state}"'
+        lines.append(f"  {source} -> {target} [{style}];")
     return "\n".join([*lines, "}"]) + "\n"
 
 

@@ -93,7 +93,7 @@ class Slot(Struct, frozen=True):
     lane: bool = False
 
 
-class Link(Struct, frozen=True):
+class WirePiece(Struct, frozen=True):
     """A piece of wire from one column to the next; heights are from the top of each slot."""
 
     left: SlotKey
@@ -102,7 +102,7 @@ class Link(Struct, frozen=True):
     right_height: float
 
 
-def ordered(slots: Sequence[Slot], links: Sequence[Link]) -> Columns:
+def ordered(slots: Sequence[Slot], links: Sequence[WirePiece]) -> Columns:
     """Return the columns from left to right, each from top to bottom."""
     count = max((slot.rank for slot in slots), default=-1) + 1
     columns: Columns = tuple(
@@ -117,7 +117,7 @@ def ordered(slots: Sequence[Slot], links: Sequence[Link]) -> Columns:
     return best
 
 
-def crossings(columns: Columns, links: Sequence[Link]) -> int:
+def crossings(columns: Columns, links: Sequence[WirePiece]) -> int:
     """Count the crossings of links between neighbouring columns."""
     heights = _heights(columns)
     rank = {slot.key: slot.rank for column in columns for slot in column}
@@ -155,7 +155,7 @@ def _packed(column: Sequence[Slot]) -> dict[SlotKey, float]:
     return heights
 
 
-def _swept(columns: Columns, links: Sequence[Link], *, rightward: bool) -> Columns:
+def _swept(columns: Columns, links: Sequence[WirePiece], *, rightward: bool) -> Columns:
     """Return the columns, each sorted so that the wires from the one before run straight."""
     pulls: dict[SlotKey, list[tuple[SlotKey, float, float]]] = {}
     for link in links:
@@ -193,7 +193,7 @@ Wish = tuple[float, float]  # a height and how much it matters
 Pull = tuple[SlotKey, float, float]
 
 
-def stacked(columns: Columns, links: Sequence[Link], gap: float) -> dict[SlotKey, float]:
+def stacked(columns: Columns, links: Sequence[WirePiece], gap: float) -> dict[SlotKey, float]:
     """Return the top of each slot; neighbours of a column stand at least `gap` apart.
 
     Lanes need no gap between each other.
@@ -223,7 +223,9 @@ def stacked(columns: Columns, links: Sequence[Link], gap: float) -> dict[SlotKey
     return {key: float(round(top - lowest)) for key, top in tops.items()}
 
 
-def _stacking_pulls(columns: Columns, links: Sequence[Link]) -> Mapping[SlotKey, Sequence[Pull]]:
+def _stacking_pulls(
+    columns: Columns, links: Sequence[WirePiece]
+) -> Mapping[SlotKey, Sequence[Pull]]:
     """Return, per slot, what it is wired to: that slot, how much lower it stands, the weight."""
     lanes = {slot.key for column in columns for slot in column if slot.lane}
     pulls: dict[SlotKey, list[Pull]] = {}
@@ -339,17 +341,19 @@ def _links(
     lasts: Mapping[End, int],
     boxes: Mapping[str, Box],
     rank: Mapping[str, int],
-) -> Iterator[Link]:
+) -> Iterator[WirePiece]:
     """Yield the pieces of wire between neighbouring columns; lanes of one output are shared."""
     for end, last in lasts.items():
         for column in range(rank[end.key] + 1, last):
-            yield Link(*_left(end, column - 1, boxes, rank), _lane(end, column), LANE / 2)
+            yield WirePiece(*_left(end, column - 1, boxes, rank), _lane(end, column), LANE / 2)
     for curve in curves:
         column = rank[curve.target.key]
         arrival = port_point(
             replace(boxes[curve.target.key], y=0.0), curve.target.port, leaving=False
         )
-        yield Link(*_left(curve.source, column - 1, boxes, rank), (curve.target.key,), arrival[1])
+        yield WirePiece(
+            *_left(curve.source, column - 1, boxes, rank), (curve.target.key,), arrival[1]
+        )
 
 
 def _left(
@@ -362,7 +366,7 @@ def _left(
 
 
 def _grid(
-    columns: Columns, links: Sequence[Link], boxes: Mapping[str, Box], rank: Mapping[str, int]
+    columns: Columns, links: Sequence[WirePiece], boxes: Mapping[str, Box], rank: Mapping[str, int]
 ) -> Grid:
     crowd = [0] * len(columns)
     home = {slot.key: slot.rank for column in columns for slot in column}

@@ -191,8 +191,8 @@ def number(value: float) -> str:
 
 def text(content: str, x: float, y: float, kind: str = "") -> str:
     """Return one line of text, its baseline at `y`."""
-    look = f' class="{kind}"' if kind else ""
-    return f'<text x="{number(x)}" y="{number(y)}"{look}>{markup(content)}</text>'
+    style = f' class="{kind}"' if kind else ""
+    return f'<text x="{number(x)}" y="{number(y)}"{style}>{markup(content)}</text>'
 
 
 def rect(x: float, y: float, size: tuple[float, float], kind: str, corner: float = 0) -> str:
@@ -294,9 +294,9 @@ def _texts(box: Box, row: Row) -> Iterator[str]:
         yield text(row.label, right, y, "e")
     else:
         yield text(row.label, box.x + PAD, y)
-    look = "v m" if row.muted and row.state == "ok" else "v"
+    style = "v m" if row.muted and row.state == "ok" else "v"
     for line in row.value:
-        yield text(line, right, y, look)
+        yield text(line, right, y, style)
         y += LINE
     for line in row.expected:
         yield text(EXPECTED + line, right, y, "v s")

@@ -29,8 +29,8 @@ from lab3_usd.sim.judge.checks import verdict as verdict_of
 from lab3_usd.sim.judge.checks import whole_verdict
 from lab3_usd.sim.judge.expectations import (
     PHYSICAL,
-    Fault,
-    Interface,
+    Expected,
+    RunFault,
     Trial,
     angle,
     displacement,
@@ -38,7 +38,7 @@ from lab3_usd.sim.judge.expectations import (
 )
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.sensors import SHORT
-from lab3_usd.sim.judge.topics import interface, map_topic, reached_topics, static_topics
+from lab3_usd.sim.judge.topics import expected_at, map_topic, reached_topics, static_topics
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 
@@ -62,41 +62,41 @@ class Recorded(Struct, frozen=True):
     goal: GoalSpec | None
 
 
-def unreadable(recorded: Recorded) -> Iterator[Fault]:
+def unreadable(recorded: Recorded) -> Iterator[RunFault]:
     """Every message is of the type that its topic says."""
     for (topic, kind), tally in recorded.gathered.tallies.items():
         if tally.unreadable:
             text = f"{tally.unreadable} of {tally.count} messages on {topic} are not {kind}"
-            yield Fault(text, "unreadable-message")
+            yield RunFault(text, "unreadable-message")
 
 
-def qos(recorded: Recorded) -> Iterator[Fault]:
+def qos(recorded: Recorded) -> Iterator[RunFault]:
     """Each topic is offered with the durability that is asked for, by as many as are asked for."""
     for topic in recorded.reached:
         for tally in recorded.gathered.of_topic(topic.name):
             offered = [offer.durability for offer in tally.offered]
             odd = next((name for name in offered if topic.durability not in {None, name}), None)
             if odd is not None:
-                yield Fault(
+                yield RunFault(
                     f"{topic.name} is offered {odd}, not {topic.durability}", "wrong-durability"
                 )
             if topic.publishers is not None and len(offered) > topic.publishers:
-                yield Fault(f"{len(offered)} publishers of {topic.name}", "extra-publisher")
+                yield RunFault(f"{len(offered)} publishers of {topic.name}", "extra-publisher")
 
 
-def rates(recorded: Recorded) -> Iterator[Fault]:
+def rates(recorded: Recorded) -> Iterator[RunFault]:
     """What is to stream comes more than once in a while, and its stamps go on."""
     is_short = recorded.gathered.timeline.arrived < SHORT
     for topic in recorded.reached:
         for tally in recorded.gathered.of_topic(topic.name):
             if topic.rate is not None and tally.count and not (any(tally.rates()) or is_short):
-                yield Fault(f"{topic.name} is received only once", "single-message")
+                yield RunFault(f"{topic.name} is received only once", "single-message")
             elif topic.rate is not None and tally.stuck > STUCK * tally.count:
                 text = f"{tally.stuck} of {tally.count} stamps of {topic.name} are not later"
-                yield Fault(f"{text} than the one before", "stamp-not-advancing")
+                yield RunFault(f"{text} than the one before", "stamp-not-advancing")
 
 
-def headers(recorded: Recorded) -> Iterator[Fault]:
+def headers(recorded: Recorded) -> Iterator[RunFault]:
     """The headers name the frames that are asked for."""
     for topic in recorded.reached:
         wanted = [(topic.fields or {})[name] for name in _FRAMES if name in (topic.fields or {})]
@@ -104,15 +104,15 @@ def headers(recorded: Recorded) -> Iterator[Fault]:
             odd = [frame for frame in tally.frames if frame not in wanted]
             if wanted and odd:
                 text = f"{topic.name} is in {', '.join(odd)}, not {' and '.join(wanted)}"
-                yield Fault(text, "wrong-header-frame")
+                yield RunFault(text, "wrong-header-frame")
 
 
-def running(recorded: Recorded) -> Iterator[Fault]:
+def running(recorded: Recorded) -> Iterator[RunFault]:
     """The clock goes on."""
     timeline = recorded.gathered.timeline
     if timeline.ticks > 1 and timeline.speed < BARELY and timeline.arrived > 1.0:
         passed = f"{timeline.now:.1f} s in {timeline.arrived:.1f} s"
-        yield Fault(f"{recorded.topics.wanted.clock} runs {passed}", "stopped-clock")
+        yield RunFault(f"{recorded.topics.wanted.clock} runs {passed}", "stopped-clock")
 
 
 class _Link(Struct, frozen=True):
@@ -123,15 +123,15 @@ class _Link(Struct, frozen=True):
     publisher: str = ""
 
 
-def frames(recorded: Recorded) -> Iterator[Fault]:
+def frames(recorded: Recorded) -> Iterator[RunFault]:
     """Each frame keeps its parent to the end, and its transform comes without gaps."""
     links = tree(_Link(parent, child) for parent, child in recorded.gathered.links)
     for child, several in links.several_parents.items():
-        yield Fault(f"{child} has the parents {', '.join(several)}", "changing-parent")
+        yield RunFault(f"{child} has the parents {', '.join(several)}", "changing-parent")
     static = {(frame.parent, frame.child) for frame in recorded.gathered.frames if frame.static}
     for (parent, child), link in recorded.gathered.links.items():
         if link.gap > GAP and (parent, child) not in static and child != _root(recorded):
-            yield Fault(f"{parent} -> {child} is missing for {link.gap:.1f} s", "transform-gap")
+            yield RunFault(f"{parent} -> {child} is missing for {link.gap:.1f} s", "transform-gap")
             return
 
 
@@ -139,7 +139,7 @@ def _root(recorded: Recorded) -> str:
     return recorded.topics.wanted.root
 
 
-def odometry(recorded: Recorded) -> Iterator[Fault]:
+def odometry(recorded: Recorded) -> Iterator[RunFault]:
     """The speeds of odometry are those of the way that it tells."""
     trial, messages = (
         recorded.trial,
@@ -168,14 +168,14 @@ def odometry(recorded: Recorded) -> Iterator[Fault]:
         if abs(leg.turn * leg.seconds) < math.pi / 2:
             pairs.append((angular, turned / leg.seconds))
         if any(abs(a - b) > TWIST[0] + TWIST[1] * abs(b) for a, b in pairs):
-            yield Fault(
+            yield RunFault(
                 f"the speeds of odometry do not agree with its path {leg.name}",
                 "wrong-odometry-velocity",
             )
             return
 
 
-def way(recorded: Recorded) -> Iterator[Fault]:
+def way(recorded: Recorded) -> Iterator[RunFault]:
     """All in all the robot goes about as far as it is commanded."""
     trial = recorded.trial
     most = trial.wanted.limits[0] or math.inf
@@ -183,38 +183,38 @@ def way(recorded: Recorded) -> Iterator[Fault]:
     poses = trial.recording.path
     driven = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(poses))
     if commanded > LEAST and not is_about(driven, commanded):
-        yield Fault(
+        yield RunFault(
             f"commanded to go {commanded:.1f} m in all, went {driven:.1f} m", "wrong-distance"
         )
 
 
-def localization(recorded: Recorded) -> Iterator[Fault]:
+def localization(recorded: Recorded) -> Iterator[RunFault]:
     """Localization ties the map to odometry, alone and to the end."""
     root, gathered = _root(recorded), recorded.gathered
     above = {parent: link for (parent, child), link in gathered.links.items() if child == root}
     link = above.get(recorded.map_frame)
     if link is None:
-        yield Fault(f"no {recorded.map_frame} -> {root}", "no-localization")
+        yield RunFault(f"no {recorded.map_frame} -> {root}", "no-localization")
     elif link.last < gathered.timeline.now - QUIET:
-        yield Fault(f"{recorded.map_frame} -> {root} ends", "localization-ends")
+        yield RunFault(f"{recorded.map_frame} -> {root} ends", "localization-ends")
     if len(above) > 1:
-        yield Fault(f"{root} has the parents {', '.join(above)}", "changing-parent")
+        yield RunFault(f"{root} has the parents {', '.join(above)}", "changing-parent")
 
 
-def goal(recorded: Recorded) -> Iterator[Fault]:
+def goal(recorded: Recorded) -> Iterator[RunFault]:
     """The last goal is reached."""
     goals, expected = recorded.gathered.goals, recorded.goal
     if expected is None:
         return
     if not goals:
-        yield Fault("no goal was sent", "no-goal-sent")
+        yield RunFault("no goal was sent", "no-goal-sent")
     elif [*goals.values()][-1] != expected.succeeded:
         name = expected.name([*goals.values()][-1])
-        yield Fault(f"the last of {len(goals)} goals is {name}", "goal-not-reached")
+        yield RunFault(f"the last of {len(goals)} goals is {name}", "goal-not-reached")
 
 
-Look = Callable[[Recorded], Iterator[Fault]]
-CHECKS: dict[str, Look] = {
+CheckFunction = Callable[[Recorded], Iterator[RunFault]]
+CHECKS: dict[str, CheckFunction] = {
     "messages": unreadable,
     "QoS": qos,
     "rates": rates,
@@ -289,7 +289,7 @@ def judge_recording(
     `whole` asks for localization and a goal although nothing of them was recorded. `maps` is where
     the map is that scans are laid on; without it that of the recording is taken, else the lab's.
     """
-    wanted = interface(lab, lab.checkpoints[checkpoint])
+    wanted = expected_at(lab, lab.checkpoints[checkpoint])
     try:
         layout, bounds = layout_at(recording), Bounds()
         asked = {
@@ -319,7 +319,7 @@ def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -
     Raises:
         RecordingError: it cannot be read.
     """
-    wanted = interface(lab, lab.checkpoints[checkpoint])
+    wanted = expected_at(lab, lab.checkpoints[checkpoint])
     with opened(layout, bounds) as bag:
         topics = _read_topics(lab, wanted, checkpoint)
         gathered = gather(bag.messages(), bag.topics, topics, bounds.listed)
@@ -331,7 +331,7 @@ def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -
     return _judged(gathered, topics, (lab, checkpoint), whole=False, name="")
 
 
-def _read_topics(lab: Lab, wanted: Interface, checkpoint: str) -> Topics:
+def _read_topics(lab: Lab, wanted: Expected, checkpoint: str) -> Topics:
     goal = lab.ros.goal
     status = "" if goal is None else goal.status
     return Topics(wanted, static_topics(lab), status, *map_topic(lab, checkpoint))
@@ -392,7 +392,7 @@ def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> 
 def _checks(recorded: Recorded, left_out: frozenset[str]) -> Iterator[Check]:
     """Yield a verdict for each check; what both have is one."""
     for name in dict.fromkeys([*SHARED, *CHECKS]):
-        faults: list[Fault] = []
+        faults: list[RunFault] = []
         looked = False
         if name in SHARED and name not in left_out:
             looked = True

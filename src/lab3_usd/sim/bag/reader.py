@@ -18,7 +18,7 @@ from lab3_usd.model.occupancy import OccupancyMap
 from lab3_usd.sim.bag.files import Offered, Raw
 from lab3_usd.sim.bag.writer import STORE
 from lab3_usd.sim.execution.recording import Message, Odometry, Recording, Scan, Transform, View
-from lab3_usd.sim.judge.expectations import Interface
+from lab3_usd.sim.judge.expectations import Expected
 
 NEAR = 0.5  # seconds from the clock within which a stamp is of that clock
 _NANOSECONDS = 1e9
@@ -270,7 +270,7 @@ class Tally(Struct):
         return by_stamp, by_arrival
 
 
-class Link(Struct):
+class TransformSeries(Struct):
     """Transforms between two frames over time."""
 
     count: int = 0
@@ -284,7 +284,7 @@ class Topics(Struct, frozen=True):
     `map_frame` is the frame of the map.
     """
 
-    wanted: Interface
+    wanted: Expected
     static: frozenset[str]
     goal: str
     map: str = ""
@@ -309,7 +309,7 @@ class Gathered(Struct):
     tallies: dict[tuple[str, str], Tally] = field(default_factory=dict)
     commands: list[tuple[float, tuple[float, float, float]]] = field(default_factory=list)
     places: list[tuple[float, Place]] = field(default_factory=list)
-    links: dict[tuple[str, str], Link] = field(default_factory=dict)
+    links: dict[tuple[str, str], TransformSeries] = field(default_factory=dict)
     frames: dict[Frame, None] = field(default_factory=dict)
     goals: dict[bytes, int] = field(default_factory=dict)
     map: OccupancyMap | None = None  # the last one
@@ -427,7 +427,7 @@ def _keep(gathered: Gathered, message: Message, topics: Topics) -> None:
         _keep_whole(gathered, message, wanted)
 
 
-def _keep_whole(gathered: Gathered, message: Message, wanted: Interface) -> None:
+def _keep_whole(gathered: Gathered, message: Message, wanted: Expected) -> None:
     data = message.data
     if message.topic == wanted.commands:
         if isinstance(data, tuple):
@@ -462,7 +462,7 @@ def _links(
         if link is None:
             if len(gathered.links) >= MOST_NAMES:
                 continue
-            link = gathered.links[key] = Link(last=at)
+            link = gathered.links[key] = TransformSeries(last=at)
             gathered.frames[Frame(*key, static)] = None
             if static:
                 gathered.recording.static = (*gathered.recording.static, (transform, ""))

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 
 from lab3_usd.errors import RecordingError
-from lab3_usd.model.folder import Entry, RecordingShown
+from lab3_usd.model.folder import FolderFile, RecordingShown
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.submission import named_checkpoint
 
@@ -22,7 +22,10 @@ _METADATA = "metadata.yaml"
 
 
 def read_recordings(
-    root: Path, entries: Sequence[Entry], until: tuple[Lab, str], may_open: Callable[[str], str]
+    root: Path,
+    entries: Sequence[FolderFile],
+    until: tuple[Lab, str],
+    may_open: Callable[[str], str],
 ) -> tuple[RecordingShown, ...]:
     """Judge each recording by what was recorded, at the checkpoint in its name, or the last.
 
@@ -32,7 +35,10 @@ def read_recordings(
 
 
 def _recordings_shown(
-    root: Path, entries: Sequence[Entry], until: tuple[Lab, str], may_open: Callable[[str], str]
+    root: Path,
+    entries: Sequence[FolderFile],
+    until: tuple[Lab, str],
+    may_open: Callable[[str], str],
 ) -> Iterator[RecordingShown]:
     room = MOST_BYTES
     for number, files in enumerate(_recordings(entries)):
@@ -54,9 +60,9 @@ def _recordings_shown(
             )
 
 
-def _recordings(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
+def _recordings(entries: Sequence[FolderFile]) -> Iterator[list[FolderFile]]:
     """Yield the files of each recording: a folder with metadata is one, else each file is one."""
-    folders: dict[str, list[Entry]] = {}
+    folders: dict[str, list[FolderFile]] = {}
     for entry in entries:
         if entry.name == _METADATA or entry.is_recording:
             folders.setdefault(entry.folder, []).append(entry)
@@ -68,7 +74,7 @@ def _recordings(entries: Sequence[Entry]) -> Iterator[list[Entry]]:
             yield from ([file] for file in files)
 
 
-def _recording(root: Path, files: Sequence[Entry], until: tuple[Lab, str]) -> RecordingShown:
+def _recording(root: Path, files: Sequence[FolderFile], until: tuple[Lab, str]) -> RecordingShown:
     # They need the extra.
     from lab3_usd.sim.bag.files import Bounds, layout_of
     from lab3_usd.sim.bag.judge import judge_what_came

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from msgspec import Struct, field
 
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType
-from lab3_usd.model.dry_run import Node
+from lab3_usd.model.dry_run import SceneNode
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import Vector
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from lab3_usd.sim.execution.world import World
 
 
-Function = Callable[["Running", "World"], bool]
+Function = Callable[["NodeInstance", "World"], bool]
 MODULES = ("robot", "wheels", "joints", "sensors", "core", "transforms", "messages", "arithmetic")
 _FUNCTIONS: dict[str, Function] = {}
 _EVENTS: dict[str, str] = {}  # of the types that start an execution: what they wait for
@@ -80,17 +80,17 @@ class Failure(Struct, frozen=True):
     kind: FaultKind
 
 
-class Running(Struct):
+class NodeInstance(Struct):
     """A node that runs. One without execution inputs is `pulled`: computed when it is read."""
 
     path: str
     type: NodeType
     function: Function
     outputs: dict[str, Any]
-    node: Node
+    node: SceneNode
     values: dict[str, Any] = field(default_factory=dict)
-    wires: dict[str, tuple[Running, str]] = field(default_factory=dict)
-    follows: dict[str, list[Running]] = field(default_factory=dict)
+    wires: dict[str, tuple[NodeInstance, str]] = field(default_factory=dict)
+    follows: dict[str, list[NodeInstance]] = field(default_factory=dict)
     fed: set[str] = field(default_factory=set)  # inputs into which a wire leads that Kit keeps
     memory: dict[str, Any] = field(default_factory=dict)
     enabled: list[str] = field(default_factory=list)
@@ -139,7 +139,7 @@ class Running(Struct):
         return self.node.targets.get(INPUT + name, ())
 
     @property
-    def feeding(self) -> list[Running]:
+    def feeding(self) -> list[NodeInstance]:
         """This node, and those from which values come to it."""
         found = {self.path: self}
         waiting = [self]
@@ -187,7 +187,7 @@ def initial(node_type: NodeType) -> dict[str, Any]:
     }
 
 
-def push(node: Running, world: World, most: int) -> None:
+def push(node: NodeInstance, world: World, most: int) -> None:
     """Compute a node and what follows it over enabled execution outputs, depth first.
 
     No node computes more than `most` times: execution wires may run in a ring.

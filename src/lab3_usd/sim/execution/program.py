@@ -14,13 +14,13 @@ from msgspec import Struct, field
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, can_connect
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import are_alike
-from lab3_usd.model.dry_run import Graph, Input, Node, Scene
+from lab3_usd.model.dry_run import Input, Scene, SceneGraph, SceneNode
 from lab3_usd.sim.execution.node_instance import (
     CONSTANT,
     FRAME,
     STEP,
     Failure,
-    Running,
+    NodeInstance,
     event_of,
     function_of,
     initial,
@@ -57,9 +57,9 @@ class Program(Struct):
     has them; `dead` is what Kit does not run of the graphs.
     """
 
-    events: dict[str, list[Running]]
-    pushed: list[Running]
-    nodes: dict[str, Running]
+    events: dict[str, list[NodeInstance]]
+    pushed: list[NodeInstance]
+    nodes: dict[str, NodeInstance]
     not_simulated: dict[str, str]
     idle: dict[str, str]  # graphs that are not evaluated in the frame loop, and why
     unwritten: dict[str, NodeType | None]
@@ -96,7 +96,7 @@ def compile_graphs(scene: Scene, platform: Platform) -> Program:
     return program
 
 
-def _is_evaluated(graph: Graph, scene: Scene, platform: Platform, program: Program) -> bool:
+def _is_evaluated(graph: SceneGraph, scene: Scene, platform: Platform, program: Program) -> bool:
     """Whether a graph runs once a frame; an instanced one runs once for each prim that names it."""
     evaluation = platform.graph.evaluation
     if graph.mode not in evaluation.by_reference:
@@ -116,7 +116,7 @@ def _is_evaluated(graph: Graph, scene: Scene, platform: Platform, program: Progr
 
 
 def _dropped(
-    node: Running, nodes: dict[str, Running], platform: Platform
+    node: NodeInstance, nodes: dict[str, NodeInstance], platform: Platform
 ) -> Iterator[tuple[str, Failure]]:
     """Yield the wires of a node that Kit drops, as a type that is known has no such port."""
     for name, state in node.node.inputs.items():
@@ -133,7 +133,7 @@ def _dropped(
                 yield node.path, Failure(text, "unknown-port")
 
 
-def _is_described(node: Running, platform: Platform) -> bool:
+def _is_described(node: NodeInstance, platform: Platform) -> bool:
     """Whether the platform has every port of a node's type."""
     known = platform.get(node.node.type)
     return known is not None and not known.is_open
@@ -160,7 +160,7 @@ def depending(program: Program, missing: Collection[str]) -> frozenset[str]:
     return frozenset(unsure)
 
 
-def _schedule(graph: Graph, nodes: dict[str, Running], program: Program) -> None:
+def _schedule(graph: SceneGraph, nodes: dict[str, NodeInstance], program: Program) -> None:
     """Note what runs the nodes of a graph: each frame, or an event."""
     if graph.pipeline != _STAGES[FRAME]:
         program.idle[graph.path] = f"its graph is of {graph.pipeline}"
@@ -173,7 +173,9 @@ def _schedule(graph: Graph, nodes: dict[str, Running], program: Program) -> None
                 program.events.setdefault(event, []).append(node)
 
 
-def _running(graph: Graph, platform: Platform, program: Program) -> Iterator[tuple[str, Running]]:
+def _running(
+    graph: SceneGraph, platform: Platform, program: Program
+) -> Iterator[tuple[str, NodeInstance]]:
     is_written = any(last_name(node.type) == WRITE_VARIABLE for node in graph.nodes)
     for node in graph.nodes:
         known = type_of(node, platform)
@@ -188,7 +190,7 @@ def _running(graph: Graph, platform: Platform, program: Program) -> Iterator[tup
             program.not_simulated[node.path] = reason
             program.unwritten[node.path] = known
             continue
-        running = Running(node.path, known, function, initial(known), node)
+        running = NodeInstance(node.path, known, function, initial(known), node)
         running.pulled = (
             not any(
                 port.is_execution for port in known.ports.values() if port.name.startswith(INPUT)
@@ -198,7 +200,7 @@ def _running(graph: Graph, platform: Platform, program: Program) -> Iterator[tup
         yield node.path, running
 
 
-def _connect(node: Running, nodes: dict[str, Running]) -> None:
+def _connect(node: NodeInstance, nodes: dict[str, NodeInstance]) -> None:
     """Find what reaches each input: a wire that can be, else the value, else the default."""
     declared = {name: state for name, state in node.node.inputs.items() if node.type.port(name)}
     for name in dict.fromkeys((*node.type.ports, *declared)):
@@ -219,7 +221,7 @@ def _connect(node: Running, nodes: dict[str, Running]) -> None:
             _feed(node, port, state, nodes)
 
 
-def _feed(node: Running, port: Port, state: Input, nodes: dict[str, Running]) -> None:
+def _feed(node: NodeInstance, port: Port, state: Input, nodes: dict[str, NodeInstance]) -> None:
     node.values[port.short] = value_of(port, state, node)
     for path, _, name in (wire.rpartition(".") for wire in state.sources):
         source = nodes.get(path)
@@ -236,7 +238,7 @@ def _feed(node: Running, port: Port, state: Input, nodes: dict[str, Running]) ->
         return
 
 
-def value_of(port: Port, state: Input, node: Running) -> Any:
+def value_of(port: Port, state: Input, node: NodeInstance) -> Any:
     """Return the value of an input without a wire: as saved, else the default."""
     if port.is_union:
         return state.literal if state.literal is not None else state.value
@@ -250,7 +252,7 @@ def is_within(path: str, tops: Collection[str]) -> bool:
     return any(f"{path}/".startswith(f"{top}/") for top in tops)
 
 
-def _in_order(nodes: dict[str, Running]) -> list[Running]:
+def _in_order(nodes: dict[str, NodeInstance]) -> list[NodeInstance]:
     """Return nodes after those that feed them, as far as there is no ring."""
     before: dict[str, set[str]] = {path: set() for path in nodes}
     for node in nodes.values():
@@ -258,7 +260,7 @@ def _in_order(nodes: dict[str, Running]) -> list[Running]:
         for followers in node.follows.values():
             for follower in followers:
                 before[follower.path].add(node.path)
-    ordered: dict[str, Running] = {}
+    ordered: dict[str, NodeInstance] = {}
     while len(ordered) < len(nodes):
         waiting = [path for path in nodes if path not in ordered]
         ready = [path for path in waiting if before[path] <= ordered.keys()]
@@ -266,7 +268,7 @@ def _in_order(nodes: dict[str, Running]) -> list[Running]:
     return list(ordered.values())
 
 
-def type_of(node: Node, platform: Platform) -> NodeType | None:
+def type_of(node: SceneNode, platform: Platform) -> NodeType | None:
     """Return the type of a node; a constant of whatever kind is what it is declared as."""
     known = platform.get(node.type)
     if known is not None:

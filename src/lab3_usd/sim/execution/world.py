@@ -19,7 +19,7 @@ from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.execution.drive import RATE
-from lab3_usd.sim.execution.node_instance import Running
+from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.recording import Message, Profile
 from lab3_usd.sim.lidar import Beam, Surroundings
 from lab3_usd.sim.robot.machines import Machines
@@ -40,7 +40,7 @@ STATIC = Profile(depth=1, is_durable=True)  # of static transforms, whatever the
 Twist = tuple[Vector, Vector]  # linear and angular velocity
 
 
-class Endpoint(Struct, frozen=True):
+class RosEndpoint(Struct, frozen=True):
     """A publisher or subscriber: its domain and the full name of its topic."""
 
     domain: int
@@ -55,7 +55,7 @@ class Network(Struct):
     contexts: dict[int, int] = field(default_factory=dict)  # domain by handle
     sent: list[Message] = field(default_factory=list)
     command: tuple[int, Any] = (0, None)  # the number of the last command, and the command
-    commands: Endpoint = Endpoint(0, "")  # where commands come from
+    commands: RosEndpoint = RosEndpoint(0, "")  # where commands come from
 
     def domain(self, handle: int) -> int | None:
         """Return the domain of a context; None where the handle means nothing."""
@@ -74,7 +74,7 @@ def trimmed(name: str) -> str:
     return re.sub(r"^[^A-Za-z0-9]+|[^A-Za-z0-9]+$", "", name)
 
 
-def namespace_of(node: Running, world: World, start: str = "") -> str:
+def namespace_of(node: NodeInstance, world: World, start: str = "") -> str:
     """Return the namespace of a node (Ros2Node.h:227-275); TF publishers take the outermost.
 
     Sensor helpers begin at their sensor instead of at themselves.
@@ -90,7 +90,7 @@ def namespace_of(node: Running, world: World, start: str = "") -> str:
     return names[0] if outermost and names else "/".join(names)
 
 
-def open_endpoint(node: Running, world: World, start: str = "") -> Endpoint | None:
+def open_endpoint(node: NodeInstance, world: World, start: str = "") -> RosEndpoint | None:
     """Open a publisher or subscriber as its inputs say now, or return None where it fails."""
     domain = world.network.domain(int(node.number("context", world)))
     space = trimmed(namespace_of(node, world, start))  # Ros2Node.h:139
@@ -107,7 +107,7 @@ def open_endpoint(node: Running, world: World, start: str = "") -> Endpoint | No
     elif _NAME.fullmatch(topic) is None:
         node.fails(f"{topic or 'an empty name'} is not a topic", "invalid-topic-name")
     else:
-        return Endpoint(domain, topic, profile)
+        return RosEndpoint(domain, topic, profile)
     return None
 
 
@@ -139,19 +139,19 @@ def _is_profile(qos: Mapping[str, Any]) -> bool:
     )
 
 
-def opened_endpoint(node: Running, world: World) -> tuple[Endpoint | None, bool]:
+def opened_endpoint(node: NodeInstance, world: World) -> tuple[RosEndpoint | None, bool]:
     """Return the endpoint of a publisher, and whether it was there before this compute.
 
     The first compute only opens it (OgnROS2PublishClock.cpp:40-90).
     """
-    endpoint: Endpoint | None = node.memory.get("endpoint")
+    endpoint: RosEndpoint | None = node.memory.get("endpoint")
     if endpoint is not None:
         return endpoint, True
     node.memory["endpoint"] = endpoint = open_endpoint(node, world)
     return endpoint, False
 
 
-def send(node: Running, world: World, endpoint: Endpoint, message: Message) -> None:
+def send(node: NodeInstance, world: World, endpoint: RosEndpoint, message: Message) -> None:
     """Hand a message to the network."""
     if endpoint.domain != world.network.commands.domain:
         message.away = endpoint.domain
@@ -175,8 +175,8 @@ class Product(Struct, frozen=True):
 class Writer(Struct):
     """What publishes the pictures of a product, by itself until Stop."""
 
-    node: Running
-    endpoint: Endpoint
+    node: NodeInstance
+    endpoint: RosEndpoint
     product: Product
     rate: float  # 0 is every frame
     skip: int
@@ -215,7 +215,7 @@ class World(Struct):
         """System time."""
         return LATE + self.simulated
 
-    def detach(self, node: Running) -> None:
+    def detach(self, node: NodeInstance) -> None:
         """Take the writers of a node off their products."""
         self.writers[:] = [writer for writer in self.writers if writer.node is not node]
 

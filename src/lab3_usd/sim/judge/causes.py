@@ -12,10 +12,10 @@ from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import FAR
 from lab3_usd.model.traction import Pull
-from lab3_usd.sim.execution.node_instance import Running
+from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import Program, is_within
 from lab3_usd.sim.execution.recording import Message
-from lab3_usd.sim.judge.expectations import Cause, Fault
+from lab3_usd.sim.judge.expectations import Cause, RunFault
 from lab3_usd.sim.robot.machine import Joint, Machine
 
 _RADIUS = "wheelRadius"
@@ -74,7 +74,7 @@ class RunCauses(Struct, frozen=True):
         for path, failure in self.program.dead:
             yield Cause(path, failure.reason, failure.kind)
 
-    def doubt(self, check: str, fault: Fault) -> bool:
+    def doubt(self, check: str, fault: RunFault) -> bool:
         """Whether a fault may come from what is not known: nodes, or assets."""
         if fault.prim in self.unsure or (fault.kind in _AROUND and self.missing):
             return True
@@ -124,7 +124,7 @@ class RunCauses(Struct, frozen=True):
             text = f"the wheels measure {wheel:g} m and the controller has {size:g} m"
             yield f"{text}: the robot goes {wheel / size:.2f} times as far as commanded"
 
-    def _elsewhere(self, node: Running, topic: str) -> Cause | None:
+    def _elsewhere(self, node: NodeInstance, topic: str) -> Cause | None:
         own = [message for message in self.sent if message.node == node.path]
         elsewhere = next((message for message in own if message.topic != topic), None)
         if elsewhere is not None:
@@ -136,7 +136,7 @@ class RunCauses(Struct, frozen=True):
             return Cause(node.path, f"it publishes in domain {away.away}", "wrong-domain")
         return None
 
-    def broken(self, node: Running, seen: frozenset[str] = frozenset()) -> Cause | None:
+    def broken(self, node: NodeInstance, seen: frozenset[str] = frozenset()) -> Cause | None:
         """Return what is broken: first of what feeds or drives a node, then of the node."""
         seen |= {node.path}
         for running in self._before(node):
@@ -153,7 +153,7 @@ class RunCauses(Struct, frozen=True):
             return Cause(node.path, "nothing triggers it", "not-executed")
         return None
 
-    def _before(self, node: Running) -> Iterator[Running]:
+    def _before(self, node: NodeInstance) -> Iterator[NodeInstance]:
         for running in self.program.nodes.values():
             if any(node is follower for some in running.follows.values() for follower in some):
                 yield running

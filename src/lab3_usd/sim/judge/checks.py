@@ -6,20 +6,20 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Literal
 
 from lab3_usd.model.dry_run import Check, Verdict
-from lab3_usd.sim.judge.expectations import Fault, Trial
+from lab3_usd.sim.judge.expectations import RunFault, Trial
 from lab3_usd.sim.judge.localization import on_map
 from lab3_usd.sim.judge.motion import again, follows, limits, moving_frames, odometry, rest
 from lab3_usd.sim.judge.sensors import camera, mounted, scan
 from lab3_usd.sim.judge.topics import clock, stamps, topics, tree
 
 
-def graphs(trial: Trial) -> Iterator[Fault]:
+def graphs(trial: Trial) -> Iterator[RunFault]:
     """All graphs can run, and each wire joins ports that are there."""
     for cause in trial.causes.of_graphs() if trial.causes is not None else ():
-        yield Fault(f"{cause.prim}: {cause.reason}", cause.kind or "unknown-port", cause.prim)
+        yield RunFault(f"{cause.prim}: {cause.reason}", cause.kind or "unknown-port", cause.prim)
 
 
-CHECKS: dict[str, Callable[[Trial], Iterator[Fault]]] = {
+CHECKS: dict[str, Callable[[Trial], Iterator[RunFault]]] = {
     "graphs": graphs,
     "topics": topics,
     "rest": rest,
@@ -47,10 +47,10 @@ def judge(trial: Trial) -> list[Check]:
 
     What may come from something that is not simulated is no fault.
     """
-    return [verdict(name, list(look(trial)), trial) for name, look in CHECKS.items()]
+    return [verdict(name, list(check(trial)), trial) for name, check in CHECKS.items()]
 
 
-def verdict(name: str, faults: list[Fault], trial: Trial) -> Check:
+def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     """Return the verdict of a check from its faults; what did not happen is not judged."""
     unplayed = why_unplayed(name, trial)
     if not faults and unplayed:
@@ -75,7 +75,7 @@ def why_unplayed(name: str, trial: Trial) -> str:
     return next((recording.unplayed[each] for each in sources if each in recording.unplayed), "")
 
 
-def _is_doubtful(name: str, fault: Fault, trial: Trial) -> bool:
+def _is_doubtful(name: str, fault: RunFault, trial: Trial) -> bool:
     """Whether a fault may come from what is assumed or not known."""
     if not fault.sure or (name in _OF_SCANS and trial.recording.assumed):
         return True

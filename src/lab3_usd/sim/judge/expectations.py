@@ -21,7 +21,7 @@ SOON = 6  # frames in which a robot may come to rest
 STARTED = 3  # frames after which a command has come through the graphs to the wheels
 
 
-class Tolerance(Struct, frozen=True):
+class RunTolerance(Struct, frozen=True):
     """How far from the ideal is still right: seconds, (metres, radians), and parts of a command."""
 
     lag: float  # between a stamp and the clock
@@ -32,7 +32,7 @@ class Tolerance(Struct, frozen=True):
     met: float  # the part of the points that lie so near
 
 
-EXACT = Tolerance(
+EXACT = RunTolerance(
     0.1,
     (2e-3, math.radians(0.3)),
     (0.02, math.radians(3.0)),
@@ -40,15 +40,15 @@ EXACT = Tolerance(
     cells=1,
     met=0.9,
 )
-PHYSICAL = Tolerance(
+PHYSICAL = RunTolerance(
     0.5, (0.02, math.radians(2.0)), (0.1, math.radians(10.0)), SIZE, cells=3, met=0.5
 )
 
 
-class Interface(Struct, frozen=True):
+class Expected(Struct, frozen=True):
     """What is asked for over ROS: topics, frames, rates and limits; '' is not asked for.
 
-    `limits` are metres and radians a second, `looks` is where the camera looks from the base,
+    `limits` are metres and radians a second, `view` is the direction of the camera from the base,
     `upward` what is up in its image.
     """
 
@@ -66,7 +66,7 @@ class Interface(Struct, frozen=True):
     scan_rate: float
     image_rate: float
     limits: tuple[float, float]
-    looks: tuple[float, float, float]
+    view: tuple[float, float, float]
     upward: tuple[float, float, float]
     turn_rate: float = 0.0  # of the lidar, a second
     frames: tuple[str, ...] = ()  # that the tree is to have below its root
@@ -101,11 +101,11 @@ class Causes(Protocol):
     def of_graphs(self) -> Iterator[Cause]:
         """Yield what of the graphs never runs or is dropped."""
 
-    def doubt(self, check: str, fault: Fault) -> bool:
+    def doubt(self, check: str, fault: RunFault) -> bool:
         """Whether a fault may come from what is not known."""
 
 
-class Fault(NamedTuple):
+class RunFault(NamedTuple):
     """What is wrong, its kind, and the prim at fault if one is known.
 
     What the run does not know for sure is no fault: `sure` is false then.
@@ -155,13 +155,13 @@ class Trial(Struct):
 
     recording: Recording
     drive: Sequence[Session]
-    wanted: Interface
+    wanted: Expected
     start: Affine = HERE
     walls: Callable[[Affine, Scan], tuple[float, ...]] | None = None
     causes: Causes | None = None
     room: tuple[Segment, ...] = ()  # what stands still, cut at the height of the lidar
     radius: float = 0.0  # of the robot
-    tolerance: Tolerance = EXACT
+    tolerance: RunTolerance = EXACT
     factor: float = 1.0  # metres that the wheels roll for each metre commanded
     map: OccupancyMap | None = None  # what it is localized in
     map_fault: str = ""  # why that cannot be read
@@ -185,12 +185,12 @@ class Trial(Struct):
         poses = [pose for pose in self.recording.path if pose.session == message.session]
         return poses[min(len(poses), max(1, round(message.at * RATE))) - 1]
 
-    def motion_fault(self, message: str, kind: FaultKind) -> Fault:
+    def motion_fault(self, message: str, kind: FaultKind) -> RunFault:
         """Return a fault of how the robot moves, with its cause."""
         cause = self.causes.of_motion() if self.causes is not None else None
         if cause is None:
-            return Fault(message, kind)
-        return Fault(message, cause.kind or kind, cause.prim, cause.reason)
+            return RunFault(message, kind)
+        return RunFault(message, cause.kind or kind, cause.prim, cause.reason)
 
     def follows(self, driven: float, commanded: float, *, turning: bool = False) -> bool:
         """Whether the robot does what it is commanded, by the wheels that it has."""

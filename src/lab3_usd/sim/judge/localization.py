@@ -16,7 +16,7 @@ from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import Cell, MapFit, OccupancyMap
 from lab3_usd.sim.execution.recording import Scan
 from lab3_usd.sim.geometry import distance
-from lab3_usd.sim.judge.expectations import Fault, Trial, in_root
+from lab3_usd.sim.judge.expectations import RunFault, Trial, in_root
 
 _DRAWN = 1500  # points of a scan
 _CORNERS = 800  # cells that points lie in, by which a map is shifted
@@ -168,11 +168,11 @@ def _is_of_the_room(trial: Trial, grid: OccupancyMap, located: Located) -> bool:
     return True
 
 
-def on_map(trial: Trial) -> Iterator[Fault]:
+def on_map(trial: Trial) -> Iterator[RunFault]:
     """The points of the scan lie at the walls of the map, and nothing is before them."""
     found = trial.fit
     if trial.map_fault:
-        yield Fault(trial.map_fault, "scan-off-map", sure=False)
+        yield RunFault(trial.map_fault, "scan-off-map", sure=False)
     if found is None or _is_met(found, trial):
         return
     kind: FaultKind = "scan-off-map"
@@ -189,4 +189,4 @@ def on_map(trial: Trial) -> Iterator[Fault]:
         text += f"; no shift brings more than {found.shifted:.0%} there"
     if not found.sure:
         text += ". The room may be another than that of the lab's map: name its map with --maps"
-    yield Fault(text, kind, sure=found.sure)
+    yield RunFault(text, kind, sure=found.sure)

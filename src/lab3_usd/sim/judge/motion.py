@@ -12,7 +12,7 @@ from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose
 from lab3_usd.sim.judge.expectations import (
     SOON,
-    Fault,
+    RunFault,
     Stretch,
     Trial,
     agree,
@@ -22,13 +22,13 @@ from lab3_usd.sim.judge.expectations import (
 )
 
 
-def leg_fault(trial: Trial, stretch: Stretch) -> Fault | None:
+def leg_fault(trial: Trial, stretch: Stretch) -> RunFault | None:
     """Return what is wrong with how the robot drives one leg; None where nothing is asked of it."""
     look = _LOOKS.get(stretch.leg.name)
     return None if look is None else look(trial, stretch)
 
 
-def _faults(trial: Trial, *names: str) -> Iterator[Fault]:
+def _faults(trial: Trial, *names: str) -> Iterator[RunFault]:
     """Yield what is wrong with the legs that have one of these names."""
     for stretch in trial.stretches(*names):
         fault = leg_fault(trial, stretch)
@@ -36,7 +36,7 @@ def _faults(trial: Trial, *names: str) -> Iterator[Fault]:
             yield fault
 
 
-def rest(trial: Trial) -> Iterator[Fault]:
+def rest(trial: Trial) -> Iterator[RunFault]:
     """It stands still without a command, after one, and when commanded sideways."""
     yield from _faults(trial, "idle", "sideways")
     poses = [pose for pose in trial.recording.path if not pose.session]
@@ -48,7 +48,7 @@ def rest(trial: Trial) -> Iterator[Fault]:
                 return
 
 
-def _standing(trial: Trial, stretch: Stretch) -> Fault | None:
+def _standing(trial: Trial, stretch: Stretch) -> RunFault | None:
     leg, before, poses = stretch
     if not _moves(trial, displacement(before, poses[-1])):
         return None
@@ -62,7 +62,7 @@ def _moves(trial: Trial, way: tuple[float, float, float]) -> bool:
     return math.hypot(ahead, left) > near or abs(turned) > turn
 
 
-def follows(trial: Trial) -> Iterator[Fault]:
+def follows(trial: Trial) -> Iterator[RunFault]:
     """It goes ahead, back and to the left as commanded, in sense and size."""
     if not any(leg.command and any(leg.command[::2]) for leg in trial.drive[0].legs):
         return
@@ -73,7 +73,7 @@ def follows(trial: Trial) -> Iterator[Fault]:
         yield from islice(_faults(trial, *names), 1)
 
 
-def _straight(trial: Trial, stretch: Stretch) -> Fault | None:
+def _straight(trial: Trial, stretch: Stretch) -> RunFault | None:
     leg, before, poses = stretch
     ahead, left, turned = displacement(before, poses[-1])
     commanded, steady = leg.forward * leg.seconds, stretch.steady
@@ -94,11 +94,11 @@ def _is_stopped(trial: Trial, stretch: Stretch, part: float) -> bool:
     return any(pose.blocked for pose in stretch.poses) and 0 <= part < trial.factor
 
 
-def _wall(command: str, done: str) -> Fault:
-    return Fault(f"{command}, a wall stops it {done}", "wall-ahead", sure=False)
+def _wall(command: str, done: str) -> RunFault:
+    return RunFault(f"{command}, a wall stops it {done}", "wall-ahead", sure=False)
 
 
-def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
+def _turn(trial: Trial, stretch: Stretch) -> RunFault | None:
     leg, before, poses = stretch
     ahead, left, _ = displacement(before, poses[-1])
     steady = stretch.steady
@@ -116,7 +116,7 @@ def _turn(trial: Trial, stretch: Stretch) -> Fault | None:
     return None
 
 
-def _arc(trial: Trial, stretch: Stretch) -> Fault | None:
+def _arc(trial: Trial, stretch: Stretch) -> RunFault | None:
     leg, steady = stretch.leg, stretch.steady
     length, turn = abs(leg.forward) * steady.seconds, leg.turn * steady.seconds
     if trial.follows(steady.way, length) and trial.follows(steady.turned, turn, turning=True):
@@ -129,14 +129,14 @@ def _arc(trial: Trial, stretch: Stretch) -> Fault | None:
     return trial.motion_fault(text, "wrong-arc")
 
 
-def limits(trial: Trial) -> Iterator[Fault]:
+def limits(trial: Trial) -> Iterator[RunFault]:
     """Commands beyond the robot's limits are cut down to them."""
     if not trial.stands():
         for name in ("fast", "spin"):
             yield from islice(_faults(trial, name), 1)
 
 
-def _at_limit(trial: Trial, stretch: Stretch) -> Fault | None:
+def _at_limit(trial: Trial, stretch: Stretch) -> RunFault | None:
     name, steady = stretch.leg.name, stretch.steady
     turning = name == "spin"
     limit = trial.wanted.limits[turning]
@@ -153,7 +153,7 @@ def _at_limit(trial: Trial, stretch: Stretch) -> Fault | None:
     return trial.motion_fault(text + trial.expected_text(limit, ".2f"), "wrong-speed-limit")
 
 
-_LOOKS: Mapping[str, Callable[[Trial, Stretch], Fault | None]] = {
+_LOOKS: Mapping[str, Callable[[Trial, Stretch], RunFault | None]] = {
     "idle": _standing,
     "sideways": _standing,
     "ahead": _straight,
@@ -166,7 +166,7 @@ _LOOKS: Mapping[str, Callable[[Trial, Stretch], Fault | None]] = {
 }
 
 
-def again(trial: Trial) -> Iterator[Fault]:
+def again(trial: Trial) -> Iterator[RunFault]:
     """After Stop and Play it drives again, also where ROS_DOMAIN_ID is another."""
     if trial.stands():
         return
@@ -194,7 +194,7 @@ SPEED = 0.03  # m/s and rad/s between what odometry reports and what is
 SETTLED = 8  # frames after which a leg is driven evenly
 
 
-def odometry(trial: Trial) -> Iterator[Fault]:
+def odometry(trial: Trial) -> Iterator[RunFault]:
     """/odom starts at 0, agrees with the motion, and names the frames."""
     wanted = trial.wanted
     messages = [
@@ -208,12 +208,12 @@ def odometry(trial: Trial) -> Iterator[Fault]:
     frames = (first.frame, first.data.child)
     if frames != (wanted.root, wanted.base):
         text = f"odometry names {frames[0]} and {frames[1]}, not {wanted.root} and {wanted.base}"
-        yield Fault(text, "wrong-odometry-frame", first.node)
+        yield RunFault(text, "wrong-odometry-frame", first.node)
     origin = trial.recording.path[0]
     for message in messages[:: max(1, len(messages) // 40)]:
         fault = _odometry_fault(message.data, origin, trial.pose(message))
         if fault:
-            yield Fault(fault, "wrong-odometry-pose", message.node)
+            yield RunFault(fault, "wrong-odometry-pose", message.node)
             return
     yield from _velocity_faults(trial, messages)
 
@@ -232,7 +232,7 @@ def _odometry_fault(data: Odometry, origin: Pose, pose: Pose) -> str:
     return ""
 
 
-def _velocity_faults(trial: Trial, messages: list[Message]) -> Iterator[Fault]:
+def _velocity_faults(trial: Trial, messages: list[Message]) -> Iterator[RunFault]:
     for leg, _, poses in trial.stretches("ahead", "back", "left", "right", "fast"):
         if len(poses) < SETTLED:
             continue
@@ -247,11 +247,11 @@ def _velocity_faults(trial: Trial, messages: list[Message]) -> Iterator[Fault]:
             or abs(data.angular[2] - turned) > SPEED
         ):
             text = f"the velocities of odometry are wrong while going {leg.name}"
-            yield Fault(text, "wrong-odometry-velocity", message.node)
+            yield RunFault(text, "wrong-odometry-velocity", message.node)
             return
 
 
-def moving_frames(trial: Trial) -> Iterator[Fault]:
+def moving_frames(trial: Trial) -> Iterator[RunFault]:
     """TF moves the base as odometry does."""
     wanted = trial.wanted
     messages = [
@@ -265,5 +265,5 @@ def moving_frames(trial: Trial) -> Iterator[Fault]:
         estimate = Affine(rotation(message.data.orientation), message.data.position)
         if not agree(place, estimate):
             text = f"{wanted.root} -> {wanted.base} differs from odometry"
-            yield Fault(text, "transform-unlike-odometry", message.node)
+            yield RunFault(text, "transform-unlike-odometry", message.node)
             return

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from lab3_usd.model.transforms import length, minus
 from lab3_usd.sim.execution.recording import Message, Scan, View
-from lab3_usd.sim.judge.expectations import Fault, Trial, agree, in_root
+from lab3_usd.sim.judge.expectations import RunFault, Trial, agree, in_root
 
 WALL = 0.03  # metres between a scan and the walls
 SHORT = 2.0  # seconds of a recording in which a stream may come once
@@ -15,7 +15,7 @@ MISSED = 0.1  # the part of a scan that may be elsewhere
 TURNS = 0.01  # part by which a lidar may turn faster or slower
 
 
-def mounted(trial: Trial) -> Iterator[Fault]:
+def mounted(trial: Trial) -> Iterator[RunFault]:
     """Lidar and camera go with the robot."""
     wanted = trial.wanted
     for topic in (wanted.scan, wanted.image):
@@ -28,7 +28,7 @@ def mounted(trial: Trial) -> Iterator[Fault]:
                 places.append(base_place.inverse().then(sensor_place))
         if len(places) > 1 and not agree(*places):
             text = f"{messages[0].frame} does not move with {wanted.base}"
-            yield Fault(text, "loose-sensor", messages[0].node)
+            yield RunFault(text, "loose-sensor", messages[0].node)
 
 
 def rate_of(messages: Sequence[Message]) -> float:
@@ -37,7 +37,7 @@ def rate_of(messages: Sequence[Message]) -> float:
     return (len(messages) - 1) / passed if passed else 0.0
 
 
-def scan(trial: Trial) -> Iterator[Fault]:
+def scan(trial: Trial) -> Iterator[RunFault]:
     """Scans come at their rate, and show the walls where TF puts the lidar."""
     wanted = trial.wanted
     messages = [
@@ -51,13 +51,13 @@ def scan(trial: Trial) -> Iterator[Fault]:
     is_long = _lasts(trial, messages)
     if is_long and wanted.scan_rate and abs(rate - wanted.scan_rate) > 0.2 * wanted.scan_rate:
         text = f"{rate:.1f} scans a second, not {wanted.scan_rate}"
-        yield Fault(text, "wrong-scan-rate", messages[0].node)
+        yield RunFault(text, "wrong-scan-rate", messages[0].node)
     turn, turns = messages[-1].data.scan_time, wanted.turn_rate
     if turn > 0 and turns and abs(turn * turns - 1.0) > TURNS:
         text = f"the lidar turns {1.0 / turn:g} times a second, not {turns:g}"
-        yield Fault(text, "wrong-turn-rate", messages[-1].node)
+        yield RunFault(text, "wrong-turn-rate", messages[-1].node)
     if all(distance < 0 for distance in messages[-1].data.ranges):
-        yield Fault("no ray returns", "no-ray-returns", messages[-1].node)
+        yield RunFault("no ray returns", "no-ray-returns", messages[-1].node)
     for message in (messages[:2][-1], messages[len(messages) // 2], messages[-1]):
         place = in_root(trial, message)
         if place is None or trial.walls is None:
@@ -70,7 +70,7 @@ def scan(trial: Trial) -> Iterator[Fault]:
         )
         if off > MISSED * len(seen):
             text = f"{off} of {len(seen)} rays do not show the walls"
-            yield Fault(text, "scan-off-walls", message.node)
+            yield RunFault(text, "scan-off-walls", message.node)
             return
 
 
@@ -79,7 +79,7 @@ def _lasts(trial: Trial, *streams: Sequence[Message]) -> bool:
     return trial.recording.seconds > SHORT or all(len(stream) > 1 for stream in streams)
 
 
-def camera(trial: Trial) -> Iterator[Fault]:
+def camera(trial: Trial) -> Iterator[RunFault]:
     """Image and info belong together, in the frame of the camera, which looks as the lab asks."""
     wanted = trial.wanted
     images, infos = (trial.recording.topic(topic, 0) for topic in (wanted.image, wanted.info))
@@ -89,10 +89,10 @@ def camera(trial: Trial) -> Iterator[Fault]:
         yield from _view(trial, images[-1])
 
 
-def _pairs(images: Sequence[Message], infos: Sequence[Message], least: float) -> Iterator[Fault]:
+def _pairs(images: Sequence[Message], infos: Sequence[Message], least: float) -> Iterator[RunFault]:
     image, info = images[-1], infos[-1]
     if image.frame != info.frame:
-        yield Fault(
+        yield RunFault(
             f"image in {image.frame}, info in {info.frame}", "image-info-frames-differ", info.node
         )
     sizes = [
@@ -101,28 +101,30 @@ def _pairs(images: Sequence[Message], infos: Sequence[Message], least: float) ->
         if isinstance(message.data, View)
     ]
     if len(set(sizes)) > 1:
-        yield Fault("image and info differ in size", "image-info-sizes-differ", info.node)
+        yield RunFault("image and info differ in size", "image-info-sizes-differ", info.node)
     rates = rate_of(images), rate_of(infos)
     if min(rates) < 0.8 * least:
-        yield Fault(f"{min(rates):.1f} images a second, not {least}", "low-image-rate", image.node)
+        yield RunFault(
+            f"{min(rates):.1f} images a second, not {least}", "low-image-rate", image.node
+        )
     if abs(rates[0] - rates[1]) > 0.1 * max(rates):
         text = f"{rates[0]:.1f} images and {rates[1]:.1f} infos a second"
-        yield Fault(text, "image-info-rates-differ", info.node)
+        yield RunFault(text, "image-info-rates-differ", info.node)
 
 
-def _view(trial: Trial, image: Message) -> Iterator[Fault]:
+def _view(trial: Trial, image: Message) -> Iterator[RunFault]:
     place = in_root(trial, image)
     if place is None or not isinstance(image.data, View) or image.data.place is None:
         return
     actual = trial.start.inverse().then(image.data.place)
     if not agree(place, actual):
         text = f"TF does not have {image.frame} where the camera is"
-        yield Fault(text, "misplaced-camera-frame", image.node)
+        yield RunFault(text, "misplaced-camera-frame", image.node)
     wanted = trial.wanted
     base = in_root(trial, Message("", 0.0, wanted.base, at=image.at, session=image.session))
-    if base is not None and any(wanted.looks):
+    if base is not None and any(wanted.view):
         view = base.inverse().then(actual)
-        if length(minus(view.turn((0.0, 0.0, 1.0)), wanted.looks)) > AHEAD:
-            yield Fault("the camera looks in a wrong direction", "camera-not-ahead", image.node)
+        if length(minus(view.turn((0.0, 0.0, 1.0)), wanted.view)) > AHEAD:
+            yield RunFault("the camera looks in a wrong direction", "camera-not-ahead", image.node)
         elif length(minus(view.turn((0.0, -1.0, 0.0)), wanted.upward)) > AHEAD:
-            yield Fault("the camera is not upright", "camera-not-upright", image.node)
+            yield RunFault("the camera is not upright", "camera-not-upright", image.node)

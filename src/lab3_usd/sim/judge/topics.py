@@ -13,7 +13,7 @@ from lab3_usd.facts.tree import tree as build_tree
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE
-from lab3_usd.sim.judge.expectations import Fault, Interface, Trial
+from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
 from lab3_usd.spec.contradictions.names import value_of
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -40,7 +40,7 @@ _BY_ENVIRONMENT = f"{INPUT}useDomainIDEnvVar"
 _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 
 
-def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
+def expected_at(lab: Lab, checkpoint: Checkpoint) -> Expected:
     """Return what somebody at the other end of ROS is to see of a stage of this checkpoint."""
     reached = (FROM_THE_FIRST, *lab.until(checkpoint.id))
     required = [
@@ -54,7 +54,7 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
     root, base = _frames_of_odometry(lab)
     lidar, camera = map(lab.first_sensor, ("lidar", "camera"))
     view = camera.looks if camera else None
-    return Interface(
+    return Expected(
         types={topic.name: topic.type for topic in required if not topic.subscribed},
         domain=lab.ros.system.domain,
         commands=_named(required, _COMMANDS),
@@ -65,7 +65,7 @@ def interface(lab: Lab, checkpoint: Checkpoint) -> Interface:
         scan_rate=_rate(lidar, _RATE),
         image_rate=_rate(camera, _RATE),
         limits=_limits(lab),
-        looks=view.along if view else (0.0, 0.0, 0.0),
+        view=view.along if view else (0.0, 0.0, 0.0),
         upward=view.up if view else (0.0, 0.0, 0.0),
         turn_rate=_rate(lidar, _TURNS),
         frames=tuple(child for _, child in lab.frames.edges) if checkpoint.frames else (),
@@ -184,7 +184,7 @@ def _unit_of(lab: Lab, graph: GraphSpec, node: NodeSpec) -> float:
     return lab.scene.stage.meters_per_unit if converts else 1.0
 
 
-def topics(trial: Trial) -> Iterator[Fault]:
+def topics(trial: Trial) -> Iterator[RunFault]:
     """Each topic is there, of its type, from one node, in each session, on the lab's domain."""
     wanted, recording = trial.wanted, trial.recording
     sessions = range(len(trial.drive))
@@ -194,19 +194,21 @@ def topics(trial: Trial) -> Iterator[Fault]:
             text = f"nothing on {topic}{trial.when(silent)}"
             cause = trial.causes.of_silence(topic, kind) if trial.causes is not None else None
             if cause is None:
-                yield Fault(text, "silent-topic")
+                yield RunFault(text, "silent-topic")
             else:
-                yield Fault(text, cause.kind or "silent-topic", cause.prim, cause.reason)
+                yield RunFault(text, cause.kind or "silent-topic", cause.prim, cause.reason)
         messages = recording.topic(topic)
         odd = next((message for message in messages if message.type != kind), None)
         if odd is not None:
-            yield Fault(f"{topic} is {odd.type}, not {kind}", "wrong-message-type", odd.node)
+            yield RunFault(f"{topic} is {odd.type}, not {kind}", "wrong-message-type", odd.node)
         senders = list(dict.fromkeys(message.node for message in messages))
         if topic != wanted.transforms and len(senders) > 1:
-            yield Fault(f"{len(senders)} nodes publish {topic}", "duplicate-publisher", senders[1])
+            yield RunFault(
+                f"{len(senders)} nodes publish {topic}", "duplicate-publisher", senders[1]
+            )
 
 
-def clock(trial: Trial) -> Iterator[Fault]:
+def clock(trial: Trial) -> Iterator[RunFault]:
     """The clock runs at the speed of the simulation, and back only after Stop, if at all."""
     messages = trial.recording.topic(trial.wanted.clock)
     for earlier, later in pairwise(messages):
@@ -214,17 +216,17 @@ def clock(trial: Trial) -> Iterator[Fault]:
         if later.stamp < earlier.stamp and not starts_anew:
             back = earlier.stamp - later.stamp
             text = f"{trial.wanted.clock} jumps back by {back:.2f} s"
-            yield Fault(text, "clock-jumps-back", later.node)
+            yield RunFault(text, "clock-jumps-back", later.node)
             return
     first = [message for message in messages if not message.session]
     if first:
         ran, passed = first[-1].stamp - first[0].stamp, first[-1].at - first[0].at
         if abs(ran - passed) > trial.tolerance.lag:
             text = f"{trial.wanted.clock} runs {ran:.1f} s in {passed:.1f} s"
-            yield Fault(text, "wrong-clock-rate", first[0].node)
+            yield RunFault(text, "wrong-clock-rate", first[0].node)
 
 
-def stamps(trial: Trial) -> Iterator[Fault]:
+def stamps(trial: Trial) -> Iterator[RunFault]:
     """All stamps are of the clock; those of the sensors may start anew after Stop."""
     wanted = trial.wanted
     for topic in wanted.types:
@@ -236,7 +238,7 @@ def stamps(trial: Trial) -> Iterator[Fault]:
                 break
 
 
-def _late(trial: Trial, topic: str, session: int) -> Iterator[Fault]:
+def _late(trial: Trial, topic: str, session: int) -> Iterator[RunFault]:
     clocks = {
         round(tick.at * RATE): tick.stamp
         for tick in trial.recording.topic(trial.wanted.clock, session)
@@ -250,13 +252,13 @@ def _late(trial: Trial, topic: str, session: int) -> Iterator[Fault]:
         ):
             when = trial.when([session])
             text = f"{topic} is stamped {message.stamp:.1f} s at {now:.1f} s{when}"
-            yield Fault(text, "wrong-stamp", message.node)
+            yield RunFault(text, "wrong-stamp", message.node)
 
 
 STALE = 0.5  # seconds without a new transform
 
 
-def tree(trial: Trial) -> Iterator[Fault]:
+def tree(trial: Trial) -> Iterator[RunFault]:
     """One parent and publisher for each frame, one root, and every frame that is asked for."""
     for session in range(len(trial.drive)):
         faults = list(_tree_faults(trial, session))
@@ -273,7 +275,7 @@ class _Sent(Struct, frozen=True):
     publisher: str
 
 
-def _tree_faults(trial: Trial, session: int) -> Iterator[Fault]:
+def _tree_faults(trial: Trial, session: int) -> Iterator[RunFault]:
     messages = trial.recording.topic(trial.wanted.transforms, session)
     last: dict[_Sent, float] = {}  # the last time of each transform
     for message in messages:
@@ -285,23 +287,23 @@ def _tree_faults(trial: Trial, session: int) -> Iterator[Fault]:
     for child, several in heard.by_child.items():
         own = next((sent.publisher for sent in several if sent.parent == child), None)
         if own is not None:
-            yield Fault(f"{child} is its own parent", "self-parent", own)
+            yield RunFault(f"{child} is its own parent", "self-parent", own)
         if len(several) > 1:
             is_reparented = len({sent.parent for sent in several}) > 1
             kind: FaultKind = "several-parents" if is_reparented else "several-publishers"
             text = f"{child} has {len(several)} parents or publishers"
-            yield Fault(text, kind, several[1].publisher)
+            yield RunFault(text, kind, several[1].publisher)
         if messages and min(last[sent] for sent in several) < messages[-1].at - STALE:
-            yield Fault(f"the transform of {child} ends", "transform-ends", several[0].publisher)
+            yield RunFault(f"the transform of {child} ends", "transform-ends", several[0].publisher)
     lost = [frame for frame in trial.wanted.frames if frame not in heard.by_child]
     if last:
         up = {child: several[0].parent for child, several in heard.by_child.items()}
         yield from _loose_frames(trial, up, session)
         if lost:
-            yield Fault(f"the tree lacks {', '.join(lost)}", "missing-frame")
+            yield RunFault(f"the tree lacks {', '.join(lost)}", "missing-frame")
 
 
-def _loose_frames(trial: Trial, up: dict[str, str], session: int) -> Iterator[Fault]:
+def _loose_frames(trial: Trial, up: dict[str, str], session: int) -> Iterator[RunFault]:
     root = trial.wanted.root
     named = {trial.wanted.base: ""}  # the frames that are spoken of, with a node that does so
     for topic in trial.wanted.types:
@@ -316,5 +318,5 @@ def _loose_frames(trial: Trial, up: dict[str, str], session: int) -> Iterator[Fa
         if top != root:
             kind: FaultKind = "disconnected-frame" if frame in up else "unknown-frame"
             text = f"{frame} is not below {root}"
-            yield Fault(text, kind, named.get(frame, ""))
+            yield RunFault(text, kind, named.get(frame, ""))
             return

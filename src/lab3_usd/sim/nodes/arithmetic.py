@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.sim.execution.node_instance import Running, computes
+from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.world import World
 
 _Number = int | float
@@ -30,7 +30,7 @@ def _combined(first: Any, second: Any, operation: _Operation) -> Any:
     return operation(first, second)
 
 
-def _terms(node: Running, world: World) -> list[Any]:
+def _terms(node: NodeInstance, world: World) -> list[Any]:
     """Return the values of `a`, `b` and the inputs that were added to them, those that are there.
 
     The ones that were added are `input2` and so on.
@@ -40,7 +40,7 @@ def _terms(node: Running, world: World) -> list[Any]:
     return [node.get(name, world) for name in ("a", "b", *added)]
 
 
-def _calculate(node: Running, world: World, output: str, operation: _Operation) -> bool:
+def _calculate(node: NodeInstance, world: World, output: str, operation: _Operation) -> bool:
     terms = _terms(node, world)
     if any(not isinstance(term, (int, float, tuple)) for term in terms):
         return node.fails("no number reaches one of its inputs", "no-number-input")
@@ -52,25 +52,25 @@ def _calculate(node: Running, world: World, output: str, operation: _Operation) 
 
 
 @computes("Add")
-def add(node: Running, world: World) -> bool:
+def add(node: NodeInstance, world: World) -> bool:
     """add-2.html: the sum of all inputs."""
     return _calculate(node, world, "sum", lambda a, b: a + b)
 
 
 @computes("Subtract")
-def subtract(node: Running, world: World) -> bool:
+def subtract(node: NodeInstance, world: World) -> bool:
     """subtract-2.html: the inputs that follow are taken from the first."""
     return _calculate(node, world, "difference", lambda a, b: a - b)
 
 
 @computes("Multiply")
-def multiply(node: Running, world: World) -> bool:
+def multiply(node: NodeInstance, world: World) -> bool:
     """multiply-2.html: the product of all inputs."""
     return _calculate(node, world, "product", lambda a, b: a * b)
 
 
 @computes("Divide")
-def divide(node: Running, world: World) -> bool:
+def divide(node: NodeInstance, world: World) -> bool:
     """divide-2.html: the first input divided by the second."""
     second = node.get("b", world)
     if second == 0 or (isinstance(second, tuple) and 0 in second):
@@ -79,7 +79,7 @@ def divide(node: Running, world: World) -> bool:
 
 
 @computes("Negate")
-def negate(node: Running, world: World) -> bool:
+def negate(node: NodeInstance, world: World) -> bool:
     """negate-1.html: the input times -1."""
     value = node.get("input", world)
     if not isinstance(value, (int, float, tuple)):
@@ -89,7 +89,7 @@ def negate(node: Running, world: World) -> bool:
 
 
 @computes("Clamp")
-def clamp(node: Running, world: World) -> bool:
+def clamp(node: NodeInstance, world: World) -> bool:
     """clamp-1.html: the input cut to a range; no range is an error."""
     bounds: list[Any] = [node.get(name, world) for name in ("input", "lower", "upper")]
     value, low, high = bounds
@@ -102,7 +102,7 @@ def clamp(node: Running, world: World) -> bool:
 
 
 @computes("ToDouble", "ToFloat")
-def to_number(node: Running, world: World) -> bool:
+def to_number(node: NodeInstance, world: World) -> bool:
     """todouble-1.html, tofloat-1.html: numbers and switches as numbers with a fraction."""
     value = node.get("value", world)
     if not isinstance(value, (int, float, tuple)):
@@ -112,14 +112,14 @@ def to_number(node: Running, world: World) -> bool:
 
 
 @computes("ToString")
-def to_string(node: Running, world: World) -> bool:
+def to_string(node: NodeInstance, world: World) -> bool:
     """tostring-1.html: any value as text."""
     node.outputs["converted"] = str(node.get("value", world))
     return True
 
 
 @computes("MakeVector3")
-def make_vector(node: Running, world: World) -> bool:
+def make_vector(node: NodeInstance, world: World) -> bool:
     """makevector3-1.html: three numbers as a vector."""
     parts = [node.get(name, world) for name in "xyz"]
     if any(not isinstance(part, (int, float)) for part in parts):
@@ -129,7 +129,7 @@ def make_vector(node: Running, world: World) -> bool:
 
 
 @computes("ReadVariable")
-def read_variable(node: Running, world: World) -> bool:
+def read_variable(node: NodeInstance, world: World) -> bool:
     """omni-graph-core/readvariable-2.html: what a variable of the graph holds."""
     name, path = node.text("variableName", world), node.path.rpartition("/")[0]
     targets = node.targets("graph")
@@ -142,7 +142,7 @@ def read_variable(node: Running, world: World) -> bool:
 
 
 @computes("PrintText")
-def print_text(node: Running, world: World) -> bool:
+def print_text(node: NodeInstance, world: World) -> bool:
     """omni-graph-ui-nodes/printtext-1.html: nothing comes of it but a line in the log."""
     del world
     node.enabled.append("execOut")
@@ -150,7 +150,7 @@ def print_text(node: Running, world: World) -> bool:
 
 
 @computes("Branch")
-def branch(node: Running, world: World) -> bool:
+def branch(node: NodeInstance, world: World) -> bool:
     """omni-graph-action/branch-1.html: a signal goes on at one of two outputs."""
     node.enabled.append("execTrue" if node.flag("condition", world) else "execFalse")
     return True

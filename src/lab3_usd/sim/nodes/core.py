@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.dry_run import Affine, Quaternion
-from lab3_usd.sim.execution.node_instance import CONSTANT, FRAME, NO_VECTOR, STEP, Running, computes
+from lab3_usd.sim.execution.node_instance import (
+    CONSTANT,
+    FRAME,
+    NO_VECTOR,
+    STEP,
+    NodeInstance,
+    computes,
+)
 from lab3_usd.sim.execution.world import World, domain_number
 
 NO_TURN = (0.0, 0.0, 0.0, 1.0)
@@ -16,7 +23,7 @@ def xyzw(place: Affine) -> Quaternion:
     return (x, y, z, w)
 
 
-def wxyz(node: Running, name: str, world: World) -> Quaternion:
+def wxyz(node: NodeInstance, name: str, world: World) -> Quaternion:
     """Return the rotation that reaches an input, w first; a file's literal has w first already."""
     value = node.items(name, world)
     saved = node.node.inputs.get(INPUT + name)
@@ -29,7 +36,7 @@ def wxyz(node: Running, name: str, world: World) -> Quaternion:
 
 
 @computes("OnPlaybackTick", "OnTick", on=FRAME)
-def on_tick(node: Running, world: World) -> bool:
+def on_tick(node: NodeInstance, world: World) -> bool:
     """Kit's playback tick: once an update while the timeline plays."""
     node.outputs.update(deltaSeconds=world.dt, time=world.since_play, frame=float(world.frame))
     node.enabled.append("tick")
@@ -37,7 +44,7 @@ def on_tick(node: Running, world: World) -> bool:
 
 
 @computes("OnPhysicsStep", on=STEP)
-def on_physics_step(node: Running, world: World) -> bool:
+def on_physics_step(node: NodeInstance, world: World) -> bool:
     """CN/nodes/OgnOnPhysicsStep.cpp:72-149."""
     node.outputs.update(deltaSimulationTime=world.dt)
     node.enabled.append("step")
@@ -45,7 +52,7 @@ def on_physics_step(node: Running, world: World) -> bool:
 
 
 @computes("IsaacSimulationGate")
-def simulation_gate(node: Running, world: World) -> bool:
+def simulation_gate(node: NodeInstance, world: World) -> bool:
     """CN/nodes/OgnIsaacSimulationGate.cpp:46-66: every so many signals; it counts on over Stop."""
     step = int(node.number("step", world))
     if step <= 0:
@@ -56,7 +63,7 @@ def simulation_gate(node: Running, world: World) -> bool:
 
 
 @computes("IsaacReadSimulationTime")
-def read_simulation_time(node: Running, world: World) -> bool:
+def read_simulation_time(node: NodeInstance, world: World) -> bool:
     """CN/nodes/OgnIsaacReadSimulationTime.cpp:52-74."""
     reset = node.flag("resetOnStop", world)
     node.outputs["simulationTime"] = world.since_play if reset else world.simulated
@@ -64,14 +71,14 @@ def read_simulation_time(node: Running, world: World) -> bool:
 
 
 @computes("IsaacReadSystemTime")
-def read_system_time(node: Running, world: World) -> bool:
+def read_system_time(node: NodeInstance, world: World) -> bool:
     """CN/nodes/OgnIsaacReadSystemTime.cpp."""
     node.outputs["systemTime"] = world.wall
     return True
 
 
 @computes("ROS2Context")
-def context(node: Running, world: World) -> bool:
+def context(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2Context.cpp:41-120."""
     if "handle" not in node.memory:
         domain = int(node.number("domain_id", world))
@@ -89,7 +96,7 @@ MOST = 1000  # elements of an array that is made
 
 
 @computes("OgnIsaacScaleToFromStageUnit")
-def scale(node: Running, world: World) -> bool:
+def scale(node: NodeInstance, world: World) -> bool:
     """CN/python/nodes/OgnIsaacScaleToFromStageUnit.py:37-51."""
     unit = world.scene.meters_per_unit
     factors = {"Convert to stage units": 1.0 / unit, "Convert to meters": unit}
@@ -107,7 +114,7 @@ def scale(node: Running, world: World) -> bool:
 
 
 @computes("BreakVector3")
-def break_vector(node: Running, world: World) -> bool:
+def break_vector(node: NodeInstance, world: World) -> bool:
     """Kit's Break 3-Vector: one output for each component."""
     value = node.get("tuple", world)
     if not isinstance(value, tuple) or len(value) != len(NO_VECTOR):
@@ -117,13 +124,13 @@ def break_vector(node: Running, world: World) -> bool:
 
 
 @computes(CONSTANT)
-def constant(_: Running, __: World) -> bool:
+def constant(_: NodeInstance, __: World) -> bool:
     """Kit's constants: the value is an input, from which wires leave."""
     return True
 
 
 @computes("ConstructArray")
-def construct_array(node: Running, world: World) -> bool:
+def construct_array(node: NodeInstance, world: World) -> bool:
     """Kit's Make Array: as many elements as its size says, of the type of its array."""
     kind = node.text("arrayType", world) or "auto"
     size = min(int(node.number("arraySize", world)), MOST)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from lab3_usd.sim.execution.node_instance import Running, computes
+from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import JointStates, Message
 from lab3_usd.sim.execution.world import World, open_endpoint, send
 from lab3_usd.sim.nodes.robot import received
@@ -20,7 +20,7 @@ _STATES = ("jointNames", "jointPositions", "jointVelocities", "jointEfforts", "j
 
 
 @computes("IsaacReadJointState")
-def read_joint_state(node: Running, world: World) -> bool:
+def read_joint_state(node: NodeInstance, world: World) -> bool:
     """SN/nodes/OgnIsaacReadJointState.cpp:44-160; efforts are not known and are 0."""
     targets = node.targets("prim")
     machine = world.machines.articulation(targets[0]) if targets else None
@@ -47,7 +47,7 @@ def _degree(joint: Joint) -> int:
 
 
 @computes("ROS2PublishJointState")
-def publish_joint_state(node: Running, world: World) -> bool:
+def publish_joint_state(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2PublishJointState.cpp:58-290: what reaches it, else what its target does."""
     names, positions, velocities, efforts, degrees = (node.items(name, world) for name in _STATES)
     unit = node.number("stageMetersPerUnit", world)
@@ -87,7 +87,7 @@ def publish_joint_state(node: Running, world: World) -> bool:
 
 
 @computes("ROS2SubscribeJointState")
-def subscribe_joint_state(node: Running, world: World) -> bool:
+def subscribe_joint_state(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2SubscribeJointState.cpp:40-150: what a message leaves out is no number."""
     states = received(node, world, JointStates)
     if not isinstance(states, JointStates):
@@ -105,7 +105,7 @@ def subscribe_joint_state(node: Running, world: World) -> bool:
 
 
 @computes("IsaacArticulationState")
-def articulation_state(node: Running, world: World) -> bool:
+def articulation_state(node: NodeInstance, world: World) -> bool:
     """CN/python/nodes/OgnIsaacArticulationState.py:117-165; forces are not known and are 0."""
     targets = node.targets("targetPrim")
     path = node.text("robotPath", world) or (targets[0] if targets else "")

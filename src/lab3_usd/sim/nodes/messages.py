@@ -8,7 +8,7 @@ from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.dry_run import Affine, column
 from lab3_usd.model.physics import SCENE, number
 from lab3_usd.model.transforms import Vector, cross, length
-from lab3_usd.sim.execution.node_instance import NO_VECTOR, Running, computes
+from lab3_usd.sim.execution.node_instance import NO_VECTOR, NodeInstance, computes
 from lab3_usd.sim.execution.recording import Fields, Inertia, Message
 from lab3_usd.sim.execution.world import World, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
@@ -18,7 +18,7 @@ _EARTH = 9.80665  # m/s2, where the scene names no gravity
 
 
 @computes("IsaacReadIMU")
-def read_imu(node: Running, world: World) -> bool:
+def read_imu(node: NodeInstance, world: World) -> bool:
     """OgnIsaacReadIMU.cpp:40-130, ImuSensorImpl.cpp:106-160, 745-850 of the physics sensors.
 
     The acceleration is that of the velocity of the sensor's body, seen from the sensor, without
@@ -72,7 +72,7 @@ def _gravity(world: World) -> Vector:
 
 
 @computes("ROS2PublishImu")
-def publish_imu(node: Running, world: World) -> bool:
+def publish_imu(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2PublishImu.cpp:30-150: what is not published says so by a covariance."""
     endpoint, ready = opened_endpoint(node, world)
     if endpoint is None:
@@ -99,7 +99,7 @@ _OWN = (*_NAMED, "context", "nodeNamespace", "topicName", "qosProfile", "queueSi
 
 
 @computes("ROS2Publisher")
-def publish_any(node: Running, world: World) -> bool:
+def publish_any(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2Publisher.cpp:44-190: the first compute makes the message, the second opens.
 
     The fields of the message are inputs of the node. Without a header it is stamped now.

@@ -9,7 +9,7 @@ import math
 
 from lab3_usd.model.dry_run import Affine
 from lab3_usd.model.transforms import Vector, cross, dot, length
-from lab3_usd.sim.execution.node_instance import Running, computes
+from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import Message, Odometry
 from lab3_usd.sim.execution.world import World, open_endpoint, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
@@ -20,7 +20,7 @@ _NO_LIMIT = float("inf")
 
 
 @computes("ROS2SubscribeTwist")
-def subscribe_twist(node: Running, world: World) -> bool:
+def subscribe_twist(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2SubscribeTwist.cpp:56-163: outputs hold the last message."""
     is_open = node.memory.get("endpoint") is not None
     twist = received(node, world, tuple)
@@ -31,7 +31,7 @@ def subscribe_twist(node: Running, world: World) -> bool:
     return True
 
 
-def received(node: Running, world: World, kind: type) -> object:
+def received(node: NodeInstance, world: World, kind: type) -> object:
     """Return the command that came since the last look, None where none of its kind did.
 
     The first look opens the subscriber.
@@ -54,7 +54,7 @@ def received(node: Running, world: World, kind: type) -> object:
 
 
 @computes("DifferentialController")
-def differential_controller(node: Running, world: World) -> bool:
+def differential_controller(node: NodeInstance, world: World) -> bool:
     """WR/nodes/OgnDifferentialController.cpp:36-140."""
     memory = node.memory
     if not memory and not _read_parameters(node, world):
@@ -80,7 +80,7 @@ def differential_controller(node: Running, world: World) -> bool:
     return True
 
 
-def _read_parameters(node: Running, world: World) -> bool:
+def _read_parameters(node: NodeInstance, world: World) -> bool:
     sizes = {name: node.number(name, world) for name in ("wheelRadius", "wheelDistance")}
     for name, size in sizes.items():
         if size <= 0:
@@ -98,7 +98,7 @@ def _within(limit: float, value: float) -> float:
 
 
 @computes("IsaacArticulationController")
-def articulation_controller(node: Running, world: World) -> bool:
+def articulation_controller(node: NodeInstance, world: World) -> bool:
     """CN/python/nodes/OgnIsaacArticulationController.py:41-300."""
     memory = node.memory
     if "machine" not in memory:
@@ -113,17 +113,17 @@ def articulation_controller(node: Running, world: World) -> bool:
     return joints is not None and _command(node, world, joints)
 
 
-def articulated(node: Running, world: World) -> Machine | None:
+def articulated(node: NodeInstance, world: World) -> Machine | None:
     """Return the articulation of a controller, None where there is none."""
     return world.machines.articulation(_robot_path(node, world))
 
 
-def _robot_path(node: Running, world: World) -> str:
+def _robot_path(node: NodeInstance, world: World) -> str:
     targets = node.targets("targetPrim")
     return node.text("robotPath", world) or (targets[0] if targets else "")
 
 
-def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None:
+def _joints(node: NodeInstance, world: World, machine: Machine) -> list[Joint] | None:
     memory = node.memory
     names = node.items("jointNames", world)
     if names and names != memory["names"]:
@@ -144,7 +144,7 @@ def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None
     return every if joints is None and not memory["names"] else joints
 
 
-def _command(node: Running, world: World, joints: list[Joint]) -> bool:
+def _command(node: NodeInstance, world: World, joints: list[Joint]) -> bool:
     position, velocity, effort = (
         node.items(f"{kind}Command", world) for kind in ("position", "velocity", "effort")
     )
@@ -172,7 +172,7 @@ def _command(node: Running, world: World, joints: list[Joint]) -> bool:
 
 
 @computes("ROS2PublishClock")
-def publish_clock(node: Running, world: World) -> bool:
+def publish_clock(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2PublishClock.cpp:40-110."""
     endpoint, ready = opened_endpoint(node, world)
     if endpoint is None or not ready:
@@ -183,7 +183,7 @@ def publish_clock(node: Running, world: World) -> bool:
 
 
 @computes("IsaacComputeOdometry")
-def compute_odometry(node: Running, world: World) -> bool:
+def compute_odometry(node: NodeInstance, world: World) -> bool:
     """CN/nodes/OgnIsaacComputeOdometry.cpp:77-360: the way since Play, seen from its start."""
     path: str | None = node.memory.get("path") or _chassis(node, world)
     if path is None:
@@ -207,7 +207,7 @@ def compute_odometry(node: Running, world: World) -> bool:
     return True
 
 
-def _chassis(node: Running, world: World) -> str | None:
+def _chassis(node: NodeInstance, world: World) -> str | None:
     """Return the body that is watched, or None where there is none."""
     targets = node.targets("chassisPrim")
     prim = world.scene.prims.get(targets[0]) if targets else None
@@ -224,7 +224,7 @@ def _chassis(node: Running, world: World) -> str | None:
 
 
 @computes("ROS2PublishOdometry")
-def publish_odometry(node: Running, world: World) -> bool:
+def publish_odometry(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2PublishOdometry.cpp:69-145."""
     endpoint, ready = opened_endpoint(node, world)
     if endpoint is None:
@@ -250,7 +250,7 @@ def publish_odometry(node: Running, world: World) -> bool:
     return True
 
 
-def _velocities(node: Running, world: World) -> tuple[Vector, Vector]:
+def _velocities(node: NodeInstance, world: World) -> tuple[Vector, Vector]:
     linear = node.vector("linearVelocity", world)
     angular = node.vector("angularVelocity", world)
     if node.flag("publishRawVelocities", world):

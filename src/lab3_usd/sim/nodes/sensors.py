@@ -11,9 +11,9 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from lab3_usd.model.dry_run import RENDER_PRODUCT, Prim
+from lab3_usd.model.dry_run import RENDER_PRODUCT, ScenePrim
 from lab3_usd.model.fault import FaultKind
-from lab3_usd.sim.execution.node_instance import Running, computes
+from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.world import Product, World, Writer, open_endpoint
 from lab3_usd.sim.lidar import Beam
 
@@ -21,7 +21,7 @@ RESOLUTION = "resolution"
 
 
 @computes("OgnIsaacRunOneSimulationFrame")
-def run_one_frame(node: Running, world: World) -> bool:
+def run_one_frame(node: NodeInstance, world: World) -> bool:
     """CN/nodes/OgnIsaacRunOneSimulationFrame.cpp:35-45."""
     del world
     if not node.memory.get("done"):
@@ -31,7 +31,7 @@ def run_one_frame(node: Running, world: World) -> bool:
 
 
 @computes("IsaacCreateRenderProduct")
-def create_render_product(node: Running, world: World) -> bool:
+def create_render_product(node: NodeInstance, world: World) -> bool:
     """CN/python/nodes/OgnIsaacCreateRenderProduct.py:77-160."""
     targets = node.targets("cameraPrim")
     if not node.flag("enabled", world):
@@ -60,7 +60,7 @@ def create_render_product(node: Running, world: World) -> bool:
     return True
 
 
-def product_of(node: Running, world: World) -> Product | None:
+def product_of(node: NodeInstance, world: World) -> Product | None:
     """Return the product of a helper that is on and not yet at work."""
     if not node.flag("enabled", world):
         world.detach(node)
@@ -75,7 +75,9 @@ def product_of(node: Running, world: World) -> Product | None:
     return product
 
 
-def attach(node: Running, world: World, product: Product, kind: str, rate: float) -> Writer | None:
+def attach(
+    node: NodeInstance, world: World, product: Product, kind: str, rate: float
+) -> Writer | None:
     """Make a writer publish a product from now on, or return None where it cannot."""
     endpoint = open_endpoint(node, world, start=product.sensor)
     node.memory["attached"] = True
@@ -111,7 +113,7 @@ SEMANTIC = (
 
 
 @computes("ROS2CameraHelper")
-def camera_helper(node: Running, world: World) -> bool:
+def camera_helper(node: NodeInstance, world: World) -> bool:
     """RN/python/nodes/OgnROS2CameraHelper.py:200-340."""
     product = product_of(node, world)
     if product is None:
@@ -130,14 +132,14 @@ def _camera_rate(world: World, product: Product) -> float:
     return _number(prim, RATE) or 0.0 if "OmniSensorAPI" in prim.apis else 0.0
 
 
-def _number(prim: Prim, name: str) -> float | None:
+def _number(prim: ScenePrim, name: str) -> float | None:
     """Return a number that a prim has, None where it has none or something else."""
     value = prim.values.get(name)
     return float(value) if isinstance(value, (int, float)) else None
 
 
 @computes("ROS2CameraInfoHelper")
-def camera_info_helper(node: Running, world: World) -> bool:
+def camera_info_helper(node: NodeInstance, world: World) -> bool:
     """RN/python/nodes/OgnROS2CameraInfoHelper.py:283-460: the lens is read once."""
     product = product_of(node, world)
     if product is None:
@@ -182,7 +184,7 @@ KINDS = ("laser_scan", "point_cloud")
 
 
 @computes("ROS2RtxLidarHelper")
-def lidar_helper(node: Running, world: World) -> bool:
+def lidar_helper(node: NodeInstance, world: World) -> bool:
     """RN/python/nodes/OgnROS2RtxLidarHelper.py:93-360."""
     product = product_of(node, world)
     if product is None:
@@ -195,7 +197,7 @@ def lidar_helper(node: Running, world: World) -> bool:
     return _publish(node, world, prim, product)
 
 
-def _publish(node: Running, world: World, prim: Prim, product: Product) -> bool:
+def _publish(node: NodeInstance, world: World, prim: ScenePrim, product: Product) -> bool:
     kind, beam = node.text("type", world), _beam(prim)
     if kind not in KINDS:
         return node.fails(f"it publishes no {kind or 'type'}", "unknown-output")
@@ -217,7 +219,7 @@ def _publish(node: Running, world: World, prim: Prim, product: Product) -> bool:
     return True
 
 
-def _with_profile(prim: Prim, world: World) -> Prim:
+def _with_profile(prim: ScenePrim, world: World) -> ScenePrim:
     """Return a lidar; what its asset or its schema would say is assumed."""
     missing = world.scene.missing.get(prim.path)
     if prim.type != "OmniLidar":
@@ -231,7 +233,7 @@ def _with_profile(prim: Prim, world: World) -> Prim:
     return replace(prim, values={**USUAL, **prim.values})
 
 
-def _note_unplayed(node: Running, world: World, prim: Prim) -> None:
+def _note_unplayed(node: NodeInstance, world: World, prim: ScenePrim) -> None:
     """Note where the rays of a lidar go elsewhere than those that are played."""
     names = [name for name, value in prim.values.items() if _goes_elsewhere(name, value)]
     circle = dict(_CIRCLE)
@@ -253,7 +255,7 @@ def _goes_elsewhere(name: str, value: Any) -> bool:
     return name in _PLAYED and value not in _PLAYED[name]
 
 
-def _beam(prim: Prim) -> Beam | None:
+def _beam(prim: ScenePrim) -> Beam | None:
     """Read the scan (:93-148); without an emitter or a range nothing comes back."""
 
     def number(name: str) -> float:

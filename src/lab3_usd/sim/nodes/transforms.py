@@ -9,12 +9,12 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
-from lab3_usd.model.dry_run import HERE, Affine, Prim, Quaternion, Scene
+from lab3_usd.model.dry_run import HERE, Affine, Quaternion, Scene, ScenePrim
 from lab3_usd.model.physics import EXCLUDED
 from lab3_usd.model.transforms import Vector
-from lab3_usd.sim.execution.node_instance import Running, computes
+from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import Message, Transform
-from lab3_usd.sim.execution.world import Endpoint, World, opened_endpoint, send
+from lab3_usd.sim.execution.world import RosEndpoint, World, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
 from lab3_usd.sim.robot.machine import Machine
 
@@ -53,7 +53,7 @@ class Tree(Struct, frozen=True):
     @classmethod
     def of(cls, scene: Scene, parent: str, targets: Sequence[str]) -> Tree:
         """Expand the targets; of a prim that is found twice the last parent counts."""
-        members: list[Prim] = []
+        members: list[ScenePrim] = []
         parents: dict[str, str] = {}
         for target in targets:
             prim = scene.prims.get(target)
@@ -65,7 +65,7 @@ class Tree(Struct, frozen=True):
         top = frame_name(scene.prims[parent]) if parent in scene.prims else "world"
         top_prim = parent if parent in scene.prims else ""
 
-        def pair(prim: Prim, name: str) -> Pair:
+        def pair(prim: ScenePrim, name: str) -> Pair:
             above = parents[prim.path]
             is_frame = above in by_path
             return Pair(
@@ -79,7 +79,7 @@ class Tree(Struct, frozen=True):
         return cls(tuple(map(pair, members, names)))
 
 
-def _expanded(scene: Scene, prim: Prim, parent: str) -> Iterator[tuple[Prim, str]]:
+def _expanded(scene: Scene, prim: ScenePrim, parent: str) -> Iterator[tuple[ScenePrim, str]]:
     """Yield what a target stands for, each with the prim that its frame hangs below."""
     if ROOT in prim.apis:
         bodies = [part for part in scene.below(prim.path) if BODY in part.apis]
@@ -106,7 +106,7 @@ def _expanded(scene: Scene, prim: Prim, parent: str) -> Iterator[tuple[Prim, str
     yield prim, ""
 
 
-def _joint_parents(scene: Scene, robot: Prim) -> dict[str, str]:
+def _joint_parents(scene: Scene, robot: ScenePrim) -> dict[str, str]:
     parents: dict[str, str] = {}
     for path in robot.targets.get("isaac:physics:robotJoints", ()):
         joint = scene.prims.get(path)
@@ -118,12 +118,12 @@ def _joint_parents(scene: Scene, robot: Prim) -> dict[str, str]:
     return parents
 
 
-def frame_name(prim: Prim) -> str:
+def frame_name(prim: ScenePrim) -> str:
     """Return the frame of a prim: its override, else the prim's own name."""
     return str(prim.values.get("isaac:nameOverride") or "") or prim.path.rpartition("/")[2]
 
 
-def _names(prims: Sequence[Prim]) -> list[str]:
+def _names(prims: Sequence[ScenePrim]) -> list[str]:
     """Return the names of frames; of several that want one, the longest path has it (:889-945)."""
     deepest: dict[str, int] = {}
     for number, prim in enumerate(prims):
@@ -193,7 +193,7 @@ TF = "tf2_msgs/msg/TFMessage"
 
 
 @computes("ROS2PublishRawTransformTree")
-def publish_raw_transform(node: Running, world: World) -> bool:
+def publish_raw_transform(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2PublishRawTransformTree.cpp:60-140."""
     endpoint, ready = opened_endpoint(node, world)
     if endpoint is None:
@@ -212,7 +212,7 @@ def publish_raw_transform(node: Running, world: World) -> bool:
 
 
 def _send_tree(
-    node: Running, world: World, endpoint: Endpoint, tree: tuple[Transform, ...]
+    node: NodeInstance, world: World, endpoint: RosEndpoint, tree: tuple[Transform, ...]
 ) -> bool:
     static = node.flag("staticPublisher", world)
     if static and node.memory.get("sent"):
@@ -224,7 +224,7 @@ def _send_tree(
 
 
 @computes("IsaacComputeTransformTree")
-def compute_transform_tree(node: Running, world: World) -> bool:
+def compute_transform_tree(node: NodeInstance, world: World) -> bool:
     """CN/nodes/OgnIsaacComputeTransformTree.cpp."""
     tree: Tree | None = node.memory.get("tree")
     if tree is None:
@@ -245,7 +245,7 @@ def compute_transform_tree(node: Running, world: World) -> bool:
 
 
 @computes("ROS2PublishTransformTree")
-def publish_transform_tree(node: Running, world: World) -> bool:
+def publish_transform_tree(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2PublishTransformTree.cpp:60-300: where from is decided once, at creation."""
     memory = node.memory
     if "endpoint" not in memory:

@@ -9,7 +9,7 @@ import math
 
 from lab3_usd.model.dry_run import AXES, Affine, about, rotation, turned
 from lab3_usd.model.transforms import Vector, length, minus
-from lab3_usd.sim.execution.node_instance import Running, computes
+from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import Message, Steering
 from lab3_usd.sim.execution.world import World, opened_endpoint, send
 from lab3_usd.sim.nodes.robot import received
@@ -20,7 +20,7 @@ _NO_LIMIT = math.inf
 
 
 @computes("ROS2SubscribeAckermannDrive")
-def subscribe_ackermann(node: Running, world: World) -> bool:
+def subscribe_ackermann(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2SubscribeAckermann.cpp:30-175: outputs hold the last message."""
     is_open = node.memory.get("endpoint") is not None
     steering = received(node, world, Steering)
@@ -33,7 +33,7 @@ def subscribe_ackermann(node: Running, world: World) -> bool:
 
 
 @computes("ROS2PublishAckermannDrive")
-def publish_ackermann(node: Running, world: World) -> bool:
+def publish_ackermann(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2PublishAckermann.cpp:30-130."""
     endpoint, ready = opened_endpoint(node, world)
     if endpoint is None or not ready:
@@ -46,7 +46,7 @@ def publish_ackermann(node: Running, world: World) -> bool:
 
 
 @computes("AckermannController")
-def ackermann_controller(node: Running, world: World) -> bool:
+def ackermann_controller(node: NodeInstance, world: World) -> bool:
     """WC/controllers/ackermann_controller.py:67-180: sizes are read once."""
     memory = node.memory
     if not memory:
@@ -95,7 +95,7 @@ def _ramped(before: float, wanted: float, step: float, reached: float) -> float:
 
 
 def _wheels(
-    node: Running, v: float, angle: float, radii: tuple[float, float]
+    node: NodeInstance, v: float, angle: float, radii: tuple[float, float]
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the angles of the front wheels, and how fast all four turn: front, then back."""
     base, half = node.memory["wheelBase"], node.memory["trackWidth"] / 2
@@ -118,7 +118,7 @@ def _wheels(
 
 
 @computes("HolonomicController")
-def holonomic_controller(node: Running, world: World) -> bool:
+def holonomic_controller(node: NodeInstance, world: World) -> bool:
     """WC/controllers/holonomic_controller.py:58-190: the least speeds that add up to a command.
 
     Its program is solved in closed form, as it has equations alone.
@@ -152,7 +152,7 @@ def holonomic_controller(node: Running, world: World) -> bool:
     return True
 
 
-def _columns(node: Running, world: World) -> list[tuple[Vector, float]] | None:
+def _columns(node: NodeInstance, world: World) -> list[tuple[Vector, float]] | None:
     """Return what each wheel adds to the motion (x, y, turn), and its weight."""
     radii, places, turns, angles = (
         node.items(name, world)
@@ -179,7 +179,7 @@ def _columns(node: Running, world: World) -> list[tuple[Vector, float]] | None:
 
 
 @computes("HolonomicRobotUsdSetup")
-def holonomic_setup(node: Running, world: World) -> bool:
+def holonomic_setup(node: NodeInstance, world: World) -> bool:
     """WC/robots/holonomic_robot_usd_setup.py:40-90: the joints that IsaacMecanumWheelAPI marks."""
     paths = [node.text(f"{name}PrimPath", world) for name in ("robot", "com")]
     if not node.flag("usePath", world):

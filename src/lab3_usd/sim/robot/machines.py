@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from msgspec.structs import replace
 
-from lab3_usd.model.dry_run import AXES, HERE, Affine, Prim, Scene, rotation
+from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, ScenePrim, rotation
 from lab3_usd.model.physics import EXCLUDED, MASS, SCENE, is_down, is_felt, limits, number
 from lab3_usd.model.traction import (
     MATERIAL_API,
@@ -34,18 +34,18 @@ from lab3_usd.sim.robot.machine import (
 BODY, ROOT, COLLIDER = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI", "PhysicsCollisionAPI"
 
 
-def is_dynamic(prim: Prim) -> bool:
+def is_dynamic(prim: ScenePrim) -> bool:
     """Whether a prim is a body that moves."""
     on = prim.values.get("physics:rigidBodyEnabled") is not False
     return BODY in prim.apis and on and not prim.values.get("physics:kinematicEnabled")
 
 
-def is_kinematic(prim: Prim) -> bool:
+def is_kinematic(prim: ScenePrim) -> bool:
     """Whether a prim is a body that nothing moves."""
     return BODY in prim.apis and prim.values.get("physics:kinematicEnabled") is True
 
 
-def collides(prim: Prim) -> bool:
+def collides(prim: ScenePrim) -> bool:
     """Whether a prim is a collision shape."""
     return COLLIDER in prim.apis and prim.values.get("physics:collisionEnabled") is not False
 
@@ -71,7 +71,7 @@ class Bodies:
                 break
         return ""
 
-    def joint(self, prim: Prim) -> Joint | None:
+    def joint(self, prim: ScenePrim) -> Joint | None:
         """Return the joint of a prim, None where it makes none."""
         on = prim.values.get("physics:jointEnabled") is not False
         if prim.type not in JOINTS or not on:
@@ -116,7 +116,7 @@ class Bodies:
         bodies = (prim.path for prim in self.scene.above(path) if is_kinematic(prim))
         return next(bodies, "")
 
-    def _frame(self, prim: Prim, number: int, ends: tuple[str, ...], body: str) -> Affine:
+    def _frame(self, prim: ScenePrim, number: int, ends: tuple[str, ...], body: str) -> Affine:
         """Return the frame of a joint in its body, without scale."""
         at = prim.values.get(f"physics:localPos{number}") or (0.0, 0.0, 0.0)
         turn = rotation(prim.values.get(f"physics:localRot{number}") or (1.0, 0.0, 0.0, 0.0))
@@ -126,7 +126,7 @@ class Bodies:
         return owner.inverse().then(inside).rigid()
 
 
-def _rollers(prim: Prim) -> tuple[float, float] | None:
+def _rollers(prim: ScenePrim) -> tuple[float, float] | None:
     """Return how the rollers of a wheel stand to its axle, and its radius; None without any.
 
     So says IsaacMecanumWheelAPI (holonomic_robot_usd_setup.py:58-60).
@@ -135,7 +135,7 @@ def _rollers(prim: Prim) -> tuple[float, float] | None:
     return None if angle is None or radius is None else (math.radians(angle), radius)
 
 
-def assembled(bodies: dict[str, Prim], joints: list[Joint]) -> list[Machine]:
+def assembled(bodies: dict[str, ScenePrim], joints: list[Joint]) -> list[Machine]:
     """Sort bodies into machines; each is placed from its root over its joints."""
     ends: dict[str, list[Joint]] = {body: [] for body in bodies}
     for joint in joints:
@@ -154,7 +154,7 @@ def assembled(bodies: dict[str, Prim], joints: list[Joint]) -> list[Machine]:
     return machines
 
 
-def _machine(base: str, bodies: dict[str, Prim], ends: dict[str, list[Joint]]) -> Machine:
+def _machine(base: str, bodies: dict[str, ScenePrim], ends: dict[str, list[Joint]]) -> Machine:
     rest, waiting, held = {base: HERE}, deque([base]), False
     parents: dict[str, Joint] = {}
     moving: dict[str, Joint] = {}

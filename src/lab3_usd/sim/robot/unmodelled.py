@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from lab3_usd.model.dry_run import Affine, Prim, Scene
+from lab3_usd.model.dry_run import Affine, Scene, ScenePrim
 from lab3_usd.model.physics import MASS, SCENE, number, numbers, vector
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.sim.robot.machine import HINGE, Joint, Machine
@@ -104,14 +104,14 @@ def unmodelled(machines: Machines, robot: Machine) -> dict[str, str]:
     return dict(reversed(found))  # the first of each
 
 
-def _bad(prim: Prim, table: Mapping[str, Harmless]) -> Iterator[tuple[str, str]]:
+def _bad(prim: ScenePrim, table: Mapping[str, Harmless]) -> Iterator[tuple[str, str]]:
     for name, value in prim.values.items():
         switch = next((at for start, at in _SWITCHES.items() if name.startswith(start)), "")
         if name in table and not table[name](value) and prim.values.get(switch) is not False:
             yield prim.path, f"{name} is {value}"
 
 
-def _of_joint(prim: Prim, machines: Machines, robot: Machine) -> Iterator[tuple[str, str]]:
+def _of_joint(prim: ScenePrim, machines: Machines, robot: Machine) -> Iterator[tuple[str, str]]:
     ends = [prim.targets.get(f"physics:body{number}", ()) for number in (0, 1)]
     if not any(end and machines.body_of(end[0]) in robot.rest for end in ends):
         return
@@ -135,9 +135,9 @@ def _needed(joint: Joint, machines: Machines, robot: Machine) -> float:
     return _SLOWEST if joint.kind == HINGE else math.radians(_SLOWEST) / unit
 
 
-def _leaning(bodies: list[Prim], robot: Machine) -> Iterator[tuple[str, str]]:
+def _leaning(bodies: list[ScenePrim], robot: Machine) -> Iterator[tuple[str, str]]:
     """Yield the centre of mass by which a robot's own is beside it, so that it tips over."""
-    moments: list[tuple[float, float, Prim]] = []
+    moments: list[tuple[float, float, ScenePrim]] = []
     total = 0.0
     for body in bodies:
         mass, centre = number(body.values.get(MASS)) or 0.0, vector(body.values.get(_CENTRE))
@@ -151,7 +151,7 @@ def _leaning(bodies: list[Prim], robot: Machine) -> Iterator[tuple[str, str]]:
         yield body.path, f"{_CENTRE} is {body.values[_CENTRE]}"
 
 
-def _owned(scene: Scene, prims: list[Prim]) -> Iterator[tuple[str, str]]:
+def _owned(scene: Scene, prims: list[ScenePrim]) -> Iterator[tuple[str, str]]:
     """Yield what belongs to a scene that the rest does not; of several nobody says which."""
     scenes = [prim.path for prim in scene.prims.values() if prim.type == SCENE]
     usual = scenes[0] if len(scenes) == 1 else ""
@@ -189,7 +189,7 @@ def _below(top: str) -> Callable[[str], bool]:
     return lambda path: is_at_or_below(path, top)
 
 
-def _members(group: Prim) -> Callable[[str], bool]:
+def _members(group: ScenePrim) -> Callable[[str], bool]:
     """Return whether a shape is in a group; an expression could take in any."""
     inside, outside = (group.targets.get(f"{_COLLIDERS}{n}", ()) for n in ("includes", "excludes"))
     every = bool(group.values.get(f"{_COLLIDERS}membershipExpression"))

@@ -28,7 +28,7 @@ from lab3_usd.stage.compare.pairs import (
 )
 from lab3_usd.stage.compare.values import (
     POSE,
-    Tolerance,
+    ValueTolerance,
     display_value,
     matrix_of,
     pattern,
@@ -38,7 +38,7 @@ from lab3_usd.stage.compare.values import (
 )
 from lab3_usd.stage.read.opening import quiet
 
-_SINGLE_PRECISION = Tolerance(number=1e-6, length=1e-5, angle=0.01, scale=1e-5)
+_SINGLE_PRECISION = ValueTolerance(number=1e-6, length=1e-5, angle=0.01, scale=1e-5)
 # What sensors are set by, which a starter has none of.
 _SENSORS = ("isaac:*", "omni:*")
 

@@ -29,7 +29,7 @@ from lab3_usd.stage.compare.pairs import (
 from lab3_usd.stage.compare.prims import added_changes, differences
 from lab3_usd.stage.compare.values import (
     Terms,
-    Tolerance,
+    ValueTolerance,
     affects_physics,
     body_of,
     classifier,
@@ -84,7 +84,7 @@ def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool
     return Terms(
         rules=rules,
         classes=classifier(rules),
-        tolerance=Tolerance(tolerance.number, length, tolerance.sensor_angle, tolerance.scale),
+        tolerance=ValueTolerance(tolerance.number, length, tolerance.sensor_angle, tolerance.scale),
         mass=tolerance.mass,
         root=robot.path,
         articulated=tuple(filter(None, (robot.path, robot.articulation.target))),

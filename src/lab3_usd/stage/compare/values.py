@@ -28,7 +28,7 @@ Class = Literal["never", "physics", "pose", "shape", "look", "other"]
 POSE = "xformOp"
 
 
-class Tolerance(Struct, frozen=True):
+class ValueTolerance(Struct, frozen=True):
     """Up to what two numbers (relatively) and two places are the same.
 
     `length` is in stage units, `angle` in degrees, `scale` relative.
@@ -49,7 +49,7 @@ class Terms(Struct, frozen=True):
 
     rules: StarterRules
     classes: Callable[[str], Class]
-    tolerance: Tolerance
+    tolerance: ValueTolerance
     mass: float
     root: str
     articulated: tuple[str, ...]
@@ -228,7 +228,7 @@ def _short(value: Value | None) -> Value | None:
     return value
 
 
-def same_place(was: Gf.Matrix4d, now: Gf.Matrix4d, tolerance: Tolerance) -> str:
+def same_place(was: Gf.Matrix4d, now: Gf.Matrix4d, tolerance: ValueTolerance) -> str:
     """Say how two transforms differ: 'moved', 'turned' or 'scaled'; '' where they do not."""
     if (was.ExtractTranslation() - now.ExtractTranslation()).GetLength() > tolerance.length:
         return "moved"

@@ -10,7 +10,16 @@ from pxr import Usd, UsdGeom
 
 from lab3_usd.isaac.names import OtherName
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.dry_run import HERE, RENDER_PRODUCT, Affine, Graph, Input, Node, Prim, Scene
+from lab3_usd.model.dry_run import (
+    HERE,
+    RENDER_PRODUCT,
+    Affine,
+    Input,
+    Scene,
+    SceneGraph,
+    SceneNode,
+    ScenePrim,
+)
 from lab3_usd.stage.read.assets import find_unresolved
 from lab3_usd.stage.read.properties import CENTIMETRES, stage_number, targets_of
 from lab3_usd.stage.read.transforms import ORDER
@@ -41,8 +50,8 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
     """Read a stage as it is composed; types and ports of nodes have their names of the platform."""
     time = Usd.TimeCode(stage.GetStartTimeCode())
     graphs: dict[str, Usd.Prim] = {}
-    nodes: dict[str, list[Node]] = {}
-    prims: dict[str, Prim] = {}
+    nodes: dict[str, list[SceneNode]] = {}
+    prims: dict[str, ScenePrim] = {}
     everything = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
         path, kind = str(prim.GetPath()), str(prim.GetTypeName())
@@ -74,7 +83,7 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
         unit if LEAST_UNIT <= unit <= 1.0 / LEAST_UNIT else 1.0,
         str(stage.GetMetadata("upAxis")),
         tuple(
-            Graph(
+            SceneGraph(
                 path,
                 str(_value(prim, "evaluator:type") or "push"),
                 str(_value(prim, "pipelineStage") or "pipelineStageSimulation"),
@@ -93,13 +102,13 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
     )
 
 
-def _of_platform(node: Node, platform: Platform) -> Node:
+def _of_platform(node: SceneNode, platform: Platform) -> SceneNode:
     """Return a node whose type has the name that the platform has for it."""
     name = platform.type_name(node.type)
     return node if name == node.type else replace(node, type=name)
 
 
-def _named(node: Node, known: Mapping[str, Mapping[str, OtherName]]) -> Node:
+def _named(node: SceneNode, known: Mapping[str, Mapping[str, OtherName]]) -> SceneNode:
     """Return a node whose ports, and those that feed it, have their names of the platform."""
     if not known:
         return node
@@ -122,7 +131,7 @@ def _named(node: Node, known: Mapping[str, Mapping[str, OtherName]]) -> Node:
     return replace(node, inputs=inputs, targets=own(node.targets))
 
 
-def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> Node:
+def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> SceneNode:
     inputs, targets = {}, {}
     for name in map(str, prim.GetAuthoredPropertyNames()):
         if not name.startswith("inputs:"):
@@ -133,7 +142,7 @@ def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> Node:
         else:
             targets[name] = tuple(map(str, targets_of(prim.GetRelationship(name))))
     version = _value(prim, "node:typeVersion")
-    return Node(
+    return SceneNode(
         path,
         str(_value(prim, "node:type") or ""),
         version if isinstance(version, int) else 0,
@@ -174,8 +183,8 @@ def _size(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Any:
 
 
 def _prim(
-    prim: Usd.Prim, path: str, kind: str, time: Usd.TimeCode, before: dict[str, Prim]
-) -> Prim:
+    prim: Usd.Prim, path: str, kind: str, time: Usd.TimeCode, before: dict[str, ScenePrim]
+) -> ScenePrim:
     values, targets = {}, {}
     has_sizes, is_placed = kind in SHAPES or kind == "Camera", False
     for authored in prim.GetAuthoredProperties():
@@ -203,7 +212,7 @@ def _prim(
         xform = UsdGeom.Xformable(prim)
         local, is_loose = _affine(xform.GetLocalTransformation(time)), xform.GetResetXformStack()
     above = parent.world if parent and not is_loose else HERE
-    return Prim(
+    return ScenePrim(
         path,
         kind,
         frozenset(prim.GetPrimTypeInfo().GetAppliedAPISchemas()),
