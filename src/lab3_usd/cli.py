@@ -62,7 +62,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command that is called; of one that does not exist, say which are like it."""
+        """Find the called command; for an unknown name, suggest similar ones."""
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
             from difflib import get_close_matches
@@ -157,7 +157,7 @@ def lab3() -> None:
 
 
 def run() -> NoReturn:
-    """Run the command line, and leave at once: taking down usd-core and Python only takes time.
+    """Run the command line and exit at once, without tearing down usd-core and Python.
 
     Where threads are left, they are waited for as ever.
     """
@@ -222,7 +222,7 @@ def _write_utf8() -> None:
 
 
 def _close_output() -> None:
-    """Let what is still to be printed go nowhere."""
+    """Discard all further output."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -1,4 +1,4 @@
-"""Compares two stages in words of the lab: graphs, scene, topics and frames."""
+"""Compares two stages: graphs, scene, topics and frames."""
 
 from __future__ import annotations
 
@@ -243,7 +243,7 @@ def _input(was: Node, now: Node, name: str, pairs: StagePairs) -> Iterator[Stage
 
 
 class Comparison(Struct, frozen=True):
-    """What differs between two stages, and which graph of one is which of the other."""
+    """The differences between two stages, and how their graphs are paired."""
 
     diff: StageDiff
     pairs: StagePairs

@@ -1,4 +1,4 @@
-"""Writes files whole: a reader sees the old file or the new one, never a half of it."""
+"""Writes files atomically: a reader sees the old file or the new one, never a part."""
 
 from __future__ import annotations
 

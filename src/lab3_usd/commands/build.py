@@ -91,7 +91,7 @@ def _numbers(known: list[str], through: str | None, only: str | None) -> list[st
 
 
 def _warn_of_deviations(starter: Path) -> None:
-    """Say what is merely unlike the handout in a starter that was built on all the same.
+    """Print a warning for each deviation of a usable starter from the handout.
 
     What the first checkpoint adds is none of it.
     """

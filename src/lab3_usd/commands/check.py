@@ -81,7 +81,7 @@ _TRUSTING = ("checkpoint", "maps", "sim", "native", "require_evidence", "config_
 
 
 def _refuse_trust(options: Mapping[str, Any]) -> None:
-    """Refuse what would open files of a stranger outside of a worker, or judge by them.
+    """Refuse options that open untrusted files outside a worker, or judge by them.
 
     Raises:
         UsageError: such an option is given, or no starter.
@@ -103,7 +103,7 @@ def _refuse_trust(options: Mapping[str, Any]) -> None:
 
 
 def _untrusting_judge(options: Mapping[str, Any]) -> Judge:
-    """Say how submissions of strangers are judged: one after the other, in a worker each."""
+    """Return the judge of untrusted submissions: one after the other, each in a worker."""
     from lab3_usd.commands.shared.judging import Judge
 
     starter, assets = Path(options["starter"]), asset_places(options["assets"])
@@ -119,7 +119,7 @@ def _notify(line: str) -> None:
 
 
 def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
-    """Say how stages and submissions are found and judged.
+    """Return the judge of stages and submissions.
 
     Raises:
         UsageError: the checkpoint is unknown, or usd-core has no validators.

@@ -20,7 +20,7 @@ SHELLS = ("bash", "zsh", "fish", "powershell")
 
 @add_completion_class
 class PowerShellComplete(ShellComplete):
-    """Completion in PowerShell, on every system; files it completes itself, where nothing comes."""
+    """Completion in PowerShell, which completes file names itself if nothing is offered."""
 
     name: ClassVar[str] = "powershell"
     source_template: ClassVar[str] = """\
@@ -52,7 +52,7 @@ Register-ArgumentCompleter -Native -CommandName %(prog_name)s -ScriptBlock {
         return f"{item.value}\t{item.help or item.value}"
 
     def get_completions(self, args: list[str], incomplete: str) -> list[CompletionItem]:
-        """Leave out what says that files are meant."""
+        """Leave out the markers that ask a shell to complete file names."""
         items = super().get_completions(args, incomplete)
         return [item for item in items if item.type == "plain"]
 

@@ -1,4 +1,4 @@
-"""`lab3 config`: which configuration is in force, and where it comes from."""
+"""`lab3 config`: the effective configuration, and its sources."""
 
 from __future__ import annotations
 

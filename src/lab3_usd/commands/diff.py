@@ -1,4 +1,4 @@
-"""`lab3 diff`: what differs between two stages, in words of the lab."""
+"""`lab3 diff`: the differences between two stages."""
 
 from __future__ import annotations
 

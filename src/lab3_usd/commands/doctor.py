@@ -37,7 +37,7 @@ State = Literal["ok", "missing", "bad"]
 
 
 class Diagnosis(Struct, frozen=True):
-    """What was looked at and found: `missing` is optional, `bad` is needed.
+    """The state of one component: a `missing` one is optional, a `bad` one is required.
 
     `command` adds what is missing.
     """

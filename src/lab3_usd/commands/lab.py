@@ -30,7 +30,7 @@ from lab3_usd.stage.read.reader import read_stage
 
 
 def make_lab(folder: Path, stages: Sequence[Path]) -> int:
-    """Write a lab after its stages, hold them against it, say what came of it: the exit code.
+    """Write a lab from its stages, check them against it, and return the exit code.
 
     Raises:
         StageError: a stage cannot be read.
@@ -77,7 +77,7 @@ def _refuse_missing(stages: Sequence[Path]) -> None:
 
 
 def _say_faults(lab: Lab, stages: Sequence[Path]) -> list[LabFault]:
-    """Print and return what contradicts itself in a lab, and what it names and no stage has.
+    """Print and return contradictions in a lab, and names that no stage has.
 
     Points and checklists are held against a lab that agrees with itself.
 
@@ -105,7 +105,7 @@ def _say_faults(lab: Lab, stages: Sequence[Path]) -> list[LabFault]:
 
 
 def _known(path: Path, lab: Lab) -> KnownScene:
-    """Return the prims of a stage; what an asset holds that was not found, is not known."""
+    """Return the prims of a stage; those below a missing asset are unknown."""
     stage = read_stage(path, lab.platform)
     prims = frozenset(name for name, prim in stage.prims.items() if prim.present)
     open_below = tuple(f"{asset.prim.rstrip('/')}/" for asset in stage.unresolved)
@@ -113,7 +113,7 @@ def _known(path: Path, lab: Lab) -> KnownScene:
 
 
 def _judge(stage: Path, step: Step, lab: Lab) -> bool:
-    """Check and play a stage, print what is wrong and what it comes to; whether it passes both."""
+    """Check and play a stage, print faults and results, and return whether it passes both."""
     result = check_stage(stage, step.id, lab)
     for finding in result.findings:
         if finding.severity == "error":

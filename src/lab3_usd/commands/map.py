@@ -20,7 +20,7 @@ FARTHEST = 100_000.0  # metres; no laboratory is larger, and larger numbers lose
 
 
 class Metres(click.FloatRange):
-    """A length that is a number: `nan` lies in every range of click's own."""
+    """A length in metres; refuses `nan`, which click's own ranges accept."""
 
     name = "metres"
 
@@ -100,7 +100,7 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
 
 
 def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
-    """Cut the stage, and say what is not on the map."""
+    """Slice the stage, and print what the map leaves out."""
     from lab3_usd.report.entries import plural
     from lab3_usd.stage.lidar_plane import SliceOptions, slice_stage
     from lab3_usd.stage.read.opening import open_stage

@@ -1,1 +1,1 @@
-"""What a course or a student sets once for all commands, in a file beside the stages."""
+"""Configuration files: settings for all commands, beside the stages."""

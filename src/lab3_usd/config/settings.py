@@ -1,4 +1,4 @@
-"""The configuration: which keys there are, what each may hold, and how findings change by it."""
+"""The keys of the configuration, their values, and how they change findings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lab3_usd.model.finding import SEVERITIES, Finding, Severity, family_of, is_
 
 
 class Config(Struct, frozen=True):
-    """What is set: None or empty where nothing is.
+    """The configuration; a key that is not set is None or empty.
 
     `file` holds it. `per_file_ignores` and `checkpoints` are by patterns of file names, or of
     paths below the folder of `file`, as those of `exclude` and `extend_exclude` are; `severity` is

@@ -1,4 +1,4 @@
-"""Reads untrusted YAML into plain data: text, truth values, and numbers one can compute with."""
+"""Reads untrusted YAML into plain data: text, booleans and finite numbers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _Construct = Callable[[Any, Any], Any]
 
 # libyaml, fast as it is, ends the process where a file is nested too deep.
 class PlainLoader(yaml.SafeLoader):
-    """A safe loader that leaves as text what is no finite number, and dates and the like.
+    """A safe loader that keeps dates, and numbers that are not finite, as text.
 
     It refuses what it would take minutes to read.
     """

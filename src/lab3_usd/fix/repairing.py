@@ -42,7 +42,7 @@ Changes = Mapping[tuple[str, Site], tuple[TextChange, ...]]
 
 
 class Attempt(Struct, frozen=True):
-    """What came of some repairs: the findings afterwards, and the new bytes of each file.
+    """The result of some repairs: the remaining findings, and the new bytes of each file.
 
     `states` are the files as they were read. `error` says why the result cannot be used; '' where
     it can.
@@ -76,7 +76,7 @@ class FixOptions(Struct, frozen=True):
 
 
 class Fixed(Struct, frozen=True):
-    """What came of a repair: the findings before and after, and the new bytes of each file.
+    """The result of a repair: the findings before and after, and the new bytes of each file.
 
     `states` are the files as they were read, `left_out` says why a repair was not made, and
     `judge_again` judges the stage in another file as this one was judged.
@@ -294,7 +294,7 @@ def _make_edits(session: EditSession, repairs: Iterable[Repair]) -> None:
 
 
 def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Attempt]) -> Chosen:
-    """Repair as many of these findings as do no harm.
+    """Repair as many of these findings as cause no new ones.
 
     All are tried at once. Where that brings something new to find, leaves one of them as it was,
     or cannot be written, each half is tried by itself, and so on down to a single repair.
@@ -325,7 +325,7 @@ def _messages(site: Site, attempt: Attempt) -> list[str]:
 
 
 def _helps(tried: Attempt, best: Attempt) -> bool:
-    """Whether something is repaired, and nothing is found that was not found before."""
+    """Whether a finding is repaired and no new one appears."""
     known = {site_of(finding) for finding in best.after}
     is_new = any(
         site_of(finding) not in known for finding in tried.after if finding.severity != "note"
@@ -334,7 +334,7 @@ def _helps(tried: Attempt, best: Attempt) -> bool:
 
 
 def _is_harmless(tried: Attempt, best: Attempt, site: Site) -> bool:
-    """Whether no more is found than before, and no error away from what was repaired.
+    """Whether no findings are added, and no error elsewhere.
 
     An error there may have been hidden behind the repaired one; elsewhere the repair brought it.
     """

@@ -1,4 +1,4 @@
-"""Where the parts of a text layer stand: blocks, their metadata, their statements."""
+"""The syntax tree of a text layer: blocks, metadata and statements, as offsets."""
 
 from __future__ import annotations
 

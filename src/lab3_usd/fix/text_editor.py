@@ -46,7 +46,7 @@ _Parts = tuple[str, str, str]  # words, value, metadata
 
 
 class Splice(NamedTuple):
-    """What is between two offsets gives way to a text."""
+    """A text that replaces what is between two offsets."""
 
     start: int
     end: int

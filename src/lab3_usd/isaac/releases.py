@@ -31,7 +31,7 @@ def order(release: str) -> tuple[int, ...]:
 
 
 class TypeChanges(Struct, frozen=True):
-    """What a node type of another release has otherwise: ports by full name, defaults and tokens.
+    """How a node type differs in another release: ports by full name, defaults and tokens.
 
     `ports` are those that only that release has, `message` kinds of messages. A release that offers
     other kinds and has none of its own takes no others.

@@ -32,7 +32,7 @@ from lab3_usd.spec.submission import named_checkpoint
 
 
 def opens_all(_name: str) -> str:
-    """Have nothing against opening a recording."""
+    """Allow each recording to be opened."""
     return ""
 
 
@@ -140,7 +140,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
 
 
 def _is_concluded(contents: FolderContents) -> bool:
-    """Whether a folder holds what is made when all else is done: the report, say."""
+    """Whether a folder contains a deliverable that concludes the work, such as the report."""
     held = contents.listing.deliverables
     return any(
         deliverable.concludes and len(held.get(name, ())) >= deliverable.at_least
@@ -172,7 +172,7 @@ def _results(
 
 
 def _digest(path: Path) -> str:
-    """Return what tells a file from others; its own path where it cannot be read."""
+    """Return the digest of a file; its path if it cannot be read."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError:
@@ -210,7 +210,7 @@ def find_starters(
 
 
 def _holds(own: Starter, trusted: Starter | None, lab: Lab) -> Iterator[str]:
-    """Yield what a starter holds that only the lab adds, or has otherwise than the supplied one."""
+    """Yield what a starter should not contain yet, or what differs from the supplied one."""
     from lab3_usd.stage.compare.starter import compare_starter
     from lab3_usd.stage.read.reader import read_model
 

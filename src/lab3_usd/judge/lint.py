@@ -1,4 +1,4 @@
-"""Reads any stage, has it judged without a spec, and places what was found in its files."""
+"""Lints one stage: reads it, runs the rules, and finds the lines of the findings."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def lint_open_stage(stage: Any) -> RuleResults:
 
 
 class RosStage(Struct, frozen=True):
-    """A stage to ask for what it says in ROS, and what of it is not known."""
+    """A stage whose topics and frames are listed, and its nodes of unknown type."""
 
     subject: LintSubject
     coverage: NodeCoverage

@@ -1,4 +1,4 @@
-"""Results of stages: verdicts, and findings in order, at their places and not ignored there."""
+"""The result of a stage: its verdict, and its findings in order, located and not ignored."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reads one stage, has it judged, and places what was found in its files."""
+"""Checks one stage: reads it, runs the rules, and finds the lines of the findings."""
 
 from __future__ import annotations
 

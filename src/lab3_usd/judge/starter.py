@@ -29,7 +29,7 @@ _FaultKey = tuple[str, str, str | None, str | None]
 
 
 class Starter(Struct, frozen=True):
-    """An open starter, and what the rules of the scene say of it: no student's fault."""
+    """An open starter, and its own faults, which are not the student's."""
 
     path: Path
     stage: Any

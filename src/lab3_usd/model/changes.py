@@ -1,4 +1,4 @@
-"""Changes as data: what differs between stages, and what a repair has to change."""
+"""Changes as data: differences between stages, and the edits of repairs."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ Edit: TypeAlias = (
 
 
 class Repair(Struct, frozen=True):
-    """The edits that settle one finding, with a title for people.
+    """The edits that repair one finding, with a title.
 
     A repair is `safe` where it changes values, connections, targets or schemas of prims that are
     there. One that adds, removes or moves prims is done only when it is asked for.
@@ -162,7 +162,7 @@ def repair_by(edits: tuple[Edit, ...]) -> Repair:
 
 
 class TextChange(Struct, frozen=True):
-    """Lines of a file that give way to others; `first` counts from 0, `last` is not included."""
+    """Lines of a file to replace; `first` counts from 0, `last` is not included."""
 
     file: str
     first: int
@@ -180,7 +180,7 @@ EDITS: tuple[ChangeKind, ...] = ("removed", "changed", "added")
 
 
 class StageChange(Struct, frozen=True):
-    """One thing in which the second stage is not as the first.
+    """One difference between two stages.
 
     `path` is a prim, named as the second stage names it where both have it; of a topic it is the
     name, of a transform the child frame. `was` and `now` are words for people, '' for nothing.
@@ -195,7 +195,7 @@ class StageChange(Struct, frozen=True):
 
 
 class StageDiff(Struct, frozen=True):
-    """Two stages by the names they were given, and everything in which they differ."""
+    """Two stages by their given names, and all their differences."""
 
     before: str
     after: str
@@ -209,7 +209,7 @@ Site = tuple[str, str | None]
 
 
 class Difference(Struct, frozen=True):
-    """One thing that is not as the starter has it; `property` is empty for types and schemas."""
+    """One difference from the starter; `property` is empty for types and schemas."""
 
     kind: Kind
     property: str
@@ -219,7 +219,7 @@ class Difference(Struct, frozen=True):
 
 
 class Change(Struct, frozen=True):
-    """One prim of the starter that is not as it was.
+    """A prim of the starter that was changed.
 
     `absent` says why the prim is not in the stage, empty where it is: then `count` prims went
     with it, and `physics` tells whether any of them collides, moves or joins. `related` are the

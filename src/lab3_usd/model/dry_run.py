@@ -1,4 +1,4 @@
-"""What a dry run reads and shows, as plain data."""
+"""The scene that a dry run plays, and its results, as plain data."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Affine(NamedTuple):
         return turned(self.rows, direction)
 
     def then(self, inner: Affine) -> Affine:
-        """Return the place of something that stands at `inner` in this place's frame."""
+        """Return the composition with `inner`, a pose in this frame."""
         (a, b, c), (d, e, f), (g, h, i) = self.rows
         (p, q, r), (s, t, u), (v, w, x) = inner.rows
         rows = (
@@ -51,7 +51,7 @@ class Affine(NamedTuple):
         return Affine(rows, origin)
 
     def inverse(self) -> Affine:
-        """Return the way back; a place without volume has none and gives zeros."""
+        """Return the inverse; zeros for a singular matrix."""
         (a, b, c), (d, e, f), (g, h, i) = self.rows
         u, v, w = e * i - f * h, f * g - d * i, d * h - e * g  # the cofactors of the first row
         volume = a * u + b * v + c * w
@@ -127,7 +127,7 @@ def about(axis: Vector, angle: float) -> Rows:
 
 
 def heading(place: Affine) -> float:
-    """Return the angle about Z by which a place looks away from +X."""
+    """Return the yaw of a pose: its angle about Z from +X."""
     return math.atan2(place.rows[1][0], place.rows[0][0])
 
 
@@ -166,7 +166,7 @@ RENDER_PRODUCT = "RenderProduct"
 
 
 class ScenePrim(Struct, frozen=True):
-    """Any other prim that is in the scene; `world` is where it is authored to stand."""
+    """A prim that is not a node; `world` is its authored pose."""
 
     path: str
     type: str
@@ -254,14 +254,14 @@ class Check(Struct, frozen=True):
 
 
 class Unknown(Struct, frozen=True):
-    """Something that a dry run does not do, or does by assumption."""
+    """Something that a dry run does not simulate, or assumes."""
 
     prim: str
     reason: str
 
 
 class Difference(Struct, frozen=True):
-    """What a topic or frame does otherwise in a recording than in the dry run of its stage."""
+    """A difference of one topic or frame between a recording and the dry run of its stage."""
 
     name: str
     message: str
@@ -289,7 +289,7 @@ class Driven(Struct, frozen=True):
 
 
 class Behaviour(Struct, frozen=True):
-    """What one stage does in a dry run; without a checkpoint nothing of a lab is asked.
+    """The results of a dry run; without a checkpoint, no requirements of a lab apply.
 
     `path` are (seconds, x, y, heading) in metres and radians; `legs` the drive of the first
     session, `remarks` what else is known of the robot. `missing` says why it is not judged, and
@@ -333,7 +333,7 @@ class Moment(Struct, frozen=True):
 
 
 class Replay(Struct, frozen=True):
-    """What there is to draw of a run: the room, the robot, how often nodes computed, the map."""
+    """The data of the drawings of a run: the room, the robot, how often nodes computed, the map."""
 
     walls: tuple[Segment, ...]
     radius: float

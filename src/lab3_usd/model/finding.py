@@ -1,4 +1,4 @@
-"""What a check says: problems, findings and results, and the words for nodes, ports and values.
+"""Problems, findings and results of a check, and how nodes, ports and values are written.
 
 Findings have one order everywhere, and notes in a stage may ignore them on purpose.
 """
@@ -147,7 +147,7 @@ def is_among(rule: str, names: Collection[str]) -> bool:
 
 
 def site_of(finding: Finding) -> Site:
-    """Return rule, prim and property: what tells findings of one stage apart."""
+    """Return rule, prim and property, the key of a finding within a stage."""
     return finding.rule, finding.prim, finding.property
 
 
@@ -190,7 +190,7 @@ class Requirement(Struct, frozen=True):
 
 
 class NotJudged(Struct, frozen=True):
-    """What a rule leaves open at a site, because only a missing asset could tell."""
+    """A question that a rule leaves open at a site, because an asset is missing."""
 
     rule: str
     prim: str
@@ -218,7 +218,7 @@ class NodeCoverage(Struct, frozen=True):
 
 
 class Crash(Struct, frozen=True):
-    """A rule that failed itself: neither a pass nor a student's mistake."""
+    """A rule that raised an exception: neither a pass nor a student's mistake."""
 
     rule: str
     error: str

@@ -1,4 +1,4 @@
-"""What the rules about a folder look at, as plain data.
+"""A submission folder as plain data: maps, parameters, saved output, files.
 
 Submissions, maps, parameters, saved output.
 """
@@ -143,7 +143,7 @@ class GoalRun(Struct, frozen=True):
 
 
 class RecordingShown(Struct, frozen=True):
-    """What a recording of the running system shows: what came in it, and what was looked at.
+    """The contents of a recording of the running system, and the checks of it.
 
     `unread` says why it was not read; `for_lack` that it lacks an extra of this program.
     """

@@ -1,4 +1,4 @@
-"""What OpenUSD's own validators say of a stage, and which of our rules each of them is."""
+"""The errors of OpenUSD's own validators, and the rule that stands for each validator."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class NativeError(Struct, frozen=True):
 
 
 class NativeErrors(Struct, frozen=True):
-    """All that the validators of the installed usd-core say of one stage."""
+    """All errors of one stage from the validators of the installed usd-core."""
 
     errors: tuple[NativeError, ...]
 

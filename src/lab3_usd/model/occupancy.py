@@ -1,4 +1,4 @@
-"""An occupancy map as localization has it, and how a scan lies on it."""
+"""An occupancy map in localization, and how well a scan fits it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class OccupancyMap(Struct, frozen=True):
 
 
 class MapFit(Struct, frozen=True):
-    """How a scan lies on a map.
+    """How well a scan fits a map.
 
     Of `count` points the share `near` lies at a wall, and the share `through` has a wall before it.
     The share `shifted` would lie at one if the map were moved by `shift`. `ends` are points of the

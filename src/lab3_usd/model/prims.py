@@ -1,4 +1,4 @@
-"""The prims of a stage that are no nodes, their paths, and what may be asked of them."""
+"""The prims of a stage that are not nodes, and how they are found."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def of_any_name(_: str) -> bool:
 
 
 class Prims(Mapping[str, Prim]):
-    """The prims of a stage that are no nodes, by path, parents before children.
+    """The prims of a stage that are not nodes, by path, parents before children.
 
     The answers here look at every prim; a stage that is read as it is asked knows them better.
     """

@@ -136,7 +136,7 @@ ELSEWHERE = "in another graph"
 
 
 class AbsentPrim(Struct, frozen=True):
-    """A prim that is in the file but no node of the scene.
+    """A prim that is in the file but is not a node of the scene.
 
     `reason` says what it is instead: deactivated, an over without a def, outside every graph, of
     another type than a node's.

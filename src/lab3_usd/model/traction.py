@@ -1,4 +1,4 @@
-"""How a drive moves a robot over the ground: what friction, force and damping come to.
+"""Whether drives can move a robot over the ground: friction, force limits and damping.
 
 After the formulas of PhysX 5. A drive turns its joint with damping times the difference of the
 speeds; one of type acceleration with that times the inertia which the articulation has in the air:
@@ -24,7 +24,7 @@ _NO_GRIP = 1e-4  # a friction below which nothing is pushed
 
 
 class Surface(NamedTuple):
-    """What a shape is made of: its friction, and how that is combined with another's."""
+    """The friction of a shape, and how it is combined with another's."""
 
     friction: float = 0.5  # of Isaac Sim's default material
     mode: str = _MODES[0]

@@ -20,7 +20,7 @@ AXES: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Pose(Struct, frozen=True):
-    """A transform taken apart."""
+    """A decomposed transform."""
 
     translation: Vector
     rotation: Rotation
@@ -28,7 +28,7 @@ class Pose(Struct, frozen=True):
 
 
 def decompose(matrix: Matrix) -> Pose:
-    """Take a transform apart; shear, which no widget of Isaac Sim writes, is left out."""
+    """Decompose a transform; shear, which no widget of Isaac Sim writes, is dropped."""
     x, y, z = scale = scale_of(matrix)
     return Pose(
         translation=(matrix[12], matrix[13], matrix[14]),
@@ -97,7 +97,7 @@ def _seen(vector: Vector, frame: Rotation) -> Vector:
 
 
 def camera_axes(matrix: Matrix) -> tuple[Vector, Vector]:
-    """Return where a USD camera with this transform looks, and what it has on top.
+    """Return the view and up directions of a USD camera with this transform.
 
     A USD camera looks along its own -Z with +Y on top.
     """

@@ -121,7 +121,7 @@ def describe_graphs(stage: StageModel, lab: Lab, since: Mapping[str, int]) -> tu
 
 
 def _course_order(graph: GraphModel) -> int:
-    """Return when a course has a graph: publishers without prims, what moves, sensors, frames."""
+    """Return the place of a graph in a course: publishers without prims, drives, sensors, TF."""
     kinds = [node.type for node in graph.nodes if node.type is not None]
     if any(kind.tf is not None for kind in kinds):
         return 3

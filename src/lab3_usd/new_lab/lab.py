@@ -1,4 +1,4 @@
-"""Describes a whole lab after its stages: the text of every file, and its folder."""
+"""Writes every file of a new lab from its stages."""
 
 from __future__ import annotations
 

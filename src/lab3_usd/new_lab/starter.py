@@ -1,4 +1,4 @@
-"""Describes the starter scene of a lab: what its first stage holds without graphs and sensors."""
+"""Describes the starter scene of a lab: its first stage without graphs and sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What linter and check say of a stage that somebody else has open; it never raises."""
+"""Lints and checks a stage that another validator has open; never raises."""
 
 from __future__ import annotations
 

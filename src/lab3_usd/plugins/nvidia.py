@@ -93,7 +93,7 @@ def _suggestion(module: Any, repair: Repair) -> dict[str, Any]:
 
 
 class Plugin:
-    """What the validator starts and stops."""
+    """The plugin that the validator starts and stops."""
 
     def on_startup(self) -> None:
         """Register the rules."""
@@ -105,7 +105,7 @@ class Plugin:
         register(CHECK_CATEGORY)(checkpoint_rule_class(module))
 
     def on_shutdown(self) -> None:
-        """Leave nothing behind: the validator lets go of its rules itself."""
+        """Do nothing: the validator removes its rules itself."""
 
 
 plugin = Plugin()

@@ -1,4 +1,4 @@
-"""What differs between two stages, as text and as JSON in the form of `schema/diff-1.json`."""
+"""The differences between two stages, as text and as JSON in the form of `schema/diff-1.json`."""
 
 from __future__ import annotations
 

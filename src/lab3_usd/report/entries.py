@@ -46,7 +46,7 @@ def fingerprint(*parts: str) -> str:
 
 
 def fault_id(finding: Finding) -> str:
-    """Return 8 hexadecimal digits that findings share which say the same of the same place.
+    """Return a fingerprint of rule, severity, site and message: 8 hexadecimal digits.
 
     A fault that is carried along from stage to stage has one; the line does not matter.
     """

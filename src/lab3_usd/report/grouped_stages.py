@@ -1,4 +1,4 @@
-"""The stages of a report in blocks, and their faults, each with all the stages that have it."""
+"""Groups the stages of a report, and lists each fault once with all stages that have it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a renderer is asked for, whatever the format, and the program's name and version."""
+"""The options of every output format, and the program's name and version."""
 
 from __future__ import annotations
 

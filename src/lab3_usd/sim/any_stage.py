@@ -1,4 +1,4 @@
-"""Plays a stage of no checkpoint, and judges what it shows itself: its robots, topics and TF.
+"""Plays a stage without a checkpoint, and judges its robots, topics and TF by themselves.
 
 Nothing of a lab is asked. Each robot is driven by its own commands, in a play of its own.
 """
@@ -56,7 +56,7 @@ CheckFunction = Callable[[Trial], Iterator[RunFault]]
 
 
 class Played(Struct, frozen=True):
-    """What came of a stage: its robots, a play of each or one without any, and the checks."""
+    """The results of a stage: its robots, a play of each (or one without any), the checks."""
 
     robots: tuple[Robot, ...]
     plays: tuple[Trial, ...]
@@ -64,7 +64,7 @@ class Played(Struct, frozen=True):
 
     @property
     def missing(self) -> str:
-        """What there is to move, where nothing was; '' where something was."""
+        """Return what a stage lacks to be driven; '' if something was driven."""
         if self.robots:
             return ""
         trial = self.plays[0]
@@ -130,7 +130,7 @@ def commanded_joints(
 
 
 def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
-    """Yield what a stage shows whoever moves in it: its graphs, and clock and TF of each domain."""
+    """Yield the checks that concern no robot: graphs, and clock and TF of each domain."""
     recording = trial.recording
     if recording.fired or any(trial.causes.of_graphs() if trial.causes is not None else ()):
         yield verdict("graphs", list(graphs(trial)), trial)
@@ -213,7 +213,7 @@ def domain_of(message: Message, trial: Trial) -> int:
 
 
 def _alone(trial: Trial, domain: int, topic: str) -> Trial:
-    """Return a trial of the first play with what came on one topic, and with static transforms."""
+    """Return the first play with the messages of one topic, and with static transforms."""
     there = [
         replace(message, away=None)
         for message in trial.recording.messages
@@ -258,7 +258,7 @@ def _parents(trial: Trial) -> dict[str, str]:
 
 
 def _top(frame: str, up: dict[str, str]) -> str:
-    """Return the frame at the top of a tree; that of a ring is any of its frames."""
+    """Return the root frame of a tree; of a cycle, any of its frames."""
     for _ in up:
         if frame not in up:
             break
@@ -267,7 +267,7 @@ def _top(frame: str, up: dict[str, str]) -> str:
 
 
 def _robot_checks(trial: Trial, robot: Robot) -> Iterator[Check]:
-    """Yield what a robot shows: how it moves, and what its odometry, TF and lidar say of that."""
+    """Yield the checks of a robot: its motion, odometry, TF and lidar."""
     wanted, legs = trial.wanted, trial.drive[0].legs
     odometry_came = trial.recording.topic(wanted.odometry, 0)
     scan_came = trial.recording.topic(wanted.scan, 0)
@@ -290,7 +290,7 @@ def _robot_checks(trial: Trial, robot: Robot) -> Iterator[Check]:
 
 
 def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:
-    """It goes as commanded; where wheels slide in a turn, only the side is known."""
+    """The robot moves as commanded; if wheels slide in a turn, only its direction counts."""
     if robot.has_rollers:
         yield from _moved_as_commanded(trial)
         return
@@ -302,7 +302,7 @@ def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:
 
 
 def _moved_as_commanded(trial: Trial) -> Iterator[RunFault]:
-    """It goes in the commanded direction; the speed depends on the controller's gains."""
+    """The robot moves in the commanded direction; its speed depends on the controller's gains."""
     if trial.stands():
         yield trial.motion_fault("does not move", "does-not-move")
         return
@@ -323,7 +323,7 @@ def _moved_as_commanded(trial: Trial) -> Iterator[RunFault]:
 
 
 def follows_after_replay(trial: Trial, robot: Robot) -> Iterator[RunFault]:
-    """It drives again after Stop and Play; on rollers as fast as it may."""
+    """The robot drives again after Stop and Play; on rollers at full speed."""
     leg = trial.drive[1].legs[-1]
     poses = [pose for pose in trial.recording.path if pose.session == 1 and pose.leg == leg.name]
     ahead = displacement(poses[0], poses[-1])[0] if poses else 0.0
@@ -332,7 +332,7 @@ def follows_after_replay(trial: Trial, robot: Robot) -> Iterator[RunFault]:
 
 
 def _unmoved(robot: Robot, trial: Trial) -> Check:
-    """Return that commands reach no joints."""
+    """Return the failed check of a robot whose commands reach no joints."""
     text = f"commands on {robot.commands.topic} move nothing"
     reason = "there is no articulation at its target"
     return verdict("follows", [RunFault(text, "no-articulation", robot.controller, reason)], trial)
@@ -399,7 +399,7 @@ def _is_of_another(node: str, robot: Robot, robots: Sequence[Robot], played: Tri
 
 
 def _followed(publisher: NodeInstance) -> set[str]:
-    """Return the prims whose places reach a publisher, but those from which they are seen."""
+    """Return the prims whose poses a publisher sends, without those that they are relative to."""
     return {
         prim
         for node in publisher.feeding

@@ -1,4 +1,4 @@
-"""Drives the joints of a robot that listens to joint states, and judges where they go.
+"""Drives the joints of a robot by joint states, and judges their positions.
 
 Positions are sent to joints that a spring drives, as an arm has them; others are left alone.
 """

@@ -46,7 +46,7 @@ EVERY = 6  # frames of the path, for each kept one
 
 
 def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
-    """Return what a run comes to, judged by what its checkpoint asks for."""
+    """Return the results of a run, judged by the requirements of its checkpoint."""
     checks = tuple(check for check in judge(trial) if is_asked(check.name, trial))
     recording = trial.recording
     reasons = {**recording.not_simulated, **recording.assumed}
@@ -69,7 +69,7 @@ def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
 
 
 def outcome_of_any(stage: str, played: Played) -> Behaviour:
-    """Return what a stage of no checkpoint does, judged by what it shows itself."""
+    """Return the results of a stage without a checkpoint, judged by themselves."""
     first = played.plays[0]
     verdict, missing = whole_verdict(played.checks)
     if not played.robots and verdict != "bad":
@@ -112,7 +112,7 @@ def outcome_of_any(stage: str, played: Played) -> Behaviour:
 
 
 def _at_home(message: Message) -> Message:
-    """Return a message as if its domain were that of the lab."""
+    """Return a message with the domain of the lab."""
     return replace(message, away=None)
 
 
@@ -228,14 +228,14 @@ _RAYS = 180  # drawn of a scan, as it may have thousands
 
 
 class DryRun(Struct, frozen=True):
-    """What a stage does, and all that it did; there is no trial of one that cannot be read."""
+    """The results of a dry run, and its trial, None for an unreadable stage."""
 
     behaviour: Behaviour
     trial: Trial | None = None
 
     @property
     def replay(self) -> Replay | None:
-        """What there is to draw of it."""
+        """The data of the drawings."""
         return replay(self.trial) if self.trial is not None else None
 
 
@@ -329,7 +329,7 @@ def _lay_on_map(trial: Trial, path: Path, maps: Path | None, lab: Lab) -> None:
 
 
 def replay(trial: Trial) -> Replay:
-    """Return what there is to draw."""
+    """Return the data of the drawings."""
     poses = [pose for pose in trial.recording.path if not pose.session]
     every = max(1, math.ceil(len(poses) / _MOMENTS))
     chosen = [*poses[every - 1 : -1 : every], *poses[-1:]]

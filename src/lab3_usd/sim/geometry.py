@@ -1,4 +1,4 @@
-"""Shapes as triangles, and what a plane cuts out of them."""
+"""Shapes as triangles, and their intersections with a plane."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a turning beam sees of the visible shapes."""
+"""Simulates the rays of a lidar on the visible shapes."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def _qos(profile: Profile) -> Qos:
 
 
 class DdsLink:
-    """What is sent over DDS in one domain, and the commands that come."""
+    """A DDS participant in one domain: sends messages, receives commands."""
 
     def __init__(self, domain: int, commands: str) -> None:
         """Join a domain; where there is a topic of commands, listen to it.
@@ -174,7 +174,7 @@ BEHIND = 0.25  # seconds that are caught up; what is behind by more goes on from
 
 
 class Lived(Struct, frozen=True):
-    """What came of it: seconds that were played, in how many of the clock; messages by topic."""
+    """The result: simulated seconds, seconds of the clock, messages by topic."""
 
     played: float
     took: float

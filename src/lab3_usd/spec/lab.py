@@ -1,4 +1,4 @@
-"""What a correct stage is, as data.
+"""The description of a lab as data: what a correct stage is.
 
 The lab's files, its handout, graph specs, requirements and checkpoints.
 """

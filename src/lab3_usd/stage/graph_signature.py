@@ -1,4 +1,4 @@
-"""What tells the graphs of a stage from others but for comments, names of nodes and positions."""
+"""A signature of the graphs that ignores comments, node names and positions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _OF_THE_EDITOR = "ui:"
 
 
 def graph_signature(path: Path) -> str:
-    """Return a digest of the graphs in a stage's own layer, the same for the same work renamed.
+    """Return a digest of the graphs in a stage's own layer, which renaming does not change.
 
     A node counts by its graph, its type and what its inputs hold or come from; '' where the stage
     cannot be opened.

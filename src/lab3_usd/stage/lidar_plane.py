@@ -1,4 +1,4 @@
-"""What a lidar meets: the collision geometry of a stage, cut at one height, as plain segments."""
+"""The collision geometry of a stage in the plane of a lidar, as line segments."""
 
 from __future__ import annotations
 

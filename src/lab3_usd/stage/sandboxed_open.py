@@ -49,7 +49,7 @@ class BlockedAsset(Struct, frozen=True):
 
 @dataclass(slots=True)
 class Fence:
-    """What may be opened while one submission is judged, and what came of it.
+    """The files that may be opened while one submission is judged, and those that were refused.
 
     `check` looks at the bytes of a layer before usd-core does: it raises StageError, which says
     why and leaves the name of the file to the fence, or returns the text of a text layer. `broken`
@@ -84,7 +84,7 @@ def name_of(fence: Fence, real: str) -> str | None:
 
 
 def shown_name(fence: Fence, real: str) -> str:
-    """Return how a message names a file: never by where the copy of a submission lies."""
+    """Return the name of a file in messages, which never reveals the copy of a submission."""
     return name_of(fence, real) or Path(real).name
 
 

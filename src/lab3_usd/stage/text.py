@@ -1,4 +1,4 @@
-"""The text of layers: at which line something is written, and the notes in it."""
+"""The text of layers: the lines of prims and properties, and suppression comments."""
 
 from __future__ import annotations
 
@@ -243,7 +243,7 @@ def _noted(data: Mapping[str, Any]) -> list[str]:
 
 
 class SourceLocation(Struct, frozen=True):
-    """Where something is written; line and column count from 1, in characters.
+    """The position of a statement; line and column count from 1, in characters.
 
     `layer` is the root layer's path as it was given, or the path of another layer from the same
     folder, and empty for a layer in memory. Line and column are None where no text says it.

@@ -1,4 +1,4 @@
-"""Baselines: findings that are known already and are left out of reports."""
+"""Baselines: known findings, which reports leave out."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ VERSION = 1
 
 
 class KnownFinding(Struct, frozen=True):
-    """A finding of a baseline: its file, seen from the baseline, and what tells it from others.
+    """A finding of a baseline: its file, relative to the baseline, and its key.
 
     Rule, site and message are for people; the fingerprint stays when lines are renumbered.
     """
@@ -45,7 +45,7 @@ class Baseline(Struct, frozen=True):
 
 
 class Compared(NamedTuple):
-    """What is new in a report, and what of the baseline it does not have any more."""
+    """The new findings of a report, and the findings of the baseline that are resolved."""
 
     report: Report
     gone: tuple[KnownFinding, ...]
@@ -122,7 +122,7 @@ def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Com
 
 
 def _key(known: KnownFinding) -> tuple[str, str]:
-    """Return what tells findings apart but for those of one rule at one place."""
+    """Return the key by which a baseline recognises a finding."""
     return known.file, known.fingerprint.partition(":")[0]
 
 

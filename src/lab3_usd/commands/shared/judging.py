@@ -1,4 +1,4 @@
-"""The driver of the commands that judge stages: find, judge, report; once, or at each save.
+"""Runs the commands that judge stages: finds, judges and reports them, once or at each save.
 
 The first stage of a process takes usd-core 10 to 20 ms, which it spends outside of Python's lock
 (GIL): as long as it takes to import the rules.
@@ -74,7 +74,7 @@ AFTER_OPENING = (
 
 
 class Judge(Struct, frozen=True):
-    """What a command does in its own way: find what a path names, judge it in N processes.
+    """How one command finds the stages of a path, and judges them in N processes.
 
     `module` is what judges a stage once it is open. `shared` are the files and folders that
     everything is judged with; `renew` is called when one of these was saved.

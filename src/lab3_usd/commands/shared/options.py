@@ -276,7 +276,7 @@ def width() -> int:
 
 
 def terminal_width() -> int:
-    """Return the columns of the terminal; no end of them where lines go to another program."""
+    """Return the columns of the terminal, unlimited if the output goes to a program."""
     import sys
 
     return width() if sys.stdout.isatty() else sys.maxsize

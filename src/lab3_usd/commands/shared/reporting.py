@@ -70,7 +70,7 @@ def wants_native(options: Mapping[str, Any]) -> bool:
 def selected_findings(
     findings: Iterable[Finding], path: str, options: Mapping[str, Any]
 ) -> tuple[Finding, ...]:
-    """Return the findings of a file that are asked for, as grave as the configuration has them.
+    """Return the selected findings of a file, with the severities of the configuration.
 
     An unreadable file is reported in any case. Points are those of all findings.
     """
@@ -87,7 +87,7 @@ def selected_findings(
 
 
 def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
-    """Return a report without what the baseline knows; say what is known no longer.
+    """Return a report without known findings, and print those that are resolved.
 
     Raises:
         UsageError: the baseline cannot be read, or is none.
@@ -169,7 +169,7 @@ def write_report(text: str, output: str | None) -> None:
 
 
 def exit_code(report: Report, options: Mapping[str, Any]) -> int:
-    """Return the exit code of a run, which a crash of ours decides before anything else."""
+    """Return the exit code of a run; a crashed rule outweighs all findings."""
     judged: list[StageResult | Submission] = [*report.results, *report.submissions]
     if any(result.crashes for result in judged):
         return EXIT_CRASH

@@ -54,7 +54,7 @@ def saves(folders: Iterable[str]) -> Iterator[frozenset[str]]:
 
 
 def folders_of(files: Iterable[str]) -> dict[str, int]:
-    """Return the folders of files, of folders all that are in them, with what tells each anew.
+    """Return the folders to watch, each with its inode number.
 
     The folder above each belongs to them, or the nearest that there is: it tells when a folder
     goes and comes back. So does the folder of a link, which may come to lead elsewhere.
@@ -72,7 +72,7 @@ def folders_of(files: Iterable[str]) -> dict[str, int]:
 
 
 def stamp(path: Path) -> Stamp | None:
-    """Return what changes when a file is written; None where there is none."""
+    """Return modification time, size and inode of a file; None if it does not exist."""
     try:
         status = path.stat()
     except OSError:
@@ -81,13 +81,13 @@ def stamp(path: Path) -> Stamp | None:
 
 
 def seen(name: str) -> tuple[str, Stamp | None]:
-    """Return the file that a name leads to, and what changes when that is written."""
+    """Return the real path of a file, and its stamp."""
     file = os.path.realpath(name)
     return file, stamp(Path(file))
 
 
 def holds(top: str, changed: Iterable[str]) -> bool:
-    """Whether a file that was saved is this one, or lies in this folder."""
+    """Whether a saved file is this file, or lies in this folder."""
     whole = os.path.realpath(top)
     return any(path == whole or path.startswith(f"{whole}{os.sep}") for path in changed)
 
@@ -104,7 +104,7 @@ class ReportChanges(Struct, frozen=True):
 
 
 def changes_between(before: Report, after: Report) -> ReportChanges:
-    """Compare two reports; what moved to another line is no news.
+    """Compare two reports; a finding that only moved to another line is unchanged.
 
     A finding of one rule at one place that says something else now is changed.
     """
@@ -178,7 +178,7 @@ _ENVIRONMENT = {"USDC_USE_ASSET": "1", "TF_ENV_SETTING_ALERTS_ENABLED": "0"}
 
 
 class Watched(NamedTuple):
-    """What is judged again: the stages and folders that there are now, and how.
+    """The stages and folders that are judged again, and how.
 
     `shared` are the files and folders that all of them are judged with; `renew` is called when
     one of these was saved.
@@ -220,7 +220,7 @@ def watch(paths: Iterable[str], watched: Watched, options: Mapping[str, Any]) ->
         try:
             session.judge_all()
             while True:
-                session.judge_until_others_count(given)
+                session.judge_until_folders_change(given)
         except KeyboardInterrupt:
             pass
         finally:
@@ -229,7 +229,7 @@ def watch(paths: Iterable[str], watched: Watched, options: Mapping[str, Any]) ->
 
 
 class _Session:
-    """What was judged: the report of each name, and the files that it depends on."""
+    """The report of each watched path, and the files that it depends on."""
 
     def __init__(self, watched: Watched, options: Mapping[str, Any]) -> None:
         self._watched = watched
@@ -247,8 +247,8 @@ class _Session:
             self._judge(name)
         self._show([f"{clock()}  watching, Ctrl-C ends"])
 
-    def judge_until_others_count(self, given: Iterable[str]) -> None:
-        """Judge what is saved, until the folders are others: some came, went, or count now, too."""
+    def judge_until_folders_change(self, given: Iterable[str]) -> None:
+        """Judge saved files until the set of watched folders changes."""
         watched = self._folders(given)
         for changed in saves(watched):
             self.judge_changed(changed or self._missed())
@@ -320,7 +320,7 @@ class _Session:
             time.sleep(_PAUSE)
 
     def close(self) -> None:
-        """Leave a page that is a report like any other."""
+        """Replace the live page with a plain report."""
         if self._is_page and self._version:
             page = self._watched.render(self._whole())
             features.end_live_page(page, Path(self._options["output"]))

@@ -1,4 +1,4 @@
-"""The drawings of a dry run: the room, the path from near, the map, and the motion over time."""
+"""The drawings of a dry run: the room, a close-up of the path, the map, the motion over time."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def room_svg(replay: Replay, shown: int, *, still: bool = False) -> str:
 
 
 def near_svg(replay: Replay, shown: int, *, still: bool = False) -> str:
-    """Return the path from near, with what odometry reports of it."""
+    """Return a close-up of the path, with the poses of odometry."""
     odometry = [moment.odometry for moment in replay.moments if moment.odometry is not None]
     start, edge = replay.moments[0].robot, min(replay.radius, FAR)
     estimates = [(x, y) for x, y, _ in odometry if _near((x, y), start)]

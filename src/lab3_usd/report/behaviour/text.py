@@ -71,7 +71,7 @@ PASSED_IN_A_RECORDING = {
 
 
 def passed_texts(behaviour: Behaviour) -> Mapping[str, str]:
-    """Return what each check that is ok has shown."""
+    """Return the text of each check, for when it passes."""
     if behaviour.recording:
         return PASSED_IN_A_RECORDING
     if behaviour.checkpoint:

@@ -101,7 +101,7 @@ def _nodes_json(coverage: NodeCoverage) -> Json:
 
 
 def error_report(message: str, kind: Literal["usage", "crash"]) -> Json:
-    """Return the report of a run that came to nothing: wrong usage, or the tool itself failed."""
+    """Return the report of a failed run: wrong usage, or a crash of the program."""
     document = _head()
     document["results"] = []
     document["summary"] = asdict(Summary(0, 0, 0, 0, 0, 0))

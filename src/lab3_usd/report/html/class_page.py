@@ -47,7 +47,7 @@ class ItemSummary(Struct, frozen=True):
 
 
 class Rows(Sized, Iterable[Row], Protocol):
-    """The rows of a gradebook: counted, and read as often as asked for."""
+    """The rows of a gradebook: sized, and iterable more than once."""
 
 
 def class_page(

@@ -64,6 +64,6 @@ def write_live_page(page: str, path: Path, version: int) -> None:
 
 
 def end_live_page(page: str, path: Path) -> None:
-    """Leave a page that is a report like any other."""
+    """Replace the live page with a plain report."""
     write_whole(path, page.encode("utf-8", "replace"), force=True)
     version_file(path).unlink(missing_ok=True)

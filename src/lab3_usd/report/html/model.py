@@ -60,7 +60,7 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
 
 
 class PortLink(Struct, frozen=True):
-    """The way from a fault to its port: the element to go to, and the part of the picture.
+    """A link from a fault to its port: the element, and the part of the picture.
 
     `view` is the box of an SVG view (`x y width height`), empty for the graph as a whole.
     """

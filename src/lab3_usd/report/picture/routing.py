@@ -24,7 +24,7 @@ def through(points: Sequence[Point]) -> tuple[Bezier, ...]:
 
 
 def around(start: Point, end: Point, lane: float, bulge: float) -> tuple[Bezier, ...]:
-    """Return the way from `start` to `end` that goes to the left along the height `lane`.
+    """Return the path from `start` to `end` that goes left along the height `lane`.
 
     It keeps within `bulge` right and left of both.
     """

@@ -1,4 +1,4 @@
-"""Pictures of what differs between two versions of a graph: removed, changed and added parts."""
+"""Pictures of two versions of a graph: removed, changed and added parts."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class GraphVersions(Struct, frozen=True):
 
 
 def diff_picture(graph: GraphVersions, changes: Sequence[StageChange]) -> Picture:
-    """Return the second version of the graph, with what is gone, other and new marked."""
+    """Return the second version of the graph, with removed, changed and added parts marked."""
     keys = dict(_keys(graph))
     curves = tuple(_curves(graph, keys))
     on_rows = [change for change in changes if change.part in _ON_ROWS]

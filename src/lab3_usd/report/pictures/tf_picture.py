@@ -77,7 +77,7 @@ def published_frames_picture(
     rates: Mapping[str, str] = MappingProxyType({}),
     not_judged: str = "",
 ) -> Picture:
-    """Return the tree of a stage that no lab asks for; what tf2 cannot take is marked.
+    """Return the tree of any stage; transforms that tf2 rejects are marked.
 
     `rates` are how often each publisher sends, by its path; `not_judged` says in words what else
     is not known.

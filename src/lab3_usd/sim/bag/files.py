@@ -103,7 +103,7 @@ class Unpacker:
 
 @contextmanager
 def bound_readers(unpacker: Unpacker, topics: int) -> Iterator[None]:
-    """Let the readers unpack no more than chunks say, and parse the QoS of so many topics.
+    """Limit decompression and the number of QoS profiles.
 
     The library has no bounds of its own; what is replaced here is what it looks up by name.
     """
@@ -379,7 +379,7 @@ def _reader(path: Path) -> Any:
 
 
 def _guarded(items: Iterator[T]) -> Iterator[T]:
-    """Yield what a library yields; whatever it raises on a damaged file is one line.
+    """Yield from a library; an exception about a damaged file becomes one line.
 
     Raises:
         RecordingError: the library cannot go on.

@@ -85,7 +85,7 @@ def qos(recorded: Recorded) -> Iterator[RunFault]:
 
 
 def rates(recorded: Recorded) -> Iterator[RunFault]:
-    """What is to stream comes more than once in a while, and its stamps go on."""
+    """Streams arrive at a plausible rate, and their stamps advance."""
     is_short = recorded.gathered.timeline.arrived < SHORT
     for topic in recorded.reached:
         for tally in recorded.gathered.of_topic(topic.name):
@@ -108,7 +108,7 @@ def headers(recorded: Recorded) -> Iterator[RunFault]:
 
 
 def running(recorded: Recorded) -> Iterator[RunFault]:
-    """The clock goes on."""
+    """The clock advances."""
     timeline = recorded.gathered.timeline
     if timeline.ticks > 1 and timeline.speed < BARELY and timeline.arrived > 1.0:
         passed = f"{timeline.now:.1f} s in {timeline.arrived:.1f} s"
@@ -140,7 +140,7 @@ def _root(recorded: Recorded) -> str:
 
 
 def odometry(recorded: Recorded) -> Iterator[RunFault]:
-    """The speeds of odometry are those of the way that it tells."""
+    """The velocities of odometry agree with its poses."""
     trial, messages = (
         recorded.trial,
         recorded.trial.recording.topic(recorded.topics.wanted.odometry, 0),
@@ -176,7 +176,7 @@ def odometry(recorded: Recorded) -> Iterator[RunFault]:
 
 
 def way(recorded: Recorded) -> Iterator[RunFault]:
-    """All in all the robot goes about as far as it is commanded."""
+    """In total, the robot travels about the commanded distance."""
     trial = recorded.trial
     most = trial.wanted.limits[0] or math.inf
     commanded = sum(min(abs(leg.forward), most) * leg.seconds for leg in trial.drive[0].legs)
@@ -314,7 +314,7 @@ def judge_recording(
 
 
 def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -> Behaviour:
-    """Judge what was recorded by what the lab asks for; what was not is no fault.
+    """Judge recorded messages by the requirements of the lab; what was not recorded is no fault.
 
     Raises:
         RecordingError: it cannot be read.

@@ -252,7 +252,7 @@ BETWEEN = 1.0  # seconds between scans that are kept whole, to be laid on the ma
 
 
 class Tally(Struct):
-    """What is known of a topic however long it is: `at` in seconds of the simulation."""
+    """Statistics of one topic: `at` in seconds of the simulation."""
 
     count: int = 0
     unreadable: int = 0
@@ -302,7 +302,7 @@ class Topics(Struct, frozen=True):
 
 
 class Gathered(Struct):
-    """What a recording comes to."""
+    """The summed-up contents of a recording."""
 
     timeline: Timeline
     recording: Recording = field(default_factory=Recording)
@@ -455,7 +455,7 @@ def _located(message: Message, topics: Topics) -> Iterator[tuple[float, Affine]]
 def _links(
     gathered: Gathered, transforms: tuple[Transform, ...], at: float, root: str, *, static: bool
 ) -> tuple[Transform, ...]:
-    """Note who is whose parent, and return what is below the root."""
+    """Record the parent of each frame, and return the frames below the root."""
     for transform in transforms:
         key = (transform.parent, transform.child)
         link = gathered.links.get(key)

@@ -1,4 +1,4 @@
-"""A node while its graph runs, and which function its type computes.
+"""A running node, and the compute function of its type.
 
 Whole names, and which old names mean the same, are the platform's.
 """
@@ -171,7 +171,7 @@ class NodeInstance(Struct):
         return False
 
     def reset(self) -> None:
-        """Forget what is known of a play, as on Stop."""
+        """Reset the state of the node, as on Stop."""
         self.memory.clear()
         self.outputs.clear()
         self.outputs.update(initial(self.type))

@@ -1,4 +1,4 @@
-"""All graphs of a stage made ready to run, with the wires that Kit would keep.
+"""Compiles the graphs of a stage, with the wires that Kit would keep.
 
 A node with execution inputs computes when it is reached; one without is computed when its outputs
 are read, once a frame. Push graphs compute every node in every frame.
@@ -76,7 +76,7 @@ class Program(Struct):
                     running.compute(world)
 
     def reset(self) -> None:
-        """Forget what the nodes remember, as on Stop."""
+        """Reset the state of the nodes, as on Stop."""
         for node in self.nodes.values():
             node.reset()
 
@@ -140,7 +140,7 @@ def _is_described(node: NodeInstance, platform: Platform) -> bool:
 
 
 def depending(program: Program, missing: Collection[str]) -> frozenset[str]:
-    """Return the nodes that depend on what is not known, over other nodes as well.
+    """Return the nodes that depend on unknown values, also through other nodes.
 
     That is what no function is written for, and a target on an asset that cannot be found.
     """
@@ -253,7 +253,7 @@ def is_within(path: str, tops: Collection[str]) -> bool:
 
 
 def _in_order(nodes: dict[str, NodeInstance]) -> list[NodeInstance]:
-    """Return nodes after those that feed them, as far as there is no ring."""
+    """Return the nodes in topological order, as far as there is no cycle."""
     before: dict[str, set[str]] = {path: set() for path in nodes}
     for node in nodes.values():
         before[node.path].update(source.path for source, _ in node.wires.values())

@@ -1,4 +1,4 @@
-"""What nodes see while a stage plays.
+"""The world that nodes read and write while a stage plays: time, bodies, sensors, network.
 
 The scene, the robot, the ROS network, the sensors, the time.
 
@@ -49,7 +49,7 @@ class RosEndpoint(Struct, frozen=True):
 
 
 class Network(Struct):
-    """What runs over DDS: commands come in, messages go out."""
+    """The simulated DDS network: incoming commands, outgoing messages."""
 
     environment: str  # ROS_DOMAIN_ID of the process
     contexts: dict[int, int] = field(default_factory=dict)  # domain by handle
@@ -173,7 +173,7 @@ class Product(Struct, frozen=True):
 
 
 class Writer(Struct):
-    """What publishes the pictures of a product, by itself until Stop."""
+    """A writer of Replicator: publishes the pictures of a product until Stop."""
 
     node: NodeInstance
     endpoint: RosEndpoint

@@ -1,1 +1,1 @@
-"""Judges what came over ROS, whoever recorded it."""
+"""Judges ROS messages, of a dry run or a recording."""

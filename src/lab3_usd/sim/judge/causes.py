@@ -1,4 +1,4 @@
-"""Why something does not come or the robot does not move: the node or joint at fault."""
+"""Why a topic is silent or the robot does not move: the node or joint at fault."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _SHOWN_BY = {  # checks, and the types of the messages in which they look
 
 
 class RunCauses(Struct, frozen=True):
-    """What a run knows of its nodes and its robot, and which assets it did not find."""
+    """The causes in one run: its nodes, its robot, its missing assets."""
 
     program: Program
     sent: Sequence[Message]
@@ -70,12 +70,12 @@ class RunCauses(Struct, frozen=True):
         return None
 
     def of_graphs(self) -> Iterator[Cause]:
-        """Yield what of the graphs never runs or is dropped."""
+        """Yield the parts of the graphs that never run or are dropped."""
         for path, failure in self.program.dead:
             yield Cause(path, failure.reason, failure.kind)
 
     def doubt(self, check: str, fault: RunFault) -> bool:
-        """Whether a fault may come from what is not known: nodes, or assets."""
+        """Whether a fault may come from unknown nodes or missing assets."""
         if fault.prim in self.unsure or (fault.kind in _AROUND and self.missing):
             return True
         if check in DRIVEN and not self.is_level:
@@ -137,7 +137,7 @@ class RunCauses(Struct, frozen=True):
         return None
 
     def broken(self, node: NodeInstance, seen: frozenset[str] = frozenset()) -> Cause | None:
-        """Return what is broken: first of what feeds or drives a node, then of the node."""
+        """Return the first fault among the nodes that feed or drive a node, else its own."""
         seen |= {node.path}
         for running in self._before(node):
             if running.path not in seen:
@@ -183,7 +183,7 @@ class RunCauses(Struct, frozen=True):
 
 
 def _of_robot(robot: Machine) -> Iterator[Cause]:
-    """Yield what keeps a robot from moving as it is commanded."""
+    """Yield the causes that keep a robot from following its commands."""
     base = robot.base
     if robot.kinematic:
         yield Cause(robot.kinematic, "it is kinematic: nothing moves it", "kinematic-link")

@@ -43,7 +43,7 @@ ESSENTIAL = ("topics", "follows", "joints")  # without which nothing is right
 
 
 def judge(trial: Trial) -> list[Check]:
-    """Return a verdict for each thing that is looked at.
+    """Return the verdict of each check.
 
     What may come from something that is not simulated is no fault.
     """
@@ -68,7 +68,7 @@ def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
 
 
 def why_unplayed(name: str, trial: Trial) -> str:
-    """Return why a run shows nothing of what a check looks at, '' where it does."""
+    """Return why a check has nothing to judge in a run, '' if it has."""
     recording = trial.recording
     seen = recording.topic(trial.wanted.scan, 0) if name in _OF_SCANS else ()
     sources = (name, *dict.fromkeys(message.node for message in seen))
@@ -85,7 +85,7 @@ def _is_doubtful(name: str, fault: RunFault, trial: Trial) -> bool:
 
 
 def whole_verdict(checks: Sequence[Check]) -> tuple[Literal["ok", "bad", "not judged"], str]:
-    """Return what the checks come to, and what was missing where that is not judged."""
+    """Return the verdict, and why it was not judged."""
     if any(check.verdict == "bad" for check in checks):
         return "bad", ""
     for check in checks:

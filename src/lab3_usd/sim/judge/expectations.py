@@ -1,4 +1,4 @@
-"""A trial: the recording of a drive, what is asked for over ROS, and where TF has a frame."""
+"""What is expected of a drive over ROS, and the recording that is judged by it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STARTED = 3  # frames after which a command has come through the graphs to the w
 
 
 class RunTolerance(Struct, frozen=True):
-    """How far from the ideal is still right: seconds, (metres, radians), and parts of a command."""
+    """Tolerances: in seconds, (metres, radians), and fractions of a command."""
 
     lag: float  # between a stamp and the clock
     still: tuple[float, float]
@@ -46,7 +46,7 @@ PHYSICAL = RunTolerance(
 
 
 class Expected(Struct, frozen=True):
-    """What is asked for over ROS: topics, frames, rates and limits; '' is not asked for.
+    """The expected topics, frames, rates and limits; '' is not required.
 
     `limits` are metres and radians a second, `view` is the direction of the camera from the base,
     `upward` what is up in its image.
@@ -82,7 +82,7 @@ class Expected(Struct, frozen=True):
 
 
 class Cause(NamedTuple):
-    """The node behind a fault, what it does or does not do, and of what kind that is."""
+    """The node that causes a fault, what is wrong with it, and the kind of that."""
 
     prim: str
     reason: str
@@ -90,7 +90,7 @@ class Cause(NamedTuple):
 
 
 class Causes(Protocol):
-    """Who knows why something does not come."""
+    """An interface that finds the causes of faults in a run."""
 
     def of_silence(self, topic: str, message: str) -> Cause | None:
         """Return why no message of this type comes on a topic."""
@@ -99,14 +99,14 @@ class Causes(Protocol):
         """Return why commands do not move the robot as they should."""
 
     def of_graphs(self) -> Iterator[Cause]:
-        """Yield what of the graphs never runs or is dropped."""
+        """Yield the parts of the graphs that never run or are dropped."""
 
     def doubt(self, check: str, fault: RunFault) -> bool:
         """Whether a fault may come from what is not known."""
 
 
 class RunFault(NamedTuple):
-    """What is wrong, its kind, and the prim at fault if one is known.
+    """A fault of a run: its message, its kind, and the prim at fault if known.
 
     What the run does not know for sure is no fault: `sure` is false then.
     """
@@ -151,7 +151,7 @@ class Stretch(NamedTuple):
 
 
 class Trial(Struct):
-    """A recording with what it is judged by; `walls` returns the expected scan at a place."""
+    """A recorded drive and what it is judged by; `walls` returns the expected scan at a pose."""
 
     recording: Recording
     drive: Sequence[Session]
@@ -198,7 +198,7 @@ class Trial(Struct):
         return least <= driven / (commanded * self.factor) <= most
 
     def expected_text(self, commanded: float, unit: str) -> str:
-        """Say what the wheels make of a command, where that is something else."""
+        """Return the motion that the wheels give for a command, if it differs."""
         return f", expected {commanded * self.factor:{unit}}" if self.factor != 1.0 else ""
 
     def when(self, sessions: Sequence[int]) -> str:
@@ -209,7 +209,7 @@ class Trial(Struct):
         return f" with ROS_DOMAIN_ID={outside}" if outside else " after Stop and Play"
 
     def stands(self) -> bool:
-        """Whether the robot never goes anywhere."""
+        """Whether the robot never moves."""
         first = self.recording.path[0]
         poses = [pose for pose in self.recording.path if not pose.session]
         ways = [displacement(first, pose) for pose in poses[::SOON]]
@@ -230,7 +230,7 @@ def angle(radians: float) -> float:
 
 
 def is_about(driven: float, commanded: float) -> bool:
-    """Whether what was driven is about what was commanded."""
+    """Whether the driven distance is close to the commanded one."""
     return SIZE[0] <= driven / commanded <= SIZE[1]
 
 

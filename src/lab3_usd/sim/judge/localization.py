@@ -1,4 +1,4 @@
-"""Does the scan lie on the walls of the map, where TF and localization have the lidar?"""
+"""Does the scan fit the walls of the map, projected through TF and localization?"""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Ray(NamedTuple):
 
 
 def fit(trial: Trial) -> MapFit | None:
-    """Return how the scans of a run lie on its map, None where there is none, or no scan.
+    """Return how well the scans of a run fit its map, None without a map or a scan.
 
     Nobody says where a dry run's map has the odometry frame: of the places that may be meant that
     counts at which the map is of the room, else the best.

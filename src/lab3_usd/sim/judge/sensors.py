@@ -1,4 +1,4 @@
-"""Do lidar and camera show what is there, from where TF has them?"""
+"""Do lidar and camera show the scene from their TF poses?"""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ TURNS = 0.01  # part by which a lidar may turn faster or slower
 
 
 def mounted(trial: Trial) -> Iterator[RunFault]:
-    """Lidar and camera go with the robot."""
+    """Lidar and camera move with the robot."""
     wanted = trial.wanted
     for topic in (wanted.scan, wanted.image):
         messages = trial.recording.topic(topic, 0)

@@ -41,7 +41,7 @@ _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 
 
 def expected_at(lab: Lab, checkpoint: Checkpoint) -> Expected:
-    """Return what somebody at the other end of ROS is to see of a stage of this checkpoint."""
+    """Return what a ROS node should see of a stage of this checkpoint."""
     reached = (FROM_THE_FIRST, *lab.until(checkpoint.id))
     required = [
         topic

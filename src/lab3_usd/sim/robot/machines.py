@@ -1,4 +1,4 @@
-"""Everything that moves on a stage, and where each prim is now."""
+"""Everything that moves on a stage, and the current pose of each prim."""
 
 from __future__ import annotations
 

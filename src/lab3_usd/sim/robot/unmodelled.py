@@ -1,4 +1,4 @@
-"""What moves a robot, or keeps it from moving, and is not played: by prim, the attribute."""
+"""Physics that moves or stops a robot and is not simulated: the attribute, by prim."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ _SWITCHES = {
 
 
 def unmodelled(machines: Machines, robot: Machine) -> dict[str, str]:
-    """Return by prim what is not played of a robot, its ground and its scene."""
+    """Return what of a robot, its ground and its scene is not simulated: attributes by prim."""
     scene = machines.scene
     bodies = [scene.prims[body] for body in robot.rest]
     floors = [scene.prims[path] for path in machines.floors(robot)]
@@ -190,7 +190,7 @@ def _below(top: str) -> Callable[[str], bool]:
 
 
 def _members(group: ScenePrim) -> Callable[[str], bool]:
-    """Return whether a shape is in a group; an expression could take in any."""
+    """Return whether a shape is in a group; an expression could include any."""
     inside, outside = (group.targets.get(f"{_COLLIDERS}{n}", ()) for n in ("includes", "excludes"))
     every = bool(group.values.get(f"{_COLLIDERS}membershipExpression"))
     every = every or group.values.get(f"{_COLLIDERS}includeRoot") is True

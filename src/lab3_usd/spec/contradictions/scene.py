@@ -1,4 +1,4 @@
-"""What of a lab's scene cannot be: masses, wheels, kinds of sensors, targets of its graphs."""
+"""Contradictions in a lab's scene: masses, wheels, kinds of sensors, targets of its graphs."""
 
 from __future__ import annotations
 

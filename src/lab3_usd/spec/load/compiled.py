@@ -1,4 +1,4 @@
-"""Keeps what was loaded from YAML beside its files, as Python keeps compiled modules.
+"""Caches the loaded YAML beside its files, as Python caches compiled modules.
 
 Reading and checking the YAML takes longer than judging a stage. A wheel carries the platform and
 the lab compiled into one file; a checkout compiles them when they are first loaded. The platform

@@ -1,4 +1,4 @@
-"""Puts the lab together out of the files of `graphs/`, each checked against the others."""
+"""Assembles the lab from the files of `graphs/`, each checked against the others."""
 
 from __future__ import annotations
 

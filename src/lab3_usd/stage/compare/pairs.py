@@ -1,4 +1,4 @@
-"""The walk through two composed stages: which prims are the same, and what differs between two."""
+"""Walks through two composed stages: pairs their prims, and yields raw differences."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Signature = tuple[str, str]
 
 
 class PrimRecord(Struct, frozen=True, eq=False):
-    """What one prim of the first stage is and holds: attributes in the order of `names`.
+    """A prim of the first stage: its type, schemas and attributes in the order of `names`.
 
     One starter is compared with the stages of a whole class, so it is read once.
     """
@@ -70,7 +70,7 @@ ComparedPrim: TypeAlias = PairedPrim | GonePrim | NewPrim
 
 
 class RawDifference(Struct, frozen=True, eq=False):
-    """One thing in which two prims are not the same to the bit.
+    """One bitwise difference between two prims.
 
     `name` is that of a schema or a property; `was` and `now` are what USD returns, None for
     nothing. With `is_new`, only the second stage writes the property, maybe as the first has it by

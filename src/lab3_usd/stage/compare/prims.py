@@ -1,4 +1,4 @@
-"""What counts of the differences between one prim of a starter and the same prim of a stage."""
+"""The relevant differences between a prim of a starter and the same prim of a stage."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _SCHEMAS = "apiSchemas"
 
 
 def differences(pair: PairedPrim, terms: Terms, *, same_parent: bool) -> list[Difference]:
-    """Return everything in which the prim of the stage is not as the starter's.
+    """Return all differences between the prim of the stage and the starter's.
 
     With `same_parent` False the two stand at different paths, and are compared in the world. Where
     an asset of the prim is missing, what the layers at hand say is compared: values, schemas and

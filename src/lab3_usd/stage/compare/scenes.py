@@ -44,7 +44,7 @@ _SENSORS = ("isaac:*", "omni:*")
 
 
 class _Terms(Struct, frozen=True):
-    """What of two stages is compared, and how it is named; `path` says where a target is now."""
+    """The terms of a comparison of two stages; `path` returns the new path of a target."""
 
     scope: Scope
     robot: str

@@ -29,7 +29,7 @@ POSE = "xformOp"
 
 
 class ValueTolerance(Struct, frozen=True):
-    """Up to what two numbers (relatively) and two places are the same.
+    """The tolerances within which two numbers (relatively) and two poses are equal.
 
     `length` is in stage units, `angle` in degrees, `scale` relative.
     """

@@ -1,4 +1,4 @@
-"""Makes the edits of repairs in an open stage, and restores what the starter or the lab has."""
+"""Applies repairs to an open stage, and restores parts of the starter or the lab."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The layers of a stage that is being repaired: what is edited where, and how it was before.
+"""The layers of a stage under repair: which are edited, and their content before.
 
 Prims are rendered as usd-core writes them.
 """
@@ -240,6 +240,6 @@ class EditSession(Struct, eq=False):
                 yield spec
 
     def close(self) -> None:
-        """Give every layer back what it held before."""
+        """Restore the content of every layer."""
         for layer in self.edited.values():
             layer.layer.TransferContent(layer.before)

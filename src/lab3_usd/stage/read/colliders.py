@@ -1,4 +1,4 @@
-"""The boxes around collision shapes in world space, in metres."""
+"""Bounding boxes of collision shapes in world space, in metres."""
 
 from __future__ import annotations
 

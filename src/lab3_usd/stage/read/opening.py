@@ -1,4 +1,4 @@
-"""Opening stage files so that whatever is in them, the answer is a stage or one clear line."""
+"""Opens stage files; any damage is reported as one clear line."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def cached(key: Hashable, make: Callable[[], _T]) -> _T:
 
 @contextmanager
 def kept_open() -> Iterator[None]:
-    """Keep the stages that are opened last open, and what is read of them, for who asks again."""
+    """Keep the last opened stages open, and cache what is read of them."""
     if reading_cache.get() is not None:
         yield  # they are kept already
         return
@@ -115,7 +115,7 @@ class stage_errors:  # noqa: N801 - used as a function is; made of one it takes 
 
 
 def _stage_error(path: Path | str, error: Exception) -> StageError:
-    """Say in plain words what usd-core says in an exception, whose text may fail to decode."""
+    """Return the message of an exception of usd-core in plain words."""
     try:
         text = str(error)
     except UnicodeError:
@@ -149,7 +149,7 @@ def open_stage(path: Path) -> Usd.Stage:
 
 
 def held(stage: Usd.Stage) -> Usd.Stage:
-    """Return a stage of which every attribute holds what it starts with: it is looked at once."""
+    """Return a stage whose attributes are held at their values at the start time."""
 
     def hold() -> Usd.Stage:
         hold_start_values(stage)

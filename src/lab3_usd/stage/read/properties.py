@@ -100,7 +100,7 @@ def elements(vector: Any) -> list[Any]:
 
 
 def hold_start_values(stage: Usd.Stage) -> None:
-    """Have every attribute with time samples or a spline hold the value that it starts with.
+    """Hold every attribute with time samples or a spline at its start value.
 
     A stage is held once, as it was when that was asked first. Prims of instances stay as they are,
     for no layer can say anything else of one instance.
@@ -153,13 +153,13 @@ def _may_have_splines(layer: Sdf.Layer) -> bool:
 
 
 def release_start_values(stage: Usd.Stage) -> None:
-    """Have every attribute say again what its layers say, as before it was held."""
+    """Release every held attribute."""
     if _KEY in stage.GetSessionLayer().customLayerData:
         stage.GetSessionLayer().Clear()
 
 
 def changes_after_start(stage: Usd.Stage) -> tuple[AnimatedAttribute, ...]:
-    """Return what changes after the start, of a stage that was held there."""
+    """Return the attributes of a held stage that change after the start."""
     written = stage.GetSessionLayer().customLayerData.get(_KEY)
     if written is None:
         return ()

@@ -1,4 +1,4 @@
-"""Where the assets of a server lie on this computer.
+"""Maps the assets of a server to local folders.
 
 usd-core's default resolver takes an address for the name of a file: `https://server/robot.usd` is
 `https:/server/robot.usd` below one of the folders that it searches. So a folder to search is made,
@@ -72,7 +72,7 @@ def _link(places: Mapping[str, Path], top: Path) -> Iterator[str]:
 
 
 def _search(folders: Iterable[str]) -> None:
-    """Have usd-core search these folders, in this process and in those that start from now on."""
+    """Let usd-core search these folders, in this process and in later subprocesses."""
     from pxr import Ar
 
     path = os.pathsep.join(folders)

@@ -1,4 +1,4 @@
-"""The files behind a stage that is judged again and again, and reading them anew."""
+"""The files of a watched stage, and rereading them."""
 
 from __future__ import annotations
 

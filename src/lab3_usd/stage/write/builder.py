@@ -1,4 +1,4 @@
-"""Builds checkpoint stages: the starter, plus what each part of the lab adds to it."""
+"""Builds checkpoint stages: the starter, plus the additions of each part of the lab."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ENDINGS = {"usda": ".usda", "usdc": ".usd"}
 
 
 class StarterError(Lab3Error):
-    """A starter that cannot carry the lab; `reasons` are one line each."""
+    """The starter is not usable; `reasons` are one line each."""
 
     def __init__(self, path: str, reasons: Sequence[str]) -> None:
         """Keep the reasons, in the order in which the lab meets them."""
@@ -83,7 +83,7 @@ def checkpoint_layer(lab: Lab, starter: str | None, checkpoint: Checkpoint) -> S
 
 @quiet()
 def described_layer(lab: Lab, checkpoint: Checkpoint) -> Sdf.Layer:
-    """Return in memory what a lab says of a checkpoint by itself: all but its scene.
+    """Return a checkpoint in memory as a lab alone describes it, without the starter scene.
 
     It has the sensors and graphs, and overs with the robot's pose and the masses of its links.
     """
@@ -138,7 +138,7 @@ def build_files(
 
 
 def _open_starter(lab: Lab, starter: Path | None) -> Usd.Stage:
-    """Open the starter and make sure that it can carry the lab."""
+    """Open the starter and make sure that it is usable."""
     if starter is None:
         stage = Usd.Stage.Open(starter_layer(lab.folder))
         name = "the lab's starter"

@@ -1,4 +1,4 @@
-"""Writes the starter scene of a lab, and tells whether a starter can carry the lab."""
+"""Writes the starter scene of a lab, and checks whether a starter is usable."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SUFFIX = ".usda"
 
 
 def starter_problems(lab: Lab, stage: Usd.Stage) -> list[str]:
-    """Return all that keeps the lab out of this stage, one line each; empty where nothing does.
+    """Return the reasons why a starter is not usable, one line each.
 
     What hangs below a prim that is not there is left out.
     """
@@ -133,7 +133,7 @@ def _is_articulated(lab: Lab, stage: Usd.Stage, path: str) -> bool:
 
 
 def deviations(lab: Lab, stage: Usd.Stage) -> Iterator[tuple[str, str]]:
-    """Yield a prim and what is done otherwise than in the handout because of it."""
+    """Yield each prim because of which the build deviates from the handout, and how."""
     if is_root_articulated(lab, stage):
         root, target = lab.scene.robot.path, lab.scene.robot.articulation.target
         message = f"the articulation root is on {root}; Isaac Sim finds no articulation at the"
