@@ -18,6 +18,7 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 from places import REPOSITORY
 
+from lab3_usd.check.registry import all_rules
 from lab3_usd.deliverables.scripts import collect_script
 from lab3_usd.spec.load.loader import load_lab
 
@@ -123,6 +124,12 @@ def test_the_order_of_a_set_is_noticed(code: str) -> None:
 def test_nothing_depends_on_the_order_of_a_set() -> None:
     found = {module_id(path): ordered_sets(ast.parse(path.read_text())) for path in SOURCES}
     assert {module: lines for module, lines in found.items() if lines} == {}
+
+
+def test_the_function_of_a_rule_is_named_as_the_rule() -> None:
+    rules = all_rules().values()
+    functions = {rule.name: rule.check.__name__.replace("_", "-") for rule in rules}
+    assert {name: function for name, function in functions.items() if name != function} == {}
 
 
 def test_a_module_is_one_idea() -> None:

@@ -70,7 +70,7 @@ def _commands(stage: StageModel, platform: Platform) -> Iterator[Command]:
         is_by_path = path is None or bool(path)
         aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")
         names = joint_names(node, ports.joints, live_nodes(stage, platform))
-        is_by_number = _has_indices(node, ports, stage, platform) and not ignored_indices(
+        is_by_number = _has_indices(node, ports, stage, platform) and not unused_indices(
             node, ports, stage, platform
         )
         yield Command(
@@ -91,7 +91,7 @@ def _has_indices(node: Node, ports: DrivePorts, stage: StageModel, platform: Pla
     )
 
 
-def ignored_indices(
+def unused_indices(
     node: Node, ports: DrivePorts, stage: StageModel, platform: Platform
 ) -> Value | None:
     """Return the numbers of joints that this release ignores because all are 0, None for others."""

@@ -154,7 +154,7 @@ def _same_transforms(view: TfView) -> dict[tuple[str, str], list[Edge]]:
 
 
 @rule("T05", "frame-cycle", scope="frames", formerly="ring-of-frames")
-def tf_cycle(view: TfView) -> Iterator[Problem]:
+def frame_cycle(view: TfView) -> Iterator[Problem]:
     """The transforms form a cycle.
 
     Why: tf2 needs a tree. In a cycle it finds no root and refuses every lookup that reaches it.
@@ -181,7 +181,7 @@ def tf_cycle(view: TfView) -> Iterator[Problem]:
 
 
 @rule("T06", "disconnected-frames", scope="frames", formerly="frames-not-connected")
-def frames_not_connected(view: TfView) -> Iterator[Problem]:
+def disconnected_frames(view: TfView) -> Iterator[Problem]:
     """A transform is not connected to the robot's tree.
 
     Why: tf2 cannot transform between two trees. {localization?}From localization on, the one tree

@@ -241,7 +241,7 @@ def _graphs(outcome: Outcome, *, publish: bool) -> Iterator[str]:
 
 
 @rule("T11", "frame-id-not-in-tree", scope="frames", formerly="frame-id-outside-the-tree")
-def frame_id_outside_the_tree(view: TfView) -> Iterator[Problem]:
+def frame_id_not_in_tree(view: TfView) -> Iterator[Problem]:
     """A message names a frame outside the TF tree.
 
     Why: a subscriber asks tf2 for the frame and waits forever. Isaac Sim reports no error.

@@ -29,7 +29,7 @@ def _grave(*edges: Edge) -> Severity | None:
 
 
 @rule("K50", "multiple-parents", scope="lint", formerly="frame-of-two-parents")
-def frame_of_two_parents(subject: LintSubject) -> Iterator[Problem]:
+def multiple_parents(subject: LintSubject) -> Iterator[Problem]:
     """A frame has two parents.
 
     Why: tf2 keeps the latest transform. The frame, and everything below it, jumps from one parent
@@ -61,7 +61,7 @@ def frame_of_two_parents(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K51", "self-transform", scope="lint", formerly="frame-below-itself")
-def frame_below_itself(subject: LintSubject) -> Iterator[Problem]:
+def self_transform(subject: LintSubject) -> Iterator[Problem]:
     """A frame is its own parent.
 
     Why: tf2 rejects the transform and logs a line for every message.
@@ -84,7 +84,7 @@ def frame_below_itself(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K52", "tf-cycle", scope="lint", formerly="frames-in-a-ring")
-def frames_in_a_ring(subject: LintSubject) -> Iterator[Problem]:
+def tf_cycle(subject: LintSubject) -> Iterator[Problem]:
     """The transforms form a cycle.
 
     Why: a cycle has no root: tf2 cannot look up any transform in it.
@@ -181,7 +181,7 @@ def _share_edges(one: list[Edge], other: list[Edge]) -> bool:
 
 
 @rule("K54", "duplicate-transform", scope="lint", formerly="transform-of-two-publishers")
-def transform_of_two_publishers(subject: LintSubject) -> Iterator[Problem]:
+def duplicate_transform(subject: LintSubject) -> Iterator[Problem]:
     """A transform is published twice.
 
     Why: tf2 mixes both streams. If their times or poses differ, the frame jitters.
@@ -242,7 +242,7 @@ def unpublished_frame(subject: LintSubject) -> Iterator[Problem]:
     severity="warning",
     formerly="odometry-and-transform-differ",
 )
-def odometry_and_transform_differ(subject: LintSubject) -> Iterator[Problem]:
+def odometry_tf_mismatch(subject: LintSubject) -> Iterator[Problem]:
     """Odometry message and transform name different frames.
 
     Why: both give the pose of the robot. With different names they describe different frames, and

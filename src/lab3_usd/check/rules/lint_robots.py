@@ -20,12 +20,12 @@ from lab3_usd.facts.articulations import (
     driven_pairs,
     followed_bodies,
     has_joint,
-    ignored_indices,
     joints_of,
     named_joints,
     number_of_axes,
     number_of_commands,
     told_joints,
+    unused_indices,
     wired_commands,
 )
 from lab3_usd.facts.endpoints import did_you_mean, likely_name
@@ -189,7 +189,7 @@ def _wrong_value(joint: Prim, drive: str | None) -> tuple[str, str | None, str, 
 
 
 @rule("K67", "odometry-without-body", scope="lint", formerly="no-body-to-follow")
-def no_body_to_follow(subject: LintSubject) -> Iterator[Problem]:
+def odometry_without_body(subject: LintSubject) -> Iterator[Problem]:
     """The chassis of odometry is neither body nor articulation root.
 
     Why: the node logs an error at every update and passes no signal on. Its outputs stay 0:
@@ -221,7 +221,7 @@ def _why_no_body(odometry: Followed) -> str:
 
 
 @rule("K68", "command-count", scope="lint", formerly="number-of-commands")
-def number_of_commands_differs(subject: LintSubject) -> Iterator[Problem]:
+def command_count(subject: LintSubject) -> Iterator[Problem]:
     """A controller receives more or fewer commands than joints.
 
     Why: the controller requires one command for each joint that is named, or for each of the robot
@@ -267,7 +267,7 @@ def _has_empty_element(command: Command, subject: LintSubject) -> bool:
 
 
 @rule("K69", "ignored-indices", scope="lint", severity="warning")
-def indices_are_ignored(subject: LintSubject) -> Iterator[Problem]:
+def ignored_indices(subject: LintSubject) -> Iterator[Problem]:
     """The joint indices of a controller are all 0.
 
     Why: Isaac Sim before 6.2 treats a list of zeros as no list: the command goes to all joints of
@@ -278,7 +278,7 @@ def indices_are_ignored(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:jointIndices = [0]` for the first joint of an arm.
     """
     for command in commands(subject.stage, subject.platform):
-        indices = ignored_indices(command.node, command.ports, subject.stage, subject.platform)
+        indices = unused_indices(command.node, command.ports, subject.stage, subject.platform)
         joints = joints_of(command, subject.stage) if command.roots else {}
         if indices and not command.names and len(joints) != 1:
             yield Problem(
@@ -328,7 +328,7 @@ def limit_needs_time_step(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K64", "wheel-size", scope="lint", severity="warning", formerly="wheels-of-another-size")
-def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
+def wheel_size(subject: LintSubject) -> Iterator[Problem]:
     """Wheel radius or distance differ from the robot's.
 
     Why: the robot drives faster or slower, or turns more or less, than commanded; odometry that is
@@ -364,7 +364,7 @@ def wheels_of_another_size(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K65", "joint-commanded-twice", scope="lint", formerly="joint-of-two-controllers")
-def joint_of_two_controllers(subject: LintSubject) -> Iterator[Problem]:
+def joint_commanded_twice(subject: LintSubject) -> Iterator[Problem]:
     """Two nodes command the same joint, or one names it twice.
 
     Why: each command overwrites the other at every update, and the joint that it was meant for may
@@ -421,7 +421,7 @@ def _shared(one: Command, other: Command, subject: LintSubject) -> tuple[list[st
 
 
 @rule("K66", "joint-order", scope="lint", severity="warning", formerly="left-and-right")
-def left_and_right(subject: LintSubject) -> Iterator[Problem]:
+def joint_order(subject: LintSubject) -> Iterator[Problem]:
     """The wheel joints are named right, left.
 
     Why: the controller gives the speeds in the order left, right. With the names exchanged, the

@@ -51,7 +51,7 @@ _REASONS = {
         "nodes that wait for a switched-off node",
     ),
 )
-def never_computes(subject: LintSubject) -> Iterator[Problem]:
+def never_executes(subject: LintSubject) -> Iterator[Problem]:
     """No event reaches a node that does something.
 
     Why: a node with an execution input computes only when a signal arrives there. Without a signal
@@ -221,7 +221,7 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K05", "stray-node", scope="lint", severity="warning")
-def node_outside_graph(subject: LintSubject) -> Iterator[Problem]:
+def stray_node(subject: LintSubject) -> Iterator[Problem]:
     """A node is in no graph, or a prim in a graph is no node.
 
     Why: Isaac Sim evaluates only nodes that are children of a graph. A node elsewhere, or a prim of
@@ -343,7 +343,7 @@ def _events(node: Node, subject: LintSubject) -> dict[str, Node]:
 
 
 @rule("K07", "instanced-graph", scope="lint", severity="warning")
-def graph_in_instance(subject: LintSubject) -> Iterator[Problem]:
+def instanced_graph(subject: LintSubject) -> Iterator[Problem]:
     """A graph belongs to an instanceable prim.
 
     Why: Isaac Sim does not load graphs of instances: all copies share the graph, and it belongs to
@@ -401,7 +401,7 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K11", "array-gaps", scope="lint", formerly="array-with-gaps")
-def array_with_gaps(subject: LintSubject) -> Iterator[Problem]:
+def array_gaps(subject: LintSubject) -> Iterator[Problem]:
     """An array has an empty element, or inputs beyond its size.
 
     Why: an element that is neither connected nor set is empty. No joint has an empty name, so the

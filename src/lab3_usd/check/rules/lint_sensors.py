@@ -40,7 +40,7 @@ def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
 
 
 @rule("K14", "unresolved-target", scope="lint", formerly="target-not-there")
-def target_not_there(subject: LintSubject) -> Iterator[Problem]:
+def unresolved_target(subject: LintSubject) -> Iterator[Problem]:
     """A target prim of a node does not exist.
 
     Why: the node logs an error or skips the target: a missing camera gives no image, a missing link

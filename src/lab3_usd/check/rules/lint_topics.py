@@ -102,7 +102,7 @@ def two_types(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K42", "invalid-qos", scope="lint", formerly="refused-profile")
-def refused_profile(subject: LintSubject) -> Iterator[Problem]:
+def invalid_qos(subject: LintSubject) -> Iterator[Problem]:
     """A QoS profile cannot be read.
 
     Why: a profile is JSON with eight fields, and Isaac Sim requires all of them: the three times
@@ -128,7 +128,7 @@ def refused_profile(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K43", "incompatible-qos", scope="lint", formerly="profiles-do-not-meet")
-def profiles_do_not_meet(subject: LintSubject) -> Iterator[Problem]:
+def incompatible_qos(subject: LintSubject) -> Iterator[Problem]:
     """Publisher and subscriber have incompatible QoS profiles.
 
     Why: a reliable subscriber receives nothing from a best-effort publisher, and a transient-local
@@ -165,7 +165,7 @@ def _mismatch(maker: Qos, taker: Qos) -> str:
 
 
 @rule("K34", "value-type", scope="lint", formerly="value-of-another-type")
-def value_of_another_type(subject: LintSubject) -> Iterator[Problem]:
+def value_type(subject: LintSubject) -> Iterator[Problem]:
     """A value has a type that its port does not have.
 
     Why: Isaac Sim creates the port with its own type and ignores the value: the default applies.
@@ -205,7 +205,7 @@ _SAME = {
 
 
 @rule("K35", "unknown-token", scope="lint", formerly="value-not-offered")
-def value_not_offered(subject: LintSubject) -> Iterator[Problem]:
+def unknown_token(subject: LintSubject) -> Iterator[Problem]:
     """A token is not among the choices of its input.
 
     Why: the node rejects the value with an error, or uses another one.

@@ -80,7 +80,7 @@ def _likely(node: Node, subject: LintSubject) -> str | None:
 
 
 @rule("K31", "deprecated-types", scope="lint", severity="warning", formerly="old-names")
-def old_names(subject: LintSubject) -> Iterator[Problem]:
+def deprecated_types(subject: LintSubject) -> Iterator[Problem]:
     """Nodes have names of another release, for their types or their ports.
 
     Why: Isaac Sim 4.5 and later rename types from before when they open the stage, which an older
@@ -173,7 +173,7 @@ def newer_version(subject: LintSubject) -> Iterator[Problem]:
     formerly="saved-by-another-release",
     counted=("sign of another release", "signs of another release"),
 )
-def saved_by_another_release(subject: LintSubject) -> Iterator[Problem]:
+def other_release_ports(subject: LintSubject) -> Iterator[Problem]:
     """Another release of Isaac Sim saved the nodes.
 
     Why: a saved node has the version of its type and declares every port of the release that saved

@@ -32,7 +32,7 @@ from lab3_usd.model.stage import Node
     formerly="wire-from-nowhere",
     counted=("wire with an unknown source", "wires with unknown sources"),
 )
-def dead_source(subject: LintSubject) -> Iterator[Problem]:
+def dangling_wire(subject: LintSubject) -> Iterator[Problem]:
     """The source node of a wire does not exist.
 
     Why: Isaac Sim drops such a wire when it opens the stage. The input then has no source: without
@@ -158,7 +158,7 @@ def _gone(kind: NodeType, port: str, subject: LintSubject) -> str:
 
 
 @rule("K22", "incompatible-types", scope="lint", formerly="types-that-do-not-fit")
-def incompatible_wire(subject: LintSubject) -> Iterator[Problem]:
+def incompatible_types(subject: LintSubject) -> Iterator[Problem]:
     """A wire joins incompatible types.
 
     Why: OmniGraph converts between numbers of one shape and between string and token. It rejects
@@ -211,7 +211,7 @@ def wire_cycle(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule("K24", "multiple-sources", scope="lint", formerly="two-sources")
-def two_sources(subject: LintSubject) -> Iterator[Problem]:
+def multiple_sources(subject: LintSubject) -> Iterator[Problem]:
     """A data input has two live sources.
 
     Why: a data input has one value, and no documentation says which of two sources wins. Only
@@ -250,7 +250,7 @@ def two_sources(subject: LintSubject) -> Iterator[Problem]:
     formerly="value-under-a-wire",
     counted=("value overridden by a wire", "values overridden by wires"),
 )
-def value_under_a_wire(subject: LintSubject) -> Iterator[Problem]:
+def value_and_wire(subject: LintSubject) -> Iterator[Problem]:
     """An input has a connection and a value.
 
     Why: the wire wins. The value looks effective, and takes effect again when the wire is deleted.

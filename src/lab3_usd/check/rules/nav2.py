@@ -25,7 +25,7 @@ def parameter_problem(
 
 
 @rule("V09", "other-release-plugin", scope="navigation", formerly="plugin-of-another-release")
-def plugin_of_another_release(subject: NavigationSubject) -> Iterator[Problem]:
+def other_release_plugin(subject: NavigationSubject) -> Iterator[Problem]:
     """A plugin has the name of another release.
 
     Why: Humble names some plugins with a slash, and others with two colons. With another name the
@@ -53,7 +53,7 @@ def _plain(plugin: str) -> str:
 
 
 @rule("V10", "invalid-parameters", scope="navigation", formerly="parameters-refused")
-def parameters_refused(subject: NavigationSubject) -> Iterator[Problem]:
+def invalid_parameters(subject: NavigationSubject) -> Iterator[Problem]:
     """The parameter parser of ROS 2 rejects the file.
 
     Why: the parser stops at the first error, and no node that is started with the file comes up.
@@ -69,7 +69,7 @@ def parameters_refused(subject: NavigationSubject) -> Iterator[Problem]:
 
 
 @rule("V11", "parameter-type", scope="navigation", formerly="parameter-of-another-type")
-def parameter_of_another_type(subject: NavigationSubject) -> Iterator[Problem]:
+def parameter_type(subject: NavigationSubject) -> Iterator[Problem]:
     """A parameter has another type than declared.
 
     Why: rclcpp converts nothing: the node stops with `Wrong parameter type` when it is configured.

@@ -215,7 +215,7 @@ def _link_offsets(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 
 @rule("S17", "link-place", scope="stage", formerly="scan-offset", demands=_link_offsets)
-def scan_offset(subject: StageSubject) -> Iterator[Problem]:
+def link_place(subject: StageSubject) -> Iterator[Problem]:
     """A link with a sensor is at another place.
 
     Why: a sensor measures at its link and publishes in that frame. At another place it sees parts

@@ -76,7 +76,7 @@ def misplaced_stage(subject: SubmissionSubject) -> Iterator[Problem]:
 
 
 @rule("X04", "no-usd-extension", scope="submission", formerly="no-usd-ending")
-def no_usd_ending(subject: SubmissionSubject) -> Iterator[Problem]:
+def no_usd_extension(subject: SubmissionSubject) -> Iterator[Problem]:
     """A stage has the extension `.uda`, which USD does not have.
 
     Why: neither Isaac Sim nor USD opens it. `.usda` is probably meant.
@@ -95,7 +95,7 @@ def no_usd_ending(subject: SubmissionSubject) -> Iterator[Problem]:
 @rule(
     "X05", "two-stage-files", scope="submission", severity="warning", formerly="stage-in-two-forms"
 )
-def stage_in_two_forms(subject: SubmissionSubject) -> Iterator[Problem]:
+def two_stage_files(subject: SubmissionSubject) -> Iterator[Problem]:
     """A checkpoint has several stages.
 
     Why: the submission does not say which of the two counts. One is judged: the one with the name

@@ -85,7 +85,7 @@ def _without(
 
 
 @rule("Q02", "wrong-topic-type", scope="stage", formerly="topic-of-another-type")
-def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
+def wrong_topic_type(subject: StageSubject) -> Iterator[Problem]:
     """A topic has another message type.
 
     Why: ROS 2 connects only publishers and subscribers of the same type. With two types on one
@@ -117,7 +117,7 @@ def topic_of_another_type(subject: StageSubject) -> Iterator[Problem]:
 
 
 @rule("Q03", "wrong-durability", scope="stage", formerly="durability-of-a-topic")
-def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
+def wrong_durability(subject: StageSubject) -> Iterator[Problem]:
     """A publisher has another durability.
 
     Why: a subscriber that requests stored messages gets none from a volatile publisher. Static
@@ -152,7 +152,7 @@ def durability_of_a_topic(subject: StageSubject) -> Iterator[Problem]:
 
 
 @rule("Q04", "wired-qos", scope="stage", formerly="profile-by-wire")
-def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
+def wired_qos(subject: StageSubject) -> Iterator[Problem]:
     """A QoS profile comes over a connection.
 
     Why: a profile with best effort or a short queue loses messages. A profile that Isaac Sim cannot
@@ -184,7 +184,7 @@ def profile_by_wire(subject: StageSubject) -> Iterator[Problem]:
 
 
 @rule("Q05", "second-subscriber", scope="stage", severity="warning", formerly="topic-taken-twice")
-def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
+def second_subscriber(subject: StageSubject) -> Iterator[Problem]:
     """A second graph subscribes to a topic.
 
     Why: both graphs act on every message. Two copies of a graph command the same joints, and a
@@ -222,7 +222,7 @@ def topic_taken_twice(subject: StageSubject) -> Iterator[Problem]:
     severity="warning",
     formerly="topic-of-commands-published",
 )
-def topic_of_commands_published(subject: StageSubject) -> Iterator[Problem]:
+def command_topic_published(subject: StageSubject) -> Iterator[Problem]:
     """The stage publishes a topic that it should receive.
 
     Why: what commands the robot publishes {commands}. A publisher in the stage adds its own
