@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tarfile
+import tempfile
 import threading
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
@@ -20,7 +21,7 @@ from mini_lab import starter, submission
 from pxr import Sdf, Tf
 from waiting import eventually
 
-from lab3_usd.grade.intake import staging, submission_copy
+from lab3_usd.grade.intake import scratch, submission_copy
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 from lab3_usd.grade.workers import pool, worker_process
@@ -99,8 +100,8 @@ for line in sys.stdin:
         os.close(1)
     if student == "parts" and os.fork():
         os._exit(0)
-    if student.endswith("once") and not os.path.exists("../once"):
-        open("../once", "w").close()
+    if student.endswith("once") and not os.path.exists("../../../once"):
+        open("../../../once", "w").close()
         os.kill(os.getpid(), signal.SIGSEGV if "crashes" in student else signal.SIGKILL)
     if student.endswith("once"):
         say({"done": {"status": "graded", "by": os.getpid(), "broken": broken}})
@@ -243,7 +244,7 @@ def test_a_file_at_which_a_worker_ended_is_read_once_more(
     always: str,
     end: str,
 ) -> None:
-    monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
     (_, well), (_, ended) = judged_in_turn(odd, once, always)
     assert (well["status"], well["broken"]) == ("graded", {})
     assert ended["broken"] == {"second.usda": end}
@@ -417,7 +418,7 @@ def test_a_run_that_is_told_to_end_leaves_nothing_behind(
     temporary: Path, name: str, where: str
 ) -> None:
     process = running(temporary, where)
-    assert list(temporary.glob("lab3-grade-*"))
+    assert list(temporary.glob("*/lab3-grade-*"))
     process.send_signal(getattr(signal, name))
     _, errors = process.communicate(timeout=60)
     assert process.returncode != 0
@@ -466,35 +467,19 @@ def test_a_thread_may_run_tasks(odd: PoolSettings) -> None:
 def test_what_a_killed_run_left_is_removed_by_the_next(
     temporary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
-    monkeypatch.setattr(staging, "_SECONDS_TO_LOCK", -1.0)
-    ours = staging.make_scratch("lab3-grade-")
-    foreign = temporary / "lab3-other"
-    foreign.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    ours = scratch.make_scratch("lab3-grade-")
     killed = running(temporary, "inside")
-    (left,) = set(temporary.glob("lab3-grade-*")) - {ours}
-    staging.remove_abandoned()
+    (left,) = set(temporary.glob("*/lab3-grade-*")) - {ours.parent}
+    scratch.remove_abandoned([])
     assert left.exists()  # it is in use
     killed.kill()
     killed.communicate(timeout=60)
     assert left.exists()
-    (temporary / "lab3-grade-link").symlink_to(foreign)
-    staging.remove_abandoned()
-    assert sorted(temporary.iterdir()) == sorted([ours, foreign, temporary / "lab3-grade-link"])
-    staging.remove_scratch(ours)
-    assert not ours.exists()
-
-
-def test_a_folder_that_was_just_made_is_not_taken_for_abandoned(
-    temporary: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
-    new, old = temporary / "lab3-grade-new", temporary / "lab3-grade-old"
-    for folder in (new, old):
-        folder.mkdir()
-    os.utime(old, (0, 0))
-    staging.remove_abandoned()
-    assert list(temporary.iterdir()) == [new]
+    scratch.remove_abandoned([])
+    assert sorted(ours.parent.parent.glob("lab3-*")) == [ours.parent]
+    scratch.remove_scratch(ours)
+    assert list(temporary.iterdir()) == []
 
 
 def test_a_worker_that_does_not_start_is_an_error_that_says_why(

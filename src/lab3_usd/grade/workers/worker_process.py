@@ -19,7 +19,7 @@ from msgspec import Struct
 
 from lab3_usd.data import LAB_VARIABLE, PACKAGE
 from lab3_usd.errors import Lab3Error
-from lab3_usd.grade.intake.staging import make_scratch, remove_scratch
+from lab3_usd.grade.intake.scratch import make_scratch, remove_scratch
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 from lab3_usd.grade.workers.messages import (
     CRASHED,
