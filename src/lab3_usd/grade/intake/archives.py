@@ -31,6 +31,7 @@ from lab3_usd.grade.intake.submission_copy import (
     name_fault,
     only_name_counts,
     path_parts,
+    stage_seeker,
 )
 from lab3_usd.spec.load.loader import load_lab
 
@@ -275,11 +276,12 @@ class _Inside:
         top = _common_top(files)
         is_home = top.lower() == f"{load_lab().submission.folders.stages}/".lower()
         self._top = "" if copy.archives or is_home else top
-        self._files: dict[str, list[str]] = {}
         self.links: dict[str, _Link] = {}
+        by_folder: dict[str, list[str]] = {}
         for file in files:
             folder, _, name = _plain(file).rpartition("/")
-            self._files.setdefault(folder, []).append(name)
+            by_folder.setdefault(folder, []).append(name)
+        self._holds_stages = stage_seeker(lambda folder: by_folder.get(folder, ()))
 
     def name(self, path: str) -> str:
         """Return what a file of the archive is called in the submission."""
@@ -289,7 +291,7 @@ class _Inside:
         """Whether a file lies in a folder that programs fill, which is passed over as a whole."""
         if not is_made_name(path):
             return False
-        folder = made_folder(path, lambda folder: self._files.get(folder, ()))
+        folder = made_folder(path, self._holds_stages)
         if not folder or (self._copy.archives and "/" not in folder):  # which is a student there
             return False
         self._copy.pass_over(self.name(folder))

@@ -34,6 +34,7 @@ from lab3_usd.grade.intake.submission_copy import (
     TooLargeError,
     is_hidden,
     made_folder,
+    stage_seeker,
 )
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
@@ -229,6 +230,7 @@ def _put_in_place(copy: SubmissionCopy) -> None:
 
 def _files_below(root: Path, copy: SubmissionCopy) -> Iterator[tuple[Path, str]]:
     """Yield what a folder holds, links not followed, in the order of the names."""
+    holds_stages = stage_seeker(partial(_files_in, root))
     waiting = [""]
     while waiting:
         below = waiting.pop()
@@ -242,7 +244,7 @@ def _files_below(root: Path, copy: SubmissionCopy) -> Iterator[tuple[Path, str]]
             name = f"{below}{entry.name}"
             if not entry.is_dir(follow_symlinks=False):
                 yield Path(entry.path), name
-            elif made_folder(f"{name}/file", partial(_files_in, root)):
+            elif made_folder(f"{name}/file", holds_stages):
                 copy.pass_over(name)
             elif name.count("/") >= copy.limits.folders:
                 copy.refuse(name, f"it lies more than {copy.limits.folders} folders deep")

@@ -9,6 +9,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
@@ -114,22 +115,34 @@ def is_hidden(parts: list[str]) -> bool:
     return any((part.startswith(".") and part != "..") or part in LEFTOVERS for part in parts)
 
 
-def made_folder(name: str, files_in: Callable[[str], Iterable[str]]) -> str:
+def stage_seeker(files_in: Callable[[str], Iterable[str]]) -> Callable[[str], bool]:
+    """Return what tells whether a folder holds stages of checkpoints, from the names of its files.
+
+    `files_in` lists the files of a folder by its path, and is asked once for each.
+    """
+    lab = load_lab()
+
+    @cache
+    def holds_stages(folder: str) -> bool:
+        places = (folder, f"{folder}/{lab.submission.folders.stages}")
+        files = (file for place in places for file in files_in(place))
+        return any(named_checkpoint(file, lab.files) for file in files)
+
+    return holds_stages
+
+
+def made_folder(name: str, holds_stages: Callable[[str], bool]) -> str:
     """Return the topmost folder above a file that programs fill, '' for none.
 
     One that holds stages of checkpoints is the student's, whatever it is called, and so is one that
-    the lab asks for. `files_in` lists the files of a folder by its path.
+    the lab asks for.
     """
-    lab = load_lab()
-    own = lab.submission.folders
+    own = load_lab().submission.folders
     asked = {own.stages, own.starter, own.maps, *own.shown}
     parts = path_parts(name)
     for index, part in enumerate(parts[:-1], start=1):
-        if part not in _MADE or part in asked:
-            continue
         folder = "/".join(parts[:index])
-        held = [file for at in (folder, f"{folder}/{own.stages}") for file in files_in(at)]
-        if not any(named_checkpoint(file, lab.files) for file in held):
+        if part in _MADE and part not in asked and not holds_stages(folder):
             return folder
     return ""
 
