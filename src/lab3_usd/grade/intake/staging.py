@@ -7,9 +7,11 @@ import hashlib
 import os
 import shutil
 import stat
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+from itertools import accumulate
 from pathlib import Path
 from typing import BinaryIO
 
@@ -200,32 +202,47 @@ def _put_in_place(copy: SubmissionCopy) -> None:
     of the lab: its files stay in the folder that stands for it.
     """
     lab = load_lab()
-
-    def checkpoints_in(paths: Iterable[str]) -> set[str]:
-        named = (named_checkpoint(Path(path).name, lab.files) for path in paths)
-        return {number for number in named if number is not None}
-
-    for archive in reversed(tuple(copy.unpacked)):
-        own = {path for path in copy.digests if path.startswith(f"{copy.target / archive}{os.sep}")}
-        if checkpoints_in(own) & checkpoints_in(copy.digests.keys() - own):
+    checkpoints = {path: named_checkpoint(Path(path).name, lab.files) for path in copy.digests}
+    everywhere = Counter(checkpoints.values())
+    held: dict[str, set[str]] = {str(copy.target / archive): set() for archive in copy.unpacked}
+    for path in checkpoints:
+        for above in _folders_above(path) & held.keys():
+            held[above].add(path)
+    merged: set[str] = set()
+    for archive in reversed(copy.unpacked):  # the inner ones first
+        own = held.pop(str(copy.target / archive), None)
+        if own is None:  # two of one name have one folder
             continue
+        numbers = Counter(checkpoints[path] for path in own)
+        if any(number and everywhere[number] > count for number, count in numbers.items()):
+            continue
+        merged.add(archive)
         parent, slash, _ = archive.rpartition("/")
-        inside = f"{archive}/"
-        copy.unpacked.remove(archive)
-        copy.unpacked = [
-            f"{parent}{slash}{name.removeprefix(inside)}" if name.startswith(inside) else name
-            for name in copy.unpacked
-        ]
-        copy.refused = [
-            replace(file, path=f"{parent}{slash}{file.path.removeprefix(inside)}")
-            if file.path.startswith(inside)
-            else file
-            for file in copy.refused
-        ]
         for path in sorted(own):
             name = Path(path).relative_to(copy.target / archive).as_posix()
-            copy.move(f"{inside}{name}", f"{parent}{slash}{name}")
+            new = copy.move(f"{archive}/{name}", f"{parent}{slash}{name}")
+            number = checkpoints.pop(path)
+            if new is None:
+                everywhere[number] -= 1
+            else:
+                checkpoints[new] = number
+            for above in _folders_above(path) & held.keys():
+                held[above].discard(path)
+                held[above].update([new] if new else ())
         shutil.rmtree(copy.target / archive, ignore_errors=True)
+    copy.unpacked = [_merged_path(name, merged) for name in copy.unpacked if name not in merged]
+    copy.refused = [replace(file, path=_merged_path(file.path, merged)) for file in copy.refused]
+
+
+def _folders_above(path: str) -> set[str]:
+    return {str(folder) for folder in Path(path).parents}
+
+
+def _merged_path(path: str, merged: set[str]) -> str:
+    """Return a path without the folders that stood for archives whose files were put in place."""
+    *above, name = path.split("/")
+    folders = zip(above, accumulate(above, "{}/{}".format), strict=True)
+    return "/".join([*(part for part, folder in folders if folder not in merged), name])
 
 
 def _files_below(root: Path, copy: SubmissionCopy) -> Iterator[tuple[Path, str]]:

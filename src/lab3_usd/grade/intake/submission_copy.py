@@ -306,23 +306,24 @@ class SubmissionCopy:
         if self._write(name, path, size, stream):
             os.utime(path, (0.0, changed if 0 <= changed <= _LATEST else 0.0))
 
-    def move(self, name: str, goal: str) -> None:
-        """Move a file that was taken in to where no other one is."""
+    def move(self, name: str, goal: str) -> str | None:
+        """Move a file that was taken in to where no other one is, and return its path."""
         path, new = (self.target.joinpath(*path_parts(at)) for at in (name, goal))
         digest = self.digests.pop(str(path))
         if str(new) in self.digests:
             self.refuse(goal, _TWICE)
-            return
+            return None
         if new.is_dir():
             self.refuse(goal, _CLASH)
-            return
+            return None
         try:
             new.parent.mkdir(parents=True, exist_ok=True)
             shutil.move(path, new)  # Landlock lets nobody rename into another folder
         except (FileExistsError, NotADirectoryError, IsADirectoryError):
             self.refuse(goal, _CLASH)
-            return
+            return None
         self.digests[str(new)] = digest
+        return str(new)
 
     def _write(self, name: str, path: Path, size: int, stream: BinaryIO) -> bool:
         digest = hashlib.sha256()
