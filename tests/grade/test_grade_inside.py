@@ -20,7 +20,9 @@ from mini_lab import cut_wire, stage, starter, submission
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 
+from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, UsageError
+from lab3_usd.grade.intake.scratch import make_scratch
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import cluster, sandbox, worker_main, worker_process
@@ -82,6 +84,32 @@ def test_a_file_that_ended_a_worker_is_unreadable_and_the_others_are_judged(
     )
     assert (found["status"], found["reason"]) == ("timeout", f"{name}: ran out of time (20 s)")
     assert found["verdicts"] == {"00": "pass", "01": "unreadable"}
+
+
+def test_a_map_is_announced_and_left_out_where_it_ended_a_worker(
+    course: GradingSetup, tmp_path: Path
+) -> None:
+    facts = course.lab.scene.map
+    assert facts is not None
+    jane, announced = submission(tmp_path / "jane"), list[str]()
+    shutil.copytree(data_folder("maps"), jane / "maps")
+    (yaml,) = (jane / "maps").glob("*.yaml")
+    yaml.rename(jane / "maps" / facts.yaml)
+    (image,) = (f"maps/{path.name}" for path in (jane / "maps").glob("*.pgm"))
+
+    def report(name: str, broken: dict[str, str]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+        (tmp_path / name).mkdir()
+        task = Task("jane", "jane", (Source(jane),), broken=broken)
+        found = grade_submission(course, task, tmp_path / name, announced.append)
+        (about,) = json.loads(found["reports"]["report.json"])["submissions"]
+        return [each for each in about["findings"] if each["rule"] == "M05"], found
+
+    fine, _ = report("one", {})
+    assert fine == []
+    assert image in announced
+    (left_out,), found = report("two", {image: "ran out of time (20 s)"})
+    assert (left_out["prim"], "ran out of time" in left_out["message"]) == (image, True)
+    assert set(found["verdicts"].values()) == {"pass"}
 
 
 @pytest.mark.parametrize(
@@ -567,11 +595,10 @@ def test_how_it_ended_is_known_where_nothing_more_is(
     worker_process.end_worker(there)
 
 
-def test_a_worker_that_cannot_even_be_killed_is_left_behind(tmp_path: Path) -> None:
+def test_a_worker_that_cannot_even_be_killed_is_left_behind() -> None:
     hanging: Any = Ended()
     hanging.status = None
-    scratch = tmp_path / "scratch"
-    scratch.mkdir()
+    scratch = make_scratch("lab3-grade-")
     worker = Worker(hanging, scratch, Limits())
     worker_process.end_worker(worker)
     assert worker.tasks.get_nowait() is None

@@ -40,11 +40,6 @@ _ENDINGS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
 _METADATA = "metadata.yaml"
 
 
-def opens_all(_name: str) -> str:
-    """Have nothing against opening a recording."""
-    return ""
-
-
 def read_recordings(
     root: Path, entries: Sequence[Entry], until: tuple[Lab, str], may_open: Callable[[str], str]
 ) -> tuple[RecordingShown, ...]:
@@ -132,11 +127,17 @@ class FolderContents(Struct, frozen=True):
 
 
 def judge_maps(
-    contents: FolderContents, maps: Path | None, stage: Path | None, *, handed_in: bool
+    contents: FolderContents,
+    maps: Path | None,
+    stage: Path | None,
+    may_open: Callable[[str], str],
+    *,
+    handed_in: bool,
 ) -> RuleResults:
     """Judge the map of the submission, or of the folder `maps`; with a stage, also its walls.
 
-    A map that is still to come is not reported.
+    A map that is still to come is not reported. `may_open` receives the image before it is opened,
+    and returns a reason not to open it.
     """
     lab = contents.lab
     facts = lab.scene.map
@@ -151,7 +152,7 @@ def judge_maps(
             return RuleResults()
         if path is not None and path.relative_to(root).as_posix() in contents.refused:
             return RuleResults()
-        subject = map_subject(path, facts, root=root)
+        subject = map_subject(path, facts, root, may_open)
         if subject.image_file in contents.refused:
             return RuleResults()
     if stage is not None and subject.size == (facts.width, facts.height):

@@ -17,13 +17,13 @@ from lab3_usd.judge.files import (
     judge_maps,
     judge_parameters,
     judge_saved_outputs,
-    opens_all,
     read_recordings,
     read_saved_outputs,
 )
 from lab3_usd.judge.results import is_stage_file
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter, open_starter
+from lab3_usd.lab.maps import opens_all
 from lab3_usd.lab.submission import folder_named, list_submission
 from lab3_usd.model.finding import Finding, StageResult, Submission, ordered
 from lab3_usd.model.folder import Listing, StarterFile, SubmissionSubject
@@ -44,10 +44,10 @@ class FolderSettings(Struct, frozen=True):
 
     With `require_evidence`, saved output that is missing is an error instead of a note. With
     `heeds_ignores`, what notes in a stage ignore on purpose is left out. With `native`, OpenUSD's
-    own validators judge the stages as well. `may_open` receives each recording before it is
-    opened, and says why it is not to be. `digests` are those of files by path, as far as they are
-    known. With `handed_in`, what is missing is missed; without, a folder is taken for one that is
-    worked on until it holds what concludes the lab.
+    own validators judge the stages as well. `may_open` receives each recording and map image before
+    it is opened, and says why it is not to be. `digests` are those of files by path, as far as they
+    are known. With `handed_in`, what is missing is missed; without, a folder is taken for one that
+    is worked on until it holds what concludes the lab.
     """
 
     starter: Path | Starter | None = None
@@ -116,7 +116,8 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     judged = merge_results((
         run_family("submission", "X", subject, lab),
         judge_maps(
-            contents, settings.maps, Path(readable[-1]) if readable else None, handed_in=handed_in
+            contents, settings.maps, Path(readable[-1]) if readable else None, may_open,
+            handed_in=handed_in,
         ),
         judge_parameters(contents),
         judge_saved_outputs(
