@@ -217,5 +217,5 @@ def test_files_of_archives_in_archives_are_put_where_the_outer_one_lay(tmp_path:
         packed.writestr("work/a.usda", STAGE)
     write(tmp_path / "jane/notes.txt", b"n")
     found = staged(tmp_path, Source(tmp_path / "jane"))
-    assert names_below(found.folder) == ["maps/a.yaml", "notes.txt", "work/a.usda"]
-    assert [each.path for each in found.refused] == ["maps/c.yaml"]
+    assert names_below(found.folder) == ["a.yaml", "notes.txt", "work/a.usda"]
+    assert [each.path for each in found.refused] == ["c.yaml"]
