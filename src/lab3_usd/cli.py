@@ -16,13 +16,20 @@ import click
 
 from lab3_usd.commands.table import CALLS, COMMANDS, EXAMPLES, GROUPS
 from lab3_usd.data import LAB_VARIABLE, as_called, program
-from lab3_usd.errors import EXIT_CRASH, EXIT_INTERRUPTED, EXIT_USAGE, Lab3Error, UsageError
+from lab3_usd.errors import (
+    EXIT_CRASH,
+    EXIT_INTERRUPTED,
+    EXIT_USAGE,
+    Lab3Error,
+    NoRoomError,
+    UsageError,
+    is_no_room,
+)
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 _OUT_OF_REACH = {errno.EACCES, errno.ENAMETOOLONG}  # a path that was given, or one below it
-_NO_ROOM = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 class LazyGroup(click.Group):
@@ -197,6 +204,8 @@ def main() -> None:
         sys.exit(EXIT_USAGE)
     except click.UsageError as error:
         _fail(_usage_line(error), EXIT_USAGE, "usage")
+    except NoRoomError as error:
+        _fail(str(error), EXIT_CRASH, "crash")
     except (Lab3Error, click.ClickException) as error:
         _fail(str(error), EXIT_USAGE, "usage")
     except BrokenPipeError:
@@ -204,7 +213,7 @@ def main() -> None:
         _close_output()
         sys.exit(EXIT_CRASH)
     except Exception as error:  # noqa: BLE001 - reported as what it is: our own failure
-        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+        if isinstance(error, OSError) and is_no_room(error):
             _close_output()
             _fail(f"the output cannot be written: {error.strerror}", EXIT_CRASH, "crash")
         if isinstance(error, OSError) and error.errno in _OUT_OF_REACH and error.filename:

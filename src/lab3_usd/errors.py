@@ -1,5 +1,7 @@
 """The exceptions of the package, each one line with the repair, and the exit codes of commands."""
 
+import errno
+
 EXIT_FOUND = 1  # faults, differences, or what a command refuses to go on with
 EXIT_USAGE = 2
 EXIT_CRASH = 3
@@ -28,5 +30,23 @@ class UsageError(Lab3Error):
     """The command or call was given something it cannot work with."""
 
 
+class NoRoomError(Lab3Error):
+    """The disk is full, which is a fault of neither the call nor the input."""
+
+
 class RecordingError(Lab3Error):
     """A recording cannot be read: none, damaged, or too large."""
+
+
+_NO_ROOM = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
+
+
+def is_no_room(error: BaseException) -> bool:
+    """Whether the disk is full, or what a user may have of it."""
+    return isinstance(error, OSError) and error.errno in _NO_ROOM
+
+
+def unwritten(place: object, error: OSError, kind: type[Lab3Error] = UsageError) -> Lab3Error:
+    """Return the error that says that a file or folder cannot be written, and why."""
+    raised = NoRoomError if is_no_room(error) else kind
+    return raised(f"{place} cannot be written ({error.strerror})")

@@ -10,7 +10,7 @@ from itertools import chain, count
 from pathlib import Path
 from typing import NamedTuple
 
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import Lab3Error, UsageError, unwritten
 
 _DEVICES = Path("/dev")
 _MEMORY = Path("/dev/shm")  # noqa: S108 - below it are files as anywhere
@@ -24,6 +24,7 @@ def write_whole(target: Path, data: bytes, *, force: bool) -> None:
 
     Raises:
         UsageError: `target` exists and `force` is not set, or it cannot be written.
+        NoRoomError: the disk is full.
     """
     write_parts(target, (data,), force=force)
 
@@ -36,6 +37,7 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
 
     Raises:
         UsageError: `target` exists and `force` is not set, or it cannot be written.
+        NoRoomError: the disk is full.
     """
     refuse_existing(target, force=force)
     try:
@@ -52,7 +54,7 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise UsageError(f"{target} cannot be written ({error.strerror})") from error
+        raise unwritten(target, error) from error
 
 
 def _is_among_devices(path: Path) -> bool:
@@ -104,6 +106,7 @@ def replace_files(contents: Mapping[Path, bytes], states: Mapping[Path, FileStat
 
     Raises:
         UsageError: one was changed meanwhile, or cannot be written; nothing was written.
+        NoRoomError: the disk is full; nothing was written.
     """
     waiting: dict[Path, Path] = {}  # what is to be replaced, by the new file
     try:
@@ -122,7 +125,7 @@ def replace_files(contents: Mapping[Path, bytes], states: Mapping[Path, FileStat
         for temporary, target in waiting.items():
             temporary.replace(target)
     except OSError as error:
-        raise UsageError(f"{error.filename} cannot be written ({error.strerror})") from error
+        raise unwritten(error.filename or next(iter(contents)), error) from error
     finally:
         for temporary in waiting:
             temporary.unlink(missing_ok=True)
@@ -163,16 +166,17 @@ def keep_original(path: Path, content: bytes) -> Path:
 
     Raises:
         UsageError: it cannot be written.
+        NoRoomError: the disk is full.
     """
     endings = chain([".orig"], (f".orig.{number}" for number in count(2)))
     originals = (path.with_name(path.name + ending) for ending in endings)
     try:
         original = next(filter(_claimed, originals))
     except OSError as error:
-        raise UsageError(f"{error.filename} cannot be written ({error.strerror})") from error
+        raise unwritten(error.filename or path, error) from error
     try:
         write_whole(original, content, force=True)
-    except UsageError:
+    except Lab3Error:
         original.unlink(missing_ok=True)
         raise
     original.chmod(path.stat().st_mode)

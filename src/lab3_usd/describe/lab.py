@@ -35,7 +35,7 @@ from lab3_usd.describe.scene import (
 )
 from lab3_usd.describe.starter import describe_starter
 from lab3_usd.describe.yaml_text import document
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import UsageError, unwritten
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.catalog import Catalog
 from lab3_usd.spec.contradictions.names import graph_frames, named_frames
@@ -265,4 +265,4 @@ def write_folder(folder: Path, files: Mapping[str, str]) -> None:
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
     except OSError as error:
-        raise UsageError(f"{folder} cannot be written ({error.strerror})") from error
+        raise unwritten(folder, error) from error

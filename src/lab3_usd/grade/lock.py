@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import UsageError, unwritten
 
 LOCK = ".lab3-grade.lock"
 _LARGEST = 4096
@@ -47,7 +47,7 @@ def locked(out: Path, *, force: bool = False) -> Iterator[None]:
         out.mkdir(parents=True, exist_ok=True)
         handle = _opened(out / LOCK)
     except OSError as error:
-        raise UsageError(f"{out}: cannot be written ({error.strerror})") from error
+        raise unwritten(out, error) from error
     try:
         _take(handle, out, force=force)
         try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import calendar
 import contextlib
-import errno
 import io
 import lzma
 import shutil
@@ -19,7 +18,7 @@ from typing import BinaryIO, cast
 
 from msgspec import Struct
 
-from lab3_usd.errors import Lab3Error
+from lab3_usd.errors import Lab3Error, is_no_room
 from lab3_usd.grade.intake.submission_copy import (
     LEADS_OUT,
     SubmissionCopy,
@@ -46,7 +45,6 @@ _DAMAGED = (
     zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError, EOFError, OSError,
     ValueError, NotImplementedError, RuntimeError, IndexError, OverflowError,
 )  # fmt: skip
-_NO_ROOM = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 class ArchiveError(Lab3Error):
@@ -56,11 +54,6 @@ class ArchiveError(Lab3Error):
 def is_archive(name: str) -> bool:
     """Whether a file of this name is an archive that can be unpacked."""
     return name.lower().endswith((*ZIP_ENDINGS, *TAR_ENDINGS))
-
-
-def is_no_room(error: Exception) -> bool:
-    """Whether the disk is full, which is not a fault of the submission."""
-    return isinstance(error, OSError) and error.errno in _NO_ROOM
 
 
 def _is_nested(name: str, copy: SubmissionCopy) -> bool:

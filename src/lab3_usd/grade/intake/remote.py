@@ -15,8 +15,8 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.errors import Lab3Error, UsageError
-from lab3_usd.grade.intake.archives import is_archive, is_no_room
+from lab3_usd.errors import Lab3Error, UsageError, is_no_room
+from lab3_usd.grade.intake.archives import is_archive
 from lab3_usd.grade.intake.platforms import LARGEST
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import (

@@ -18,11 +18,11 @@ from typing import BinaryIO
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.errors import is_no_room
 from lab3_usd.grade.intake.archives import (
     OTHER_ENDINGS,
     ArchiveError,
     is_archive,
-    is_no_room,
     unpack,
     unpack_beside,
 )
