@@ -16,7 +16,8 @@ _DEVICES = Path("/dev")
 _MEMORY = Path("/dev/shm")  # noqa: S108 - below it are files as anywhere
 _ORIGINAL = re.compile(r"\.orig(\.[0-9]+)?$")
 _LINE = re.compile("[^\n]*\n|[^\n]+")
-_RANDOM = re.compile("[a-z0-9_]{8}")  # what tempfile puts behind a prefix
+_HALF = ".lab3-half"  # ends the name of what is being written, and of nothing that people keep
+_HALF_NAME = re.compile(f"[a-z0-9_]{{8}}{re.escape(_HALF)}")  # behind the prefix, as tempfile names
 
 
 def write_whole(target: Path, data: bytes, *, force: bool) -> None:
@@ -46,7 +47,7 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
                 file.writelines(parts)
             return
         target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = temporary_beside(target)
+        temporary = temporary_beside(target, _HALF)
         try:
             with temporary.open("wb") as file:
                 file.writelines(parts)
@@ -153,7 +154,7 @@ def leftover_files(folder: Path, names: Iterable[str]) -> tuple[Path, ...]:
         path
         for path in sorted(folder.glob(".*"))
         if path.name.startswith(prefixes)
-        and any(_RANDOM.fullmatch(path.name.removeprefix(prefix)) for prefix in prefixes)
+        and any(_HALF_NAME.fullmatch(path.name.removeprefix(prefix)) for prefix in prefixes)
         and path.is_file()
     )
 

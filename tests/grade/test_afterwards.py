@@ -279,3 +279,11 @@ def test_the_same_work_is_listed_and_not_judged(tmp_path: Path) -> None:
     ]
     page = read((tmp_path / "book" / "index.html").read_text(encoding="utf-8"))
     assert "ann, bob, cem: the same graphs but for names" in page.text
+
+
+def test_an_export_in_the_gradebook_is_not_written_over(tmp_path: Path) -> None:
+    roster = tmp_path / "canvas.csv"
+    roster.write_text("Student,ID,SIS Login ID,Section,Lab 3 (1)")
+    with pytest.raises(UsageError, match="would be replaced"):
+        write_for_platform(tmp_path, "canvas", roster, {}, lambda _line: None)
+    assert roster.read_text().startswith("Student")
