@@ -17,7 +17,7 @@ from lab3_usd.check.ros.running import (
     signal_sources,
     signals_once,
 )
-from lab3_usd.model.stage import GraphModel, Node
+from lab3_usd.model.stage import GraphModel, Node, once_per_stage
 from lab3_usd.spec.catalog import INPUT
 from lab3_usd.spec.isaac import Need, is_within
 from lab3_usd.spec.values import Value
@@ -205,15 +205,18 @@ def has_side_effects(node: Node) -> bool:
 
 def feeds(node: Node, subject: LintSubject) -> list[Node]:
     """Return the nodes into which something is connected to this one."""
-    prefix = f"{node.path}."
-    return [
-        target
-        for target in subject.live.values()
-        if target.path != node.path
-        and any(
-            source.startswith(prefix) for state in target.ports.values() for source in state.sources
-        )
-    ]
+    return [target for target in _fed(subject).get(node.path, ()) if target.path != node.path]
+
+
+@once_per_stage
+def _fed(subject: LintSubject) -> dict[str, list[Node]]:
+    """Return the live nodes that each prim is wired into, by its path."""
+    fed: dict[str, list[Node]] = {}
+    for target in subject.live.values():
+        sources = (path for state in target.ports.values() for path in state.sources)
+        for source in dict.fromkeys(path.partition(".")[0] for path in sources):
+            fed.setdefault(source, []).append(target)
+    return fed
 
 
 def is_wired(node: Node, subject: LintSubject) -> bool:
