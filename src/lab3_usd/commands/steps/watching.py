@@ -174,6 +174,19 @@ _PAUSE = 0.01
 _ENVIRONMENT = {"USDC_USE_ASSET": "1", "TF_ENV_SETTING_ALERTS_ENABLED": "0"}
 
 
+def _refuse_foreign(page: Path) -> None:
+    """Refuse to write over, and to remove at the end, a file beside a page that is not its script.
+
+    Raises:
+        UsageError: it is not.
+    """
+    from lab3_usd.report.html.templates import version_file
+
+    script = version_file(page)
+    if script.exists() and not script.read_bytes().startswith(b"window.lab3Version"):
+        raise UsageError(f"{script}: is not of this program; move it away")
+
+
 class Watched(NamedTuple):
     """What is judged again: the stages and folders that there are now, and how.
 
@@ -373,6 +386,8 @@ class _Session:
 
     def _show(self, lines: Iterable[str]) -> None:
         """Show what is new first, then the report."""
+        if self._is_page and not self._version:
+            _refuse_foreign(Path(self._options["output"]))
         self._version += 1
         output, form = self._options["output"], self._options["form"]
         if output is None and form == "text" and understands_ansi(sys.stdout):
