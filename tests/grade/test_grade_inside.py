@@ -228,15 +228,15 @@ def test_hardly_anything_of_a_submission_is_left_for_the_garbage_collector(
 def test_a_worker_serves_tasks_until_there_are_no_more(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("limit_resources", "give_up_privileges", "fence_files"):
+    for name in ("limit_resources", "limit_time", "give_up_privileges", "fence_files"):
         monkeypatch.setattr(worker_main, name, lambda *_arguments: {})
     (tmp_path / "scratch").mkdir()
     jane = Task("jane", "jane", (Source(submission(tmp_path / "jane", "00")),))
     answers = io.BytesIO()
-    line = encode(Assignment(7, jane))
+    line = encode(Assignment(7, jane, 200.0))
     worker_main._serve(Start(tmp_path / "scratch", SETTINGS), io.BytesIO(line), answers)
     said = [json.loads(line) for line in answers.getvalue().splitlines()]
-    assert [list(line)[-1] for line in said] == ["peak", "open", "open", "done"]
+    assert [list(line)[1] for line in said] == ["peak", "open", "open", "done"]
     assert [line.get("turn") for line in said] == [None, 7, 7, 7]
     assert [line["open"] for line in said[1:3]] == ["", f"work/{stage('00').name}"]
     assert said[3]["done"]["verdicts"] == {"00": "pass"}
@@ -246,13 +246,13 @@ def test_a_worker_serves_tasks_until_there_are_no_more(
 def test_an_answer_that_would_be_too_long_is_a_status(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("limit_resources", "give_up_privileges", "fence_files"):
+    for name in ("limit_resources", "limit_time", "give_up_privileges", "fence_files"):
         monkeypatch.setattr(worker_main, name, lambda *_arguments: {})
     long = {"reports": {"a": "x" * 60_000}}
     monkeypatch.setattr(worker_main, "answer", lambda *_arguments: long)
     start = Start(tmp_path, replace(SETTINGS, limits=Limits(answer_size=100_000)))
     answers = io.BytesIO()
-    line = encode(Assignment(7, Task("jane", "jane", ())))
+    line = encode(Assignment(7, Task("jane", "jane", ()), 200.0))
     worker_main._serve(start, io.BytesIO(line), answers)
     done = json.loads(answers.getvalue().splitlines()[-1])["done"]
     assert status_of(done["failed"]) == "too large"

@@ -113,7 +113,7 @@ def _refuse_empty(
     default=20,
     show_default=True,
     metavar="S",
-    help="Seconds without progress on one file; a submission may take ten times as long.",
+    help="Seconds of processor time for one file; a submission may take ten times as long.",
 )
 @click.option(
     "--memory",

@@ -22,6 +22,7 @@ from lab3_usd.spec.submission import named_checkpoint
 
 MEGABYTE = 1024 * 1024
 _TIMES_AS_LONG = 10  # a submission has more than one file
+_TIMES_BY_CLOCK, _LEAST_BY_CLOCK = 10.0, 60.0  # on a busy machine
 
 
 class TooLargeError(Lab3Error):
@@ -31,11 +32,11 @@ class TooLargeError(Lab3Error):
 class Limits(Struct, frozen=True):
     """Limits of one submission.
 
-    `seconds` without progress end the judging of a file, `all_seconds` that of the submission;
-    `memory` is in bytes beyond what a worker needs to begin with, `answer_size` what a worker may
-    answer, reports included. Files beyond `file_size` bytes are not opened; `ratio` is how many
-    times larger a packed file may become, `nesting` how deep prims and values may lie in one
-    another.
+    `seconds` of processor time without progress end the judging of a file, `all_seconds` that of
+    the submission: no other work on the machine changes them. `by_clock` ends what hangs. `memory`
+    is in bytes beyond what a worker needs to begin with, `answer_size` what a worker may answer,
+    reports included. Files beyond `file_size` bytes are not opened; `ratio` is how many times
+    larger a packed file may become, `nesting` how deep prims and values may lie in one another.
     """
 
     seconds: float = 20.0
@@ -51,8 +52,18 @@ class Limits(Struct, frozen=True):
 
     @property
     def all_seconds(self) -> float:
-        """How long one submission may take, whatever progress it makes; so may fetching it."""
+        """Processor time that a submission may take; fetching it takes as long by the clock."""
         return _TIMES_AS_LONG * self.seconds
+
+    @staticmethod
+    def by_clock(seconds: float) -> float:
+        """Return how long work of so much processor time may take; pauses do not count."""
+        return max(_TIMES_BY_CLOCK * seconds, _LEAST_BY_CLOCK)
+
+    @staticmethod
+    def as_processor_time(seconds: float) -> float:
+        """Return what seconds by the clock are counted as, in which a worker stood still."""
+        return seconds / _TIMES_BY_CLOCK
 
     def check_count(self, files: int) -> None:
         """Raise TooLargeError where a submission holds more files than it may."""

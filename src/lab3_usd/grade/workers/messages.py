@@ -79,18 +79,23 @@ class Ready(Struct, frozen=True):
 
 
 class Assignment(Struct, frozen=True):
-    """A task for a worker, and its number."""
+    """A task for a worker, its number, and the processor time in seconds that it may take."""
 
     turn: int
     task: Task
+    seconds: float
 
 
 class Reply(Struct, frozen=True, omit_defaults=True):
-    """What a worker says about the task of a turn: the file that it opens, or the answer."""
+    """What a worker says about the task of a turn: the file that it opens, or the answer.
+
+    `processor` is the processor time in seconds that the worker has taken since it started.
+    """
 
     turn: int
     open: str | None = None
     done: Json | None = None
+    processor: float = 0.0
 
 
 Answer = tuple[Task, Json]  # a task as it was judged in the end, and what to record

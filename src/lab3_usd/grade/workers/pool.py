@@ -20,7 +20,6 @@ from lab3_usd.grade.intake.remote import fetched
 from lab3_usd.grade.intake.submission_copy import TooLargeError
 from lab3_usd.grade.workers.messages import (
     CRASHED,
-    OUT_OF_TIME,
     TOO_LARGE,
     TOOL_FAILED,
     Answer,
@@ -35,6 +34,7 @@ from lab3_usd.grade.workers.worker_process import (
     ask,
     end_worker,
     never_stopped,
+    out_of_all_time,
     start_worker,
 )
 
@@ -95,8 +95,8 @@ class WorkerSlot:
 def judge_in(slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never_stopped) -> Answer:
     """Judge a task, again without the file that ended a worker, until there is an answer.
 
-    A worker that ended for a reason outside of the task is replaced once. A file at which a worker
-    crashed is read once more: usd-core itself crashes now and then.
+    A worker that ended for a reason outside of the task, or stood still, is replaced once. A file
+    at which a worker crashed is read once more: usd-core itself crashes now and then.
     """
     left, spare = slot.settings.limits.all_seconds, 1
     crashed: set[str] = set()
@@ -107,8 +107,7 @@ def judge_in(slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never_s
             died = error
         left -= died.seconds
         if left <= 0:
-            whole = slot.settings.limits.all_seconds
-            return task, {"failed": f"{OUT_OF_TIME} ({whole:g} s for all files)"}
+            return task, {"failed": out_of_all_time(slot.settings.limits)}
         if died.external and spare:
             spare -= 1
             continue

@@ -68,6 +68,17 @@ def limit_resources(limits: Limits) -> bool:
     return held
 
 
+def limit_time(seconds: float) -> None:
+    """Have this process ended by SIGPROF after so much more processor time; 0 lifts the limit.
+
+    The system counts, also while usd-core computes, and neither pauses nor other processes.
+    Windows cannot; there a worker has its limit by the clock alone.
+    """
+    if hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_PROF, seconds)
+
+
 def _address_space() -> int:
     """Return how many bytes of address space this process has; 0 where that is not known."""
     try:

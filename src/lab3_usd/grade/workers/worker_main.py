@@ -12,6 +12,7 @@ import os
 import shutil
 import sys
 import tempfile
+import time
 import traceback
 from collections.abc import Callable
 from pathlib import Path
@@ -34,7 +35,12 @@ from lab3_usd.grade.workers.messages import (
     decode,
     encode,
 )
-from lab3_usd.grade.workers.sandbox import fence_files, give_up_privileges, limit_resources
+from lab3_usd.grade.workers.sandbox import (
+    fence_files,
+    give_up_privileges,
+    limit_resources,
+    limit_time,
+)
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
 from lab3_usd.judge.starter import open_starter
 from lab3_usd.spec.load.loader import load_lab
@@ -42,6 +48,7 @@ from lab3_usd.stage.read.server_assets import assets_at
 
 _NEEDED = ("/usr", "/lib", "/lib64", "/etc/localtime", "/proc/self", "/dev/urandom")
 _TOO_LONG = f"{TOO_LARGE}: its reports would be longer than is sane"
+_NO_TIME = 1e-6  # seconds; none at all would be no limit
 _OURS = ("graphs", "maps", "schema")
 _UNTIL_COLLECTED = 20_000  # new objects; a submission leaves some hundreds that refer to each other
 
@@ -86,16 +93,30 @@ def _serve(start: Start, tasks: BinaryIO, answers: BinaryIO) -> None:
     send(encode(Ready(confined, _most_memory())))
     for line in tasks:
         assignment = decode(line, Assignment)
-        turn = assignment.turn
-
-        def announce(name: str, turn: int = turn) -> None:
-            send(encode(Reply(turn, open=name)))
-
-        announce("")  # from here on, what ends this process is caused by the task
-        reply = encode(Reply(turn, done=answer(setup, assignment.task, scratch, announce)))
+        done = _judge(assignment, setup, scratch, send)
+        reply = encode(Reply(assignment.turn, done=done))
         if len(reply) > settings.limits.answer_size // 2:  # lines about progress count too
-            reply = encode(Reply(turn, done={"failed": _TOO_LONG}))
+            reply = encode(Reply(assignment.turn, done={"failed": _TOO_LONG}))
         send(reply)
+
+
+def _judge(
+    assignment: Assignment, setup: GradingSetup, scratch: Path, send: Callable[[bytes], None]
+) -> Json:
+    """Judge a task within its processor time, and say which file is at work."""
+    begun = time.process_time()
+
+    def announce(name: str) -> None:
+        limit_time(0)  # of the file before
+        now = time.process_time()
+        send(encode(Reply(assignment.turn, open=name, processor=now)))
+        left = begun + assignment.seconds - now
+        limit_time(min(setup.limits.seconds, max(left, _NO_TIME)))
+
+    announce("")  # from here on, what ends this process is caused by the task
+    done = answer(setup, assignment.task, scratch, announce)
+    limit_time(0)
+    return done
 
 
 def _most_memory() -> int:
