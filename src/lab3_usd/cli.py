@@ -20,6 +20,7 @@ from lab3_usd.errors import (
     EXIT_CRASH,
     EXIT_INTERRUPTED,
     EXIT_USAGE,
+    EndedBySignalError,
     Lab3Error,
     NoRoomError,
     UsageError,
@@ -197,8 +198,10 @@ def main() -> None:
         importlib.import_module("lab3_usd.commands.completion")  # click itself does not know it
     try:
         lab3.main(prog_name=program(), standalone_mode=False)
-    except click.exceptions.Abort:
-        _fail("interrupted", EXIT_INTERRUPTED, "crash")
+    except click.exceptions.Abort as ended:
+        by = ended.__cause__
+        status = by.status if isinstance(by, EndedBySignalError) else EXIT_INTERRUPTED
+        _fail("interrupted", status, "crash")
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
         sys.exit(EXIT_USAGE)

@@ -6,6 +6,7 @@ EXIT_FOUND = 1  # faults, differences, or what a command refuses to go on with
 EXIT_USAGE = 2
 EXIT_CRASH = 3
 EXIT_INTERRUPTED = 130  # what a shell says of a command that Ctrl-C ended
+_BY_SIGNAL = 128  # and the number of the signal: what it says of others, as of SIGTERM (143)
 
 
 class Lab3Error(Exception):
@@ -50,3 +51,13 @@ def unwritten(place: object, error: OSError, kind: type[Lab3Error] = UsageError)
     """Return the error that says that a file or folder cannot be written, and why."""
     raised = NoRoomError if is_no_room(error) else kind
     return raised(f"{place} cannot be written ({error.strerror})")
+
+
+class EndedBySignalError(KeyboardInterrupt):
+    """A signal asked the program to end, which first cleans up behind itself."""
+
+    def __init__(self, signal: int) -> None:
+        """Keep the number of the signal, and the exit code that shells show for it."""
+        super().__init__(signal)
+        self.signal = signal
+        self.status = _BY_SIGNAL + signal

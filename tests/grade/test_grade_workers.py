@@ -551,8 +551,45 @@ def test_a_run_that_is_told_to_end_leaves_nothing_behind(
     process.send_signal(getattr(signal, name))
     _, errors = process.communicate(timeout=60)
     assert process.returncode != 0
-    assert errors.splitlines()[-1] == b"KeyboardInterrupt"
+    number = getattr(signal, name).value
+    assert errors.splitlines()[-1] == f"lab3_usd.errors.EndedBySignalError: {number}".encode()
     assert list(temporary.iterdir()) == []
+
+
+GRADED = """
+import signal, sys
+from pathlib import Path
+from lab3_usd.__main__ import start
+from lab3_usd.grade.workers import worker_process
+for name in ("SIGHUP", "SIGTERM"):
+    signal.signal(getattr(signal, name), signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+worker_process._MAIN = Path(sys.argv[1]).read_text()
+sys.argv = ["lab3", "grade", *sys.argv[2:]]
+start()
+"""
+
+
+@pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+def test_a_signal_that_ends_grading_gives_the_status_that_shells_show(
+    tmp_path: Path, temporary: Path, name: str, status: int
+) -> None:
+    submission(tmp_path / "class" / "hangs", "00")
+    odd = tmp_path / "odd.py"
+    says = f'    if student == "hangs":\n        open("{tmp_path}/hanging", "w").close()\n'
+    code = ODD.replace('    while student == "hangs":', says + '    while student == "hangs":')
+    odd.write_text(code.replace("{", "{{").replace("}", "}}"))
+    given = [tmp_path / "class", "--starter", starter(), "--output", tmp_path / "out"]
+    process = forking.Popen(
+        [sys.executable, "-c", GRADED, str(odd), *map(str, given)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(temporary)},
+    )
+    assert eventually((tmp_path / "hanging").exists)
+    process.send_signal(getattr(signal, name))
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors.strip()) == (status, b"lab3: interrupted")
 
 
 def test_an_interrupt_waits_until_the_locks_of_the_answers_are_free_again(

@@ -160,8 +160,8 @@ def command(submissions: str | None, **options: Any) -> None:
     address of a folder in object storage. The gradebook has grades.csv, grades.json, index.html and
     a report folder for each student. With --format gradescope, SUBMISSIONS is one submission, and
     the result for a Gradescope autograder is written. Exit status: 0 every submission has a grade
-    or a status, 2 wrong usage or rubric, 3 the program itself failed, 130 interrupted: continue
-    with --resume.
+    or a status, 2 wrong usage or rubric, 3 the program itself failed, 130 Ctrl-C or 143 SIGTERM:
+    continue with --resume.
 
     With --explain, --regrade or --gradebook alone, an existing gradebook is read.
     """

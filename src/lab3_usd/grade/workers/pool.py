@@ -16,6 +16,7 @@ from types import FrameType
 
 from msgspec.structs import replace
 
+from lab3_usd.errors import EndedBySignalError
 from lab3_usd.grade.intake.remote import fetched
 from lab3_usd.grade.intake.submission_copy import TooLargeError
 from lab3_usd.grade.workers.messages import (
@@ -209,7 +210,7 @@ def run_in(
 
 
 class _Interrupt:
-    """Raises KeyboardInterrupt at a signal, or right after a part that must not be cut short.
+    """Raises EndedBySignalError at a signal, or after a part that must not be cut short.
 
     The waiting for futures holds their locks: an exception in the middle of it would keep them
     for ever, and the threads that want to give their answers with them.
@@ -217,13 +218,13 @@ class _Interrupt:
 
     def __init__(self) -> None:
         self._is_put_off = False
-        self._has_come = False
+        self._has_come: EndedBySignalError | None = None
 
-    def come(self) -> None:
-        """Raise KeyboardInterrupt now or later."""
-        self._has_come = True
+    def come(self, number: int) -> None:
+        """Raise that this signal came, now or later."""
+        self._has_come = EndedBySignalError(number)
         if not self._is_put_off:
-            raise KeyboardInterrupt
+            raise self._has_come
 
     @contextmanager
     def put_off(self) -> Iterator[None]:
@@ -233,13 +234,13 @@ class _Interrupt:
             yield
         finally:
             self._is_put_off = False
-        if self._has_come:
-            raise KeyboardInterrupt
+        if self._has_come is not None:
+            raise self._has_come
 
 
 @contextmanager
 def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[_Interrupt]:
-    """Call `stop` and raise KeyboardInterrupt once at SIGINT, SIGTERM or SIGHUP.
+    """Call `stop` and raise EndedBySignalError once at SIGINT, SIGTERM or SIGHUP.
 
     Signals that are ignored (`nohup`) or handled stay as they are. Only the main thread may handle
     signals; in others nothing changes.
@@ -252,11 +253,11 @@ def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[_Interrupt]:
         ours = (signal.SIG_DFL, signal.default_int_handler)
         handlers = {number: handler for number, handler in present.items() if handler in ours}
 
-    def handle(_number: int, _frame: FrameType | None) -> None:
+    def handle(number: int, _frame: FrameType | None) -> None:
         stop()
-        for number in handlers:  # cleaning up is not to be interrupted again
-            signal.signal(number, signal.SIG_IGN)
-        interrupt.come()
+        for each in handlers:  # cleaning up is not to be interrupted again
+            signal.signal(each, signal.SIG_IGN)
+        interrupt.come(number)
 
     for number in handlers:
         signal.signal(number, handle)
