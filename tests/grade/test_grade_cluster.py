@@ -166,6 +166,8 @@ def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_RETURN", 0.5)
+    # The worker may have answered once more before it is dismissed; the others are never sent.
+    monkeypatch.setattr("lab3_usd.grade.workers.cluster._PER_THREAD", 1)
     with (
         cluster_of(1, tmp_path / "temporary") as lone,
         pytest.raises(WorkerError, match=r"have gone; start others .* --resume"),
@@ -176,7 +178,8 @@ def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
             tmp_path / "book",
             progress=lambda done, _total: dismiss_workers(lone) if done == 1 else None,
         )
-    assert len(list((tmp_path / "book" / "students").iterdir())) == 1
+    graded = list((tmp_path / "book" / "students").iterdir())
+    assert 1 <= len(graded) < STUDENTS - 1
 
 
 def test_workers_are_waited_for_anew_each_time_that_they_go(
