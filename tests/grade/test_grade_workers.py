@@ -711,6 +711,7 @@ def test_the_environment_of_a_worker_holds_no_plugin_path_and_no_secret(
         "HOME",
         "TMPDIR",
         "PXR_WORK_THREAD_LIMIT",
+        "MALLOC_ARENA_MAX",
     }
 
 
@@ -748,6 +749,45 @@ def test_a_real_worker_judges_and_leaves_nothing_behind(tmp_path: Path) -> None:
     assert answer["verdicts"] == {"00": "pass", "01": "pass"}
     assert left == ["stderr.txt"]
     assert not made.scratch.exists()
+
+
+# Reads, instead of judging, a file of the student at work and that of another one.
+CURIOUS = """
+import sys
+sys.path[:0] = {path!r}
+from lab3_usd.grade.workers import worker_main
+def read(path):
+    try:
+        return path.read_text()
+    except PermissionError:
+        return "refused"
+def look(setup, task, scratch, announce):
+    own = task.sources[0].path
+    return {{name: read(own.parent / name / "file") for name in ("ann", "ben")}}
+worker_main.grade_submission = look
+worker_main.main()
+"""
+
+
+def test_a_worker_reads_its_own_submission_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for student in ("ann", "ben"):
+        (tmp_path / "class" / student).mkdir(parents=True)
+        (tmp_path / "class" / student / "file").write_text("read")
+    monkeypatch.setattr(worker_process, "_MAIN", CURIOUS)
+    made = start_worker(settings_for(tmp_path / "class"))
+    try:
+        if not made.confined["files"]:
+            pytest.skip("this kernel has no Landlock")
+        sources = {name: (Source(tmp_path / "class" / name),) for name in ("ann", "ben")}
+        seen = {name: ask(made, Task(name, name, sources[name])) for name in sources}
+    finally:
+        end_worker(made)
+    assert seen == {
+        "ann": {"ann": "read", "ben": "refused"},
+        "ben": {"ann": "refused", "ben": "read"},
+    }
 
 
 def test_a_real_worker_unpacks_the_archive_of_a_student(tmp_path: Path) -> None:

@@ -15,6 +15,8 @@ import tempfile
 import time
 import traceback
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -88,16 +90,34 @@ def _serve(start: Start, tasks: BinaryIO, answers: BinaryIO) -> None:
     ours = [lab_folder(), *map(data_folder, _OURS)]
     python = [sys.prefix, sys.base_prefix, sys.exec_prefix, *filter(None, sys.path)]
     given = (*setup.allowed, *setup.supplied, *python, *_NEEDED)
-    readable = [*settings.readable, *ours, *map(Path, given)]
-    confined["files"] = fence_files(readable, [scratch, Path(os.devnull)])
+    readable, writable = [*ours, *map(Path, given)], [scratch, Path(os.devnull)]
+    confined["files"] = fence_files([*settings.readable, *readable], writable)
     send(encode(Ready(confined, _most_memory())))
     for line in tasks:
         assignment = decode(line, Assignment)
-        done = _judge(assignment, setup, scratch, send)
+        judge = partial(_judge, assignment, setup, scratch, send)
+        if confined["files"]:
+            paths = [source.path for source in assignment.task.sources]
+            own = [path for path in paths if not path.is_symlink()]  # which are not followed
+            done = _fenced(judge, [*own, *readable], writable)
+        else:
+            done = judge()
         reply = encode(Reply(assignment.turn, done=done))
         if len(reply) > settings.limits.answer_size // 2:  # lines about progress count too
             reply = encode(Reply(assignment.turn, done={"failed": _TOO_LONG}))
         send(reply)
+
+
+def _fenced(judge: Callable[[], Json], readable: list[Path], writable: list[Path]) -> Json:
+    """Judge in a thread, as which no file of another student is opened: a fence is a thread's."""
+
+    def confined() -> Json:
+        if not fence_files(readable, writable):
+            return {"died": f"{TOOL_FAILED}: a submission cannot be fenced"}
+        return judge()
+
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(confined).result()
 
 
 def _judge(

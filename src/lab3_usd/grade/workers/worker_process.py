@@ -340,7 +340,9 @@ def environment(scratch: Path, lab: Path | None = None) -> dict[str, str]:
     kept = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
     if lab is not None:
         kept[LAB_VARIABLE] = str(lab)
-    return kept | {"HOME": str(scratch), "TMPDIR": str(scratch), "PXR_WORK_THREAD_LIMIT": "1"}
+    # Each submission is judged in a thread; memory that one gave back is for the next.
+    one = {"PXR_WORK_THREAD_LIMIT": "1", "MALLOC_ARENA_MAX": "1"}
+    return kept | {"HOME": str(scratch), "TMPDIR": str(scratch)} | one
 
 
 def ask(
