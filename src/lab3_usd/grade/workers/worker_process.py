@@ -59,8 +59,8 @@ def how_it_ended(process: subprocess.Popen[bytes], memory: int) -> End:
 
     More than `memory` bytes say that it ran out of it. A process that goes on is killed.
     """
-    until = time.monotonic() + END_SECONDS
-    while not (ended := _has_ended(process)) and time.monotonic() < until:
+    clock = AwakeClock()
+    while not (ended := _has_ended(process)) and clock.seconds() < END_SECONDS:
         time.sleep(_POLL_SECONDS)
     kill(process)
     if not ended:
