@@ -10,7 +10,7 @@ import math
 from lab3_usd.sim.execution.recording import JointStates, Message
 from lab3_usd.sim.execution.running import Running, computes
 from lab3_usd.sim.execution.world import World, open_endpoint, send
-from lab3_usd.sim.nodes.robot import received
+from lab3_usd.sim.nodes.robot import joints_at, received
 from lab3_usd.sim.robot.machine import SLIDER, Joint
 
 _TYPE = "sensor_msgs/msg/JointState"
@@ -119,7 +119,10 @@ def articulation_state(node: Running, world: World) -> bool:
             return node.fails("the robot lacks one of its joints", "unknown-joint")
         joints = [machine.articulated[str(name)] for name in names]
     elif any(indices):
-        joints = [joints[int(index)] for index in indices if int(index) < len(joints)]
+        chosen = joints_at(node, joints, indices)
+        if chosen is None:
+            return False
+        joints = chosen
     zeros = ((0.0, 0.0, 0.0),) * len(joints)
     node.outputs.update(
         jointNames=tuple(joint.name for joint in joints),

@@ -6,6 +6,8 @@ CN is core nodes, RN ROS 2 nodes, WR wheeled robots.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 from lab3_usd.model.dry_run import Affine
 from lab3_usd.model.transforms import Vector, cross, dot, length
@@ -139,9 +141,20 @@ def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None
     every = list(machine.articulated.values())
     indices = node.items("jointIndices", world)
     if any(indices) and not memory["names"]:
-        memory["joints"] = [every[int(index)] for index in indices if int(index) < len(every)]
+        memory["joints"] = joints_at(node, every, indices)
+        if memory["joints"] is None:
+            return None
     joints: list[Joint] | None = memory["joints"]
     return every if joints is None and not memory["names"] else joints
+
+
+def joints_at(node: Running, joints: Sequence[Joint], indices: Iterable[Any]) -> list[Joint] | None:
+    """Return the joints of these numbers; None where there is no such joint."""
+    beyond = [index for index in indices if not 0 <= int(index) < len(joints)]
+    if beyond:
+        node.fails(f"the robot has no joint number {beyond[0]}", "unknown-joint")
+        return None
+    return [joints[int(index)] for index in indices]
 
 
 def _command(node: Running, world: World, joints: list[Joint]) -> bool:

@@ -75,6 +75,9 @@ def ackermann_controller(node: Running, world: World) -> bool:
     v = _ramped(memory["v"], v, gain * dt, _REACHED[0]) if gain else v
     angle = _ramped(memory["angle"], angle, turn * dt, _REACHED[1]) if turn else angle
     memory["v"], memory["angle"] = v, angle
+    if not memory["wheelBase"] and abs(angle) >= _STRAIGHT:
+        # Isaac Sim divides by 0 here: the speeds that it gives are no numbers (:154-173).
+        return node.fails("its wheelBase is 0, with which it cannot turn", "invalid-wheel-size")
     angles, speeds = _wheels(node, v, angle, (front, back))
     most, widest = memory["maxWheelVelocity"], memory["maxWheelRotation"]
     node.outputs["wheelAngles"] = tuple(_within(widest, a) for a in angles)
@@ -147,7 +150,7 @@ def holonomic_controller(node: Running, world: World) -> bool:
     part = Affine(tuple(map(tuple, matrix))).inverse().turn(command)  # type: ignore[arg-type]
     speeds = [sum(a * b for a, b in zip(c, part, strict=True)) / k for c, k in columns]
     most = max(map(abs, speeds))
-    scale = limits[2] / most if most > limits[2] else 1.0
+    scale = limits[2] / most if most and most > limits[2] else 1.0
     node.outputs["jointVelocityCommand"] = tuple(speed * scale for speed in speeds)
     return True
 
@@ -166,15 +169,19 @@ def _columns(node: Running, world: World) -> list[tuple[Vector, float]] | None:
     if not len(radii) == len(turns) == len(angles) == count:
         node.fails("its settings name different numbers of wheels", "invalid-wheel-size")
         return None
+    # No radius is no weight in what is solved, with a negative one there is no least (:127-144).
+    if not all(0 < radius < math.inf for radius in radii) or not all(map(math.isfinite, angles)):
+        node.fails("a wheel has no radius, or no angle", "invalid-wheel-size")
+        return None
     up = node.vector("upAxis", world)
-    norm = math.hypot(*radii) or 1.0
+    largest = max(radii)
     made: list[tuple[Vector, float]] = []
     for radius, place, turn, angle in zip(radii, places, turns, angles, strict=True):
         axle = turned(rotation(turn), node.vector("wheelAxis", world))
         way = turned(about(up, math.radians(angle)), axle)
         k = radius / (length(way) or 1.0)
         x, y = way[0] * k, way[1] * k
-        made.append(((x, y, x * place[1] - y * place[0]), radius / norm))
+        made.append(((x, y, x * place[1] - y * place[0]), radius / largest))
     return made
 
 
