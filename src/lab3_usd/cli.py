@@ -24,6 +24,7 @@ from lab3_usd.errors import (
     Lab3Error,
     NoRoomError,
     UsageError,
+    described,
     is_no_room,
 )
 
@@ -221,7 +222,7 @@ def main() -> None:
             _fail(f"the output cannot be written: {error.strerror}", EXIT_CRASH, "crash")
         if isinstance(error, OSError) and error.errno in _OUT_OF_REACH and error.filename:
             _fail(f"{error.filename}: {error.strerror}", EXIT_USAGE, "usage")
-        _fail(f"internal error, please report it: {_described(error)}", EXIT_CRASH, "crash")
+        _fail(f"internal error, please report it: {described(error)}", EXIT_CRASH, "crash")
 
 
 def _write_utf8() -> None:
@@ -242,19 +243,6 @@ def _close_output() -> None:
 def _usage_line(error: click.UsageError) -> str:
     help_hint = "" if error.ctx is None else f" (see {error.ctx.command_path} --help)"
     return f"{error.format_message()}{help_hint}"
-
-
-def _described(error: Exception) -> str:
-    """Name an exception and the line of ours that raised it."""
-    import traceback
-
-    frames = traceback.extract_tb(error.__traceback__)
-    place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
-    try:
-        text = str(error)
-    except UnicodeError:  # what usd-core says of bytes that are no text
-        text = "its message is not text"
-    return f"{type(error).__name__}: {text}{place}"
 
 
 def _fail(message: str, status: int, kind: Literal["usage", "crash"]) -> NoReturn:

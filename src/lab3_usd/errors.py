@@ -1,6 +1,7 @@
 """The exceptions of the package, each one line with the repair, and the exit codes of commands."""
 
 import errno
+from pathlib import Path
 
 EXIT_FOUND = 1  # faults, differences, or what a command refuses to go on with
 EXIT_USAGE = 2
@@ -61,3 +62,16 @@ class EndedBySignalError(KeyboardInterrupt):
         super().__init__(signal)
         self.signal = signal
         self.status = _BY_SIGNAL + signal
+
+
+def described(error: Exception) -> str:
+    """Name an exception that nobody raised on purpose, and the line that raised it."""
+    import traceback
+
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    try:
+        text = str(error)
+    except UnicodeError:  # what usd-core says of bytes that are no text
+        text = "its message is not text"
+    return f"{type(error).__name__}: {text}{place}"

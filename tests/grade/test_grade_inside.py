@@ -7,6 +7,7 @@ import gc
 import io
 import json
 import os
+import re
 import resource
 import shutil
 import struct
@@ -147,13 +148,14 @@ def every_rule_fails(monkeypatch: pytest.MonkeyPatch, error: str) -> None:
     monkeypatch.setattr("lab3_usd.check.checker._Run.rule", fail)
 
 
-def test_a_rule_that_fails_is_the_tools_fault(
+def test_a_rule_that_fails_is_a_crash_over_its_file(
     course: GradingSetup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     every_rule_fails(monkeypatch, "KeyError: 'x'")
     found = judged(course, submission(tmp_path / "jane", "00"), tmp_path)
-    assert found["status"] == "tool failed"
+    assert found["status"] == "crashed"
     assert found["crashes"]
+    assert re.match(rf"work/{stage('00').name}: rule \w+ failed \(KeyError: 'x'\)", found["reason"])
 
 
 def test_a_rule_that_lacks_memory_is_not_the_tools_fault(
@@ -288,7 +290,7 @@ def test_a_worker_keeps_its_answers_apart_from_what_is_printed(
     ("error", "died"),
     [
         (MemoryError(), "ran out of memory"),
-        (KeyError("x"), "tool failed: KeyError at test_grade_inside.py"),
+        (KeyError("x"), "this program failed: KeyError at test_grade_inside.py"),
     ],
 )
 def test_what_goes_wrong_while_judging_is_answered(

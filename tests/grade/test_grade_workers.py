@@ -387,7 +387,8 @@ def test_a_worker_that_is_stopped_is_left_at_once(worker: Worker) -> None:
         ("ran out of time (5 s)", "timeout"),
         ("ran out of memory", "too large"),
         ("too large: holds more than 9 files", "too large"),
-        ("tool failed: KeyError at rules.py:1: 'x'", "tool failed"),
+        ("tool failed: two workers ended before they read it: stopped", "tool failed"),
+        ("this program failed: KeyError at rules.py:1: 'x'", "crashed"),
         ("crashed usd-core (SIGSEGV)", "crashed"),
         ("answered nonsense", "crashed"),
         ("stopped answering", "crashed"),
@@ -822,8 +823,8 @@ def test_a_failure_of_ours_says_what_and_where() -> None:
     with pytest.raises(KeyError) as raised:
         {}["x"]
     how = _failure_text(raised.value, Path())
-    assert re.fullmatch(r"tool failed: KeyError at test_grade_workers\.py:\d+: 'x'", how)
-    assert status_of(how) == "tool failed"
+    assert re.fullmatch(r"this program failed: KeyError at test_grade_workers\.py:\d+: 'x'", how)
+    assert status_of(how) == "crashed"
 
 
 def test_a_failure_of_ours_names_files_by_their_place_in_the_submission(tmp_path: Path) -> None:

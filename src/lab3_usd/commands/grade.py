@@ -7,7 +7,7 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -274,8 +274,23 @@ def _grade(submissions: str, options: dict[str, Any]) -> None:
     states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
     number = f"{counts.total()} submission{'s' * (counts.total() != 1)}"
     click.echo(f"{number} ({states}): {options['out'] / 'index.html'}")
+    _tell_failures(rows)
     if counts["tool failed"]:
         sys.exit(EXIT_CRASH)
+
+
+_NAMED = 5  # students
+
+
+def _tell_failures(rows: Iterable[Mapping[str, Any]]) -> None:
+    """Name the students over whose files the program failed: somebody is to look at these."""
+    from lab3_usd.report.safe_text import printable
+
+    failed = [row for row in rows if row["crashes"] and row["status"] != "tool failed"]
+    for row in failed[:_NAMED]:
+        _notify(printable(f"{row['student']} has no grade: {row['reason']}"))
+    if failed[_NAMED:]:
+        _notify(f"{len(failed) - _NAMED} more have no grade, see crashes in grades.json")
 
 
 def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
@@ -303,7 +318,7 @@ def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
         assets=asset_places(options["assets"]),
     )
     graded = grade_alone(submission, settings, _notify)
-    if graded["status"] == "tool failed":
+    if graded["crashes"]:
         click.echo(f"{program()}: {graded['reason']}", err=True)
         sys.exit(EXIT_CRASH)
     write_report(graded["reports"][GRADESCOPE], None if out is None else str(out))

@@ -189,7 +189,7 @@ def _points_column(
 
 def _points(row: Row, notify: Notify) -> str:
     """Return the points of a student; none where this program failed, which is no grade."""
-    if row["status"] == "tool failed":
+    if row["status"] == "tool failed" or row.get("crashes"):
         notify(f"{row['student']}: {row['status']}, and so has no points in the file")
         return ""
     return f"{row['earned']:.2f}"

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
-from lab3_usd.errors import StageError
+from lab3_usd.errors import Lab3Error, StageError, described
 from lab3_usd.judge.files import (
     FolderContents,
     judge_maps,
@@ -20,7 +20,7 @@ from lab3_usd.judge.files import (
     read_recordings,
     read_saved_outputs,
 )
-from lab3_usd.judge.results import is_stage_file
+from lab3_usd.judge.results import FAILED, crashed, is_stage_file
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter, open_starter
 from lab3_usd.lab.maps import opens_all
@@ -151,19 +151,34 @@ def _results(
     for number, stage in contents.listing.stages.items():
         if PurePosixPath(stage.path).suffix.lower() not in endings:
             continue
-        result = check_stage(str(contents.root / stage.path), number, contents.lab)
-        if starters.compared is not None:
-            result = against_starter(result, starters.compared, contents.lab)
-        if settings.native:
-            from lab3_usd.judge.native import with_native
-
-            result = with_native(result)
-        if settings.heeds_ignores:
-            from lab3_usd.judge.results import scopes_run, without_ignored
-
-            more = scopes_run(starter=starters.compared, native=settings.native)
-            result = without_ignored(result, more)
+        path = str(contents.root / stage.path)
+        try:
+            result = _result(path, number, contents.lab, starters, settings)
+        except (Lab3Error, MemoryError):
+            raise
+        except Exception as error:
+            if type(error).__module__.startswith("pxr."):
+                raise  # the file is damaged, which the caller tells from a failure of ours
+            result = crashed(path, number, described(error), FAILED)
         yield number, result
+
+
+def _result(
+    path: str, number: str, lab: Lab, starters: _Starters, settings: FolderSettings
+) -> StageResult:
+    result = check_stage(path, number, lab)
+    if starters.compared is not None:
+        result = against_starter(result, starters.compared, lab)
+    if settings.native:
+        from lab3_usd.judge.native import with_native
+
+        result = with_native(result)
+    if settings.heeds_ignores:
+        from lab3_usd.judge.results import scopes_run, without_ignored
+
+        more = scopes_run(starter=starters.compared, native=settings.native)
+        result = without_ignored(result, more)
+    return result
 
 
 def _digest(path: Path) -> str:

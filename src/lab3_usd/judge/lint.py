@@ -14,8 +14,9 @@ from msgspec.structs import replace
 from lab3_usd.check.ros.running import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.config.settings import Config
-from lab3_usd.errors import StageError, UsageError
+from lab3_usd.errors import Lab3Error, StageError, UsageError, described
 from lab3_usd.judge.results import (
+    FAILED,
     Entry,
     Results,
     crashed,
@@ -194,7 +195,13 @@ def lint_stages(entries: Sequence[Entry], settings: LintSettings, jobs: int) -> 
 
 
 def _lint(settings: LintSettings, entry: Entry) -> Results:
-    return (lint_stage(entry.path, settings),), ()
+    """Judge a stage; where the program itself fails, that is its result."""
+    try:
+        return (lint_stage(entry.path, settings),), ()
+    except (Lab3Error, MemoryError):
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other stages are judged
+        return (crashed(entry.path, None, described(error), FAILED),), ()
 
 
 def _crashed(entry: Entry, how: str) -> Results:

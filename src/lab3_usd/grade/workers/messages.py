@@ -15,7 +15,9 @@ from lab3_usd.grade.intake.submission_copy import Limits
 
 Json = dict[str, Any]
 OUT_OF_TIME, OUT_OF_MEMORY = "ran out of time", "ran out of memory"
-TOO_LARGE, TOOL_FAILED = "too large", "tool failed"
+TOO_LARGE = "too large"
+# Of this program itself: apart from any submission, and over one.
+TOOL_FAILED, FAILED_OVER_IT = "tool failed", "this program failed"
 CRASHED = "crashed usd-core"
 _STATUSES = {
     OUT_OF_TIME: "timeout",

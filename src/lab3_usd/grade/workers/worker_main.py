@@ -24,6 +24,7 @@ from lab3_usd.data import data_folder, lab_folder
 from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.workers.messages import (
     CRASHED,
+    FAILED_OVER_IT,
     OUT_OF_MEMORY,
     TOO_LARGE,
     TOOL_FAILED,
@@ -190,6 +191,5 @@ def _failure_text(error: Exception, folder: Path) -> str:
         return f"{CRASHED} ({kind.__name__})"
     frame = traceback.extract_tb(error.__traceback__)[-1]
     message = " ".join(str(error).replace(f"{folder}{os.sep}", "").split())
-    return (
-        f"{TOOL_FAILED}: {kind.__name__} at {Path(frame.filename).name}:{frame.lineno}: {message}"
-    )
+    place = f"{Path(frame.filename).name}:{frame.lineno}"
+    return f"{FAILED_OVER_IT}: {kind.__name__} at {place}: {message}"
