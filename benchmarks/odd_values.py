@@ -45,6 +45,7 @@ _ELEMENT = re.compile(r"(u?int64|[a-z]+?)\d?(\[\])?")
 _OF_PARTS = re.compile(r"(?:point|vector|normal|color|quat|matrix|texCoord)\d?([hfd])(\[\])?")
 _LETTERS = {"h": "half", "f": "float", "d": "double"}
 _LAYER = ("metersPerUnit", "kilogramsPerUnit", "timeCodesPerSecond", "startTimeCode")
+_DRIVE = "0.15,0,0.5 0,0.8,0.5"
 _FAILED = re.compile(r"rule [A-Z]\d\d failed")
 # What a node that no right stage has needs before it looks at its other inputs.
 _SENSIBLE = {
@@ -279,7 +280,8 @@ def commands(path: Path, right: Path, out: Path) -> Iterator[tuple[str, Sequence
     at = ("--checkpoint", CHECKPOINT)
     yield "check", ("check", path, *at, "--isolated")
     yield "lint", ("lint", path, "--isolated")
-    yield "sim, checkpoint", ("sim", path, *at, "--bag", out / "bag", "--page", out / "sim.html")
+    recorded = ("--drive", _DRIVE, "--bag", out / "bag", "--page", out / "sim.html")
+    yield "sim, checkpoint", ("sim", path, *at, *recorded)
     yield "sim", ("sim", path)
     yield "fix", ("fix", path, *at, "--unsafe", "-o", out / "fixed.usdc", "--isolated")
     yield "fix --lint", ("fix", path, "--lint", "--diff", "--isolated")

@@ -168,3 +168,55 @@ def test_a_number_is_scaled_as_a_vector_is(stage: World) -> None:
     scaled = node(f"{ISAAC}OgnIsaacScaleToFromStageUnit", values)
     assert scaled.compute(stage)
     assert scaled.outputs["result"] == 3.0 / stage.scene.meters_per_unit
+
+
+TEXTS, NUMBERS = ("a", "b", "c", "d"), (1.0, 2.0, 3.0, 4.0)
+HOLONOMIC = "isaacsim.robot.wheeled_robots.HolonomicController"
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        (HOLONOMIC, {**THREE, "wheelRadius": ("a",)}),
+        (HOLONOMIC, {**THREE, "wheelPositions": NUMBERS[:3]}),
+        (HOLONOMIC, {**THREE, "wheelOrientations": (NUMBERS[:3],) * 3}),
+        (
+            f"{ROS}ROS2PublishJointState",
+            {
+                "jointNames": TEXTS,
+                "jointPositions": TEXTS,
+                "jointVelocities": NUMBERS,
+                "jointEfforts": NUMBERS,
+                "jointDofTypes": NUMBERS,
+                "stageMetersPerUnit": 1.0,
+            },
+        ),
+        (
+            f"{ROS}ROS2PublishTransformTree",
+            {
+                "parentFrames": TEXTS,
+                "childFrames": TEXTS,
+                "translations": NUMBERS,
+                "orientations": (NUMBERS,) * 4,
+            },
+        ),
+        (f"{ISAAC}IsaacSimulationGate", {"step": math.nan}),
+        (f"{ISAAC}IsaacCreateRenderProduct", {"enabled": True, "width": math.inf, "height": 1}),
+    ],
+)
+def test_what_is_no_number_where_one_belongs_is_a_fault(
+    stage: World, name: str, values: dict[str, Any]
+) -> None:
+    odd = node(name, values, cameraPrim=LIDAR)
+    for _ in range(3):
+        odd.compute(stage)
+    assert odd.failure is not None
+    assert (odd.enabled, stage.network.sent) == ([], [])
+
+
+def test_vectors_and_arrays_of_texts_are_as_good_as_none(stage: World) -> None:
+    reading = node(f"{ISAAC}IsaacArticulationState", {"robotPath": ROBOT, "jointIndices": TEXTS})
+    assert reading.compute(stage)
+    assert len(reading.outputs["jointNames"]) == 2
+    assert reading.vector("jointIndices", stage) == (0.0, 0.0, 0.0)
+    assert reading.vectors("jointIndices", stage, 4) == ()

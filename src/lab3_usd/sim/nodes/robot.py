@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 from lab3_usd.model.dry_run import Affine
 from lab3_usd.model.transforms import Vector, cross, dot, length
@@ -139,7 +138,7 @@ def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None
             else:
                 node.fails(f"the robot has no joint '{name}' that turns", "unknown-joint")
     every = list(machine.articulated.values())
-    indices = node.items("jointIndices", world)
+    indices = node.numbers("jointIndices", world)
     if any(indices) and not memory["names"]:
         memory["joints"] = joints_at(node, every, indices)
         if memory["joints"] is None:
@@ -148,11 +147,13 @@ def _joints(node: Running, world: World, machine: Machine) -> list[Joint] | None
     return every if joints is None and not memory["names"] else joints
 
 
-def joints_at(node: Running, joints: Sequence[Joint], indices: Iterable[Any]) -> list[Joint] | None:
+def joints_at(
+    node: Running, joints: Sequence[Joint], indices: Iterable[float]
+) -> list[Joint] | None:
     """Return the joints of these numbers; None where there is no such joint."""
-    beyond = [index for index in indices if not 0 <= int(index) < len(joints)]
+    beyond = [index for index in indices if not 0 <= index < len(joints)]
     if beyond:
-        node.fails(f"the robot has no joint number {beyond[0]}", "unknown-joint")
+        node.fails(f"the robot has no joint number {beyond[0]:g}", "unknown-joint")
         return None
     return [joints[int(index)] for index in indices]
 

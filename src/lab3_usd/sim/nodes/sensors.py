@@ -39,7 +39,7 @@ def create_render_product(node: Running, world: World) -> bool:
     if not targets or targets[0] not in world.scene.prims:
         kind: FaultKind = "missing-camera-prim" if targets else "no-camera-target"
         return node.fails("its camera prim does not exist", kind)
-    width, height = (int(node.number(name, world)) for name in ("width", "height"))
+    width, height = (node.whole(name, world) for name in ("width", "height"))
     product = Product(targets[0], width, height)
     named = node.targets("renderProductPrim")
     prim = world.scene.prims.get(named[0]) if len(named) == 1 else None
@@ -89,7 +89,7 @@ def attach(node: Running, world: World, product: Product, kind: str, rate: float
         endpoint,
         product,
         rate,
-        int(node.number("frameSkipCount", world)),
+        max(0, node.whole("frameSkipCount", world)),
         node.text("frameId", world),
         clock,
         kind,

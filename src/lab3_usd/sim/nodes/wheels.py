@@ -157,10 +157,9 @@ def holonomic_controller(node: Running, world: World) -> bool:
 
 def _columns(node: Running, world: World) -> list[tuple[Vector, float]] | None:
     """Return what each wheel adds to the motion (x, y, turn), and its weight."""
-    radii, places, turns, angles = (
-        node.items(name, world)
-        for name in ("wheelRadius", "wheelPositions", "wheelOrientations", "mecanumAngles")
-    )
+    radii, angles = (node.numbers(name, world) for name in ("wheelRadius", "mecanumAngles"))
+    places = node.vectors("wheelPositions", world, 3)
+    turns = node.vectors("wheelOrientations", world, 4)
     if not (radii and places and turns and angles):
         node.fails("its wheels are not set", "invalid-wheel-size")
         return None
@@ -176,8 +175,8 @@ def _columns(node: Running, world: World) -> list[tuple[Vector, float]] | None:
     up = node.vector("upAxis", world)
     largest = max(radii)
     made: list[tuple[Vector, float]] = []
-    for radius, place, turn, angle in zip(radii, places, turns, angles, strict=True):
-        axle = turned(rotation(turn), node.vector("wheelAxis", world))
+    for radius, place, (w, *turn), angle in zip(radii, places, turns, angles, strict=True):
+        axle = turned(rotation((w, turn[0], turn[1], turn[2])), node.vector("wheelAxis", world))
         way = turned(about(up, math.radians(angle)), axle)
         k = radius / (length(way) or 1.0)
         x, y = way[0] * k, way[1] * k
@@ -205,7 +204,7 @@ def holonomic_setup(node: Running, world: World) -> bool:
     centre = world.machines.place(paths[1] if paths[1] in prims else paths[0])
     frames = []
     for joint in joints:
-        chassis = world.machines.place(joint.targets["physics:body0"][0])
+        chassis = world.machines.place(next(iter(joint.targets.get("physics:body0", ())), ""))
         turn = rotation(joint.values.get("physics:localRot0") or (1.0, 0.0, 0.0, 0.0))
         at = joint.values.get("physics:localPos0") or (0.0, 0.0, 0.0)
         frames.append(chassis.then(Affine(turn, at)))
@@ -216,7 +215,7 @@ def holonomic_setup(node: Running, world: World) -> bool:
         wheelPositions=tuple(minus(frame.origin, centre.origin) for frame in frames),
         wheelOrientations=tuple(back.then(frame).quaternion() for frame in frames),
         mecanumAngles=tuple(joint.values["isaacmecanumwheel:angle"] for joint in joints),
-        wheelAxis=axes[str(joints[-1].values.get("physics:axis") or "X")],
+        wheelAxis=axes.get(str(joints[-1].values.get("physics:axis")), AXES[0]),
         upAxis=axes[world.scene.up],
         wheelDofNames=tuple(joint.path.rpartition("/")[2] for joint in joints),
     )
