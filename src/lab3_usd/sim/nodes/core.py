@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from lab3_usd.model.dry_run import Affine, Quaternion
-from lab3_usd.sim.execution.running import CONSTANT, FRAME, NO_VECTOR, STEP, Running, computes
+from lab3_usd.sim.execution.running import (
+    CONSTANT,
+    FRAME,
+    NO_VECTOR,
+    STEP,
+    Running,
+    are_numbers,
+    computes,
+)
 from lab3_usd.sim.execution.world import World, domain_number
 from lab3_usd.spec.catalog import INPUT
 
@@ -97,7 +105,7 @@ def scale(node: Running, world: World) -> bool:
     value = node.get("value", world)
     if factor is None:
         return node.fails("its conversion is invalid", "invalid-conversion")
-    if isinstance(value, tuple):
+    if isinstance(value, tuple) and are_numbers(value):
         node.outputs["result"] = tuple(x * factor for x in value)
     elif isinstance(value, (int, float)):
         node.outputs["result"] = value * factor
