@@ -9,7 +9,7 @@ NO_PYTHON := needs Python 3.10 or newer with the module venv (Debian and Ubuntu:
 	apt install python3-venv), or name one: make PYTHON=/path/to/python
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint pytest coverage test-all test-pythons test-lowest bench sweep crosscheck fuzz \
+.PHONY: help demo test lint pytest coverage test-all test-pythons test-lowest bench sweep crosscheck fuzz odd \
 	clean
 
 help:
@@ -23,6 +23,7 @@ help:
 	@echo "make sweep         break a stage in every single way and count what is found"
 	@echo "make crosscheck    let a dry run drive each broken stage, and compare it with the rules"
 	@echo "make fuzz          throw damaged files at the program"
+	@echo "make odd           run the commands on stages with odd values"
 	@echo "make clean         remove environments, caches and built files"
 
 demo: $(VENV)/run
@@ -81,6 +82,9 @@ crosscheck: $(VENV)/dev
 
 fuzz: $(VENV)/dev
 	$(BIN)/python benchmarks/fuzz.py --odd 0.03
+
+odd: $(VENV)/dev
+	$(BIN)/python benchmarks/odd_values.py
 
 clean:
 	rm -rf .venv .venv-* $(OUT) build dist .coverage .coverage.* htmlcov

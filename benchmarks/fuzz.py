@@ -28,7 +28,7 @@ from grade_files import LAB, stage, starter
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import worker_process
-from lab3_usd.grade.workers.messages import PoolSettings, Task, status_of
+from lab3_usd.grade.workers.messages import FAILED_OVER_IT, PoolSettings, Task, status_of
 from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.stage.write.builder import BuildOptions, build_files
 
@@ -144,7 +144,8 @@ def kind_of(answer: dict[str, Any]) -> str:
     if answer.get("crashes"):
         return "tool failed"
     if "failed" in answer:
-        return status_of(answer["failed"])
+        is_own = answer["failed"].startswith(FAILED_OVER_IT)
+        return "tool failed" if is_own else status_of(answer["failed"])
     if answer["status"] != "graded":
         return str(answer["status"])
     return next(iter(answer["verdicts"].values()))

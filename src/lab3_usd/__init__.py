@@ -10,8 +10,17 @@ The library in short:
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+import sys
+
+# `python -m lab3_usd` puts the working directory first, whose modules are anybody's. The option of
+# Python 3.11 against that would have to be given by whoever calls.
+_AS_PROGRAM = {"lab3_usd", "-mlab3_usd"}
+_IS_SAFE = sys.flags.isolated or getattr(sys.flags, "safe_path", False)
+if sys.argv[:1] == ["-m"] and not _AS_PROGRAM.isdisjoint(sys.orig_argv) and not _IS_SAFE:
+    del sys.path[:1]
+
+import importlib  # noqa: E402 - from where the path leads now
+from typing import TYPE_CHECKING, Any  # noqa: E402
 
 if TYPE_CHECKING:
     from lab3_usd.errors import Lab3Error, SpecError, StageError, UsageError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import sys
 from typing import NoReturn
 
 
@@ -12,9 +13,16 @@ def start() -> NoReturn:
     A command lives for a moment: looking for garbage in the meantime only costs time.
     """
     gc.set_threshold(100_000)
-    from lab3_usd.cli import run
+    try:
+        from lab3_usd.cli import run
 
-    run()
+        run()
+    except KeyboardInterrupt:  # while the program is loaded, or after its work
+        from lab3_usd.data import program
+        from lab3_usd.errors import EXIT_INTERRUPTED
+
+        print(f"{program()}: interrupted", file=sys.stderr)  # noqa: T201 - click may not be there
+        sys.exit(EXIT_INTERRUPTED)
 
 
 if __name__ == "__main__":

@@ -17,13 +17,22 @@ import click
 from lab3_usd import features
 from lab3_usd.commands.table import CALLS, COMMANDS, EXAMPLES, GROUPS
 from lab3_usd.data import LAB_VARIABLE, as_called, program
-from lab3_usd.errors import EXIT_CRASH, EXIT_INTERRUPTED, EXIT_USAGE, Lab3Error, UsageError
+from lab3_usd.errors import (
+    EXIT_CRASH,
+    EXIT_INTERRUPTED,
+    EXIT_USAGE,
+    EndedBySignalError,
+    Lab3Error,
+    NoRoomError,
+    UsageError,
+    described,
+    is_no_room,
+)
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 _OUT_OF_REACH = {errno.EACCES, errno.ENAMETOOLONG}  # a path that was given, or one below it
-_NO_ROOM = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 class LazyGroup(click.Group):
@@ -189,13 +198,17 @@ def main() -> None:
         importlib.import_module("lab3_usd.commands.completion")  # click itself does not know it
     try:
         lab3.main(prog_name=program(), standalone_mode=False)
-    except click.exceptions.Abort:
-        _fail("interrupted", EXIT_INTERRUPTED, "crash")
+    except click.exceptions.Abort as ended:
+        by = ended.__cause__
+        status = by.status if isinstance(by, EndedBySignalError) else EXIT_INTERRUPTED
+        _fail("interrupted", status, "crash")
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message(), err=True)
         sys.exit(EXIT_USAGE)
     except click.UsageError as error:
         _fail(_usage_line(error), EXIT_USAGE, "usage")
+    except NoRoomError as error:
+        _fail(str(error), EXIT_CRASH, "crash")
     except (Lab3Error, click.ClickException) as error:
         _fail(str(error), EXIT_USAGE, "usage")
     except BrokenPipeError:
@@ -203,12 +216,12 @@ def main() -> None:
         _close_output()
         sys.exit(EXIT_CRASH)
     except Exception as error:  # noqa: BLE001 - reported as what it is: our own failure
-        if isinstance(error, OSError) and error.errno in _NO_ROOM:
+        if isinstance(error, OSError) and is_no_room(error):
             _close_output()
             _fail(f"the output cannot be written: {error.strerror}", EXIT_CRASH, "crash")
         if isinstance(error, OSError) and error.errno in _OUT_OF_REACH and error.filename:
             _fail(f"{error.filename}: {error.strerror}", EXIT_USAGE, "usage")
-        _fail(f"internal error, please report it: {_described(error)}", EXIT_CRASH, "crash")
+        _fail(f"internal error, please report it: {described(error)}", EXIT_CRASH, "crash")
 
 
 def _write_utf8() -> None:
@@ -229,19 +242,6 @@ def _close_output() -> None:
 def _usage_line(error: click.UsageError) -> str:
     help_hint = "" if error.ctx is None else f" (see {error.ctx.command_path} --help)"
     return f"{error.format_message()}{help_hint}"
-
-
-def _described(error: Exception) -> str:
-    """Name an exception and the line of ours that raised it."""
-    import traceback
-
-    frames = traceback.extract_tb(error.__traceback__)
-    place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
-    try:
-        text = str(error)
-    except UnicodeError:  # what usd-core says of bytes that are no text
-        text = "its message is not text"
-    return f"{type(error).__name__}: {text}{place}"
 
 
 def _fail(message: str, status: int, kind: Literal["usage", "crash"]) -> NoReturn:

@@ -1,9 +1,13 @@
 """The exceptions of the package, each one line with the repair, and the exit codes of commands."""
 
+import errno
+from pathlib import Path
+
 EXIT_FOUND = 1  # faults, differences, or what a command refuses to go on with
 EXIT_USAGE = 2
 EXIT_CRASH = 3
 EXIT_INTERRUPTED = 130  # what a shell says of a command that Ctrl-C ended
+_BY_SIGNAL = 128  # and the number of the signal: what it says of others, as of SIGTERM (143)
 
 
 class Lab3Error(Exception):
@@ -28,5 +32,46 @@ class UsageError(Lab3Error):
     """The command or call was given something it cannot work with."""
 
 
+class NoRoomError(Lab3Error):
+    """The disk is full, which is a fault of neither the call nor the input."""
+
+
 class RecordingError(Lab3Error):
     """A recording cannot be read: none, damaged, or too large."""
+
+
+_NO_ROOM = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
+
+
+def is_no_room(error: BaseException) -> bool:
+    """Whether the disk is full, or what a user may have of it."""
+    return isinstance(error, OSError) and error.errno in _NO_ROOM
+
+
+def unwritten(place: object, error: OSError, kind: type[Lab3Error] = UsageError) -> Lab3Error:
+    """Return the error that says that a file or folder cannot be written, and why."""
+    raised = NoRoomError if is_no_room(error) else kind
+    return raised(f"{place} cannot be written ({error.strerror})")
+
+
+class EndedBySignalError(KeyboardInterrupt):
+    """A signal asked the program to end, which first cleans up behind itself."""
+
+    def __init__(self, signal: int) -> None:
+        """Keep the number of the signal, and the exit code that shells show for it."""
+        super().__init__(signal)
+        self.signal = signal
+        self.status = _BY_SIGNAL + signal
+
+
+def described(error: Exception) -> str:
+    """Name an exception that nobody raised on purpose, and the line that raised it."""
+    import traceback
+
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" at {Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else ""
+    try:
+        text = str(error)
+    except UnicodeError:  # what usd-core says of bytes that are no text
+        text = "its message is not text"
+    return f"{type(error).__name__}: {text}{place}"

@@ -14,7 +14,11 @@ if TYPE_CHECKING:
     from lab3_usd.grade.gradebook import grade_of
     from lab3_usd.grade.intake.lab_archive import unpacked_lab
     from lab3_usd.grade.untrusted import find_untrusted, judge_untrusted
-    from lab3_usd.report.html.live_page import end_live_page, write_live_page
+    from lab3_usd.report.html.live_page import (
+        end_live_page,
+        refuse_foreign_script,
+        write_live_page,
+    )
     from lab3_usd.sim.bag.submitted import read_recordings
 
 _HOMES = {
@@ -23,6 +27,7 @@ _HOMES = {
     "grade_of": "lab3_usd.grade.gradebook",  # --format gradescope
     "judge_untrusted": "lab3_usd.grade.untrusted",  # check --untrusted
     "read_recordings": "lab3_usd.sim.bag.submitted",  # recordings in a submission
+    "refuse_foreign_script": "lab3_usd.report.html.live_page",  # --watch --format html
     "unpacked_lab": "lab3_usd.grade.intake.lab_archive",  # --lab ZIP
     "with_dry_run": "lab3_usd.commands.sim",  # check --sim
     "write_live_page": "lab3_usd.report.html.live_page",  # --watch --format html
@@ -34,6 +39,7 @@ __all__ = [
     "grade_of",
     "judge_untrusted",
     "read_recordings",
+    "refuse_foreign_script",
     "unpacked_lab",
     "with_dry_run",
     "write_live_page",

@@ -10,13 +10,14 @@ from itertools import chain, count
 from pathlib import Path
 from typing import NamedTuple
 
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import Lab3Error, UsageError, unwritten
 
 _DEVICES = Path("/dev")
 _MEMORY = Path("/dev/shm")  # noqa: S108 - below it are files as anywhere
 _ORIGINAL = re.compile(r"\.orig(\.[0-9]+)?$")
 _LINE = re.compile("[^\n]*\n|[^\n]+")
-_RANDOM = re.compile("[a-z0-9_]{8}")  # what tempfile puts behind a prefix
+_HALF = ".lab3-half"  # ends the name of what is being written, and of nothing that people keep
+_HALF_NAME = re.compile(f"[a-z0-9_]{{8}}{re.escape(_HALF)}")  # behind the prefix, as tempfile names
 
 
 def write_whole(target: Path, data: bytes, *, force: bool) -> None:
@@ -24,6 +25,7 @@ def write_whole(target: Path, data: bytes, *, force: bool) -> None:
 
     Raises:
         UsageError: `target` exists and `force` is not set, or it cannot be written.
+        NoRoomError: the disk is full.
     """
     write_parts(target, (data,), force=force)
 
@@ -36,6 +38,7 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
 
     Raises:
         UsageError: `target` exists and `force` is not set, or it cannot be written.
+        NoRoomError: the disk is full.
     """
     refuse_existing(target, force=force)
     try:
@@ -44,7 +47,7 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
                 file.writelines(parts)
             return
         target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = temporary_beside(target)
+        temporary = temporary_beside(target, _HALF)
         try:
             with temporary.open("wb") as file:
                 file.writelines(parts)
@@ -52,7 +55,7 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
-        raise UsageError(f"{target} cannot be written ({error.strerror})") from error
+        raise unwritten(target, error) from error
 
 
 def _is_among_devices(path: Path) -> bool:
@@ -104,6 +107,7 @@ def replace_files(contents: Mapping[Path, bytes], states: Mapping[Path, FileStat
 
     Raises:
         UsageError: one was changed meanwhile, or cannot be written; nothing was written.
+        NoRoomError: the disk is full; nothing was written.
     """
     waiting: dict[Path, Path] = {}  # what is to be replaced, by the new file
     try:
@@ -122,7 +126,7 @@ def replace_files(contents: Mapping[Path, bytes], states: Mapping[Path, FileStat
         for temporary, target in waiting.items():
             temporary.replace(target)
     except OSError as error:
-        raise UsageError(f"{error.filename} cannot be written ({error.strerror})") from error
+        raise unwritten(error.filename or next(iter(contents)), error) from error
     finally:
         for temporary in waiting:
             temporary.unlink(missing_ok=True)
@@ -150,7 +154,7 @@ def leftover_files(folder: Path, names: Iterable[str]) -> tuple[Path, ...]:
         path
         for path in sorted(folder.glob(".*"))
         if path.name.startswith(prefixes)
-        and any(_RANDOM.fullmatch(path.name.removeprefix(prefix)) for prefix in prefixes)
+        and any(_HALF_NAME.fullmatch(path.name.removeprefix(prefix)) for prefix in prefixes)
         and path.is_file()
     )
 
@@ -163,16 +167,17 @@ def keep_original(path: Path, content: bytes) -> Path:
 
     Raises:
         UsageError: it cannot be written.
+        NoRoomError: the disk is full.
     """
     endings = chain([".orig"], (f".orig.{number}" for number in count(2)))
     originals = (path.with_name(path.name + ending) for ending in endings)
     try:
         original = next(filter(_claimed, originals))
     except OSError as error:
-        raise UsageError(f"{error.filename} cannot be written ({error.strerror})") from error
+        raise unwritten(error.filename or path, error) from error
     try:
         write_whole(original, content, force=True)
-    except UsageError:
+    except Lab3Error:
         original.unlink(missing_ok=True)
         raise
     original.chmod(path.stat().st_mode)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -26,12 +28,13 @@ from submissions import STARTER, delete, edit, stage_name, write_submission
 from lab3_usd import build_checkpoint, cli
 from lab3_usd.check.registry import all_rules
 from lab3_usd.errors import Lab3Error, UsageError
-from lab3_usd.judge import processes
+from lab3_usd.judge import folder, processes
 from lab3_usd.judge.entries import JudgeSettings, crashed_entry
 from lab3_usd.judge.processes import in_processes
 from lab3_usd.judge.results import Target
-from lab3_usd.model.finding import Report
+from lab3_usd.model.finding import Report, StageResult
 from lab3_usd.report.formats.registry import FORMATS, render
+from lab3_usd.spec.lab import Lab
 
 CLOCK = "Lab3_01_ros_clock.usda"
 TOPIC = "/World/ROS_Clock/ros2_publish_clock.inputs:topicName"
@@ -157,6 +160,55 @@ def test_a_submission_that_ends_its_process_is_a_crash(
     assert_valid(report)
     told = {each["path"]: "crashes" in each for each in report["submissions"]}
     assert told == {str(fatal): True, str(submissions[1]): False}
+
+
+@pytest.mark.parametrize("command", ["check", "lint"])
+def test_a_file_over_which_the_program_fails_costs_no_other_its_result(
+    stages: list[Path], monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    odd, others = stages[0], stages[1:]
+    module, name = {
+        "check": ("lab3_usd.judge.entries", "check_stage"),
+        "lint": ("lab3_usd.judge.lint", "lint_stage"),
+    }[command]
+    usual = getattr(importlib.import_module(module), name)
+
+    def fail(path: str, *rest: object) -> StageResult:
+        if path == str(odd):
+            raise KeyError("x")
+        result: StageResult = usual(path, *rest)
+        return result
+
+    monkeypatch.setattr(f"{module}.{name}", fail)
+    done = invoke(command, "--format", "json", odd, *others)
+    assert done.exit_code == 3
+    report = json.loads(done.stdout)
+    assert_valid(report)
+    first, *rest = report["results"]
+    assert first["verdict"] == "unreadable"
+    (crash,) = first["crashes"]
+    assert re.fullmatch(r"this program failed \(KeyError: 'x' at \S+:\d+\)", crash["error"])
+    assert rest == json.loads(invoke(command, "--format", "json", *others).stdout)["results"]
+
+
+def test_a_stage_over_which_the_program_fails_costs_a_submission_nothing_else(
+    submissions: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = folder.check_stage
+
+    def fail(path: str, number: str, lab: Lab) -> StageResult:
+        if number == "01":
+            raise KeyError("x")
+        return usual(path, number, lab)
+
+    monkeypatch.setattr(folder, "check_stage", fail)
+    done = check("--format", "json", submissions[1])
+    assert done.exit_code == 3
+    report = json.loads(done.stdout)
+    crashed = [each["checkpoint"] for each in report["results"] if "crashes" in each]
+    assert crashed == ["01"]
+    assert len(report["results"]) > 1
+    assert "crashes" not in report["submissions"][0]
 
 
 def test_one_process_judges_without_others(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from errno import ENAMETOOLONG, ENOSPC
@@ -12,6 +13,7 @@ from pathlib import Path
 import click
 import forking
 import pytest
+from grade_files import starter, submission
 from invoking import invoke as lab3
 from places import REPOSITORY
 
@@ -184,6 +186,58 @@ def test_the_tab_key_completes_commands_and_imports_none() -> None:
     assert done.stdout.split() == ["plain,rules", "plain,rule"]
     imported = {name for name in done.stderr.split() if name.startswith("lab3_usd.commands.")}
     assert imported == {"lab3_usd.commands.table"}
+
+
+FULL = """
+import errno, os
+from unittest.mock import patch
+from lab3_usd.cli import main
+full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+with patch("tempfile.mkstemp", side_effect=full):
+    main()
+"""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["build", "--only", "00", "--out", "new"],
+        ["check", "ana", "--output", "report.txt"],
+        ["grade", "class", "--starter", "starter.usda", "--output", "book"],
+        ["starter", "--out", "new.usda"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_disk_that_is_full_has_one_exit_status(tmp_path: Path, words: list[str]) -> None:
+    shutil.copyfile(starter(), tmp_path / "starter.usda")
+    for folder in ("ana", "class/ana"):
+        submission(tmp_path / folder, "00")
+    done = forking.run(
+        [sys.executable, "-c", FULL, *words],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=100,
+    )
+    assert (done.returncode, os.strerror(ENOSPC) in done.stderr) == (cli.EXIT_CRASH, True)
+
+
+SAYS_IT_RAN = "import os\nopen(os.path.join(os.path.dirname(__file__), 'ran'), 'a').write(__name__)"
+
+
+@pytest.mark.parametrize("call", [["-m", "lab3_usd"], ["-mlab3_usd"]])
+def test_no_module_of_the_working_directory_is_run(tmp_path: Path, call: list[str]) -> None:
+    shutil.copyfile(starter(), tmp_path / "starter.usda")
+    submission(tmp_path / "class" / "ana", "00")
+    for name in ("typing", "msgspec", "yaml", "click", "pxr", "shutil", "tempfile"):
+        (tmp_path / f"{name}.py").write_text(SAYS_IT_RAN)
+    words = ["grade", "class", "--starter", "starter.usda", "--output", "book"]
+    done = subprocess.run(
+        [sys.executable, *call, *words], cwd=tmp_path, capture_output=True, check=False, timeout=100
+    )
+    assert not (tmp_path / "ran").exists()
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device without room")

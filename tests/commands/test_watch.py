@@ -411,6 +411,16 @@ def test_a_page_reloads_itself_while_it_is_watched_and_is_plain_afterwards(
 # ---- wrong use
 
 
+def test_a_file_beside_the_page_that_is_not_its_script_stays(
+    watch: Callable[..., Result], stage: Path, tmp_path: Path
+) -> None:
+    page = tmp_path / "report.html"
+    version_file(page).write_text("notes")
+    with pytest.raises(UsageError, match="move it away"):
+        watch([], "--format", "html", "--output", page, stage)
+    assert (version_file(page).read_text(), page.exists()) == ("notes", False)
+
+
 def test_without_the_library_the_extra_is_named(
     stage: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -200,6 +201,19 @@ def test_a_broken_image_is_one_line(tmp_path: Path, data: bytes) -> None:
         read_pgm(file)
     assert str(caught.value).startswith(str(file))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", [b"P2", b"P5"])
+@pytest.mark.parametrize("gap", [b" ", b"#\n"], ids=["blanks", "comments"])
+def test_a_header_without_end_is_not_read(tmp_path: Path, kind: bytes, gap: bytes) -> None:
+    file = tmp_path / "map.pgm"
+    file.write_bytes(kind + gap * (4 << 20) + b"2 2 255\n1 1 1 1")
+    tracemalloc.start()
+    with pytest.raises(MapError, match="is not a PGM image"):
+        read_pgm(file)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 32 << 20
 
 
 def test_a_missing_image_is_one_line(tmp_path: Path) -> None:

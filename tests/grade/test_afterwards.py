@@ -181,17 +181,23 @@ def test_who_is_in_one_of_the_two_only_is_said(book: Path, tmp_path: Path) -> No
     ]
 
 
-def test_a_failure_of_the_tool_is_no_grade_of_nothing(book: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("status", "crashes"), [("tool failed", ["Z01"]), ("tool failed", []), ("crashed", ["N01"])]
+)
+def test_a_failure_of_the_tool_is_no_grade_of_nothing(
+    book: Path, tmp_path: Path, status: str, crashes: list[str]
+) -> None:
     roster = tmp_path / "export.csv"
     roster.write_text(EXPORTS["canvas"][0])
     of_class = class_of(book)
     for row in of_class["students"]:
-        row["status"] = "tool failed" if row["student"] == "joe" else row["status"]
+        if row["student"] == "joe":
+            row |= {"status": status, "crashes": crashes}
     told: list[str] = []
     path = write_for_platform(book, "canvas", roster, of_class, told.append)
     with path.open(newline="") as file:
         assert [row[-1] for row in csv.reader(file)][2:] == ["", "100.00"]
-    assert told == ["joe: tool failed, and so has no points in the file"]
+    assert told == [f"joe: {status}, and so has no points in the file"]
 
 
 def test_a_column_that_is_left_open_is_asked_for(book: Path, tmp_path: Path) -> None:
@@ -279,3 +285,11 @@ def test_the_same_work_is_listed_and_not_judged(tmp_path: Path) -> None:
     ]
     page = read((tmp_path / "book" / "index.html").read_text(encoding="utf-8"))
     assert "ann, bob, cem: the same graphs but for names" in page.text
+
+
+def test_an_export_in_the_gradebook_is_not_written_over(tmp_path: Path) -> None:
+    roster = tmp_path / "canvas.csv"
+    roster.write_text("Student,ID,SIS Login ID,Section,Lab 3 (1)")
+    with pytest.raises(UsageError, match="would be replaced"):
+        write_for_platform(tmp_path, "canvas", roster, {}, lambda _line: None)
+    assert roster.read_text().startswith("Student")

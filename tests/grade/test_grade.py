@@ -300,7 +300,8 @@ def answered(answer: dict[str, Any]) -> Any:
         ({"failed": "ran out of time (20 s)"}, "timeout"),
         ({"failed": "ran out of memory"}, "too large"),
         ({"failed": "crashed usd-core (SIGSEGV)"}, "crashed"),
-        ({"failed": "tool failed: KeyError at rules.py:1: 'x'"}, "tool failed"),
+        ({"failed": "tool failed: two workers ended before they read it"}, "tool failed"),
+        ({"failed": "this program failed: KeyError at rules.py:1: 'x'"}, "crashed"),
     ],
 )
 def test_a_submission_that_could_not_be_judged_has_a_status_and_a_report(
@@ -317,12 +318,12 @@ def test_a_submission_that_could_not_be_judged_has_a_status_and_a_report(
     assert set(first["reports"]) == REPORTS - {"result.json"}
 
 
-def test_a_crash_of_a_rule_is_the_tools_fault_and_no_grade(
+def test_what_fails_apart_from_any_submission_is_the_tools_fault_and_no_grade(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
         "lab3_usd.grade.workers.pool.run_tasks",
-        answered({"failed": "tool failed: KeyError at rules.py:1"}),
+        answered({"failed": "tool failed: two workers ended before they read it: stopped"}),
     )
     done = invoke("grade", place, "--starter", starter(), "-o", tmp_path / "book")
     assert done.exit_code == 3

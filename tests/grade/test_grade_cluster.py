@@ -129,7 +129,13 @@ def dismiss_workers(cluster: Any) -> None:
 def test_a_cluster_without_workers_is_an_error_that_says_what_to_start(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_CONNECT", 0.3)
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    wait = distributed.Client.wait_for_workers  # which are not there, however long one waits
+    monkeypatch.setattr(
+        distributed.Client,
+        "wait_for_workers",
+        lambda client, number, timeout: wait(client, number, min(timeout, 0.3)),
+    )
     with (
         cluster_of(0, tmp_path / "temporary") as empty,
         pytest.raises(UsageError, match=r"no worker; start one with `dask worker tcp://"),
@@ -166,6 +172,8 @@ def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_RETURN", 0.5)
+    # The worker may have answered once more before it is dismissed; the others are never sent.
+    monkeypatch.setattr("lab3_usd.grade.workers.cluster._PER_THREAD", 1)
     with (
         cluster_of(1, tmp_path / "temporary") as lone,
         pytest.raises(WorkerError, match=r"have gone; start others .* --resume"),
@@ -176,7 +184,8 @@ def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
             tmp_path / "book",
             progress=lambda done, _total: dismiss_workers(lone) if done == 1 else None,
         )
-    assert len(list((tmp_path / "book" / "students").iterdir())) == 1
+    graded = list((tmp_path / "book" / "students").iterdir())
+    assert 1 <= len(graded) < STUDENTS - 1
 
 
 def test_workers_are_waited_for_anew_each_time_that_they_go(
@@ -225,7 +234,8 @@ def closed(place: Path, tmp_path_factory: pytest.TempPathFactory) -> ClosedClust
 
 def names_in(temporary: Path) -> set[str]:
     """Return the beginnings of the names of what grading keeps there."""
-    return {path.name.rpartition("-")[0] for path in temporary.glob("lab3-*")}
+    found = (*temporary.glob("lab3-*"), *temporary.glob("*/lab3-*"))
+    return {path.name.rpartition("-")[0] for path in found}
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -237,7 +247,7 @@ def test_submissions_by_address_give_the_same_gradebook(
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_is_closed_leaves_no_files_of_students(closed: ClosedCluster) -> None:
-    assert closed.while_open == {"lab3-grade", "lab3-starter"}
+    assert closed.while_open == {"lab3-scratch", "lab3-grade", "lab3-starter"}
     assert closed.after == set()
 
 

@@ -7,6 +7,7 @@ import gc
 import io
 import json
 import os
+import re
 import resource
 import shutil
 import struct
@@ -20,7 +21,9 @@ from mini_lab import cut_wire, stage, starter, submission
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 
+from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, UsageError
+from lab3_usd.grade.intake.scratch import make_scratch
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import cluster, sandbox, worker_main, worker_process
@@ -84,6 +87,32 @@ def test_a_file_that_ended_a_worker_is_unreadable_and_the_others_are_judged(
     assert found["verdicts"] == {"00": "pass", "01": "unreadable"}
 
 
+def test_a_map_is_announced_and_left_out_where_it_ended_a_worker(
+    course: GradingSetup, tmp_path: Path
+) -> None:
+    facts = course.lab.scene.map
+    assert facts is not None
+    jane, announced = submission(tmp_path / "jane"), list[str]()
+    shutil.copytree(data_folder("maps"), jane / "maps")
+    (yaml,) = (jane / "maps").glob("*.yaml")
+    yaml.rename(jane / "maps" / facts.yaml)
+    (image,) = (f"maps/{path.name}" for path in (jane / "maps").glob("*.pgm"))
+
+    def report(name: str, broken: dict[str, str]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+        (tmp_path / name).mkdir()
+        task = Task("jane", "jane", (Source(jane),), broken=broken)
+        found = grade_submission(course, task, tmp_path / name, announced.append)
+        (about,) = json.loads(found["reports"]["report.json"])["submissions"]
+        return [each for each in about["findings"] if each["rule"] == "M05"], found
+
+    fine, _ = report("one", {})
+    assert fine == []
+    assert image in announced
+    (left_out,), found = report("two", {image: "ran out of time (20 s)"})
+    assert (left_out["prim"], "ran out of time" in left_out["message"]) == (image, True)
+    assert set(found["verdicts"].values()) == {"pass"}
+
+
 @pytest.mark.parametrize(
     ("limits", "status"), [(Limits(files=1), "too large"), (Limits(total_size=10), "too large")]
 )
@@ -119,13 +148,14 @@ def every_rule_fails(monkeypatch: pytest.MonkeyPatch, error: str) -> None:
     monkeypatch.setattr("lab3_usd.check.checker._Run.rule", fail)
 
 
-def test_a_rule_that_fails_is_the_tools_fault(
+def test_a_rule_that_fails_is_a_crash_over_its_file(
     course: GradingSetup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     every_rule_fails(monkeypatch, "KeyError: 'x'")
     found = judged(course, submission(tmp_path / "jane", "00"), tmp_path)
-    assert found["status"] == "tool failed"
+    assert found["status"] == "crashed"
     assert found["crashes"]
+    assert re.match(rf"work/{stage('00').name}: rule \w+ failed \(KeyError: 'x'\)", found["reason"])
 
 
 def test_a_rule_that_lacks_memory_is_not_the_tools_fault(
@@ -200,15 +230,15 @@ def test_hardly_anything_of_a_submission_is_left_for_the_garbage_collector(
 def test_a_worker_serves_tasks_until_there_are_no_more(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("limit_resources", "give_up_privileges", "fence_files"):
+    for name in ("limit_resources", "limit_time", "give_up_privileges", "fence_files"):
         monkeypatch.setattr(worker_main, name, lambda *_arguments: {})
     (tmp_path / "scratch").mkdir()
     jane = Task("jane", "jane", (Source(submission(tmp_path / "jane", "00")),))
     answers = io.BytesIO()
-    line = encode(Assignment(7, jane))
+    line = encode(Assignment(7, jane, 200.0))
     worker_main._serve(Start(tmp_path / "scratch", SETTINGS), io.BytesIO(line), answers)
     said = [json.loads(line) for line in answers.getvalue().splitlines()]
-    assert [list(line)[-1] for line in said] == ["peak", "open", "open", "done"]
+    assert [list(line)[1] for line in said] == ["peak", "open", "open", "done"]
     assert [line.get("turn") for line in said] == [None, 7, 7, 7]
     assert [line["open"] for line in said[1:3]] == ["", f"work/{stage('00').name}"]
     assert said[3]["done"]["verdicts"] == {"00": "pass"}
@@ -218,13 +248,13 @@ def test_a_worker_serves_tasks_until_there_are_no_more(
 def test_an_answer_that_would_be_too_long_is_a_status(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("limit_resources", "give_up_privileges", "fence_files"):
+    for name in ("limit_resources", "limit_time", "give_up_privileges", "fence_files"):
         monkeypatch.setattr(worker_main, name, lambda *_arguments: {})
     long = {"reports": {"a": "x" * 60_000}}
     monkeypatch.setattr(worker_main, "answer", lambda *_arguments: long)
     start = Start(tmp_path, replace(SETTINGS, limits=Limits(answer_size=100_000)))
     answers = io.BytesIO()
-    line = encode(Assignment(7, Task("jane", "jane", ())))
+    line = encode(Assignment(7, Task("jane", "jane", ()), 200.0))
     worker_main._serve(start, io.BytesIO(line), answers)
     done = json.loads(answers.getvalue().splitlines()[-1])["done"]
     assert status_of(done["failed"]) == "too large"
@@ -260,7 +290,7 @@ def test_a_worker_keeps_its_answers_apart_from_what_is_printed(
     ("error", "died"),
     [
         (MemoryError(), "ran out of memory"),
-        (KeyError("x"), "tool failed: KeyError at test_grade_inside.py"),
+        (KeyError("x"), "this program failed: KeyError at test_grade_inside.py"),
     ],
 )
 def test_what_goes_wrong_while_judging_is_answered(
@@ -567,11 +597,10 @@ def test_how_it_ended_is_known_where_nothing_more_is(
     worker_process.end_worker(there)
 
 
-def test_a_worker_that_cannot_even_be_killed_is_left_behind(tmp_path: Path) -> None:
+def test_a_worker_that_cannot_even_be_killed_is_left_behind() -> None:
     hanging: Any = Ended()
     hanging.status = None
-    scratch = tmp_path / "scratch"
-    scratch.mkdir()
+    scratch = make_scratch("lab3-grade-")
     worker = Worker(hanging, scratch, Limits())
     worker_process.end_worker(worker)
     assert worker.tasks.get_nowait() is None

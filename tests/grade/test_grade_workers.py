@@ -8,7 +8,9 @@ import signal
 import subprocess
 import sys
 import tarfile
+import tempfile
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
@@ -17,10 +19,12 @@ from typing import Any
 import forking
 import pytest
 from mini_lab import starter, submission
+from msgspec.structs import replace
 from pxr import Sdf, Tf
 from waiting import eventually
 
-from lab3_usd.grade.intake import staging, submission_copy
+from lab3_usd.grade.awake import AwakeClock
+from lab3_usd.grade.intake import scratch, submission_copy
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 from lab3_usd.grade.workers import pool, worker_process
@@ -42,7 +46,7 @@ pytestmark = pytest.mark.usefixtures("forked_workers")
 # A worker that does what the student's name says; it is ready at once.
 ODD = """
 import json, os, resource, signal, sys, time
-sys.stdin.readline()
+limit = json.loads(sys.stdin.readline())["settings"]["limits"]["seconds"]
 turn, parent = 0, os.getppid()
 say = lambda message: print(json.dumps({"turn": turn, **message}), flush=True)
 most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -64,7 +68,9 @@ for line in sys.stdin:
         if student == "well, then hangs":
             time.sleep(600)
         continue
-    if student != "early":
+    if student == "early":
+        signal.setitimer(signal.ITIMER_PROF, limit / 10)
+    else:
         say({"open": "second.usda"})
     if student == "crashes":
         os.kill(os.getpid(), signal.SIGSEGV)
@@ -86,9 +92,25 @@ for line in sys.stdin:
         os.write(1, b"x" * 65536)
     while student == "lines":
         os.write(1, b'{"turn": %d, "open": "second.usda"}\\n' % turn * 1000)
+    if student == "computes":
+        signal.setitimer(signal.ITIMER_PROF, limit)
+    if student == "computes on":  # and has computed for most of its time before
+        say({"open": "second.usda", "processor": 2.5 * limit})
+        signal.setitimer(signal.ITIMER_PROF, limit / 2)
+    while student == "early" or student.startswith("computes"):
+        pass
     while student == "busy":
         say({"open": "second.usda"})
         time.sleep(0.1)
+    if student.startswith("waits in "):
+        place = student.removeprefix("waits in ")
+        open(f"{place}/new", "w").write(str(os.getpid()))
+        os.rename(f"{place}/new", f"{place}/waiting")
+        while not os.path.exists(f"{place}/go"):
+            time.sleep(0.02)
+        say({"done": {"status": "graded", "broken": broken}})
+        open(f"{place}/answered", "w").close()
+        continue
     while student == "hangs":  # until whoever started it is gone
         time.sleep(0.1)
         os.getppid() == parent or os._exit(0)
@@ -99,8 +121,10 @@ for line in sys.stdin:
         os.close(1)
     if student == "parts" and os.fork():
         os._exit(0)
-    if student.endswith("once") and not os.path.exists("../once"):
-        open("../once", "w").close()
+    if student.endswith("once") and not os.path.exists("../../../once"):
+        open("../../../once", "w").close()
+        while student == "hangs once":
+            time.sleep(0.1)
         os.kill(os.getpid(), signal.SIGSEGV if "crashes" in student else signal.SIGKILL)
     if student.endswith("once"):
         say({"done": {"status": "graded", "by": os.getpid(), "broken": broken}})
@@ -108,6 +132,12 @@ for line in sys.stdin:
     time.sleep(600)
 """
 STUDENT = Limits(seconds=0.6, answer_size=MEGABYTE)
+
+
+def impatient(patched: pytest.MonkeyPatch) -> None:
+    """Wait for workers that hang by the clock only five times as long as they may compute."""
+    patched.setattr(submission_copy, "_TIMES_BY_CLOCK", 5.0)
+    patched.setattr(submission_copy, "_LEAST_BY_CLOCK", 0.0)
 
 
 @pytest.fixture
@@ -148,10 +178,9 @@ def judged_in_turn(settings: PoolSettings, *students: str) -> list[tuple[Task, d
 # What a worker does over the second file, and what is known of its end.
 ENDS = {
     "closes": "stopped answering",
-    "busy": "ran out of time (1.8 s for all files)",
-    "hangs": "ran out of time (0.6 s)",
-    "deaf": "ran out of time (0.6 s)",
-    "parts": "ran out of time (0.6 s)",
+    "hangs": "ran out of time (3 s by the clock)",
+    "deaf": "ran out of time (3 s by the clock)",
+    "parts": "ran out of time (3 s by the clock)",
     "crashes": "crashed usd-core (SIGSEGV)",
     "killed": "ended by SIGKILL",
     "leaves": "ended the worker (status 7)",
@@ -170,6 +199,7 @@ def ends() -> dict[str, Future[WorkerDiedError]]:
     with pytest.MonkeyPatch.context() as patched, ThreadPoolExecutor(5) as threads:
         patched.setattr(worker_process, "_MAIN", ODD.replace("{", "{{").replace("}", "}}"))
         patched.setattr(submission_copy, "_TIMES_AS_LONG", 3)
+        impatient(patched)
         return {student: threads.submit(end_of, student) for student in ENDS}
 
 
@@ -189,10 +219,43 @@ def test_how_a_worker_ended_and_over_which_file_is_known(
 ) -> None:
     died = ends[student].result()
     assert (died.how, died.file) == (ENDS[student], "second.usda")
-    assert died.external == (student == "killed")
+    assert died.external == (student in {"killed", "hangs", "deaf", "parts"})
 
 
-def test_what_a_worker_left_running_goes_with_it(worker: Worker) -> None:
+@pytest.mark.parametrize(
+    ("student", "how"),
+    [
+        ("computes", "ran out of time (0.6 s of processor time)"),
+        ("computes on", "ran out of time (1.8 s of processor time for all files)"),
+    ],
+)
+def test_processor_time_is_counted_for_a_file_and_for_all(
+    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch, student: str, how: str
+) -> None:
+    del odd
+    monkeypatch.setattr(submission_copy, "_TIMES_AS_LONG", 3)
+    died = end_of(student)
+    assert (died.how, died.file, died.external) == (how, "second.usda", False)
+
+
+def test_progress_without_end_is_ended_by_the_clock(
+    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    impatient(monkeypatch)
+    monkeypatch.setattr(submission_copy, "_TIMES_AS_LONG", 0.001)
+    worker = start_worker(replace(odd, limits=Limits(seconds=100)))
+    try:
+        with pytest.raises(WorkerDiedError) as died:
+            ask(worker, task("busy"), never_stopped)
+    finally:
+        end_worker(worker)
+    assert died.value.how == "ran out of time (0.5 s by the clock for all files)"
+
+
+def test_what_a_worker_left_running_goes_with_it(
+    worker: Worker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    impatient(monkeypatch)
     with pytest.raises(WorkerDiedError):
         ask(worker, task("parts"), never_stopped)
     end_worker(worker)
@@ -210,7 +273,10 @@ def group_exists(number: int) -> bool:
 @pytest.mark.parametrize(
     "before", ["well, then dies", "well, then talks", "well, then closes", "well, then hangs"]
 )
-def test_the_next_submission_is_judged_by_another_worker(odd: PoolSettings, before: str) -> None:
+def test_the_next_submission_is_judged_by_another_worker(
+    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch, before: str
+) -> None:
+    impatient(monkeypatch)
     answers = [answer for _, answer in run_tasks(map(task, ["well", before, "well"]), odd)]
     assert [answer["status"] for answer in answers] == ["graded"] * 3
     assert answers[2]["by"] not in {0, answers[1]["by"]}
@@ -243,7 +309,7 @@ def test_a_file_at_which_a_worker_ended_is_read_once_more(
     always: str,
     end: str,
 ) -> None:
-    monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
     (_, well), (_, ended) = judged_in_turn(odd, once, always)
     assert (well["status"], well["broken"]) == ("graded", {})
     assert ended["broken"] == {"second.usda": end}
@@ -258,7 +324,10 @@ def test_workers_that_never_begin_are_the_tools_fault(
     assert status_of(answer["failed"]) == "tool failed"
 
 
-def test_a_worker_that_does_not_read_is_not_waited_for(odd: PoolSettings) -> None:
+def test_a_worker_that_does_not_read_is_not_waited_for(
+    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    impatient(monkeypatch)
     broken = {"x" * 1000 + str(number): "y" for number in range(300)}  # more than a pipe holds
     sent = Task("well", "well", (), broken=broken)
     answers = [answer for _, answer in run_tasks([task("well, then hangs"), sent], odd)]
@@ -318,7 +387,8 @@ def test_a_worker_that_is_stopped_is_left_at_once(worker: Worker) -> None:
         ("ran out of time (5 s)", "timeout"),
         ("ran out of memory", "too large"),
         ("too large: holds more than 9 files", "too large"),
-        ("tool failed: KeyError at rules.py:1: 'x'", "tool failed"),
+        ("tool failed: two workers ended before they read it: stopped", "tool failed"),
+        ("this program failed: KeyError at rules.py:1: 'x'", "crashed"),
         ("crashed usd-core (SIGSEGV)", "crashed"),
         ("answered nonsense", "crashed"),
         ("stopped answering", "crashed"),
@@ -339,7 +409,7 @@ def test_a_submission_is_judged_again_without_the_file_that_ended_the_worker(
 
 def test_a_submission_that_ends_every_worker_is_given_up(odd: PoolSettings) -> None:
     ((_, answer),) = judged_in_turn(odd, "early")
-    assert answer == {"failed": "ran out of time (0.6 s)"}
+    assert answer == {"failed": "ran out of time (0.6 s of processor time)"}
 
 
 @pytest.mark.parametrize("jobs", [1, 3])
@@ -378,6 +448,7 @@ import signal, sys, time
 from pathlib import Path
 from lab3_usd.grade.workers import worker_process
 from lab3_usd.grade.workers.messages import PoolSettings, Task
+from lab3_usd.grade.intake import submission_copy
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.pool import run_tasks
 # Whoever started the tests may ignore signals, which is inherited.
@@ -386,7 +457,8 @@ signal.signal(signal.SIGTERM, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
 worker_process._MAIN = Path(sys.argv[2]).read_text()
 tasks = [Task(name, name, ()) for name in ("well", "hangs")]
-seconds = 1 if sys.argv[1] == "ignored" else 60
+seconds = 0.2 if sys.argv[1] == "ignored" else 60
+submission_copy._LEAST_BY_CLOCK = 0
 settings = PoolSettings(None, None, Limits(seconds=seconds))
 for task, _ in run_tasks(tasks, settings):
     print(task.student, flush=True)
@@ -411,18 +483,114 @@ def running(temporary: Path, where: str) -> subprocess.Popen[bytes]:
     return process
 
 
+# Has one submission judged, alone or as a machine of a cluster, for one second at most.
+JUDGED = """
+import sys
+from pathlib import Path
+from lab3_usd.grade.workers import worker_process
+from lab3_usd.grade.workers.cluster import Shipment, judge_here
+from lab3_usd.grade.workers.messages import PoolSettings, Task, encode
+from lab3_usd.grade.intake.submission_copy import Limits
+from lab3_usd.grade.workers.pool import run_tasks
+from lab3_usd.report.options import tool_version
+worker_process._MAIN = Path(sys.argv[2]).read_text()
+task, settings = Task(sys.argv[3], "", ()), PoolSettings(None, None, Limits(seconds=1))
+shipment = Shipment(tool_version(), (("a", b""),), "a", None, (), settings)
+answers = [judge_here(shipment, encode(task))] if sys.argv[1] == "cluster" else None
+for _, answer in answers or run_tasks([task], settings):
+    print(answer)
+"""
+
+
+@pytest.mark.parametrize("how", ["alone", "cluster"])
+@pytest.mark.parametrize("stopped", ["the run", "the run and its worker"])
+def test_a_pause_of_the_run_takes_no_points(
+    tmp_path: Path, temporary: Path, stopped: str, how: str
+) -> None:
+    odd = tmp_path / "odd.py"
+    odd.write_text(ODD.replace("{", "{{").replace("}", "}}"))
+    command = [sys.executable, "-c", JUDGED, how, str(odd), f"waits in {tmp_path}"]
+    process = forking.Popen(
+        command, stdout=subprocess.PIPE, env={**os.environ, "TMPDIR": str(temporary)}
+    )
+    assert eventually((tmp_path / "waiting").exists)
+    worker = int((tmp_path / "waiting").read_text())
+    paused = [process.pid, *([worker] if stopped.endswith("worker") else [])]
+    for number in paused:
+        os.kill(number, signal.SIGSTOP)
+    (tmp_path / "go").touch()
+    assert stopped != "the run" or eventually((tmp_path / "answered").exists)
+    time.sleep(1.5)  # longer than a file may take
+    for number in paused:
+        os.kill(number, signal.SIGCONT)
+    assert process.communicate(timeout=60)[0] == b"{'status': 'graded', 'broken': {}}\n"
+
+
+def test_time_that_nobody_was_awake_for_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = iter((0.0, 0.5, 1.25, 4000.0, 4000.5))
+    clock = AwakeClock(looked=next(looks))
+    monkeypatch.setattr("lab3_usd.grade.awake.time.monotonic", lambda: next(looks))
+    assert [clock.seconds() for _ in range(4)] == [0.5, 1.25, 2.25, 2.75]
+
+
+def test_a_file_at_which_a_worker_stood_still_is_read_once_more(
+    odd: PoolSettings, temporary: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    impatient(monkeypatch)
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    ((_, well),) = judged_in_turn(odd, "hangs once")
+    assert (well["status"], well["broken"]) == ("graded", {})
+
+
 @pytest.mark.parametrize("where", ["inside", "outside"])
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP", "SIGINT"])
 def test_a_run_that_is_told_to_end_leaves_nothing_behind(
     temporary: Path, name: str, where: str
 ) -> None:
     process = running(temporary, where)
-    assert list(temporary.glob("lab3-grade-*"))
+    assert list(temporary.glob("*/lab3-grade-*"))
     process.send_signal(getattr(signal, name))
     _, errors = process.communicate(timeout=60)
     assert process.returncode != 0
-    assert errors.splitlines()[-1] == b"KeyboardInterrupt"
+    number = getattr(signal, name).value
+    assert errors.splitlines()[-1] == f"lab3_usd.errors.EndedBySignalError: {number}".encode()
     assert list(temporary.iterdir()) == []
+
+
+GRADED = """
+import signal, sys
+from pathlib import Path
+from lab3_usd.__main__ import start
+from lab3_usd.grade.workers import worker_process
+for name in ("SIGHUP", "SIGTERM"):
+    signal.signal(getattr(signal, name), signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
+worker_process._MAIN = Path(sys.argv[1]).read_text()
+sys.argv = ["lab3", "grade", *sys.argv[2:]]
+start()
+"""
+
+
+@pytest.mark.parametrize(("name", "status"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+def test_a_signal_that_ends_grading_gives_the_status_that_shells_show(
+    tmp_path: Path, temporary: Path, name: str, status: int
+) -> None:
+    submission(tmp_path / "class" / "hangs", "00")
+    odd = tmp_path / "odd.py"
+    says = f'    if student == "hangs":\n        open("{tmp_path}/hanging", "w").close()\n'
+    code = ODD.replace('    while student == "hangs":', says + '    while student == "hangs":')
+    odd.write_text(code.replace("{", "{{").replace("}", "}}"))
+    given = [tmp_path / "class", "--starter", starter(), "--output", tmp_path / "out"]
+    process = forking.Popen(
+        [sys.executable, "-c", GRADED, str(odd), *map(str, given)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(temporary)},
+    )
+    assert eventually((tmp_path / "hanging").exists)
+    process.send_signal(getattr(signal, name))
+    _, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors.strip()) == (status, b"lab3: interrupted")
 
 
 def test_an_interrupt_waits_until_the_locks_of_the_answers_are_free_again(
@@ -466,35 +634,19 @@ def test_a_thread_may_run_tasks(odd: PoolSettings) -> None:
 def test_what_a_killed_run_left_is_removed_by_the_next(
     temporary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
-    monkeypatch.setattr(staging, "_SECONDS_TO_LOCK", -1.0)
-    ours = staging.make_scratch("lab3-grade-")
-    foreign = temporary / "lab3-other"
-    foreign.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    ours = scratch.make_scratch("lab3-grade-")
     killed = running(temporary, "inside")
-    (left,) = set(temporary.glob("lab3-grade-*")) - {ours}
-    staging.remove_abandoned()
+    (left,) = set(temporary.glob("*/lab3-grade-*")) - {ours.parent}
+    scratch.remove_abandoned([])
     assert left.exists()  # it is in use
     killed.kill()
     killed.communicate(timeout=60)
     assert left.exists()
-    (temporary / "lab3-grade-link").symlink_to(foreign)
-    staging.remove_abandoned()
-    assert sorted(temporary.iterdir()) == sorted([ours, foreign, temporary / "lab3-grade-link"])
-    staging.remove_scratch(ours)
-    assert not ours.exists()
-
-
-def test_a_folder_that_was_just_made_is_not_taken_for_abandoned(
-    temporary: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(staging.tempfile, "tempdir", str(temporary))
-    new, old = temporary / "lab3-grade-new", temporary / "lab3-grade-old"
-    for folder in (new, old):
-        folder.mkdir()
-    os.utime(old, (0, 0))
-    staging.remove_abandoned()
-    assert list(temporary.iterdir()) == [new]
+    scratch.remove_abandoned([])
+    assert sorted(ours.parent.parent.glob("lab3-*")) == [ours.parent]
+    scratch.remove_scratch(ours)
+    assert list(temporary.iterdir()) == []
 
 
 def test_a_worker_that_does_not_start_is_an_error_that_says_why(
@@ -560,6 +712,7 @@ def test_the_environment_of_a_worker_holds_no_plugin_path_and_no_secret(
         "HOME",
         "TMPDIR",
         "PXR_WORK_THREAD_LIMIT",
+        "MALLOC_ARENA_MAX",
     }
 
 
@@ -599,6 +752,45 @@ def test_a_real_worker_judges_and_leaves_nothing_behind(tmp_path: Path) -> None:
     assert not made.scratch.exists()
 
 
+# Reads, instead of judging, a file of the student at work and that of another one.
+CURIOUS = """
+import sys
+sys.path[:0] = {path!r}
+from lab3_usd.grade.workers import worker_main
+def read(path):
+    try:
+        return path.read_text()
+    except PermissionError:
+        return "refused"
+def look(setup, task, scratch, announce):
+    own = task.sources[0].path
+    return {{name: read(own.parent / name / "file") for name in ("ann", "ben")}}
+worker_main.grade_submission = look
+worker_main.main()
+"""
+
+
+def test_a_worker_reads_its_own_submission_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for student in ("ann", "ben"):
+        (tmp_path / "class" / student).mkdir(parents=True)
+        (tmp_path / "class" / student / "file").write_text("read")
+    monkeypatch.setattr(worker_process, "_MAIN", CURIOUS)
+    made = start_worker(settings_for(tmp_path / "class"))
+    try:
+        if not made.confined["files"]:
+            pytest.skip("this kernel has no Landlock")
+        sources = {name: (Source(tmp_path / "class" / name),) for name in ("ann", "ben")}
+        seen = {name: ask(made, Task(name, name, sources[name])) for name in sources}
+    finally:
+        end_worker(made)
+    assert seen == {
+        "ann": {"ann": "read", "ben": "refused"},
+        "ben": {"ann": "refused", "ben": "read"},
+    }
+
+
 def test_a_real_worker_unpacks_the_archive_of_a_student(tmp_path: Path) -> None:
     submission(tmp_path / "Lab3", "00", "01")
     (tmp_path / "jane").mkdir()
@@ -631,8 +823,8 @@ def test_a_failure_of_ours_says_what_and_where() -> None:
     with pytest.raises(KeyError) as raised:
         {}["x"]
     how = _failure_text(raised.value, Path())
-    assert re.fullmatch(r"tool failed: KeyError at test_grade_workers\.py:\d+: 'x'", how)
-    assert status_of(how) == "tool failed"
+    assert re.fullmatch(r"this program failed: KeyError at test_grade_workers\.py:\d+: 'x'", how)
+    assert status_of(how) == "crashed"
 
 
 def test_a_failure_of_ours_names_files_by_their_place_in_the_submission(tmp_path: Path) -> None:
@@ -655,4 +847,4 @@ def test_after_twelve_files_that_end_a_worker_the_rest_is_not_tried(
 def test_the_memory_of_a_process_that_was_waited_for_is_not_known() -> None:
     process = subprocess.Popen([sys.executable, "-c", "raise SystemExit(3)"])
     process.wait()
-    assert worker_process._figures(process) == (3, 0)
+    assert worker_process._figures(process) == (3, 0, 0.0)

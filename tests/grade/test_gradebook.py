@@ -52,17 +52,24 @@ def test_a_half_written_table_is_removed_when_a_run_goes_on(tmp_path: Path) -> N
     written(tmp_path, "jane")
     before = files_below(tmp_path)
     for name in ("grades.csv", "grades.json", "index.html"):
-        (tmp_path / f".{name}.4e28_qqi").write_text("half")
+        (tmp_path / f".{name}.4e28_qqi.lab3-half").write_text("half")
     with pytest.raises(UsageError, match="--resume"):
         check_target(tmp_path, resume=False)
-    assert (tmp_path / ".grades.csv.4e28_qqi").exists()
+    assert (tmp_path / ".grades.csv.4e28_qqi.lab3-half").exists()
     check_target(tmp_path, resume=True)
     clear_halves(tmp_path)
     assert files_below(tmp_path) == before
 
 
 @pytest.mark.parametrize(
-    "name", [".thesis.tex.4e28oqqi", ".grades.csv.swp", ".grades.csv.old.4e28oqqi", ".grades.csv"]
+    "name",
+    [
+        ".thesis.tex.4e28oqqi.lab3-half",
+        ".grades.csv.original",
+        ".grades.csv.bak_2026",
+        ".grades.csv.swp",
+        ".grades.csv",
+    ],
 )
 def test_what_only_looks_like_a_half_is_neither_removed_nor_written_over(
     tmp_path: Path, name: str
@@ -75,7 +82,7 @@ def test_what_only_looks_like_a_half_is_neither_removed_nor_written_over(
 
 
 def test_a_folder_of_that_name_is_no_half(tmp_path: Path) -> None:
-    (tmp_path / ".grades.csv.4e28oqqi").mkdir()
+    (tmp_path / ".grades.csv.4e28oqqi.lab3-half").mkdir()
     assert leftover_files(tmp_path, ["grades.csv"]) == ()
 
 
@@ -98,10 +105,20 @@ def test_halves_of_reports_are_removed_when_a_run_goes_on(tmp_path: Path, studen
     before = files_below(tmp_path)
     folder = tmp_path / "students" / student
     for name in ("report.html", "report.json", "results.json", "result.json"):
-        (folder / f".{name}.0123_abc").write_text("half")
+        (folder / f".{name}.0123_abc.lab3-half").write_text("half")
     check_target(tmp_path, resume=True)
     clear_halves(tmp_path)
     assert files_below(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    "name", ["jane/work", "jane/notes.txt", "jane/.result.json.original", "a.txt"]
+)
+def test_a_gradebook_with_files_of_somebody_is_not_written_to(tmp_path: Path, name: str) -> None:
+    written(tmp_path, "jane")
+    (tmp_path / "students" / name).write_text("mine")
+    with pytest.raises(UsageError, match=f"holds students/{name}, which is not part"):
+        check_target(tmp_path, resume=True)
 
 
 def test_what_is_finished_is_known(tmp_path: Path) -> None:

@@ -113,3 +113,11 @@ def test_a_killed_run_goes_on_with_resume_and_force(tmp_path: Path) -> None:
     )
     assert len(graded_here(forced)) == 1
     assert not (tmp_path / "book" / LOCK).exists()
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_a_file_of_that_name_that_is_no_lock_stays(*, force: bool, tmp_path: Path) -> None:
+    (tmp_path / LOCK).write_text("notes")
+    with pytest.raises(UsageError, match="is no lock of a run"), locked(tmp_path, force=force):
+        pass
+    assert (tmp_path / LOCK).read_text() == "notes"

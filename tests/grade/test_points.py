@@ -269,11 +269,15 @@ def test_stages_without_errors_and_unreadable_ones_are_not_played(
     assert with_dry_runs(facts, LAB, {}) == facts
 
 
-def test_a_dry_run_that_fails_itself_is_told_and_costs_nothing(
+def test_a_dry_run_that_fails_itself_is_a_crash_over_each_stage_that_is_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(dry_runs, "scene_of", fail)
-    facts = SubmissionFacts((judged("04", MADE["scene focal length"]),))
-    tried = with_dry_runs(facts, LAB, {})
+    faulty = judged("04", MADE["scene focal length"])
+    facts = SubmissionFacts((faulty, replace(faulty, path="again.usda")))
+    tried = with_dry_runs(facts, LAB, dict.fromkeys((faulty.path, "again.usda"), "same"))
     assert tried.stages == facts.stages
-    assert set(tried.crashes.values()) == {"ZeroDivisionError: of its own"}
+    assert tried.crashes == dict.fromkeys(
+        (faulty.path, "again.usda"), "ZeroDivisionError: of its own"
+    )
+    assert grade_facts(rubric(), tried).earned == 0

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import os
+import shutil
 import tarfile
 import zipfile
+from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ from lab3_usd.grade.intake.staging import (
 )
 from lab3_usd.grade.intake.submission_copy import Limits, RefusedFile, SubmissionCopy
 from lab3_usd.grade.workers.messages import decode, encode
+from lab3_usd.spec.submission import named_checkpoint
 
 STAGE = b'#usda 1.0\ndef Xform "World"\n{\n}\n'
 UNFOLDS = b"a: &a 1\nb: [" + b"*a, " * 60 + b"]"
@@ -168,3 +171,51 @@ def test_the_digests_of_files_are_by_their_names_in_the_submission(tmp_path: Pat
         "video.mp4": "",
         str(Path("work", "a.usda")): sha256(STAGE).hexdigest(),
     }
+
+
+def counted_names(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Return a list of the names of files of which it is asked what checkpoint they are of."""
+    asked = list[str]()
+
+    def count(name: str, files: Mapping[str, str]) -> str | None:
+        asked.append(name)
+        return named_checkpoint(name, files)
+
+    for module in ("staging", "submission_copy"):
+        monkeypatch.setattr(f"lab3_usd.grade.intake.{module}.named_checkpoint", count)
+    return asked
+
+
+@pytest.mark.parametrize("form", [".zip", ".tar", "folder"])
+@pytest.mark.parametrize("name", ["venv/{}.txt", "venv/{}/a.txt", "work/{}.txt", "{}.zip"])
+def test_the_work_of_taking_a_submission_in_grows_with_the_number_of_its_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, form: str
+) -> None:
+    number = 200
+    with zipfile.ZipFile(tmp_path / "inner.zip", "w") as packed:
+        packed.writestr("a.usda", STAGE)
+    held = (tmp_path / "inner.zip").read_bytes() if name.endswith(".zip") else b""
+    for count in range(number):
+        write(tmp_path / "jane" / name.format(count), held)
+    write(tmp_path / "jane/venv/Lab3_01.usda" if "/a" in name else tmp_path / "jane/a.usda", STAGE)
+    source = tmp_path / "jane"
+    if form != "folder":
+        kind = form.removeprefix(".")
+        source = Path(shutil.make_archive(str(source), kind, source))
+    asked = counted_names(monkeypatch)
+    staged(tmp_path, Source(source))
+    assert len(asked) < 20 * number
+
+
+def test_files_of_archives_in_archives_are_put_where_the_outer_one_lay(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "inner.zip", "w") as packed:
+        packed.writestr("maps/a.yaml", b"a: 1")
+        packed.writestr("maps/c.yaml", UNFOLDS)
+    (tmp_path / "jane").mkdir()
+    with zipfile.ZipFile(tmp_path / "jane" / "outer.zip", "w") as packed:
+        packed.write(tmp_path / "inner.zip", "inner.zip")
+        packed.writestr("work/a.usda", STAGE)
+    write(tmp_path / "jane/notes.txt", b"n")
+    found = staged(tmp_path, Source(tmp_path / "jane"))
+    assert names_below(found.folder) == ["a.yaml", "notes.txt", "work/a.usda"]
+    assert [each.path for each in found.refused] == ["c.yaml"]

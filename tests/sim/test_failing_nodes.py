@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
 from breaking import correct_stage
 from lone_nodes import node
+from msgspec.structs import replace
 
 from lab3_usd.sim.execution.node_instance import functions
 from lab3_usd.sim.execution.world import World, world_of
+from lab3_usd.sim.nodes.sensors import CORE, _beam
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
@@ -20,6 +23,12 @@ PUBLISHERS = sorted(
     name for name in functions() if name.startswith("ROS2Publish") and name != "ROS2Publisher"
 )
 WHEELS = {"wheelRadius": (0.1, 0.1), "wheelPositions": ((1.0, 1.0, 0.0),)}
+THREE = {
+    "wheelRadius": (0.1,),
+    "mecanumAngles": (90.0,),
+    "wheelPositions": ((0.2, 0.0, 0.0), (-0.1, 0.2, 0.0), (-0.1, -0.2, 0.0)),
+    "wheelOrientations": ((1.0, 0.0, 0.0, 0.0),) * 3,
+}
 LACKING: list[tuple[str, dict[str, Any], dict[str, str], str]] = [
     (f"{KIT}Clamp", {"input": "a", "lower": 1.0, "upper": 2.0}, {}, "no-number-input"),
     (f"{KIT}Clamp", {"input": 1.0, "lower": 3.0, "upper": 2.0}, {}, "no-number-input"),
@@ -39,6 +48,22 @@ LACKING: list[tuple[str, dict[str, Any], dict[str, str], str]] = [
     (f"{ROS}ROS2PublishTransformTree", {}, {}, "no-frames-input"),
     ("isaacsim.robot.wheeled_robots.HolonomicController", WHEELS, {}, "invalid-wheel-size"),
     ("isaacsim.robot.wheeled_robots.HolonomicController", {}, {}, "invalid-wheel-size"),
+    *(
+        (
+            "isaacsim.robot.wheeled_robots.HolonomicController",
+            {**THREE, name: (1.0, odd, 1.0)},
+            {},
+            "invalid-wheel-size",
+        )
+        for name, odd in (
+            ("wheelRadius", 0.0),
+            ("wheelRadius", -1.0),
+            ("wheelRadius", math.inf),
+            ("wheelRadius", math.nan),
+            ("mecanumAngles", math.inf),
+            ("mecanumAngles", math.nan),
+        )
+    ),
     ("isaacsim.robot.wheeled_robots.HolonomicRobotUsdSetup", {}, {}, "invalid-wheel-size"),
     (
         "isaacsim.robot.wheeled_robots.HolonomicRobotUsdSetup",
@@ -77,10 +102,66 @@ def test_a_publisher_whose_topic_is_no_name_stays_silent(stage: World, name: str
 
 
 def test_joints_are_also_named_by_their_numbers(stage: World) -> None:
-    values = {"jointIndices": (1, 7)}
+    values = {"jointIndices": (1,)}
     state = node(f"{ISAAC}IsaacArticulationState", values, targetPrim=ROBOT)
     assert state.compute(stage)
     assert state.outputs["jointNames"] == ("wheel_right_joint",)
+
+
+@pytest.mark.parametrize("name", ["IsaacArticulationState", "IsaacArticulationController"])
+@pytest.mark.parametrize("number", [2, 7, -1, -(2**31), 2**31 - 1])
+def test_a_joint_number_that_the_robot_does_not_have_is_a_fault(
+    stage: World, name: str, number: int
+) -> None:
+    values = {"jointIndices": (1, number), "velocityCommand": (1.0, 1.0)}
+    reading = node(f"{ISAAC}{name}", values, targetPrim=ROBOT)
+    for _ in range(2):
+        assert not reading.compute(stage)
+        assert reading.failure is not None
+        assert reading.failure.kind == "unknown-joint"
+    machine = stage.machines.articulation(ROBOT)
+    assert machine is not None
+    assert all(joint.target_velocity == 0 for joint in machine.joints.values())
+
+
+@pytest.mark.parametrize("angle", [0.3, -0.3])
+def test_a_car_without_a_wheel_base_drives_straight_on_and_cannot_turn(
+    stage: World, angle: float
+) -> None:
+    values = {"frontWheelRadius": 0.1, "speed": 1.0, "trackWidth": 0.4, "wheelBase": 0.0}
+    car = node("isaacsim.robot.wheeled_robots.AckermannController", values)
+    assert car.compute(stage)
+    assert car.outputs["wheelRotationVelocity"] == pytest.approx((10.0,) * 4)
+    car.values["steeringAngle"] = angle
+    assert not car.compute(stage)
+    assert car.failure is not None
+    assert (car.failure.kind, "wheelBase is 0" in car.failure.reason) == (
+        "invalid-wheel-size",
+        True,
+    )
+
+
+@pytest.mark.parametrize(
+    ("turns", "firings", "is_scan"),
+    [
+        (10, 3600, True),
+        (3600, 3600, True),
+        (3601, 3600, False),
+        (4_000_000_000, 3600, False),
+        (0, 3600, False),
+        (-1, -1, False),
+        (math.nan, 3600, False),
+        (10.0, math.nan, False),
+        (math.inf, math.inf, False),
+        (10, 2**32 - 1, False),
+    ],
+)
+def test_a_lidar_scans_where_it_fires_in_each_turn_and_not_too_often(
+    stage: World, turns: float, firings: float, *, is_scan: bool
+) -> None:
+    lidar = stage.scene.prims[LIDAR]
+    rates = {f"{CORE}scanRateBaseHz": turns, f"{CORE}patternFiringRateHz": firings}
+    assert (_beam(replace(lidar, values={**lidar.values, **rates})) is not None) == is_scan
 
 
 def test_a_number_is_scaled_as_a_vector_is(stage: World) -> None:
@@ -88,3 +169,55 @@ def test_a_number_is_scaled_as_a_vector_is(stage: World) -> None:
     scaled = node(f"{ISAAC}OgnIsaacScaleToFromStageUnit", values)
     assert scaled.compute(stage)
     assert scaled.outputs["result"] == 3.0 / stage.scene.meters_per_unit
+
+
+TEXTS, NUMBERS = ("a", "b", "c", "d"), (1.0, 2.0, 3.0, 4.0)
+HOLONOMIC = "isaacsim.robot.wheeled_robots.HolonomicController"
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        (HOLONOMIC, {**THREE, "wheelRadius": ("a",)}),
+        (HOLONOMIC, {**THREE, "wheelPositions": NUMBERS[:3]}),
+        (HOLONOMIC, {**THREE, "wheelOrientations": (NUMBERS[:3],) * 3}),
+        (
+            f"{ROS}ROS2PublishJointState",
+            {
+                "jointNames": TEXTS,
+                "jointPositions": TEXTS,
+                "jointVelocities": NUMBERS,
+                "jointEfforts": NUMBERS,
+                "jointDofTypes": NUMBERS,
+                "stageMetersPerUnit": 1.0,
+            },
+        ),
+        (
+            f"{ROS}ROS2PublishTransformTree",
+            {
+                "parentFrames": TEXTS,
+                "childFrames": TEXTS,
+                "translations": NUMBERS,
+                "orientations": (NUMBERS,) * 4,
+            },
+        ),
+        (f"{ISAAC}IsaacSimulationGate", {"step": math.nan}),
+        (f"{ISAAC}IsaacCreateRenderProduct", {"enabled": True, "width": math.inf, "height": 1}),
+    ],
+)
+def test_what_is_no_number_where_one_belongs_is_a_fault(
+    stage: World, name: str, values: dict[str, Any]
+) -> None:
+    odd = node(name, values, cameraPrim=LIDAR)
+    for _ in range(3):
+        odd.compute(stage)
+    assert odd.failure is not None
+    assert (odd.enabled, stage.network.sent) == ([], [])
+
+
+def test_vectors_and_arrays_of_texts_are_as_good_as_none(stage: World) -> None:
+    reading = node(f"{ISAAC}IsaacArticulationState", {"robotPath": ROBOT, "jointIndices": TEXTS})
+    assert reading.compute(stage)
+    assert len(reading.outputs["jointNames"]) == 2
+    assert reading.vector("jointIndices", stage) == (0.0, 0.0, 0.0)
+    assert reading.vectors("jointIndices", stage, 4) == ()

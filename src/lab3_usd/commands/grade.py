@@ -7,7 +7,7 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -113,7 +113,7 @@ def _refuse_empty(
     default=20,
     show_default=True,
     metavar="S",
-    help="Seconds without progress on one file; a submission may take ten times as long.",
+    help="Seconds of processor time for one file; a submission may take ten times as long.",
 )
 @click.option(
     "--memory",
@@ -160,8 +160,8 @@ def command(submissions: str | None, **options: Any) -> None:
     address of a folder in object storage. The gradebook has grades.csv, grades.json, index.html and
     a report folder for each student. With --format gradescope, SUBMISSIONS is one submission, and
     the result for a Gradescope autograder is written. Exit status: 0 every submission has a grade
-    or a status, 2 wrong usage or rubric, 3 the program itself failed, 130 interrupted: continue
-    with --resume.
+    or a status, 2 wrong usage or rubric, 3 the program itself failed, 130 Ctrl-C or 143 SIGTERM:
+    continue with --resume.
 
     With --explain, --regrade or --gradebook alone, an existing gradebook is read.
     """
@@ -274,8 +274,23 @@ def _grade(submissions: str, options: dict[str, Any]) -> None:
     states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
     number = f"{counts.total()} submission{'s' * (counts.total() != 1)}"
     click.echo(f"{number} ({states}): {options['out'] / 'index.html'}")
+    _tell_failures(rows)
     if counts["tool failed"]:
         sys.exit(EXIT_CRASH)
+
+
+_NAMED = 5  # students
+
+
+def _tell_failures(rows: Iterable[Mapping[str, Any]]) -> None:
+    """Name the students over whose files the program failed: somebody is to look at these."""
+    from lab3_usd.report.safe_text import printable
+
+    failed = [row for row in rows if row["crashes"] and row["status"] != "tool failed"]
+    for row in failed[:_NAMED]:
+        _notify(printable(f"{row['student']} has no grade: {row['reason']}"))
+    if failed[_NAMED:]:
+        _notify(f"{len(failed) - _NAMED} more have no grade, see crashes in grades.json")
 
 
 def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
@@ -303,7 +318,7 @@ def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
         assets=asset_places(options["assets"]),
     )
     graded = grade_alone(submission, settings, _notify)
-    if graded["status"] == "tool failed":
+    if graded["crashes"]:
         click.echo(f"{program()}: {graded['reason']}", err=True)
         sys.exit(EXIT_CRASH)
     write_report(graded["reports"][GRADESCOPE], None if out is None else str(out))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import yaml
@@ -25,6 +25,7 @@ _TWO_BYTES = 65535
 _MOST_CELLS = 10**8
 _MOST_COMPARED = 10**6  # cells of a map that a scan is laid on
 _MOST_DIGITS = 9
+_LONGEST_HEADER = 1 << 16  # bytes; comments in it are some lines
 GAP = rb"(?:\s|#[^\n]*\n)+"
 # One white space ends the header: in a binary file the next byte is a cell.
 _HEADER = re.compile(
@@ -102,7 +103,7 @@ def read_pgm(path: Path) -> Grid:
         data = path.read_bytes()
     except OSError as error:
         raise MapError(f"{path} cannot be read ({error.strerror})") from error
-    header = _HEADER.match(data)
+    header = _HEADER.match(data, 0, _LONGEST_HEADER)
     if header is None:
         raise MapError(
             f"{path} is not a PGM image, which begins with P5 or P2, width, height and white"
@@ -231,11 +232,22 @@ def find_map(folder: Path, facts: MapFacts) -> Path:
     return others[0] if not named.is_file() and len(others) == 1 else named
 
 
-def map_subject(yaml_path: Path | None, facts: MapFacts, root: Path | None = None) -> MapSubject:
+def opens_all(_name: str) -> str:
+    """Have nothing against opening a file."""
+    return ""
+
+
+def map_subject(
+    yaml_path: Path | None,
+    facts: MapFacts,
+    root: Path | None = None,
+    may_open: Callable[[str], str] = opens_all,
+) -> MapSubject:
     """Read a map YAML and the image it names; None says that no map was handed in.
 
     Files are named relative to `root`, by default the YAML's folder. A read error is a fault
-    of the subject, not an exception. The caller compares it with the walls of a stage.
+    of the subject, not an exception. The caller compares it with the walls of a stage. `may_open`
+    receives the image before it is opened, and returns a reason not to open it.
     """
     if yaml_path is None:
         return MapSubject(facts, given=False, file=facts.yaml)
@@ -250,7 +262,8 @@ def map_subject(yaml_path: Path | None, facts: MapFacts, root: Path | None = Non
     image_path = yaml_path.parent / (windows.name if absolute else image)
     inside = _is_inside(image_path, base)
     exists = inside and image_path.is_file()
-    shown = _image(image_path) if exists else _Image()
+    refused = may_open(_relative(image_path, base)) if exists else ""
+    shown = _image(image_path) if exists and not refused else _Image(fault=refused or None)
     return MapSubject(
         facts,
         given=True,
@@ -336,7 +349,7 @@ def _other_image(data: bytes) -> _OtherImage | None:
     if data.startswith(_PNG):
         return _png(data)
     for header, name, ending in ((_COLOUR, "PPM", ".ppm"), (_BITMAP, "PBM", ".pbm")):
-        match = header.match(data)
+        match = header.match(data, 0, _LONGEST_HEADER)
         if match:
             width, height, *white = (int(group) for group in match.groups())
             image = _OtherImage(name, (ending, ".pnm"), width, height)

@@ -23,7 +23,7 @@ from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.stage import GraphModel, Node, StageModel
+from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
 
 
 def needs_of(node: Node, platform: Platform) -> Iterator[Need]:
@@ -213,15 +213,19 @@ def has_side_effects(node: Node) -> bool:
 
 def feeds(node: Node, stage: StageModel, platform: Platform) -> list[Node]:
     """Return the nodes into which something is connected to this one."""
-    prefix = f"{node.path}."
-    return [
-        target
-        for target in live_nodes(stage, platform).values()
-        if target.path != node.path
-        and any(
-            source.startswith(prefix) for state in target.ports.values() for source in state.sources
-        )
-    ]
+    fed = _fed(stage, platform).get(node.path, ())
+    return [target for target in fed if target.path != node.path]
+
+
+@once_per_stage
+def _fed(stage: StageModel, platform: Platform) -> dict[str, list[Node]]:
+    """Return the live nodes that each prim is wired into, by its path."""
+    fed: dict[str, list[Node]] = {}
+    for target in live_nodes(stage, platform).values():
+        sources = (path for state in target.ports.values() for path in state.sources)
+        for source in dict.fromkeys(path.partition(".")[0] for path in sources):
+            fed.setdefault(source, []).append(target)
+    return fed
 
 
 def is_wired(node: Node, stage: StageModel, platform: Platform) -> bool:

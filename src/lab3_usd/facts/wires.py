@@ -108,11 +108,15 @@ def why_dead(wire: Connection, stage: StageModel, platform: Platform) -> str | N
 def sublayer_with_source(wire: Connection, stage: StageModel) -> str | None:
     """Return the missing sublayer that could hold the source of a wire, which nothing else has."""
     path = wire.source_prim
+    sublayers = (asset.asset for asset in stage.unresolved if asset.kind == "sublayer")
+    sublayer = next(sublayers, None)
+    if sublayer is None:
+        return None
     known = {node.path for graph in stage.graphs for node in graph.nodes}
     known |= {prim.path for graph in stage.graphs for prim in graph.absent}
     if path in stage.prims or path in known or any(node.path == path for node in stage.orphans):
         return None
-    return next((asset.asset for asset in stage.unresolved if asset.kind == "sublayer"), None)
+    return sublayer
 
 
 Kind = Literal["execution", "data"]

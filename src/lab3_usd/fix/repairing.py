@@ -15,7 +15,7 @@ from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.data import data_folder
-from lab3_usd.errors import StageError, UsageError
+from lab3_usd.errors import StageError, unwritten
 from lab3_usd.files import FileState, lines_of, read_state, temporary_beside
 from lab3_usd.fix.text_editor import new_bytes
 from lab3_usd.judge.lint import lint_platform
@@ -380,7 +380,7 @@ def check_result(fixed: Fixed, data: bytes, target: Path) -> None:
     try:
         temporary = temporary_beside(target, target.suffix)
     except OSError as error:
-        raise UsageError(f"{target} cannot be written ({error.strerror})") from error
+        raise unwritten(target, error) from error
     try:
         temporary.write_bytes(data)
         if is_whole:

@@ -22,6 +22,7 @@ from lab3_usd.grade.gradebook import (
     write_tables,
 )
 from lab3_usd.grade.intake.remote import local_path
+from lab3_usd.grade.intake.scratch import remove_abandoned
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.intake.submissions import (
@@ -97,6 +98,8 @@ def _graded(
 ) -> Rows:
     """Grade every submission into a gradebook that no other run writes to."""
     clear_halves(settings.out)
+    given = [place, settings.starter, settings.out, settings.rubric, *settings.assets.values()]
+    remove_abandoned(path for path in (*given, own_lab()) if isinstance(path, Path))
     late = set(rubric.late.students)
     with submissions_in(place) as location:
         submissions = [
@@ -150,6 +153,8 @@ def grade_alone(
     with assets_at(settings.assets):
         check_starter(settings.starter)
     path = submission.resolve()
+    given = (path, settings.starter, settings.rubric, own_lab(), *settings.assets.values())
+    remove_abandoned(place for place in given if place is not None)
     name = path.name or "submission"
     pool = replace(settings, readable=(path,), jobs=1, lab=own_lab())
     with closing(run_tasks([Task(name, "", (Source(path),))], pool)) as answers:

@@ -23,23 +23,27 @@ _DRIVE = "0.15,0,1 0,0.8,1"  # enough to see what it does: the whole drive takes
 def with_dry_runs(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) -> SubmissionFacts:
     """Play the stages that have faults, each file once, and add what that shows.
 
-    Stages without faults are not played: nothing would come of it. A dry run that fails itself is
-    no student's mistake.
+    Stages without faults are not played: nothing would come of it. A dry run that fails itself is a
+    crash over its stage.
     """
     shown: dict[tuple[str, str], Mapping[str, str]] = {}
-    crashes: dict[str, str] = {}
+    failed: dict[tuple[str, str], str] = {}
+    crashes = dict(facts.crashes)
     stages = []
     for stage in facts.stages:
         demands = lab.same_demands(stage.checkpoint)
         key = digests.get(stage.path, stage.path), demands.id
-        if stage.readable and stage.faults and demands.graphs and key not in shown:
+        is_played = stage.readable and stage.faults and stage.path not in facts.crashes
+        if is_played and demands.graphs and key not in shown:
             try:
                 shown[key] = shown_by(Path(stage.path), lab, demands.id)
             except MemoryError:
                 raise
             except Exception as error:  # noqa: BLE001 - whatever it raises is its crash
                 shown[key] = {}
-                crashes[stage.path] = f"{type(error).__name__}: {error}"
+                failed[key] = f"{type(error).__name__}: {error}"
+        if key in failed:
+            crashes[stage.path] = failed[key]
         stages.append(replace(stage, shown=shown.get(key, {})))
     return replace(facts, stages=tuple(stages), crashes=crashes)
 

@@ -150,9 +150,7 @@ def check_target(out: Path, *, resume: bool) -> None:
         raise UsageError(f"{out}: is not a folder; choose another one for -o")
     half = leftover_files(out, _TABLES)
     names = {path.name for path in out.iterdir()} - {path.name for path in half} - {LOCK}
-    holds = {
-        name for name in names if not any(fnmatchcase(name.lower(), pattern) for pattern in _LITTER)
-    }
+    holds = {name for name in names if not _is_litter(name)}
     if (holds or half) and not resume:
         raise UsageError(f"{out}: is not empty; choose another folder, or continue with --resume")
     foreign = sorted(holds - {STUDENTS, *_TABLES, *(f"{name}.csv" for name in PLATFORMS)})
@@ -160,6 +158,31 @@ def check_target(out: Path, *, resume: bool) -> None:
         raise UsageError(
             f"{out}: holds {foreign[0]}, which is not part of a gradebook; choose another folder"
         )
+    for student in sorted(out.glob(f"{STUDENTS}/*")):
+        _refuse_foreign(out, student)
+
+
+def _refuse_foreign(out: Path, student: Path) -> None:
+    """Refuse a student's folder that holds more than reports: it may be what was handed in.
+
+    Raises:
+        UsageError: it does.
+    """
+    if student.is_dir():
+        half = {path.name for path in leftover_files(student, _FILES)}
+        names = {path.name for path in student.iterdir()} - {*_FILES} - half
+    else:
+        names = {""}
+    foreign = sorted(name for name in names if not _is_litter(name or student.name))
+    if foreign:
+        name = (student / foreign[0]).relative_to(out).as_posix()
+        raise UsageError(
+            f"{out}: holds {name}, which is not part of a gradebook; choose another folder"
+        )
+
+
+def _is_litter(name: str) -> bool:
+    return any(fnmatchcase(name.lower(), pattern) for pattern in _LITTER)
 
 
 def clear_halves(out: Path) -> None:

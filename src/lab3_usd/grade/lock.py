@@ -6,6 +6,7 @@ import contextlib
 import importlib
 import os
 import socket
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime, timezone
@@ -14,7 +15,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct
 
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import UsageError, unwritten
 
 LOCK = ".lab3-grade.lock"
 _LARGEST = 4096
@@ -47,13 +48,13 @@ def locked(out: Path, *, force: bool = False) -> Iterator[None]:
         out.mkdir(parents=True, exist_ok=True)
         handle = _opened(out / LOCK)
     except OSError as error:
-        raise UsageError(f"{out}: cannot be written ({error.strerror})") from error
+        raise unwritten(out, error) from error
     try:
         _take(handle, out, force=force)
         try:
             yield
         finally:
-            (out / LOCK).unlink(missing_ok=True)
+            (out / LOCK).unlink(missing_ok=True)  # which is ours since it was taken
             if is_new:
                 with contextlib.suppress(OSError):  # it is a gradebook now
                     out.rmdir()
@@ -67,10 +68,11 @@ def _opened(path: Path) -> int:
 
 def _take(handle: int, out: Path, *, force: bool) -> None:
     is_free = _is_free(handle)
+    text = os.read(handle, _LARGEST) if stat.S_ISREG(os.fstat(handle).st_mode) else b"no file"
     try:
-        owner = msgspec.json.decode(os.read(handle, _LARGEST), type=Owner)
-    except msgspec.MsgspecError:
-        owner = None
+        owner = msgspec.json.decode(text, type=Owner) if text else None  # killed before it wrote
+    except msgspec.MsgspecError as error:
+        raise UsageError(f"{out / LOCK}: is no lock of a run; move it away") from error
     if is_free is False:
         by = f" by {owner}" if owner else ""
         raise UsageError(f"{out}: is being written{by}; wait for it, or choose another -o")

@@ -99,7 +99,9 @@ def write_for_platform(
     Raises:
         UsageError: the export is none of this platform, or leaves open which column is meant.
     """
-    platform = PLATFORMS[name]
+    platform, path = PLATFORMS[name], out / f"{name}.csv"
+    if path.exists() and roster.exists() and path.samefile(roster):
+        raise UsageError(f"{roster}: would be replaced by the points; keep it elsewhere")
     table = _read(roster)
     heads = [head.strip() for head in table.rows[0]] if table.rows else []
     if not any(head in heads for head in platform.ids):
@@ -133,7 +135,6 @@ def write_for_platform(
         more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
         named = ", ".join(missing[:_MOST_NAMED])
         notify(f"{roster}: does not have {named}{more}; their points are in no row")
-    path = out / f"{name}.csv"
     text = io.StringIO(newline="")
     csv.writer(text, delimiter=table.delimiter).writerows(written)
     write_whole(path, text.getvalue().encode(table.encoding, "replace"), force=True)
@@ -188,7 +189,7 @@ def _points_column(
 
 def _points(row: Row, notify: Notify) -> str:
     """Return the points of a student; none where this program failed, which is no grade."""
-    if row["status"] == "tool failed":
+    if row["status"] == "tool failed" or row.get("crashes"):
         notify(f"{row['student']}: {row['status']}, and so has no points in the file")
         return ""
     return f"{row['earned']:.2f}"

@@ -55,7 +55,7 @@ class StageFacts(Struct, frozen=True):
 class SubmissionFacts(Struct, frozen=True):
     """What a grade needs to know of a submission: its stages, its files, its checklists.
 
-    `crashes` are dry runs that failed themselves, by the path of the stage.
+    `crashes` are the stages, by path, over which this program failed, and how: they earn nothing.
     """
 
     stages: tuple[StageFacts, ...] = ()
@@ -135,6 +135,9 @@ def facts_of(
         ),
         faults=tuple(fault for fault in of_files if fault.place not in paths),
         checklist={line.text: line.state for line in checklist},
+        crashes={
+            result.path: result.crashes[0].error for result in stages.values() if result.crashes
+        },
     )
 
 
@@ -144,7 +147,8 @@ def _by_checkpoint(results: Iterable[StageResult]) -> dict[str, StageResult]:
     def order(result: StageResult) -> tuple[bool, float, str]:
         possible = result.score.possible
         share = result.score.earned / possible if possible else 0.0
-        return (result.verdict != "unreadable", share, result.path)
+        is_judged = result.verdict != "unreadable" and not result.crashes
+        return (is_judged, share, result.path)
 
     kept: dict[str, StageResult] = {}
     for result in sorted(results, key=order):
@@ -219,6 +223,10 @@ def _by_stage(
     grades: Mapping[str, ItemGrade],
 ) -> tuple[ItemGrade, list[_Loss]]:
     """Weigh what the stage of the item's checkpoint fails."""
+    if stage is not None and stage.path in facts.crashes:
+        name = f"checkpoint {item.checkpoint}"
+        loss = _Loss(1.0, f"{name} is not judged: this program failed", name, place=stage.path)
+        return ItemGrade(item.id, "unreadable", 0.0, item.points), [loss]
     if stage is None or not stage.readable:
         state: State = "missing" if stage is None else "unreadable"
         name = f"checkpoint {item.checkpoint}"

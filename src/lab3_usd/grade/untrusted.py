@@ -78,8 +78,8 @@ def _check_untrusted(
     else:
         report = ungraded_report(str(submission), answer["reason"])
     place = PurePosixPath(submission.as_posix()) / answer.get("place", "")
-    failed = answer["status"] == "tool failed" and not answer["crashes"]
-    crash = (Crash("Z01", answer["reason"]),) if failed else ()
+    is_said = "report" in answer  # which has its crashes
+    crash = () if is_said else tuple(Crash(rule, answer["reason"]) for rule in answer["crashes"])
     return Report(
         tuple(
             replace(

@@ -12,8 +12,16 @@ from msgspec.structs import replace
 
 from lab3_usd.config.settings import Config, matching
 from lab3_usd.data import program
-from lab3_usd.errors import UsageError
-from lab3_usd.judge.results import Results, Target, crashed, is_stage_file, with_findings
+from lab3_usd.errors import Lab3Error, UsageError, described
+from lab3_usd.judge.results import (
+    ENDED,
+    FAILED,
+    Results,
+    Target,
+    crashed,
+    is_stage_file,
+    with_findings,
+)
 from lab3_usd.judge.stage import check_stage, checkpoint_of
 from lab3_usd.model.finding import Submission
 from lab3_usd.spec.lab import Lab
@@ -112,7 +120,7 @@ def judge_entries(
     """
     if min(jobs, len(entries)) <= 1:
         opened = _with_open_starter(settings)
-        yield from (judge_entry(opened, entry) for entry in entries)
+        yield from (_judge_or_crash(opened, entry) for entry in entries)
         return
     from lab3_usd.judge.processes import in_processes
 
@@ -133,7 +141,17 @@ with_kept_starter = lru_cache(maxsize=1)(_with_open_starter)  # for as long as a
 
 
 def _judge_in_process(settings: JudgeSettings, entry: Target) -> Results:
-    return judge_entry(with_kept_starter(settings), entry)
+    return _judge_or_crash(with_kept_starter(settings), entry)
+
+
+def _judge_or_crash(settings: JudgeSettings, entry: Target) -> Results:
+    """Judge a stage or a submission; where the program itself fails, that is its result."""
+    try:
+        return judge_entry(settings, entry)
+    except (Lab3Error, MemoryError):
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other entries are judged
+        return crashed_entry(settings, entry, described(error), FAILED)
 
 
 def judge_entry(settings: JudgeSettings, entry: Target) -> Results:
@@ -182,8 +200,9 @@ def judge_entry(settings: JudgeSettings, entry: Target) -> Results:
     return (result,), ()
 
 
-def crashed_entry(settings: JudgeSettings, entry: Target, how: str) -> Results:
-    """Return the result for a path at which the process that judged it ended."""
+def crashed_entry(settings: JudgeSettings, entry: Target, how: str, what: str = ENDED) -> Results:
+    """Return the result for a path at which the process that judged it ended, or failed."""
     if entry.is_submission:
-        return (), (Submission(entry.path, crashes=crashed(entry.path, None, how).crashes),)
-    return (crashed(entry.path, checkpoint_at(entry.path, settings, load_lab()), how),), ()
+        return (), (Submission(entry.path, crashes=crashed(entry.path, None, how, what).crashes),)
+    checkpoint = checkpoint_at(entry.path, settings, load_lab())
+    return (crashed(entry.path, checkpoint, how, what),), ()

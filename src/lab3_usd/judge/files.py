@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 
@@ -55,11 +55,17 @@ class FolderContents(Struct, frozen=True):
 
 
 def judge_maps(
-    contents: FolderContents, maps: Path | None, stage: Path | None, *, handed_in: bool
+    contents: FolderContents,
+    maps: Path | None,
+    stage: Path | None,
+    may_open: Callable[[str], str],
+    *,
+    handed_in: bool,
 ) -> RuleResults:
     """Judge the map of the submission, or of the folder `maps`; with a stage, also its walls.
 
-    A map that is still to come is not reported.
+    A map that is still to come is not reported. `may_open` receives the image before it is opened,
+    and returns a reason not to open it.
     """
     lab = contents.lab
     facts = lab.scene.map
@@ -74,7 +80,7 @@ def judge_maps(
             return RuleResults()
         if path is not None and path.relative_to(root).as_posix() in contents.refused:
             return RuleResults()
-        subject = map_subject(path, facts, root=root)
+        subject = map_subject(path, facts, root, may_open)
         if subject.image_file in contents.refused:
             return RuleResults()
     if stage is not None and subject.size == (facts.width, facts.height):

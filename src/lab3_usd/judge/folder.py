@@ -12,8 +12,9 @@ from msgspec.structs import replace
 from lab3_usd import features
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
+from lab3_usd.deliverables.maps import opens_all
 from lab3_usd.deliverables.submission import folder_named, list_submission
-from lab3_usd.errors import StageError
+from lab3_usd.errors import Lab3Error, StageError, described
 from lab3_usd.judge.files import (
     FolderContents,
     judge_maps,
@@ -21,7 +22,7 @@ from lab3_usd.judge.files import (
     judge_saved_outputs,
     read_saved_outputs,
 )
-from lab3_usd.judge.results import is_stage_file
+from lab3_usd.judge.results import FAILED, crashed, is_stage_file
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter, open_starter
 from lab3_usd.model.finding import Finding, StageResult, Submission, ordered
@@ -29,11 +30,6 @@ from lab3_usd.model.folder import Listing, StarterFile, SubmissionSubject
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
-
-
-def opens_all(_name: str) -> str:
-    """Allow each recording to be opened."""
-    return ""
 
 
 class _Starters(Struct, frozen=True):
@@ -48,10 +44,10 @@ class FolderSettings(Struct, frozen=True):
 
     With `require_evidence`, saved output that is missing is an error instead of a note. With
     `heeds_ignores`, what notes in a stage ignore on purpose is left out. With `native`, OpenUSD's
-    own validators judge the stages as well. `may_open` receives each recording before it is
-    opened, and says why it is not to be. `digests` are those of files by path, as far as they are
-    known. With `handed_in`, what is missing is missed; without, a folder is taken for one that is
-    worked on until it holds what concludes the lab.
+    own validators judge the stages as well. `may_open` receives each recording and map image before
+    it is opened, and says why it is not to be. `digests` are those of files by path, as far as they
+    are known. With `handed_in`, what is missing is missed; without, a folder is taken for one that
+    is worked on until it holds what concludes the lab.
     """
 
     starter: Path | Starter | None = None
@@ -122,7 +118,8 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     judged = merge_results((
         run_family("submission", "X", subject, lab),
         judge_maps(
-            contents, settings.maps, Path(readable[-1]) if readable else None, handed_in=handed_in
+            contents, settings.maps, Path(readable[-1]) if readable else None, may_open,
+            handed_in=handed_in,
         ),
         judge_parameters(contents),
         judge_saved_outputs(
@@ -156,19 +153,34 @@ def _results(
     for number, stage in contents.listing.stages.items():
         if PurePosixPath(stage.path).suffix.lower() not in endings:
             continue
-        result = check_stage(str(contents.root / stage.path), number, contents.lab)
-        if starters.compared is not None:
-            result = against_starter(result, starters.compared, contents.lab)
-        if settings.native:
-            from lab3_usd.judge.native import with_native
-
-            result = with_native(result)
-        if settings.heeds_ignores:
-            from lab3_usd.judge.results import scopes_run, without_ignored
-
-            more = scopes_run(starter=starters.compared, native=settings.native)
-            result = without_ignored(result, more)
+        path = str(contents.root / stage.path)
+        try:
+            result = _result(path, number, contents.lab, starters, settings)
+        except (Lab3Error, MemoryError):
+            raise
+        except Exception as error:
+            if type(error).__module__.startswith("pxr."):
+                raise  # the file is damaged, which the caller tells from a failure of ours
+            result = crashed(path, number, described(error), FAILED)
         yield number, result
+
+
+def _result(
+    path: str, number: str, lab: Lab, starters: _Starters, settings: FolderSettings
+) -> StageResult:
+    result = check_stage(path, number, lab)
+    if starters.compared is not None:
+        result = against_starter(result, starters.compared, lab)
+    if settings.native:
+        from lab3_usd.judge.native import with_native
+
+        result = with_native(result)
+    if settings.heeds_ignores:
+        from lab3_usd.judge.results import scopes_run, without_ignored
+
+        more = scopes_run(starter=starters.compared, native=settings.native)
+        result = without_ignored(result, more)
+    return result
 
 
 def _digest(path: Path) -> str:

@@ -15,10 +15,11 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.config.settings import Config
 from lab3_usd.data import data_folder
-from lab3_usd.errors import SpecError, StageError, UsageError
+from lab3_usd.errors import Lab3Error, SpecError, StageError, UsageError, described
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.judge.results import (
+    FAILED,
     Results,
     Target,
     crashed,
@@ -196,7 +197,13 @@ def lint_stages(entries: Sequence[Target], settings: LintSettings, jobs: int) ->
 
 
 def _lint(settings: LintSettings, entry: Target) -> Results:
-    return (lint_stage(entry.path, settings),), ()
+    """Judge a stage; where the program itself fails, that is its result."""
+    try:
+        return (lint_stage(entry.path, settings),), ()
+    except (Lab3Error, MemoryError):
+        raise
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other stages are judged
+        return (crashed(entry.path, None, described(error), FAILED),), ()
 
 
 def _crashed(entry: Target, how: str) -> Results:

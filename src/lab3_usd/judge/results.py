@@ -144,11 +144,20 @@ def unreadable(path: str, checkpoint: str | None, reason: StageError | str) -> S
     return StageResult(path, checkpoint, "unreadable", Score(0.0, 0.0), (finding,))
 
 
-def crashed(path: str, checkpoint: str | None, how: str) -> StageResult:
-    """Return the result for a file at which the process that read it ended, and how it did."""
-    reason = f"the process that read it ended ({how})"
-    crash = Crash(UNREADABLE, reason)
-    return replace(unreadable(path, checkpoint, reason), crashes=(crash,))
+ENDED, FAILED = "the process that read it ended", "this program failed"
+
+
+def crashed(path: str, checkpoint: str | None, how: str, what: str = ENDED) -> StageResult:
+    """Return the result for a file at which the process that read it ended, and how it did.
+
+    `what` says so where that was something else.
+    """
+    reason = f"{what} ({how})"
+    result = unreadable(path, checkpoint, reason)
+    if what == FAILED:
+        hint = "the file may be right: please report this, with the file"
+        result = replace(result, findings=tuple(replace(f, hint=hint) for f in result.findings))
+    return replace(result, crashes=(Crash(UNREADABLE, reason),))
 
 
 def verdict_of(
@@ -158,6 +167,11 @@ def verdict_of(
     if crashes or any(finding.severity == "error" for finding in findings):
         return "fail"
     return "not judged" if gaps else "pass"
+
+
+def with_crashes(result: StageResult, crashes: tuple[Crash, ...]) -> StageResult:
+    """Return a result with other crashes, and the verdict that they give."""
+    return with_findings(replace(result, crashes=crashes), result.findings)
 
 
 def score_of(requirements: Collection[Requirement]) -> Score:

@@ -11,7 +11,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import UsageError, unwritten
 from lab3_usd.facts.frames import published_edges
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import StageModel
@@ -265,4 +265,4 @@ def write_folder(folder: Path, files: Mapping[str, str]) -> None:
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
     except OSError as error:
-        raise UsageError(f"{folder} cannot be written ({error.strerror})") from error
+        raise unwritten(folder, error) from error

@@ -13,7 +13,7 @@ from msgspec import Struct
 from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from lab3_usd.errors import StageError
-from lab3_usd.stage.read.assets import blocked_path, find_unresolved
+from lab3_usd.stage.read.assets import blocked_path, find_unresolved, real_path
 from lab3_usd.stage.read.opening import (
     ENDINGS,
     check_file,
@@ -148,7 +148,7 @@ def close_openings(fence: Fence, root: Sdf.Layer, name: str) -> None:
         layer = waiting.pop()
         if layer.identifier in fence.alone:
             continue
-        is_trusted = _is_trusted(fence, os.path.realpath(layer.realPath))
+        is_trusted = _is_trusted(fence, real_path(layer.realPath))
         assets = [asset for asset in layer.GetCompositionAssetDependencies() if asset]
         if len(assets) > _MOST_ASSETS and not is_trusted:
             raise StageError(
@@ -174,7 +174,7 @@ def _located(layer: Sdf.Layer, asset: str) -> tuple[str, str]:
     identifier = layer.ComputeAbsolutePath(asset)
     is_searched = _ADDRESS.match(asset) is not None
     path = str(Ar.GetResolver().Resolve(identifier)) if is_searched else ""
-    return identifier, os.path.realpath((path or identifier).partition("[")[0])
+    return identifier, real_path(path or identifier)
 
 
 def _is_trusted(fence: Fence, file: str) -> bool:

@@ -24,6 +24,8 @@ from lab3_usd.model.changes import Connect, Edit, RenameProperty
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.stage import Node
 
+_MOST_REWIRED = 100
+
 
 @rule(
     "K20",
@@ -45,7 +47,9 @@ def dangling_wire(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: Kit's interface connects attributes of existing nodes. Its code is not public.
     """
-    for wire in connections(subject.stage, subject.platform):
+    wires = list(connections(subject.stage, subject.platform))
+    fed = {(wire.node.path, wire.port) for wire in wires if wire.source is not None}
+    for wire in wires:
         if wire.source is not None:
             continue
         reason = (
@@ -53,8 +57,7 @@ def dangling_wire(subject: LintSubject) -> Iterator[Problem]:
             if wire.source_prim
             else "is a prim, not a port"
         )
-        others = [source for source in wire.node.sources(wire.port) if source != wire.path]
-        is_fed = any(source.rpartition(".")[0] in subject.live for source in others)
+        is_fed = (wire.node.path, wire.port) in fed
         name = (wire.source_prim or wire.path).rpartition("/")[2]
         if reason is None:
             yield Problem(
@@ -75,7 +78,7 @@ def dangling_wire(subject: LintSubject) -> Iterator[Problem]:
             property=wire.port,
             actual=wire.path,
             severity="warning" if is_fed or sublayer else None,
-            fix=_rewiring(wire, *others) if is_fed else (),
+            fix=_rewiring(wire) if is_fed else (),
         )
 
 
@@ -83,10 +86,17 @@ def _input(wire: Connection) -> Port | None:
     return None if wire.node.type is None else wire.node.type.port(wire.port)
 
 
-def _rewiring(wire: Connection, *sources: str) -> tuple[Edit, ...]:
-    """Return what gives the input of a wire these sources; nothing where the input is unknown."""
-    port = _input(wire)
-    return (Connect(wire.node.path, port.name, port.usd_type, sources),) if port else ()
+def _rewiring(wire: Connection, *meant: str) -> tuple[Edit, ...]:
+    """Return what puts another source in place of a wire's, or takes it out.
+
+    Nothing where the input is unknown, or has so many wires that nobody drew them.
+    """
+    port, sources = _input(wire), wire.node.sources(wire.port)
+    if port is None or len(sources) > _MOST_REWIRED:
+        return ()
+    at = sources.index(wire.path)
+    rest = (*sources[:at], *meant, *sources[at + 1 :])
+    return (Connect(wire.node.path, port.name, port.usd_type, rest),)
 
 
 @rule("K21", "unknown-port", scope="lint")
@@ -108,7 +118,6 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
         if source is not None and not source.has_port(wire.source_port) and source.type is not None:
             near = meant_port(wire.source_port, source.type, is_source=True)
             port, meant = _input(wire), f"{source.path}.{near}"
-            sources = wire.node.sources(wire.port)
             fits = near and port and can_connect(source.type.ports[near], port)
             yield Problem(
                 wire.node.path,
@@ -119,9 +128,7 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
                 expected=near,
                 actual=wire.path,
                 related=(source.path,),
-                fix=_rewiring(wire, *(meant if path == wire.path else path for path in sources))
-                if fits
-                else (),
+                fix=_rewiring(wire, meant) if fits else (),
             )
         kind = wire.node.type
         if kind is not None and kind.port(wire.port) is None:
@@ -291,18 +298,18 @@ def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
         ends = wire.ports
         if kind is None or ends is None or not ends[1].is_execution or wire.node.path in judged:
             continue
-        if kind.role == "subscriber" and wire.source_port.startswith(OUTPUT) and _has_pace(wire):
-            others = [source for source in wire.node.sources(wire.port) if source != wire.path]
-            if not others:
-                judged.add(wire.node.path)
-                yield Problem(
-                    wire.node.path,
-                    f"{subject.title(wire.node)} executes only when a message arrives at "
-                    f"{wire.source_prim.rpartition('/')[2]}",
-                    property=wire.port,
-                    expected="a wire from On Playback Tick",
-                    actual=wire.path,
-                )
+        is_driven = kind.role == "subscriber" and wire.source_port.startswith(OUTPUT)
+        is_alone = all(source == wire.path for source in wire.node.sources(wire.port))
+        if is_driven and is_alone and _has_pace(wire):
+            judged.add(wire.node.path)
+            yield Problem(
+                wire.node.path,
+                f"{subject.title(wire.node)} executes only when a message arrives at "
+                f"{wire.source_prim.rpartition('/')[2]}",
+                property=wire.port,
+                expected="a wire from On Playback Tick",
+                actual=wire.path,
+            )
 
 
 def _has_pace(wire: Connection) -> bool:

@@ -374,6 +374,8 @@ class _Session:
 
     def _show(self, lines: Iterable[str]) -> None:
         """Show what is new first, then the report."""
+        if self._is_page and not self._version:
+            features.refuse_foreign_script(Path(self._options["output"]))
         self._version += 1
         output, form = self._options["output"], self._options["form"]
         if output is None and form == "text" and understands_ansi(sys.stdout):

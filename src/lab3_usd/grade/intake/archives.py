@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import calendar
 import contextlib
-import errno
 import io
 import lzma
 import shutil
@@ -19,7 +18,7 @@ from typing import BinaryIO, cast
 
 from msgspec import Struct
 
-from lab3_usd.errors import Lab3Error
+from lab3_usd.errors import Lab3Error, is_no_room
 from lab3_usd.grade.intake.submission_copy import (
     LEADS_OUT,
     SubmissionCopy,
@@ -31,6 +30,7 @@ from lab3_usd.grade.intake.submission_copy import (
     name_fault,
     only_name_counts,
     path_parts,
+    stage_seeker,
 )
 from lab3_usd.spec.load.loader import load_lab
 
@@ -45,7 +45,6 @@ _DAMAGED = (
     zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError, EOFError, OSError,
     ValueError, NotImplementedError, RuntimeError, IndexError, OverflowError,
 )  # fmt: skip
-_NO_ROOM = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
 
 
 class ArchiveError(Lab3Error):
@@ -55,11 +54,6 @@ class ArchiveError(Lab3Error):
 def is_archive(name: str) -> bool:
     """Whether a file of this name is an archive that can be unpacked."""
     return name.lower().endswith((*ZIP_ENDINGS, *TAR_ENDINGS))
-
-
-def is_no_room(error: Exception) -> bool:
-    """Whether the disk is full, which is not a fault of the submission."""
-    return isinstance(error, OSError) and error.errno in _NO_ROOM
 
 
 def _is_nested(name: str, copy: SubmissionCopy) -> bool:
@@ -275,11 +269,12 @@ class _Inside:
         top = _common_top(files)
         is_home = top.lower() == f"{load_lab().submission.folders.stages}/".lower()
         self._top = "" if copy.archives or is_home else top
-        self._files: dict[str, list[str]] = {}
         self.links: dict[str, _Link] = {}
+        by_folder: dict[str, list[str]] = {}
         for file in files:
             folder, _, name = _plain(file).rpartition("/")
-            self._files.setdefault(folder, []).append(name)
+            by_folder.setdefault(folder, []).append(name)
+        self._holds_stages = stage_seeker(lambda folder: by_folder.get(folder, ()))
 
     def name(self, path: str) -> str:
         """Return what a file of the archive is called in the submission."""
@@ -289,7 +284,7 @@ class _Inside:
         """Whether a file lies in a folder that programs fill, which is passed over as a whole."""
         if not is_made_name(path):
             return False
-        folder = made_folder(path, lambda folder: self._files.get(folder, ()))
+        folder = made_folder(path, self._holds_stages)
         if not folder or (self._copy.archives and "/" not in folder):  # which is a student there
             return False
         self._copy.pass_over(self.name(folder))

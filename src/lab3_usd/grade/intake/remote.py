@@ -6,7 +6,6 @@ import importlib
 import os
 import queue
 import threading
-import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -15,8 +14,9 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.errors import Lab3Error, UsageError
-from lab3_usd.grade.intake.archives import is_archive, is_no_room
+from lab3_usd.errors import Lab3Error, UsageError, is_no_room
+from lab3_usd.grade.awake import AwakeClock
+from lab3_usd.grade.intake.archives import is_archive
 from lab3_usd.grade.intake.platforms import LARGEST
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import (
@@ -305,12 +305,12 @@ def within(
             answers.put(error)
 
     threading.Thread(target=run, daemon=True).start()
-    until = time.monotonic() + seconds
+    clock = AwakeClock()
     while True:
         with suppress(queue.Empty):
             answer = answers.get(timeout=min(_POLL_SECONDS, seconds))
             break
-        if stopped() or time.monotonic() > until:
+        if stopped() or clock.seconds() > seconds:
             bounds.stopped.set()
             raise FetchError(f"cannot be fetched: took longer than {seconds:g} s")
     if isinstance(answer, Exception):

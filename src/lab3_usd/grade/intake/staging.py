@@ -1,29 +1,28 @@
-"""Copies one submission to where it is judged, in temporary folders of this run."""
+"""Copies one submission to where it is judged."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
-import importlib
 import os
 import shutil
 import stat
-import tempfile
-import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+from itertools import accumulate
 from pathlib import Path
 from typing import BinaryIO
 
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.errors import is_no_room
 from lab3_usd.grade.intake.archives import (
     OTHER_ENDINGS,
     ArchiveError,
     is_archive,
-    is_no_room,
     unpack,
     unpack_beside,
 )
@@ -37,85 +36,10 @@ from lab3_usd.grade.intake.submission_copy import (
     TooLargeError,
     is_hidden,
     made_folder,
+    stage_seeker,
 )
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
-
-_PREFIXES = ("lab3-grade-", "lab3-starter-", "lab3-class-")
-_SECONDS_TO_LOCK = 10.0
-_held: dict[Path, int] = {}
-
-
-def make_scratch(prefix: str) -> Path:
-    """Make a temporary folder that is locked for as long as this process lives.
-
-    Folders of killed processes, which are no longer locked, are removed first.
-    """
-    remove_abandoned()
-    folder = Path(tempfile.mkdtemp(prefix=prefix))
-    handle = _locked(folder)
-    if handle is not None:
-        _held[folder] = handle
-    return folder
-
-
-@contextmanager
-def scratch_folder(prefix: str) -> Iterator[Path]:
-    """Yield a temporary folder (see `make_scratch`), which is removed afterwards."""
-    folder = make_scratch(prefix)
-    try:
-        yield folder
-    finally:
-        remove_scratch(folder)
-
-
-def remove_scratch(folder: Path) -> None:
-    """Remove a folder of `make_scratch`, and let go of its lock."""
-    shutil.rmtree(folder, ignore_errors=True)
-    handle = _held.pop(folder, None)
-    if handle is not None:
-        os.close(handle)
-
-
-def remove_abandoned() -> None:
-    """Remove what killed runs of the same user left; a lock tells, in other containers too."""
-    for folder in list(_abandoned()):
-        handle = _locked(folder)
-        if handle is not None:
-            shutil.rmtree(folder, ignore_errors=True)
-            os.close(handle)
-
-
-def _abandoned() -> Iterator[Path]:
-    """Yield folders of this user that may be abandoned; a new one is given time to be locked."""
-    with contextlib.suppress(OSError), os.scandir(tempfile.gettempdir()) as entries:
-        for entry in entries:
-            if not entry.name.startswith(_PREFIXES) or not hasattr(os, "geteuid"):
-                continue
-            with contextlib.suppress(FileNotFoundError):
-                status = entry.stat(follow_symlinks=False)
-                is_old = time.time() - status.st_mtime > _SECONDS_TO_LOCK
-                if stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid() and is_old:
-                    yield Path(entry.path)
-
-
-def _locked(folder: Path) -> int | None:
-    """Lock a folder and return what holds the lock; None where another process has it.
-
-    None too on platforms whose files cannot be locked.
-    """
-    try:
-        locks = importlib.import_module("fcntl")
-        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-    except (ImportError, OSError):
-        return None
-    try:
-        locks.flock(handle, locks.LOCK_EX | locks.LOCK_NB)
-    except OSError:
-        os.close(handle)
-        return None
-    return handle
-
 
 _UNREAD = "it cannot be read"
 
@@ -278,36 +202,52 @@ def _put_in_place(copy: SubmissionCopy) -> None:
     of the lab: its files stay in the folder that stands for it.
     """
     lab = load_lab()
-
-    def checkpoints_in(paths: Iterable[str]) -> set[str]:
-        named = (named_checkpoint(Path(path).name, lab.files) for path in paths)
-        return {number for number in named if number is not None}
-
-    for archive in reversed(tuple(copy.unpacked)):
-        own = {path for path in copy.digests if path.startswith(f"{copy.target / archive}{os.sep}")}
-        if checkpoints_in(own) & checkpoints_in(copy.digests.keys() - own):
+    checkpoints = {path: named_checkpoint(Path(path).name, lab.files) for path in copy.digests}
+    everywhere = Counter(checkpoints.values())
+    held: dict[str, set[str]] = {str(copy.target / archive): set() for archive in copy.unpacked}
+    for path in checkpoints:
+        for above in _folders_above(path) & held.keys():
+            held[above].add(path)
+    merged: set[str] = set()
+    for archive in reversed(copy.unpacked):  # the inner ones first
+        own = held.pop(str(copy.target / archive), None)
+        if own is None:  # two of one name have one folder
             continue
+        numbers = Counter(checkpoints[path] for path in own)
+        if any(number and everywhere[number] > count for number, count in numbers.items()):
+            continue
+        merged.add(archive)
         parent, slash, _ = archive.rpartition("/")
-        inside = f"{archive}/"
-        copy.unpacked.remove(archive)
-        copy.unpacked = [
-            f"{parent}{slash}{name.removeprefix(inside)}" if name.startswith(inside) else name
-            for name in copy.unpacked
-        ]
-        copy.refused = [
-            replace(file, path=f"{parent}{slash}{file.path.removeprefix(inside)}")
-            if file.path.startswith(inside)
-            else file
-            for file in copy.refused
-        ]
         for path in sorted(own):
             name = Path(path).relative_to(copy.target / archive).as_posix()
-            copy.move(f"{inside}{name}", f"{parent}{slash}{name}")
+            new = copy.move(f"{archive}/{name}", f"{parent}{slash}{name}")
+            number = checkpoints.pop(path)
+            if new is None:
+                everywhere[number] -= 1
+            else:
+                checkpoints[new] = number
+            for above in _folders_above(path) & held.keys():
+                held[above].discard(path)
+                held[above].update([new] if new else ())
         shutil.rmtree(copy.target / archive, ignore_errors=True)
+    copy.unpacked = [_merged_path(name, merged) for name in copy.unpacked if name not in merged]
+    copy.refused = [replace(file, path=_merged_path(file.path, merged)) for file in copy.refused]
+
+
+def _folders_above(path: str) -> set[str]:
+    return {str(folder) for folder in Path(path).parents}
+
+
+def _merged_path(path: str, merged: set[str]) -> str:
+    """Return a path without the folders that stood for archives whose files were put in place."""
+    *above, name = path.split("/")
+    folders = zip(above, accumulate(above, "{}/{}".format), strict=True)
+    return "/".join([*(part for part, folder in folders if folder not in merged), name])
 
 
 def _files_below(root: Path, copy: SubmissionCopy) -> Iterator[tuple[Path, str]]:
     """Yield what a folder holds, links not followed, in the order of the names."""
+    holds_stages = stage_seeker(partial(_files_in, root))
     waiting = [""]
     while waiting:
         below = waiting.pop()
@@ -321,7 +261,7 @@ def _files_below(root: Path, copy: SubmissionCopy) -> Iterator[tuple[Path, str]]
             name = f"{below}{entry.name}"
             if not entry.is_dir(follow_symlinks=False):
                 yield Path(entry.path), name
-            elif made_folder(f"{name}/file", partial(_files_in, root)):
+            elif made_folder(f"{name}/file", holds_stages):
                 copy.pass_over(name)
             elif name.count("/") >= copy.limits.folders:
                 copy.refuse(name, f"it lies more than {copy.limits.folders} folders deep")

@@ -9,6 +9,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,6 +22,7 @@ from lab3_usd.spec.submission import named_checkpoint
 
 MEGABYTE = 1024 * 1024
 _TIMES_AS_LONG = 10  # a submission has more than one file
+_TIMES_BY_CLOCK, _LEAST_BY_CLOCK = 10.0, 60.0  # on a busy machine
 
 
 class TooLargeError(Lab3Error):
@@ -30,11 +32,11 @@ class TooLargeError(Lab3Error):
 class Limits(Struct, frozen=True):
     """Limits of one submission.
 
-    `seconds` without progress end the judging of a file, `all_seconds` that of the submission;
-    `memory` is in bytes beyond what a worker needs to begin with, `answer_size` what a worker may
-    answer, reports included. Files beyond `file_size` bytes are not opened; `ratio` is how many
-    times larger a packed file may become, `nesting` how deep prims and values may lie in one
-    another.
+    `seconds` of processor time without progress end the judging of a file, `all_seconds` that of
+    the submission: no other work on the machine changes them. `by_clock` ends what hangs. `memory`
+    is in bytes beyond what a worker needs to begin with, `answer_size` what a worker may answer,
+    reports included. Files beyond `file_size` bytes are not opened; `ratio` is how many times
+    larger a packed file may become, `nesting` how deep prims and values may lie in one another.
     """
 
     seconds: float = 20.0
@@ -50,8 +52,18 @@ class Limits(Struct, frozen=True):
 
     @property
     def all_seconds(self) -> float:
-        """How long one submission may take, whatever progress it makes; so may fetching it."""
+        """Processor time that a submission may take; fetching it takes as long by the clock."""
         return _TIMES_AS_LONG * self.seconds
+
+    @staticmethod
+    def by_clock(seconds: float) -> float:
+        """Return how long work of so much processor time may take; pauses do not count."""
+        return max(_TIMES_BY_CLOCK * seconds, _LEAST_BY_CLOCK)
+
+    @staticmethod
+    def as_processor_time(seconds: float) -> float:
+        """Return what seconds by the clock are counted as, in which a worker stood still."""
+        return seconds / _TIMES_BY_CLOCK
 
     def check_count(self, files: int) -> None:
         """Raise TooLargeError where a submission holds more files than it may."""
@@ -114,22 +126,34 @@ def is_hidden(parts: list[str]) -> bool:
     return any((part.startswith(".") and part != "..") or part in LEFTOVERS for part in parts)
 
 
-def made_folder(name: str, files_in: Callable[[str], Iterable[str]]) -> str:
+def stage_seeker(files_in: Callable[[str], Iterable[str]]) -> Callable[[str], bool]:
+    """Return what tells whether a folder holds stages of checkpoints, from the names of its files.
+
+    `files_in` lists the files of a folder by its path, and is asked once for each.
+    """
+    lab = load_lab()
+
+    @cache
+    def holds_stages(folder: str) -> bool:
+        places = (folder, f"{folder}/{lab.submission.folders.stages}")
+        files = (file for place in places for file in files_in(place))
+        return any(named_checkpoint(file, lab.files) for file in files)
+
+    return holds_stages
+
+
+def made_folder(name: str, holds_stages: Callable[[str], bool]) -> str:
     """Return the topmost folder above a file that programs fill, '' for none.
 
     One that holds stages of checkpoints is the student's, whatever it is called, and so is one that
-    the lab asks for. `files_in` lists the files of a folder by its path.
+    the lab asks for.
     """
-    lab = load_lab()
-    own = lab.submission.folders
+    own = load_lab().submission.folders
     asked = {own.stages, own.starter, own.maps, *own.shown}
     parts = path_parts(name)
     for index, part in enumerate(parts[:-1], start=1):
-        if part not in _MADE or part in asked:
-            continue
         folder = "/".join(parts[:index])
-        held = [file for at in (folder, f"{folder}/{own.stages}") for file in files_in(at)]
-        if not any(named_checkpoint(file, lab.files) for file in held):
+        if part in _MADE and part not in asked and not holds_stages(folder):
             return folder
     return ""
 
@@ -293,23 +317,24 @@ class SubmissionCopy:
         if self._write(name, path, size, stream):
             os.utime(path, (0.0, changed if 0 <= changed <= _LATEST else 0.0))
 
-    def move(self, name: str, goal: str) -> None:
-        """Move a file that was taken in to where no other one is."""
+    def move(self, name: str, goal: str) -> str | None:
+        """Move a file that was taken in to where no other one is, and return its path."""
         path, new = (self.target.joinpath(*path_parts(at)) for at in (name, goal))
         digest = self.digests.pop(str(path))
         if str(new) in self.digests:
             self.refuse(goal, _TWICE)
-            return
+            return None
         if new.is_dir():
             self.refuse(goal, _CLASH)
-            return
+            return None
         try:
             new.parent.mkdir(parents=True, exist_ok=True)
             shutil.move(path, new)  # Landlock lets nobody rename into another folder
         except (FileExistsError, NotADirectoryError, IsADirectoryError):
             self.refuse(goal, _CLASH)
-            return
+            return None
         self.digests[str(new)] = digest
+        return str(new)
 
     def _write(self, name: str, path: Path, size: int, stream: BinaryIO) -> bool:
         digest = hashlib.sha256()

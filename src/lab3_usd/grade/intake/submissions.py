@@ -33,7 +33,8 @@ from lab3_usd.grade.intake.platforms import (
     read_metadata,
 )
 from lab3_usd.grade.intake.remote import archive_at, entries_at, read_at
-from lab3_usd.grade.intake.staging import Source, scratch_folder
+from lab3_usd.grade.intake.scratch import scratch_folder
+from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import (
     LEADS_OUT,
     Limits,
@@ -91,20 +92,25 @@ def submissions_in(place: Path | str) -> Iterator[ClassLocation]:
     Raises:
         UsageError: there is no such place, or the archive is damaged or too large.
     """
+    if isinstance(place, Path) and _is_folder(place):
+        yield ClassLocation(place, str(place))
+        return
     with scratch_folder("lab3-class-") as scratch:
         path = place if isinstance(place, Path) else archive_at(place, scratch, _CLASS)
-        try:
-            is_folder = path is not None and stat.S_ISDIR(path.stat().st_mode)
-        except (FileNotFoundError, NotADirectoryError) as error:
-            raise UsageError(
-                f"{place}: there is no such folder or archive of submissions"
-            ) from error
-        except OSError as error:
-            raise UsageError(f"{place}: cannot be read ({error.strerror})") from error
-        if path is None or is_folder:
-            yield ClassLocation(place if path is None else path, str(place))
-        else:
-            yield _unpacked(path, str(place), scratch)
+        yield (
+            ClassLocation(place, str(place))
+            if path is None
+            else _unpacked(path, str(place), scratch)
+        )
+
+
+def _is_folder(place: Path) -> bool:
+    try:
+        return stat.S_ISDIR(place.stat().st_mode)
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise UsageError(f"{place}: there is no such folder or archive of submissions") from error
+    except OSError as error:
+        raise UsageError(f"{place}: cannot be read ({error.strerror})") from error
 
 
 def _unpacked(archive: Path, given: str, scratch: Path) -> ClassLocation:

@@ -18,7 +18,12 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
-from lab3_usd.grade.intake.staging import make_scratch, remove_scratch, scratch_folder
+from lab3_usd.grade.intake.scratch import (
+    make_scratch,
+    remove_abandoned,
+    remove_scratch,
+    scratch_folder,
+)
 from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task, decode, encode
 from lab3_usd.grade.workers.pool import Runner, WorkerSlot, judge_in, run_in
 from lab3_usd.grade.workers.worker_process import WorkerError
@@ -234,6 +239,7 @@ def _slot(shipment: Shipment) -> WorkerSlot:
         return known[1]
     if known is not None:
         _remove(known[1], known[2])
+    remove_abandoned(shipment.settings.readable)
     folder = make_scratch("lab3-starter-")
     slot = WorkerSlot(unpacked(shipment, folder))
     _local.slot = (shipment, slot, folder)

@@ -15,7 +15,9 @@ from lab3_usd.grade.intake.submission_copy import Limits
 
 Json = dict[str, Any]
 OUT_OF_TIME, OUT_OF_MEMORY = "ran out of time", "ran out of memory"
-TOO_LARGE, TOOL_FAILED = "too large", "tool failed"
+TOO_LARGE = "too large"
+# Of this program itself: apart from any submission, and over one.
+TOOL_FAILED, FAILED_OVER_IT = "tool failed", "this program failed"
 CRASHED = "crashed usd-core"
 _STATUSES = {
     OUT_OF_TIME: "timeout",
@@ -79,18 +81,23 @@ class Ready(Struct, frozen=True):
 
 
 class Assignment(Struct, frozen=True):
-    """A task for a worker, and its number."""
+    """A task for a worker, its number, and the processor time in seconds that it may take."""
 
     turn: int
     task: Task
+    seconds: float
 
 
 class Reply(Struct, frozen=True, omit_defaults=True):
-    """What a worker says about the task of a turn: the file that it opens, or the answer."""
+    """What a worker says about the task of a turn: the file that it opens, or the answer.
+
+    `processor` is the processor time in seconds that the worker has taken since it started.
+    """
 
     turn: int
     open: str | None = None
     done: Json | None = None
+    processor: float = 0.0
 
 
 Answer = tuple[Task, Json]  # a task as it was judged in the end, and what to record

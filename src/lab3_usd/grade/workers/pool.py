@@ -16,11 +16,11 @@ from types import FrameType
 
 from msgspec.structs import replace
 
+from lab3_usd.errors import EndedBySignalError
 from lab3_usd.grade.intake.remote import fetched
 from lab3_usd.grade.intake.submission_copy import TooLargeError
 from lab3_usd.grade.workers.messages import (
     CRASHED,
-    OUT_OF_TIME,
     TOO_LARGE,
     TOOL_FAILED,
     Answer,
@@ -35,6 +35,7 @@ from lab3_usd.grade.workers.worker_process import (
     ask,
     end_worker,
     never_stopped,
+    out_of_all_time,
     start_worker,
 )
 
@@ -95,8 +96,8 @@ class WorkerSlot:
 def judge_in(slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never_stopped) -> Answer:
     """Judge a task, again without the file that ended a worker, until there is an answer.
 
-    A worker that ended for a reason outside of the task is replaced once. A file at which a worker
-    crashed is read once more: usd-core itself crashes now and then.
+    A worker that ended for a reason outside of the task, or stood still, is replaced once. A file
+    at which a worker crashed is read once more: usd-core itself crashes now and then.
     """
     left, spare = slot.settings.limits.all_seconds, 1
     crashed: set[str] = set()
@@ -107,8 +108,7 @@ def judge_in(slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never_s
             died = error
         left -= died.seconds
         if left <= 0:
-            whole = slot.settings.limits.all_seconds
-            return task, {"failed": f"{OUT_OF_TIME} ({whole:g} s for all files)"}
+            return task, {"failed": out_of_all_time(slot.settings.limits)}
         if died.external and spare:
             spare -= 1
             continue
@@ -210,7 +210,7 @@ def run_in(
 
 
 class _Interrupt:
-    """Raises KeyboardInterrupt at a signal, or right after a part that must not be cut short.
+    """Raises EndedBySignalError at a signal, or after a part that must not be cut short.
 
     The waiting for futures holds their locks: an exception in the middle of it would keep them
     for ever, and the threads that want to give their answers with them.
@@ -218,13 +218,13 @@ class _Interrupt:
 
     def __init__(self) -> None:
         self._is_put_off = False
-        self._has_come = False
+        self._has_come: EndedBySignalError | None = None
 
-    def come(self) -> None:
-        """Raise KeyboardInterrupt now or later."""
-        self._has_come = True
+    def come(self, number: int) -> None:
+        """Raise that this signal came, now or later."""
+        self._has_come = EndedBySignalError(number)
         if not self._is_put_off:
-            raise KeyboardInterrupt
+            raise self._has_come
 
     @contextmanager
     def put_off(self) -> Iterator[None]:
@@ -234,13 +234,13 @@ class _Interrupt:
             yield
         finally:
             self._is_put_off = False
-        if self._has_come:
-            raise KeyboardInterrupt
+        if self._has_come is not None:
+            raise self._has_come
 
 
 @contextmanager
 def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[_Interrupt]:
-    """Call `stop` and raise KeyboardInterrupt once at SIGINT, SIGTERM or SIGHUP.
+    """Call `stop` and raise EndedBySignalError once at SIGINT, SIGTERM or SIGHUP.
 
     Signals that are ignored (`nohup`) or handled stay as they are. Only the main thread may handle
     signals; in others nothing changes.
@@ -253,11 +253,11 @@ def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[_Interrupt]:
         ours = (signal.SIG_DFL, signal.default_int_handler)
         handlers = {number: handler for number, handler in present.items() if handler in ours}
 
-    def handle(_number: int, _frame: FrameType | None) -> None:
+    def handle(number: int, _frame: FrameType | None) -> None:
         stop()
-        for number in handlers:  # cleaning up is not to be interrupted again
-            signal.signal(number, signal.SIG_IGN)
-        interrupt.come()
+        for each in handlers:  # cleaning up is not to be interrupted again
+            signal.signal(each, signal.SIG_IGN)
+        interrupt.come(number)
 
     for number in handlers:
         signal.signal(number, handle)

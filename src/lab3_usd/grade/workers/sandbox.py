@@ -45,8 +45,10 @@ _TCP = 3  # bind and connect
 def limit_resources(limits: Limits) -> bool:
     """Limit the memory and files of this process from now on; say whether that worked.
 
-    What it has already, the modules that judge, does not count.
+    What it has already, the modules that judge, does not count. `limit_time` is made ready.
     """
+    if hasattr(signal, "SIGPROF"):  # whoever started this may ignore it, which is inherited
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
     try:
         import resource
     except ImportError:
@@ -66,6 +68,16 @@ def limit_resources(limits: Limits) -> bool:
         except (ValueError, OSError):
             held = False
     return held
+
+
+def limit_time(seconds: float) -> None:
+    """Have this process ended by SIGPROF after so much more processor time; 0 lifts the limit.
+
+    The system counts, also while usd-core computes, and neither pauses nor other processes.
+    Windows cannot; there a worker has its limit by the clock alone.
+    """
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_PROF, seconds)
 
 
 def _address_space() -> int:
@@ -119,8 +131,9 @@ def _no_network() -> bool:
 
 
 def fence_files(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
-    """Let this process read below `readable` and write below `writable` only, by Landlock.
+    """Let this thread read below `readable` and write below `writable` only, by Landlock.
 
+    So do the threads and processes that it starts from then on; they can be fenced in closer.
     Returns whether the kernel can do that and does.
     """
     libc = _libc()

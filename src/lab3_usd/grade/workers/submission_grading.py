@@ -22,9 +22,15 @@ from lab3_usd.grade.intake.staging import StagedSubmission, stage_submission
 from lab3_usd.grade.intake.submission_copy import Limits, TooLargeError
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.scoring import Grade, SubmissionFacts, facts_of, grade_facts
-from lab3_usd.grade.workers.messages import Json, Task, status_of
+from lab3_usd.grade.workers.messages import (
+    FAILED_OVER_IT,
+    TOOL_FAILED,
+    Json,
+    Task,
+    status_of,
+)
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder
-from lab3_usd.judge.results import with_findings
+from lab3_usd.judge.results import UNREADABLE, with_crashes, with_findings
 from lab3_usd.judge.starter import Starter
 from lab3_usd.model.finding import Crash, Finding, Report, Submission, ordered
 from lab3_usd.spec.lab import Lab
@@ -33,6 +39,7 @@ from lab3_usd.stage.graph_signature import graph_signature
 from lab3_usd.stage.read.opening import PLACEHOLDER
 from lab3_usd.stage.sandboxed_open import BlockedAsset, Fence, fenced
 
+_NOT_OPENED = "Z01"
 _EMPTY = hashlib.sha256().hexdigest()
 
 
@@ -90,13 +97,19 @@ def grade_submission(
         )
         judged = _without_repairs(check_folder(Path(), settings))
         judged = _with_fence(judged, task.student, staged, fence.found.values())
+        judged = _with_own_failures(judged, task.broken)
         facts = facts_of(
             judged.results,
             setup.rubric.required,
             judged.submission.findings,
             judged.submission.checklist,
         )
+        known = facts.crashes
         facts = with_dry_runs(facts, setup.lab, staged.digests)
+        played = {path: how for path, how in facts.crashes.items() if path not in known}
+        judged = _with_crashes(
+            judged, {path: f"the dry run failed ({how})" for path, how in played.items()}
+        )
         points = grade_facts(setup.rubric, facts, late=task.late)
         work = _work(facts, setup.lab, staged.digests)
         # Stages without faults are not pictured, but for the last: its pictures show what they do.
@@ -114,12 +127,12 @@ def grade_submission(
         fields = {"report": to_builtins(report), "place": place}
     return {
         **fields,
-        **_record(points, facts, _status(judged, facts, task.broken, staged)),
+        **_record(points, facts, _status(judged, task.broken, staged)),
         "remarks": list(remarks),
         "work": work,
         "digest": staged.digest,
         "verdicts": {result.checkpoint: result.verdict for result in judged.results},
-        "crashes": [crash.rule for crash in _crashes(judged)],
+        "crashes": [crash.rule for _, crash in _crashes(judged)],
         "reports": reports,
     }
 
@@ -175,14 +188,14 @@ def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name
         "work": {},
         "digest": "",
         "verdicts": {},
-        "crashes": [],
+        "crashes": [_NOT_OPENED] if reason.startswith((FAILED_OVER_IT, TOOL_FAILED)) else [],
         "reports": write_reports(report, rubric, points, name),
     }
 
 
 def ungraded_report(student: str, reason: str) -> Report:
     """Return the report of a submission that could not be judged."""
-    finding = _finding(all_rules()["Z01"], student, reason)
+    finding = _finding(all_rules()[_NOT_OPENED], student, reason)
     return Report((), (Submission(student, (finding,)),))
 
 
@@ -193,7 +206,6 @@ def _record(points: Grade, facts: SubmissionFacts, status: tuple[str, str]) -> J
 
 def _status(
     judged: FolderResult,
-    facts: SubmissionFacts,
     broken: Mapping[str, str],
     staged: StagedSubmission,
 ) -> tuple[str, str]:
@@ -206,18 +218,42 @@ def _status(
         number = len(judged.results)
         return "unreadable", f"{number} stage{'s' * (number > 1)} of 0 bytes: {PLACEHOLDER}"
     crashes = _crashes(judged)
-    if any(crash.error.startswith(MemoryError.__name__) for crash in crashes):
+    if any(crash.error.startswith(MemoryError.__name__) for _, crash in crashes):
         raise MemoryError  # in a rule, which is not at fault
-    if crashes:
-        return "tool failed", "a rule of the checker failed; please report it"
-    for path, error in facts.crashes.items():
-        return "tool failed", f"{path}: the dry run failed ({error}); please report it"
+    for path, crash in crashes[:1]:
+        named = crash.rule in {UNREADABLE, _NOT_OPENED}
+        how = crash.error if named else f"rule {crash.rule} failed ({crash.error})"
+        return status_of(FAILED_OVER_IT), f"{path}: {how}; please report it"
     return "graded", ""
 
 
-def _crashes(judged: FolderResult) -> Sequence[Crash]:
-    crashes = [crash for result in judged.results for crash in result.crashes]
-    return [*crashes, *judged.submission.crashes]
+def _crashes(judged: FolderResult) -> Sequence[tuple[str, Crash]]:
+    """Return what this program failed at, with the file."""
+    crashes = [(result.path, crash) for result in judged.results for crash in result.crashes]
+    return [*crashes, *((judged.submission.path, crash) for crash in judged.submission.crashes)]
+
+
+def _with_own_failures(judged: FolderResult, broken: Mapping[str, str]) -> FolderResult:
+    """Tell files over which this program failed before from those that ended a worker."""
+    ours = {path: how for path, how in broken.items() if how.startswith(FAILED_OVER_IT)}
+    stages = {result.path for result in judged.results}
+    others = tuple(
+        Crash(_NOT_OPENED, f"{path}: {how}") for path, how in ours.items() if path not in stages
+    )
+    about = judged.submission
+    with_others = replace(about, crashes=(*about.crashes, *others))
+    return _with_crashes(FolderResult(judged.results, with_others), ours)
+
+
+def _with_crashes(judged: FolderResult, failures: Mapping[str, str]) -> FolderResult:
+    """Add to the results of stages how this program failed over them, by their paths."""
+    results = tuple(
+        with_crashes(result, (*result.crashes, Crash(UNREADABLE, failures[result.path])))
+        if result.path in failures
+        else result
+        for result in judged.results
+    )
+    return FolderResult(results, judged.submission)
 
 
 def _with_fence(

@@ -12,8 +12,11 @@ import os
 import shutil
 import sys
 import tempfile
+import time
 import traceback
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,6 +24,7 @@ from lab3_usd.data import data_folder, lab_folder
 from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.workers.messages import (
     CRASHED,
+    FAILED_OVER_IT,
     OUT_OF_MEMORY,
     TOO_LARGE,
     TOOL_FAILED,
@@ -34,7 +38,12 @@ from lab3_usd.grade.workers.messages import (
     decode,
     encode,
 )
-from lab3_usd.grade.workers.sandbox import fence_files, give_up_privileges, limit_resources
+from lab3_usd.grade.workers.sandbox import (
+    fence_files,
+    give_up_privileges,
+    limit_resources,
+    limit_time,
+)
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
 from lab3_usd.judge.starter import open_starter
 from lab3_usd.spec.load.loader import load_lab
@@ -42,6 +51,7 @@ from lab3_usd.stage.read.server_assets import assets_at
 
 _NEEDED = ("/usr", "/lib", "/lib64", "/etc/localtime", "/proc/self", "/dev/urandom")
 _TOO_LONG = f"{TOO_LARGE}: its reports would be longer than is sane"
+_NO_TIME = 1e-6  # seconds; none at all would be no limit
 _OURS = ("graphs", "maps", "schema")
 _UNTIL_COLLECTED = 20_000  # new objects; a submission leaves some hundreds that refer to each other
 
@@ -81,21 +91,53 @@ def _serve(start: Start, tasks: BinaryIO, answers: BinaryIO) -> None:
     ours = [lab_folder(), *map(data_folder, _OURS)]
     python = [sys.prefix, sys.base_prefix, sys.exec_prefix, *filter(None, sys.path)]
     given = (*setup.allowed, *setup.supplied, *python, *_NEEDED)
-    readable = [*settings.readable, *ours, *map(Path, given)]
-    confined["files"] = fence_files(readable, [scratch, Path(os.devnull)])
+    readable, writable = [*ours, *map(Path, given)], [scratch, Path(os.devnull)]
+    confined["files"] = fence_files([*settings.readable, *readable], writable)
     send(encode(Ready(confined, _most_memory())))
     for line in tasks:
         assignment = decode(line, Assignment)
-        turn = assignment.turn
-
-        def announce(name: str, turn: int = turn) -> None:
-            send(encode(Reply(turn, open=name)))
-
-        announce("")  # from here on, what ends this process is caused by the task
-        reply = encode(Reply(turn, done=answer(setup, assignment.task, scratch, announce)))
+        judge = partial(_judge, assignment, setup, scratch, send)
+        if confined["files"]:
+            paths = [source.path for source in assignment.task.sources]
+            own = [path for path in paths if not path.is_symlink()]  # which are not followed
+            done = _fenced(judge, [*own, *readable], writable)
+        else:
+            done = judge()
+        reply = encode(Reply(assignment.turn, done=done))
         if len(reply) > settings.limits.answer_size // 2:  # lines about progress count too
-            reply = encode(Reply(turn, done={"failed": _TOO_LONG}))
+            reply = encode(Reply(assignment.turn, done={"failed": _TOO_LONG}))
         send(reply)
+
+
+def _fenced(judge: Callable[[], Json], readable: list[Path], writable: list[Path]) -> Json:
+    """Judge in a thread, as which no file of another student is opened: a fence is a thread's."""
+
+    def confined() -> Json:
+        if not fence_files(readable, writable):
+            return {"died": f"{TOOL_FAILED}: a submission cannot be fenced"}
+        return judge()
+
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(confined).result()
+
+
+def _judge(
+    assignment: Assignment, setup: GradingSetup, scratch: Path, send: Callable[[bytes], None]
+) -> Json:
+    """Judge a task within its processor time, and say which file is at work."""
+    begun = time.process_time()
+
+    def announce(name: str) -> None:
+        limit_time(0)  # of the file before
+        now = time.process_time()
+        send(encode(Reply(assignment.turn, open=name, processor=now)))
+        left = begun + assignment.seconds - now
+        limit_time(min(setup.limits.seconds, max(left, _NO_TIME)))
+
+    announce("")  # from here on, what ends this process is caused by the task
+    done = answer(setup, assignment.task, scratch, announce)
+    limit_time(0)
+    return done
 
 
 def _most_memory() -> int:
@@ -149,6 +191,5 @@ def _failure_text(error: Exception, folder: Path) -> str:
         return f"{CRASHED} ({kind.__name__})"
     frame = traceback.extract_tb(error.__traceback__)[-1]
     message = " ".join(str(error).replace(f"{folder}{os.sep}", "").split())
-    return (
-        f"{TOOL_FAILED}: {kind.__name__} at {Path(frame.filename).name}:{frame.lineno}: {message}"
-    )
+    place = f"{Path(frame.filename).name}:{frame.lineno}"
+    return f"{FAILED_OVER_IT}: {kind.__name__} at {place}: {message}"

@@ -13,13 +13,14 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, NoReturn, TypeVar
+from typing import IO, NamedTuple, NoReturn, TypeVar
 
 from msgspec import Struct
 
 from lab3_usd.data import LAB_VARIABLE, PACKAGE
 from lab3_usd.errors import Lab3Error
-from lab3_usd.grade.intake.staging import make_scratch, remove_scratch
+from lab3_usd.grade.awake import AwakeClock
+from lab3_usd.grade.intake.scratch import make_scratch, remove_scratch
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 from lab3_usd.grade.workers.messages import (
     CRASHED,
@@ -42,29 +43,41 @@ CLOSED = "stopped answering"
 _POLL_SECONDS = 0.02
 # Nothing in a file sends these: somebody outside does, or a system that is short of memory.
 _FROM_OUTSIDE = {"SIGKILL", "SIGTERM", "SIGINT", "SIGHUP"}
+_OUT_OF_TIME = "SIGPROF"  # by `sandbox.limit_time`
 
 
-def how_it_ended(process: subprocess.Popen[bytes], memory: int) -> tuple[str, bool]:
-    """Say how a process ended that closed its pipe, and whether that came from outside.
+class End(NamedTuple):
+    """How a process ended, whether that came from outside, and its processor time in seconds."""
+
+    how: str
+    external: bool = False
+    processor: float = 0.0  # 0 where it is not known
+
+
+def how_it_ended(process: subprocess.Popen[bytes], memory: int) -> End:
+    """Say how a process ended that closed its pipe.
 
     More than `memory` bytes say that it ran out of it. A process that goes on is killed.
     """
-    until = time.monotonic() + END_SECONDS
-    while not (ended := _has_ended(process)) and time.monotonic() < until:
+    clock = AwakeClock()
+    while not (ended := _has_ended(process)) and clock.seconds() < END_SECONDS:
         time.sleep(_POLL_SECONDS)
     kill(process)
     if not ended:
-        return CLOSED, False
-    status, peak = _figures(process)
-    if peak > memory:
-        return OUT_OF_MEMORY, False
-    if status >= 0:
-        return f"ended the worker (status {status})", False
+        return End(CLOSED)
+    status, peak, processor = _figures(process)
     try:
         name = signal.Signals(-status).name
     except ValueError:
         name = f"signal {-status}"
-    return (f"ended by {name}", True) if name in _FROM_OUTSIDE else (f"{CRASHED} ({name})", False)
+    if name == _OUT_OF_TIME:
+        return End(OUT_OF_TIME, processor=processor)
+    if peak > memory:
+        return End(OUT_OF_MEMORY, processor=processor)
+    if status >= 0:
+        return End(f"ended the worker (status {status})", processor=processor)
+    external = name in _FROM_OUTSIDE
+    return End(f"ended by {name}" if external else f"{CRASHED} ({name})", external, processor)
 
 
 def _has_ended(process: subprocess.Popen[bytes]) -> bool:
@@ -88,20 +101,26 @@ def kill(process: subprocess.Popen[bytes]) -> None:
                 process.kill()
 
 
-def _figures(process: subprocess.Popen[bytes]) -> tuple[int, int]:
-    """Return the exit status of a process that has ended, and the most memory that it had.
+class _Figures(NamedTuple):
+    """The exit status of a process, its most memory in bytes and its processor time in seconds."""
 
-    The memory is in bytes, 0 where it is not known.
-    """
+    status: int
+    memory: int = 0  # 0 where it is not known
+    processor: float = 0.0
+
+
+def _figures(process: subprocess.Popen[bytes]) -> _Figures:
+    """Return what is known of a process that has ended."""
     if not hasattr(os, "wait4") or process.returncode is not None:
-        return process.wait(), 0
+        return _Figures(process.wait())
     try:
         _, status, usage = os.wait4(process.pid, 0)
     except ChildProcessError:
-        return process.wait(), 0
+        return _Figures(process.wait())
     process.returncode = os.waitstatus_to_exitcode(status)
     scale = 1 if sys.platform == "darwin" else 1024
-    return process.returncode, usage.ru_maxrss * scale
+    processor = usage.ru_utime + usage.ru_stime
+    return _Figures(process.returncode, usage.ru_maxrss * scale, processor)
 
 
 _PIPE_POLL_SECONDS = 0.2
@@ -111,10 +130,15 @@ _Message = TypeVar("_Message", bound=Struct)
 
 
 class WorkerDiedError(Exception):
-    """A worker ended or was ended before it answered."""
+    """A worker ended or was ended before it answered.
+
+    `how` and `file` say how and over which file. `external` is what the machine may have brought
+    about and not the task: somebody killed the worker, it stood still, or it ended before it began.
+    `seconds` is the processor time that the task has taken of its own.
+    """
 
     def __init__(self, how: str, file: str, *, external: bool = False, seconds: float = 0) -> None:
-        """Keep how and over which file; `external` is what nothing in the task brought about."""
+        """Keep what is known of the end."""
         super().__init__(how)
         self.how = how
         self.file = file
@@ -176,46 +200,80 @@ def _speak(worker: Worker, stream: IO[bytes]) -> None:
 
 @dataclass(slots=True)
 class Turn:
-    """What a worker says about one task, for at most so many seconds."""
+    """What a worker says about one task, which may take `whole` seconds of processor time.
+
+    The worker's own limit ends it then. What it says is heard before the clock is looked at, by
+    which it has much longer.
+    """
 
     worker: Worker
     whole: float
     stopped: Callable[[], bool]
     file: str = ""
-    begun: bool = False
-    started: float = field(default_factory=time.monotonic)
+    begun: float | None = None
+    spent: float = 0.0
+    clock: AwakeClock = field(default_factory=AwakeClock)
 
     def fail(self, how: str, *, external: bool = False) -> NoReturn:
         """Raise how the worker ended; a failure before the task began is external."""
-        external = external or (not self.begun and how != STOPPED)
-        raise WorkerDiedError(
-            how, self.file, external=external, seconds=time.monotonic() - self.started
-        )
+        external = external or (self.begun is None and how != STOPPED)
+        raise WorkerDiedError(how, self.file, external=external, seconds=self.spent)
+
+    def spend(self, processor: float) -> None:
+        """Note the processor time of the worker, which counts from when the task began."""
+        if self.begun is None:
+            self.begun = processor
+        self.spent = max(self.spent, processor - self.begun)
 
     def next(self, kind: type[_Message], seconds: float) -> _Message:
-        """Return what the worker says next, within `seconds` and before time is up."""
-        silent, over = time.monotonic() + seconds, self.started + self.whole
+        """Return what the worker says next, within `seconds` by the clock."""
+        silent = self.clock.seconds() + seconds
         while True:
             if self.stopped():
                 self.fail(STOPPED)
-            if time.monotonic() > over:
-                self.fail(f"{OUT_OF_TIME} ({self.worker.limits.all_seconds:g} s for all files)")
-            if time.monotonic() > silent:
-                self.fail(f"{OUT_OF_TIME} ({seconds:g} s)")
             with contextlib.suppress(queue.Empty):
                 return self._decoded(kind, self.worker.lines.get(timeout=_PIPE_POLL_SECONDS))
+            if self.clock.seconds() > silent:
+                self._stand_still(f"{seconds:g} s by the clock", seconds)
+
+    def go_on(self) -> None:
+        """End a worker that goes on for too long by the clock, whatever progress it makes."""
+        most = Limits.by_clock(self.whole)
+        if self.clock.seconds() > most:
+            self._stand_still(f"{most:g} s by the clock for all files", most)
+
+    def _stand_still(self, what: str, seconds: float) -> NoReturn:
+        self.spent = max(self.spent, Limits.as_processor_time(seconds))
+        self.fail(f"{OUT_OF_TIME} ({what})", external=True)
 
     def _decoded(self, kind: type[_Message], line: bytes | str | None) -> _Message:
         if isinstance(line, str):
             self.fail(line)
         if line is None:
             memory = max(self.worker.limits.memory // 2, self.worker.peak)
-            how, from_outside = how_it_ended(self.worker.process, memory)
-            self.fail(how, external=from_outside)
+            end, known = how_it_ended(self.worker.process, memory), self.spent
+            if self.begun is not None:
+                self.spend(end.processor)
+            if end.how == OUT_OF_TIME:
+                self._be_out_of_time(self.whole - known)
+            self.fail(end.how, external=end.external)
         try:
             return decode(line, kind)
         except ValueError:
             self.fail(NONSENSE)
+
+    def _be_out_of_time(self, left: float) -> NoReturn:
+        """Raise which limit of processor time it was: that of the file or that of all files."""
+        limits = self.worker.limits
+        if left <= limits.seconds:
+            self.spent = self.whole
+            self.fail(out_of_all_time(limits))
+        self.fail(f"{OUT_OF_TIME} ({limits.seconds:g} s of processor time)")
+
+
+def out_of_all_time(limits: Limits) -> str:
+    """Say that a submission has taken all the processor time that it has."""
+    return f"{OUT_OF_TIME} ({limits.all_seconds:g} s of processor time for all files)"
 
 
 _START_SECONDS = 120.0
@@ -282,7 +340,9 @@ def environment(scratch: Path, lab: Path | None = None) -> dict[str, str]:
     kept = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
     if lab is not None:
         kept[LAB_VARIABLE] = str(lab)
-    return kept | {"HOME": str(scratch), "TMPDIR": str(scratch), "PXR_WORK_THREAD_LIMIT": "1"}
+    # Each submission is judged in a thread; memory that one gave back is for the next.
+    one = {"PXR_WORK_THREAD_LIMIT": "1", "MALLOC_ARENA_MAX": "1"}
+    return kept | {"HOME": str(scratch), "TMPDIR": str(scratch)} | one
 
 
 def ask(
@@ -291,23 +351,24 @@ def ask(
     stopped: Callable[[], bool] = never_stopped,
     seconds: float | None = None,
 ) -> Json:
-    """Give a worker a task and return its answer, at the latest after `seconds`.
+    """Give a worker a task and return its answer, which may take `seconds` of processor time.
 
     Raises:
-        WorkerDiedError: it died, was silent for too long, took too long altogether, wrote too
-            much, or `stopped` became true.
+        WorkerDiedError: it died, took too long over a file or altogether, wrote too much, or
+            `stopped` became true.
     """
-    turn = Turn(worker, seconds or worker.limits.all_seconds, stopped)
+    limits = worker.limits
+    turn = Turn(worker, limits.all_seconds if seconds is None else seconds, stopped)
     if not worker.lines.empty():  # it ended, or speaks without being asked
-        turn.next(Reply, turn.whole)
+        turn.next(Reply, limits.seconds)
         turn.fail(NONSENSE)
     worker.bytes_read, worker.turns = 0, worker.turns + 1
-    worker.tasks.put(encode(Assignment(worker.turns, task)))
+    worker.tasks.put(encode(Assignment(worker.turns, task, turn.whole)))
     while True:
-        reply = turn.next(Reply, worker.limits.seconds)
+        reply = turn.next(Reply, limits.by_clock(limits.seconds))
         if reply.turn != worker.turns:  # it still speaks of the task before
             turn.fail(NONSENSE, external=True)
-        turn.begun = True
+        turn.spend(reply.processor)
         if reply.done is not None:
             if "died" in reply.done:
                 turn.fail(str(reply.done["died"]))
@@ -315,6 +376,7 @@ def ask(
         if reply.open is None:
             turn.fail(NONSENSE)
         turn.file = reply.open
+        turn.go_on()
 
 
 def end_worker(worker: Worker) -> None:

@@ -12,6 +12,7 @@ from base64 import b64encode
 from hashlib import sha256
 from pathlib import Path
 
+from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
 
 _SCRIPT = """
@@ -36,6 +37,17 @@ _POLICY = re.compile(r"(?<=; )script-src ")
 def version_file(page: Path) -> Path:
     """Return the script that says which version of a page is the last."""
     return page.with_name(f".{page.name}.version.js")
+
+
+def refuse_foreign_script(page: Path) -> None:
+    """Refuse to write over, and to remove at the end, a file beside a page that is not its script.
+
+    Raises:
+        UsageError: it is not.
+    """
+    script = version_file(page)
+    if script.exists() and not script.read_bytes().startswith(b"window.lab3Version"):
+        raise UsageError(f"{script}: is not of this program; move it away")
 
 
 def version_script(version: int) -> str:

@@ -6,7 +6,8 @@ Whole names, and which old names mean the same, are the platform's.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -73,6 +74,11 @@ def event_of(node_type: NodeType) -> str | None:
 NO_VECTOR = (0.0, 0.0, 0.0)
 
 
+def are_numbers(values: Iterable[object]) -> bool:
+    """Whether all of some values are numbers."""
+    return all(isinstance(value, (int, float)) for value in values)
+
+
 class Failure(Struct, frozen=True):
     """Why a node did not do its work, and of what kind that fault is."""
 
@@ -116,6 +122,11 @@ class NodeInstance(Struct):
         value = self.get(name, world)
         return float(value) if isinstance(value, (int, float)) else 0.0
 
+    def whole(self, name: str, world: World) -> int:
+        """Return the whole number that reaches an input, 0 where none does."""
+        value = self.number(name, world)
+        return int(value) if math.isfinite(value) else 0
+
     def text(self, name: str, world: World) -> str:
         """Return the text that reaches an input, '' where none does."""
         return str(self.get(name, world) or "")
@@ -129,9 +140,20 @@ class NodeInstance(Struct):
         value = self.get(name, world)
         return value if isinstance(value, tuple) else ()
 
+    def numbers(self, name: str, world: World) -> tuple[float, ...]:
+        """Return the array of numbers that reaches an input, an empty one where none does."""
+        value = self.items(name, world)
+        return value if are_numbers(value) else ()
+
+    def vectors(self, name: str, world: World, size: int) -> tuple[tuple[float, ...], ...]:
+        """Return the array of vectors that reaches an input, an empty one where none does."""
+        value = self.items(name, world)
+        is_right = all(isinstance(each, tuple) and len(each) == size for each in value)
+        return value if is_right and all(map(are_numbers, value)) else ()
+
     def vector(self, name: str, world: World) -> Vector:
         """Return the three numbers that reach an input, zeros where they do not."""
-        value = self.items(name, world)
+        value = self.numbers(name, world)
         return (value[0], value[1], value[2]) if len(value) == len(NO_VECTOR) else NO_VECTOR
 
     def targets(self, name: str) -> tuple[str, ...]:

@@ -92,14 +92,14 @@ def namespace_of(node: NodeInstance, world: World, start: str = "") -> str:
 
 def open_endpoint(node: NodeInstance, world: World, start: str = "") -> RosEndpoint | None:
     """Open a publisher or subscriber as its inputs say now, or return None where it fails."""
-    domain = world.network.domain(int(node.number("context", world)))
+    domain = world.network.domain(node.whole("context", world))
     space = trimmed(namespace_of(node, world, start))  # Ros2Node.h:139
     name = node.text("topicName", world)
     topic = f"{'/' + space if space else ''}/{trimmed(name)}" if name else ""
     # A static publisher does not read its profile (RN/nodes/OgnROS2PublishTransformTree.cpp:167).
     is_static = node.flag("staticPublisher", world)
     text = "" if is_static else node.text("qosProfile", world)
-    profile = profile_of(text, int(node.number("queueSize", world)))
+    profile = profile_of(text, node.whole("queueSize", world))
     if domain is None:
         node.fails("its context is invalid", "invalid-context")
     elif profile is None:

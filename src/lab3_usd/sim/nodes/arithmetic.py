@@ -7,11 +7,11 @@ each computes (docs.omniverse.nvidia.com, ext_omnigraph/node-library/nodes/omni-
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.sim.execution.node_instance import NodeInstance, computes
+from lab3_usd.sim.execution.node_instance import NodeInstance, are_numbers, computes
 from lab3_usd.sim.execution.world import World
 
 _Number = int | float
@@ -30,6 +30,19 @@ def _combined(first: Any, second: Any, operation: _Operation) -> Any:
     return operation(first, second)
 
 
+def _parts(value: object) -> Iterator[object]:
+    """Yield what a value consists of, itself where it is no vector or array."""
+    if isinstance(value, tuple):
+        for part in value:
+            yield from _parts(part)
+    else:
+        yield value
+
+
+def _is_of_numbers(value: object) -> bool:
+    return are_numbers(_parts(value))
+
+
 def _terms(node: NodeInstance, world: World) -> list[Any]:
     """Return the values of `a`, `b` and the inputs that were added to them, those that are there.
 
@@ -42,7 +55,7 @@ def _terms(node: NodeInstance, world: World) -> list[Any]:
 
 def _calculate(node: NodeInstance, world: World, output: str, operation: _Operation) -> bool:
     terms = _terms(node, world)
-    if any(not isinstance(term, (int, float, tuple)) for term in terms):
+    if not all(map(_is_of_numbers, terms)):
         return node.fails("no number reaches one of its inputs", "no-number-input")
     result = terms[0]
     for term in terms[1:]:
@@ -73,7 +86,7 @@ def multiply(node: NodeInstance, world: World) -> bool:
 def divide(node: NodeInstance, world: World) -> bool:
     """divide-2.html: the first input divided by the second."""
     second = node.get("b", world)
-    if second == 0 or (isinstance(second, tuple) and 0 in second):
+    if 0 in _parts(second):
         return node.fails("it divides by 0", "no-number-input")
     return _calculate(node, world, "result", lambda a, b: a / b)
 
@@ -82,7 +95,7 @@ def divide(node: NodeInstance, world: World) -> bool:
 def negate(node: NodeInstance, world: World) -> bool:
     """negate-1.html: the input times -1."""
     value = node.get("input", world)
-    if not isinstance(value, (int, float, tuple)):
+    if not _is_of_numbers(value):
         return node.fails("no number reaches it", "no-number-input")
     node.outputs["output"] = _combined(value, -1, lambda a, b: a * b)
     return True
@@ -93,7 +106,7 @@ def clamp(node: NodeInstance, world: World) -> bool:
     """clamp-1.html: the input cut to a range; no range is an error."""
     bounds: list[Any] = [node.get(name, world) for name in ("input", "lower", "upper")]
     value, low, high = bounds
-    if any(not isinstance(part, (int, float, tuple)) for part in (value, low, high)):
+    if not all(map(_is_of_numbers, bounds)):
         return node.fails("no number reaches one of its inputs", "no-number-input")
     if not isinstance(low, tuple) and not isinstance(high, tuple) and low > high:
         return node.fails("its lower bound is above the upper one", "no-number-input")
@@ -105,7 +118,7 @@ def clamp(node: NodeInstance, world: World) -> bool:
 def to_number(node: NodeInstance, world: World) -> bool:
     """todouble-1.html, tofloat-1.html: numbers and switches as numbers with a fraction."""
     value = node.get("value", world)
-    if not isinstance(value, (int, float, tuple)):
+    if not _is_of_numbers(value):
         return node.fails("no number reaches it", "no-number-input")
     node.outputs["converted"] = _combined(value, 1.0, lambda a, b: float(a) * b)
     return True

@@ -10,6 +10,7 @@ from lab3_usd.sim.execution.node_instance import (
     NO_VECTOR,
     STEP,
     NodeInstance,
+    are_numbers,
     computes,
 )
 from lab3_usd.sim.execution.world import World, domain_number
@@ -25,7 +26,7 @@ def xyzw(place: Affine) -> Quaternion:
 
 def wxyz(node: NodeInstance, name: str, world: World) -> Quaternion:
     """Return the rotation that reaches an input, w first; a file's literal has w first already."""
-    value = node.items(name, world)
+    value = node.numbers(name, world)
     saved = node.node.inputs.get(INPUT + name)
     if len(value) != len(NO_TURN):
         value = NO_TURN
@@ -54,7 +55,7 @@ def on_physics_step(node: NodeInstance, world: World) -> bool:
 @computes("IsaacSimulationGate")
 def simulation_gate(node: NodeInstance, world: World) -> bool:
     """CN/nodes/OgnIsaacSimulationGate.cpp:46-66: every so many signals; it counts on over Stop."""
-    step = int(node.number("step", world))
+    step = node.whole("step", world)
     if step <= 0:
         return node.fails("its step is 0", "zero-gate-step")
     if node.count % step == 0:
@@ -81,7 +82,7 @@ def read_system_time(node: NodeInstance, world: World) -> bool:
 def context(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2Context.cpp:41-120."""
     if "handle" not in node.memory:
-        domain = int(node.number("domain_id", world))
+        domain = node.whole("domain_id", world)
         if node.flag("useDomainIDEnvVar", world):
             from_outside = domain_number(world.network.environment)
             domain = domain if from_outside is None else from_outside
@@ -104,7 +105,7 @@ def scale(node: NodeInstance, world: World) -> bool:
     value = node.get("value", world)
     if factor is None:
         return node.fails("its conversion is invalid", "invalid-conversion")
-    if isinstance(value, tuple):
+    if isinstance(value, tuple) and are_numbers(value):
         node.outputs["result"] = tuple(x * factor for x in value)
     elif isinstance(value, (int, float)):
         node.outputs["result"] = value * factor
@@ -133,7 +134,7 @@ def constant(_: NodeInstance, __: World) -> bool:
 def construct_array(node: NodeInstance, world: World) -> bool:
     """Kit's Make Array: as many elements as its size says, of the type of its array."""
     kind = node.text("arrayType", world) or "auto"
-    size = min(int(node.number("arraySize", world)), MOST)
+    size = min(node.whole("arraySize", world), MOST)
     values = [node.get(f"input{number}", world) for number in range(size)]
     texts = [isinstance(value, str) for value in values if value is not None]
     is_token = all(texts) if kind == "auto" else kind == "token[]"

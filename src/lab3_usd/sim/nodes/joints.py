@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 
-from lab3_usd.sim.execution.node_instance import NodeInstance, computes
+from lab3_usd.sim.execution.node_instance import NodeInstance, are_numbers, computes
 from lab3_usd.sim.execution.recording import JointStates, Message
 from lab3_usd.sim.execution.world import World, open_endpoint, send
-from lab3_usd.sim.nodes.robot import received
+from lab3_usd.sim.nodes.robot import joints_at, received
 from lab3_usd.sim.robot.machine import SLIDER, Joint
 
 _TYPE = "sensor_msgs/msg/JointState"
@@ -49,13 +49,16 @@ def _degree(joint: Joint) -> int:
 @computes("ROS2PublishJointState")
 def publish_joint_state(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2PublishJointState.cpp:58-290: what reaches it, else what its target does."""
-    names, positions, velocities, efforts, degrees = (node.items(name, world) for name in _STATES)
+    names, *arrays = (node.items(name, world) for name in _STATES)
+    positions, velocities, efforts, degrees = arrays
     unit = node.number("stageMetersPerUnit", world)
     stamp = node.number("sensorTime", world) or node.number("timeStamp", world)
     if names or positions or velocities or efforts or degrees:
         sizes = {len(array) for array in (names, positions, velocities, efforts, degrees)}
         if not names or len(sizes) > 1:
             return node.fails("its arrays have different lengths", "unequal-joint-arrays")
+        if not all(map(are_numbers, arrays)):
+            return node.fails("its arrays do not hold numbers", "unequal-joint-arrays")
         if not 0 < unit < math.inf:
             return node.fails("no unit of the stage reaches it", "unequal-joint-arrays")
     else:
@@ -113,13 +116,16 @@ def articulation_state(node: NodeInstance, world: World) -> bool:
     if machine is None:
         return node.fails(f"there is no articulation at or below {path}", "no-articulation")
     joints = [*machine.articulated.values()]
-    names, indices = node.items("jointNames", world), node.items("jointIndices", world)
+    names, indices = node.items("jointNames", world), node.numbers("jointIndices", world)
     if names:
         if not {*names} <= machine.articulated.keys():
             return node.fails("the robot lacks one of its joints", "unknown-joint")
         joints = [machine.articulated[str(name)] for name in names]
     elif any(indices):
-        joints = [joints[int(index)] for index in indices if int(index) < len(joints)]
+        chosen = joints_at(node, joints, indices)
+        if chosen is None:
+            return False
+        joints = chosen
     zeros = ((0.0, 0.0, 0.0),) * len(joints)
     node.outputs.update(
         jointNames=tuple(joint.name for joint in joints),

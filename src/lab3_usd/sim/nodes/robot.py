@@ -6,6 +6,7 @@ CN is core nodes, RN ROS 2 nodes, WR wheeled robots.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 
 from lab3_usd.model.dry_run import Affine
 from lab3_usd.model.transforms import Vector, cross, dot, length
@@ -137,11 +138,24 @@ def _joints(node: NodeInstance, world: World, machine: Machine) -> list[Joint] |
             else:
                 node.fails(f"the robot has no joint '{name}' that turns", "unknown-joint")
     every = list(machine.articulated.values())
-    indices = node.items("jointIndices", world)
+    indices = node.numbers("jointIndices", world)
     if any(indices) and not memory["names"]:
-        memory["joints"] = [every[int(index)] for index in indices if int(index) < len(every)]
+        memory["joints"] = joints_at(node, every, indices)
+        if memory["joints"] is None:
+            return None
     joints: list[Joint] | None = memory["joints"]
     return every if joints is None and not memory["names"] else joints
+
+
+def joints_at(
+    node: NodeInstance, joints: Sequence[Joint], indices: Iterable[float]
+) -> list[Joint] | None:
+    """Return the joints of these numbers; None where there is no such joint."""
+    beyond = [index for index in indices if not 0 <= index < len(joints)]
+    if beyond:
+        node.fails(f"the robot has no joint number {beyond[0]:g}", "unknown-joint")
+        return None
+    return [joints[int(index)] for index in indices]
 
 
 def _command(node: NodeInstance, world: World, joints: list[Joint]) -> bool:

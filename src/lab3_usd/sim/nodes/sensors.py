@@ -39,7 +39,7 @@ def create_render_product(node: NodeInstance, world: World) -> bool:
     if not targets or targets[0] not in world.scene.prims:
         kind: FaultKind = "missing-camera-prim" if targets else "no-camera-target"
         return node.fails("its camera prim does not exist", kind)
-    width, height = (int(node.number(name, world)) for name in ("width", "height"))
+    width, height = (node.whole(name, world) for name in ("width", "height"))
     product = Product(targets[0], width, height)
     named = node.targets("renderProductPrim")
     prim = world.scene.prims.get(named[0]) if len(named) == 1 else None
@@ -91,7 +91,7 @@ def attach(
         endpoint,
         product,
         rate,
-        int(node.number("frameSkipCount", world)),
+        max(0, node.whole("frameSkipCount", world)),
         node.text("frameId", world),
         clock,
         kind,
@@ -203,7 +203,8 @@ def _publish(node: NodeInstance, world: World, prim: ScenePrim, product: Product
         return node.fails(f"it publishes no {kind or 'type'}", "unknown-output")
     if kind == KINDS[0] and beam is None:
         return node.fails(
-            f"{prim.path} has no rate, no emitter, or too many rays", "invalid-scan-profile"
+            f"{prim.path} has no rate, no emitter, no ray in a turn, or too many",
+            "invalid-scan-profile",
         )
     rate = _number(prim, RATE)
     rate = LIDAR_RATE if rate is None else rate
@@ -211,8 +212,8 @@ def _publish(node: NodeInstance, world: World, prim: ScenePrim, product: Product
     if writer is None:
         return False
     writer.turns = _number(prim, f"{CORE}scanRateBaseHz") or 0.0
-    writer.beam = beam
     if kind == KINDS[0]:
+        writer.beam = beam
         _note_unplayed(node, world, prim)
     if rate > 0 and not prim.values.get(f"{CORE}accumulateOutputs"):
         writer.covered = min(1.0, writer.turns / rate)
@@ -261,14 +262,12 @@ def _beam(prim: ScenePrim) -> Beam | None:
     def number(name: str) -> float:
         return _number(prim, f"{CORE}{name}") or 0.0
 
-    turns, firings = number("scanRateBaseHz"), int(number("patternFiringRateHz"))
-    if turns <= 0 or firings <= 0:
+    turns, firings = number("scanRateBaseHz"), number("patternFiringRateHz")
+    if not (0 < turns <= firings < math.inf and firings // turns <= MOST):
         return None
     emitters = prim.values.get(f"{CORE}numberOfEmitters", 1)
     angles = prim.values.get(f"{CORE}emitterState:s001:azimuthDeg", (0.0,))
     if not emitters or not angles:
-        return None
-    if firings / turns > MOST:
         return None
     step = 2 * math.pi * turns / firings
     return Beam(-math.pi, step, int(firings / turns), number("nearRangeM"), number("farRangeM"))

@@ -6,6 +6,7 @@ All lines are those of PoseTree.h in core.includes.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
 from msgspec import Struct
 
@@ -267,9 +268,9 @@ def publish_transform_tree(node: NodeInstance, world: World) -> bool:
             for pair in memory["tree"].pairs
         )
         return _send_tree(node, world, memory["endpoint"], transforms)
-    arrays = [
-        node.items(name, world)
-        for name in ("parentFrames", "childFrames", "translations", "orientations")
+    arrays: list[tuple[Any, ...]] = [
+        *(node.items(name, world) for name in ("parentFrames", "childFrames")),
+        *(node.vectors(name, world, k) for name, k in (("translations", 3), ("orientations", 4))),
     ]
     if not arrays[0] or len({len(array) for array in arrays}) > 1:
         return node.fails("its four arrays have different lengths", "unequal-frame-arrays")

@@ -75,6 +75,9 @@ def ackermann_controller(node: NodeInstance, world: World) -> bool:
     v = _ramped(memory["v"], v, gain * dt, _REACHED[0]) if gain else v
     angle = _ramped(memory["angle"], angle, turn * dt, _REACHED[1]) if turn else angle
     memory["v"], memory["angle"] = v, angle
+    if not memory["wheelBase"] and abs(angle) >= _STRAIGHT:
+        # Isaac Sim divides by 0 here: the speeds that it gives are no numbers (:154-173).
+        return node.fails("its wheelBase is 0, with which it cannot turn", "invalid-wheel-size")
     angles, speeds = _wheels(node, v, angle, (front, back))
     most, widest = memory["maxWheelVelocity"], memory["maxWheelRotation"]
     node.outputs["wheelAngles"] = tuple(_within(widest, a) for a in angles)
@@ -147,17 +150,16 @@ def holonomic_controller(node: NodeInstance, world: World) -> bool:
     part = Affine(tuple(map(tuple, matrix))).inverse().turn(command)  # type: ignore[arg-type]
     speeds = [sum(a * b for a, b in zip(c, part, strict=True)) / k for c, k in columns]
     most = max(map(abs, speeds))
-    scale = limits[2] / most if most > limits[2] else 1.0
+    scale = limits[2] / most if most and most > limits[2] else 1.0
     node.outputs["jointVelocityCommand"] = tuple(speed * scale for speed in speeds)
     return True
 
 
 def _columns(node: NodeInstance, world: World) -> list[tuple[Vector, float]] | None:
     """Return what each wheel adds to the motion (x, y, turn), and its weight."""
-    radii, places, turns, angles = (
-        node.items(name, world)
-        for name in ("wheelRadius", "wheelPositions", "wheelOrientations", "mecanumAngles")
-    )
+    radii, angles = (node.numbers(name, world) for name in ("wheelRadius", "mecanumAngles"))
+    places = node.vectors("wheelPositions", world, 3)
+    turns = node.vectors("wheelOrientations", world, 4)
     if not (radii and places and turns and angles):
         node.fails("its wheels are not set", "invalid-wheel-size")
         return None
@@ -166,15 +168,19 @@ def _columns(node: NodeInstance, world: World) -> list[tuple[Vector, float]] | N
     if not len(radii) == len(turns) == len(angles) == count:
         node.fails("its settings name different numbers of wheels", "invalid-wheel-size")
         return None
+    # No radius is no weight in what is solved, with a negative one there is no least (:127-144).
+    if not all(0 < radius < math.inf for radius in radii) or not all(map(math.isfinite, angles)):
+        node.fails("a wheel has no radius, or no angle", "invalid-wheel-size")
+        return None
     up = node.vector("upAxis", world)
-    norm = math.hypot(*radii) or 1.0
+    largest = max(radii)
     made: list[tuple[Vector, float]] = []
-    for radius, place, turn, angle in zip(radii, places, turns, angles, strict=True):
-        axle = turned(rotation(turn), node.vector("wheelAxis", world))
+    for radius, place, (w, *turn), angle in zip(radii, places, turns, angles, strict=True):
+        axle = turned(rotation((w, turn[0], turn[1], turn[2])), node.vector("wheelAxis", world))
         way = turned(about(up, math.radians(angle)), axle)
         k = radius / (length(way) or 1.0)
         x, y = way[0] * k, way[1] * k
-        made.append(((x, y, x * place[1] - y * place[0]), radius / norm))
+        made.append(((x, y, x * place[1] - y * place[0]), radius / largest))
     return made
 
 
@@ -198,7 +204,7 @@ def holonomic_setup(node: NodeInstance, world: World) -> bool:
     centre = world.machines.place(paths[1] if paths[1] in prims else paths[0])
     frames = []
     for joint in joints:
-        chassis = world.machines.place(joint.targets["physics:body0"][0])
+        chassis = world.machines.place(next(iter(joint.targets.get("physics:body0", ())), ""))
         turn = rotation(joint.values.get("physics:localRot0") or (1.0, 0.0, 0.0, 0.0))
         at = joint.values.get("physics:localPos0") or (0.0, 0.0, 0.0)
         frames.append(chassis.then(Affine(turn, at)))
@@ -209,7 +215,7 @@ def holonomic_setup(node: NodeInstance, world: World) -> bool:
         wheelPositions=tuple(minus(frame.origin, centre.origin) for frame in frames),
         wheelOrientations=tuple(back.then(frame).quaternion() for frame in frames),
         mecanumAngles=tuple(joint.values["isaacmecanumwheel:angle"] for joint in joints),
-        wheelAxis=axes[str(joints[-1].values.get("physics:axis") or "X")],
+        wheelAxis=axes.get(str(joints[-1].values.get("physics:axis")), AXES[0]),
         upAxis=axes[world.scene.up],
         wheelDofNames=tuple(joint.path.rpartition("/")[2] for joint in joints),
     )

@@ -158,11 +158,11 @@ def _same_numbers(was: Any, now: Any, tolerance: float) -> bool:
     before, after = list(_numbers(was)), list(_numbers(now))
     if len(before) != len(after):
         return False
+    if not all(map(math.isfinite, (*before, *after))):
+        return all(a == b for a, b in zip(before, after, strict=True))  # what is no number differs
     if isinstance(was, _QUATERNIONS) and math.fsum(map(operator.mul, before, after)) < 0:
         after = [-part for part in after]
-    pairs = list(zip(before, after, strict=True))
-    if not all(map(math.isfinite, (*before, *after))):
-        return all(a == b for a, b in pairs)
+    pairs = zip(before, after, strict=True)
     longest = max(map(abs, (*before, *after)), default=0.0)
     near = tolerance * (longest if len(before) > 1 else _NEAR_ZERO)
     return all(math.isclose(a, b, rel_tol=tolerance, abs_tol=near) for a, b in pairs)

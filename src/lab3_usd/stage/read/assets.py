@@ -47,7 +47,7 @@ def layer_files(stage: Usd.Stage) -> LayerFiles:
         while waiting:
             layer = waiting.pop()
             if layer.realPath:
-                files.add(_file(layer.realPath))
+                files.add(Path(real_path(layer.realPath)))
             paths = filter(None, layer.GetCompositionAssetDependencies())
             assets = {Sdf.ComputeAssetPathRelativeToLayer(layer, path) for path in paths}
             for identifier in assets - seen:
@@ -58,15 +58,22 @@ def layer_files(stage: Usd.Stage) -> LayerFiles:
                     opened = None
                 if opened is None:
                     missing.add(re.sub(_ONE_SLASH, r"\1://", identifier))
-                    files.add(_file(identifier))
+                    files.add(Path(real_path(identifier)))
                 else:
                     waiting.append(opened)
     return LayerFiles(frozenset(files), tuple(sorted(missing)))
 
 
-def _file(path: str) -> Path:
-    """Return the file itself: a layer in a package is the package."""
-    return Path(path.partition("[")[0]).resolve()
+def real_path(identifier: str) -> str:
+    """Return the file of a layer, links followed as far as is permitted; in a package, the package.
+
+    Whoever wrote the layer may have named what nobody but root can follow, as /proc/1/root.
+    """
+    path = identifier.partition("[")[0]
+    try:
+        return os.path.realpath(path)
+    except OSError:
+        return os.path.abspath(path)  # noqa: PTH100 - it follows no link
 
 
 def find_muted(stage: Usd.Stage) -> Iterator[MutedSublayer]:

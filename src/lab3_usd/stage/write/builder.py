@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from msgspec import Struct
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
-from lab3_usd.errors import Lab3Error, StageError, UsageError
+from lab3_usd.errors import Lab3Error, NoRoomError, StageError, UsageError, unwritten
 from lab3_usd.files import temporary_beside
 from lab3_usd.model.physics import MASS
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_root
@@ -226,14 +227,16 @@ def export_layer(layer: Sdf.Layer, target: Path, form: str) -> Path:
     try:
         temporary = temporary_beside(target, ".usd")
     except OSError as error:
-        raise StageError(f"{target}: cannot be written ({error.strerror})") from error
+        raise unwritten(target, error, StageError) from error
     try:
         written = layer.Export(str(temporary), "", {"format": form})
     except Tf.ErrorException:
         written = False
     if not written:
         temporary.unlink(missing_ok=True)
-        raise StageError(f"{target}: cannot be written; is the disk full?")
+        if shutil.disk_usage(target.parent).free < len(layer.ExportToString()):
+            raise NoRoomError(f"{target} cannot be written: the disk is full")
+        raise StageError(f"{target}: cannot be written")
     return temporary
 
 
@@ -251,6 +254,6 @@ def _put_in_place(files: Mapping[Path, Path]) -> None:
         except OSError as error:
             for path in made:
                 path.unlink(missing_ok=True)
-            raise StageError(f"{target}: cannot be written ({error.strerror})") from error
+            raise unwritten(target, error, StageError) from error
         if is_new:
             made.append(target)

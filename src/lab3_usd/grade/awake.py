@@ -1,0 +1,26 @@
+"""Time that passes while this process runs: no sleep of the machine, and no Ctrl-Z."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+
+_BETWEEN_LOOKS = 1.0  # seconds that count at most, of those since the last look
+
+
+@dataclass(slots=True)
+class AwakeClock:
+    """Counts seconds for somebody who looks several times a second.
+
+    Where nobody has looked for longer, this process was stopped, and what it waits for perhaps too.
+    """
+
+    awake: float = 0.0
+    looked: float = field(default_factory=time.monotonic)
+
+    def seconds(self) -> float:
+        """Return for how long this process has been awake since the clock was made."""
+        now = time.monotonic()
+        self.awake += min(now - self.looked, _BETWEEN_LOOKS)
+        self.looked = now
+        return self.awake
