@@ -27,7 +27,8 @@ from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import worker_main
 from lab3_usd.grade.workers.messages import PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import grade_submission
-from lab3_usd.judge.folder import FolderSettings, check_folder, opens_all
+from lab3_usd.deliverables.maps import opens_all
+from lab3_usd.judge.folder import FolderSettings, check_folder
 from lab3_usd.model.dry_run import Check
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import (

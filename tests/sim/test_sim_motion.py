@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from array import array
+from collections.abc import Sequence
 
 import pytest
 from breaking import correct_stage
-from pxr import Gf, Sdf, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom
 from scene_changes import (
     FLOOR,
     JOINTS,
@@ -22,7 +24,7 @@ from scene_changes import (
 )
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, ScenePrim, about, rotation
-from lab3_usd.sim.geometry import cut, distance, height_at, joined, placed
+from lab3_usd.sim.geometry import Surface, cut, distance, height_at, joined, placed
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.robot.machine import Machine
 from lab3_usd.sim.robot.machines import Machines
@@ -168,10 +170,10 @@ def prim(kind: str, **values: object) -> ScenePrim:
 
 
 def test_a_cube_is_cut_into_a_square() -> None:
-    square = joined(cut(placed(prim("Cube", size=2.0), HERE), 0.5))
+    square = joined(cut([placed(prim("Cube", size=2.0), HERE)], 0.5))
     assert len(square) == 4
     assert distance(square, 0.0, 0.0) == pytest.approx(1.0)
-    assert cut(placed(prim("Cube", size=2.0), HERE), 1.5) == []
+    assert cut([placed(prim("Cube", size=2.0), HERE)], 1.5) == []
 
 
 @pytest.mark.parametrize(
@@ -185,16 +187,53 @@ def test_a_cube_is_cut_into_a_square() -> None:
     ids=lambda each: getattr(each, "type", ""),
 )
 def test_round_shapes_are_cut_into_circles(shape: ScenePrim, radius: float) -> None:
-    found = cut(placed(shape, HERE), 0.3)
+    found = cut([placed(shape, HERE)], 0.3)
     assert max(math.hypot(x, y) for x, y, _, _ in found) == pytest.approx(radius, rel=0.01)
 
 
+def mesh(faces: Sequence[int]) -> Surface:
+    """Return a square that rises with y, of the points of one face."""
+    points = array("f", (0, 0, 0, 1, 0, 0, 1, 1, 2, 0, 1, 2))
+    values = {"points": points, "faceVertexCounts": [len(faces)], "faceVertexIndices": faces}
+    buffers = {
+        name: memoryview(value if isinstance(value, array) else array("i", value))
+        for name, value in values.items()
+    }
+    return placed(prim("Mesh", **buffers), HERE)
+
+
 def test_a_mesh_is_what_its_faces_say() -> None:
-    points = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 2.0), (0.0, 1.0, 2.0))
-    mesh = prim("Mesh", points=points, faceVertexCounts=(4,), faceVertexIndices=(0, 1, 2, 3))
-    assert height_at(placed(mesh, HERE), 0.5, 0.5, 9.0) == pytest.approx(1.0)
-    assert height_at(placed(mesh, HERE), 0.5, 0.5, 0.9) is None
-    assert height_at(placed(mesh, HERE), 1.5, 0.5, 9.0) is None
+    square = [mesh((0, 1, 2, 3))]
+    assert height_at(square, 0.5, 0.5, 9.0) == pytest.approx(1.0)
+    assert height_at(square, 0.5, 0.5, 0.9) is None
+    assert height_at(square, 1.5, 0.5, 9.0) is None
+    assert sorted(cut(square, 1.0)) == [(0.5, 0.5, 0.0, 0.5), (1.0, 0.5, 0.5, 0.5)]
+
+
+@pytest.mark.parametrize("faces", [(0, 1, 2, 4), (0, 1, 2, -1)])
+def test_a_face_of_points_that_are_not_there_is_none(faces: Sequence[int]) -> None:
+    assert cut([mesh(faces)], 1.0) == []
+
+
+def test_arrays_of_geometry_are_read_as_buffers_and_only_where_a_ray_can_meet_them() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    shape = UsdGeom.Mesh.Define(stage, "/Mesh")
+    shape.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (1, 1, 2)])
+    shape.CreateNormalsAttr([(0, 0, 1)] * 3)
+    UsdGeom.PointInstancer.Define(stage, "/Trees").CreatePositionsAttr([(0, 0, 0)])
+    prims = read_scene(stage, load_platform()).prims
+    assert isinstance(prims["/Mesh"].values["points"], memoryview)
+    assert "normals" not in prims["/Mesh"].values
+    assert "positions" not in prims["/Trees"].values
+
+
+def test_what_is_below_a_prim_follows_it_in_the_stage() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    for path in ("/A/B/C", "/AB", "/A/D"):
+        stage.DefinePrim(path)
+    scene = read_scene(stage, load_platform())
+    assert [below.path for below in scene.below("/A")] == ["/A", "/A/B", "/A/B/C", "/A/D"]
+    assert list(scene.below("/B")) == []
 
 
 ROOM = (

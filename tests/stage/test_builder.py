@@ -32,7 +32,7 @@ from starters import (
     text_starter,
 )
 
-from lab3_usd.errors import StageError, UsageError
+from lab3_usd.errors import NoRoomError, StageError, UsageError
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.write.builder import (
     BuildOptions,
@@ -546,12 +546,25 @@ class Stubborn:
             raise Tf.ErrorException
         return False
 
+    def ExportToString(self) -> str:  # noqa: N802 - usd-core's name
+        return "#usda 1.0"
+
 
 @pytest.mark.parametrize("raising", [False, True])
 def test_a_layer_that_cannot_be_written_leaves_no_file(raising: bool, tmp_path: Path) -> None:  # noqa: FBT001 - a parameter
     with pytest.raises(StageError) as failed:
         export_layer(Stubborn(raising=raising), tmp_path / "a.usda", "usda")
     assert str(tmp_path / "a.usda") in str(failed.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_layer_that_finds_no_room_on_the_disk_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = shutil.disk_usage(tmp_path)._replace(free=0)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: usage)
+    with pytest.raises(NoRoomError):
+        export_layer(Stubborn(raising=False), tmp_path / "a.usda", "usda")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 from msgspec import Struct
@@ -165,8 +166,19 @@ class SceneGraph(Struct, frozen=True):
 RENDER_PRODUCT = "RenderProduct"
 
 
+LARGEST = 1e9
+
+
+def bounded(number: float) -> float:
+    """Return a number as one can go on with: what is none is 0, and none is beyond all rooms."""
+    return max(-LARGEST, min(LARGEST, number)) if number == number else 0.0  # noqa: PLR0124 - NaN
+
+
 class ScenePrim(Struct, frozen=True):
-    """A prim that is not a node; `world` is its authored pose."""
+    """A prim that is not a node; `world` is its authored pose.
+
+    Among `values` the arrays of a mesh are buffers; arrays of other geometry are left out.
+    """
 
     path: str
     type: str
@@ -178,7 +190,7 @@ class ScenePrim(Struct, frozen=True):
     loose: bool = False  # `!resetXformStack!`: it does not go with what is above it
 
 
-class Scene(Struct, frozen=True):
+class Scene(Struct, frozen=True, dict=True):
     """A stage: its units, its graphs, and its prims by path in the order of the stage.
 
     `missing` are the assets that cannot be found, by the prim that refers to them.
@@ -191,11 +203,28 @@ class Scene(Struct, frozen=True):
     missing: dict[str, str]
 
     def below(self, path: str) -> Iterator[ScenePrim]:
-        """Yield a prim and all below it."""
-        inside = f"{path}/"
-        for prim in self.prims.values():
-            if prim.path == path or prim.path.startswith(inside):
-                yield prim
+        """Yield a prim and all below it: what follows it in the stage."""
+        inside, paths = f"{path}/", self._paths
+        first = self._places.get(path)
+        if first is not None:
+            yield self.prims[path]
+            first += 1
+        else:  # a node, or no prim at all
+            first = next(
+                (k for k, below in enumerate(paths) if below.startswith(inside)), len(paths)
+            )
+        for place in range(first, len(paths)):
+            if not paths[place].startswith(inside):
+                break
+            yield self.prims[paths[place]]
+
+    @cached_property
+    def _paths(self) -> list[str]:
+        return list(self.prims)
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {path: place for place, path in enumerate(self._paths)}
 
     def above(self, path: str) -> Iterator[ScenePrim]:
         """Yield a prim and all above it, nearest first."""

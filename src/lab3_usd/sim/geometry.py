@@ -4,37 +4,131 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
-from itertools import pairwise
+from functools import cached_property, lru_cache
+from itertools import chain, pairwise
 from typing import Any
 
-from lab3_usd.model.dry_run import Affine, ScenePrim, Segment
+from msgspec import Struct
+
+from lab3_usd.model.dry_run import LARGEST, Affine, ScenePrim, Segment, bounded
 from lab3_usd.model.transforms import Vector
 
 Triangle = tuple[Vector, Vector, Vector]
 _Values = Mapping[str, Any]
 SIDES = 32  # of a round shape; its corners lie on the surface
 ENDLESS = 1e3
+BOTH = 2  # sides of a plane, or segments that meet at a point
+IN_LINE = 1e-9
 _MESH, _MEASURES = "Mesh", ("size", "radius", "height", "axis")
+_BUFFERS = ("points", "faceVertexCounts", "faceVertexIndices")
 TURN = {"X": (2, 0, 1), "Y": (1, 2, 0), "Z": (0, 1, 2)}  # where x, y, z of an upright shape go
 
 
-def placed(prim: ScenePrim, at: Affine) -> Sequence[Triangle]:
+class Surface(Struct, frozen=True, dict=True):
+    """A surface of polygons: its points by coordinate, and the points of each face.
+
+    `counts` are the numbers of points of the faces, `indices` these points, face after face. A
+    mesh may have a million of them: nothing is made of a face that nobody asks for.
+    """
+
+    xs: Sequence[float]
+    ys: Sequence[float]
+    zs: Sequence[float]
+    counts: Sequence[int]
+    indices: Sequence[int]
+
+    @cached_property
+    def box(self) -> tuple[Vector, Vector]:
+        """The lowest and the highest coordinates; reversed infinities where there is no point."""
+        low, high = (
+            [edge(column, default=default) for column in (self.xs, self.ys, self.zs)]
+            for edge, default in ((min, math.inf), (max, -math.inf))
+        )
+        return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+
+    def points(self) -> Iterator[Vector]:
+        """Yield the points of the faces."""
+        for number in sorted(set(self.indices)):
+            if 0 <= number < len(self.xs):
+                yield self.xs[number], self.ys[number], self.zs[number]
+
+    def triangles(self) -> Iterator[Triangle]:
+        """Yield every face in triangles."""
+        for face in self._faces():
+            yield from self._fan(face)
+
+    def crossing(self, normal: Vector, offset: float) -> Iterator[Triangle]:
+        """Yield the triangles of the faces that the plane normal * point = offset cuts."""
+        a, b, c = normal
+        if not self._is_near(normal, offset):
+            return
+        columns = zip(self.xs, self.ys, self.zs, strict=True)
+        above = [a * x + b * y + c * z > offset for x, y, z in columns]
+        if not any(above):
+            return
+        for face in self._faces():
+            if len({above[number] for number in face}) == BOTH:
+                yield from self._fan(face)
+
+    def _is_near(self, normal: Vector, offset: float) -> bool:
+        """Whether a plane cuts the box of the surface."""
+        low, high = self.box
+        ends = [sorted((k * p, k * q)) for k, p, q in zip(normal, low, high, strict=True)]
+        least, most = sum(end[0] for end in ends), sum(end[1] for end in ends)
+        near = IN_LINE * (1 + abs(offset) + abs(least) + abs(most))  # rounding
+        return least - near <= offset <= most + near
+
+    def _faces(self) -> Iterator[Sequence[int]]:
+        """Yield the points of each face whose points are all there."""
+        at, last = 0, len(self.xs)
+        is_sound = not self.indices or (min(self.indices) >= 0 and max(self.indices) < last)
+        for count in self.counts:
+            face = self.indices[at : at + count]
+            at += count
+            if len(face) == count and (is_sound or all(0 <= number < last for number in face)):
+                yield face
+
+    def _fan(self, face: Sequence[int]) -> Iterator[Triangle]:
+        xs, ys, zs = self.xs, self.ys, self.zs
+        return _fan([(xs[number], ys[number], zs[number]) for number in face])
+
+
+def placed(prim: ScenePrim, at: Affine) -> Surface:
     """Return the surface of a shape that stands at `at`, its scale included."""
     if prim.type == _MESH:
-        return _at(at, _mesh(prim.values))
+        return _mesh(prim.values, at)
     return _placed(prim.type, tuple(prim.values.get(name) for name in _MEASURES), at)
 
 
 @lru_cache(maxsize=128)
-def _placed(kind: str, measures: Sequence[Any], at: Affine) -> Sequence[Triangle]:
+def _placed(kind: str, measures: Sequence[Any], at: Affine) -> Surface:
     """Return the surface of a shape without points; the stages of a class have the same room."""
     maker = _MAKERS.get(kind)
-    return () if maker is None else _at(at, maker(dict(zip(_MEASURES, measures, strict=True))))
+    triangles = () if maker is None else maker(dict(zip(_MEASURES, measures, strict=True)))
+    points = [at.point(point) for triangle in triangles for point in triangle]
+    xs, ys, zs = (tuple(point[k] for point in points) for k in range(3))
+    return Surface(xs, ys, zs, (3,) * (len(points) // 3), range(len(points)))
 
 
-def _at(at: Affine, surface: Iterable[Triangle]) -> Sequence[Triangle]:
-    return tuple((at.point(a), at.point(b), at.point(c)) for a, b, c in surface)
+def _mesh(values: _Values, at: Affine) -> Surface:
+    """Return the surface of a mesh, whose arrays are buffers."""
+    flat, counts, indices = (_numbers(values.get(name)) for name in _BUFFERS)
+    if flat and not (math.isfinite(sum(flat)) and -LARGEST <= min(flat) <= max(flat) <= LARGEST):
+        flat = list(map(bounded, flat))
+    x, y, z = (flat[k::3] for k in range(3))
+    xs, ys, zs = (
+        [a * p + b * q + c * r + w for p, q, r in zip(x, y, z, strict=True)]
+        for (a, b, c), w in zip(at.rows, at.origin, strict=True)
+    )
+    return Surface(xs, ys, zs, counts, indices)
+
+
+def _numbers(buffer: memoryview | None) -> list[Any]:
+    """Return the numbers of a buffer, one after the other."""
+    if buffer is None or not buffer.nbytes:
+        return []
+    numbers: list[Any] = buffer.cast("B").cast(buffer.format).tolist()  # type: ignore[call-overload]
+    return numbers
 
 
 def _number(values: _Values, name: str, default: float) -> float:
@@ -115,17 +209,6 @@ def _plane(values: _Values) -> Iterator[Triangle]:
     yield from _fan(turned)  # type: ignore[arg-type]
 
 
-def _mesh(values: _Values) -> Iterator[Triangle]:
-    points = values.get("points") or ()
-    indices = values.get("faceVertexIndices") or ()
-    at = 0
-    for count in values.get("faceVertexCounts") or ():
-        face = indices[at : at + count]
-        at += count
-        if len(face) == count and all(0 <= number < len(points) for number in face):
-            yield from _fan([points[number] for number in face])
-
-
 _MAKERS = {
     "Cube": _cube,
     "Sphere": _sphere,
@@ -136,24 +219,16 @@ _MAKERS = {
 }
 
 
-BOTH = 2  # segments that meet at a point
-IN_LINE = 1e-9
-
-
-def straddling(surface: Sequence[Triangle], at: Affine) -> Iterator[Triangle]:
+def straddling(surface: Surface, at: Affine) -> Iterator[Triangle]:
     """Yield the triangles of a surface that stands at `at`, where z = 0 cuts it."""
-    _, _, (g, h, i) = at.rows
-    _, _, w = at.origin
-    for (x, y, z), (p, q, r), (s, t, u) in surface:
-        above = g * x + h * y + i * z + w > 0
-        if (g * p + h * q + i * r + w > 0) != above or (g * s + h * t + i * u + w > 0) != above:
-            yield at.point((x, y, z)), at.point((p, q, r)), at.point((s, t, u))
+    for a, b, c in surface.crossing(at.rows[2], -at.origin[2]):
+        yield at.point(a), at.point(b), at.point(c)
 
 
-def cut(surface: Sequence[Triangle], height: float) -> list[Segment]:
+def sections(triangles: Iterable[Triangle], height: float) -> list[Segment]:
     """Return what the plane z = height cuts out of triangles."""
     segments = []
-    for triangle in surface:
+    for triangle in triangles:
         (_, _, a), (_, _, b), (_, _, c) = triangle
         if (a > height and b > height and c > height) or (
             a <= height and b <= height and c <= height
@@ -169,10 +244,26 @@ def cut(surface: Sequence[Triangle], height: float) -> list[Segment]:
     return segments
 
 
-def height_at(surface: Sequence[Triangle], x: float, y: float, below: float) -> float | None:
-    """Return the height of the highest triangle over (x, y) that is not above `below`."""
+def cut(surfaces: Iterable[Surface], height: float) -> list[Segment]:
+    """Return what the plane z = height cuts out of surfaces."""
+    upward = (0.0, 0.0, 1.0)
+    return sections(
+        chain.from_iterable(surface.crossing(upward, height) for surface in surfaces), height
+    )
+
+
+def height_at(surfaces: Iterable[Surface], x: float, y: float, below: float) -> float | None:
+    """Return the height of the highest surface over (x, y) that is not above `below`."""
+    heights = (_height_at(surface, x, y, below) for surface in surfaces)
+    return max((height for height in heights if height is not None), default=None)
+
+
+def _height_at(surface: Surface, x: float, y: float, below: float) -> float | None:
+    (left, near, low), (right, far, _) = surface.box
+    if not (left <= x <= right and near <= y <= far and low <= below):
+        return None
     best = None
-    for (ax, ay, az), (bx, by, bz), (cx, cy, cz) in surface:
+    for (ax, ay, az), (bx, by, bz), (cx, cy, cz) in surface.triangles():
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
         if not area:
             continue

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from functools import cache, lru_cache
 
 from msgspec import Struct, field
 
 from lab3_usd.model.dry_run import Affine, Scene, Segment
-from lab3_usd.sim.geometry import Triangle, cut, joined, placed, straddling
+from lab3_usd.sim.geometry import (
+    Surface,
+    Triangle,
+    cut,
+    joined,
+    placed,
+    sections,
+    straddling,
+)
 from lab3_usd.sim.robot.machines import Machines
 
 _MOST_KEPT = 128  # sweeps: a lidar that stands, or comes there again, sees the same
@@ -72,8 +81,8 @@ LEVEL = 1e-6  # radians by which a beam may lean and its cut still be kept
 class Surroundings(Struct):
     """The visible shapes of a stage; what moves with a body is kept apart."""
 
-    still: list[Triangle]
-    moving: dict[str, list[Triangle]]  # by body, in its frame
+    still: list[Surface]
+    moving: dict[str, list[Surface]]  # by body, in its frame
     cuts: dict[float, list[Segment]] = field(default_factory=dict)
     own: dict[str, list[Segment]] = field(default_factory=dict)  # by sensor
 
@@ -86,11 +95,10 @@ class Surroundings(Struct):
                 body = machines.body_of(prim.path)
                 if body:
                     back = machines.bodies[body].world.rigid().inverse()
-                    surroundings.moving.setdefault(body, []).extend(
-                        placed(prim, back.then(prim.world))
-                    )
+                    surface = placed(prim, back.then(prim.world))
+                    surroundings.moving.setdefault(body, []).append(surface)
                 else:
-                    surroundings.still.extend(placed(prim, prim.world))
+                    surroundings.still.append(placed(prim, prim.world))
         return surroundings
 
     def around(self, at: Affine) -> list[Segment]:
@@ -98,7 +106,7 @@ class Surroundings(Struct):
         back = at.inverse()
         (_, _, lean), (_, _, tilt), (_, _, up) = at.rows
         if abs(lean) + abs(tilt) > LEVEL or up < 0:
-            return cut(list(straddling(self.still, back)), 0.0)
+            return sections(_straddling(self.still, back), 0.0)
         level = self.level(at.origin[2])
         (c, s, _), (d, e, _), _ = back.rows
         x, y, _ = back.origin
@@ -119,10 +127,10 @@ class Surroundings(Struct):
         own = machines.member.get(machines.body_of(sensor))
         back = machines.inverse(sensor)
         shapes: list[Triangle] = []
-        for body, surface in self.moving.items():
+        for body, surfaces in self.moving.items():
             if machines.member[body] is not own:
-                shapes += straddling(surface, back.then(machines.place(body)))
-        return joined(cut(shapes, 0.0)) if shapes else []
+                shapes += _straddling(surfaces, back.then(machines.place(body)))
+        return joined(sections(shapes, 0.0)) if shapes else []
 
     def carried(self, sensor: str, machines: Machines) -> list[Segment]:
         """Return what the plane of a sensor cuts out of the machine that carries it."""
@@ -132,6 +140,12 @@ class Surroundings(Struct):
             surface: list[Triangle] = []
             for body in machine.rest if machine is not None else ():
                 place = back.then(machines.place(body))
-                surface += straddling(self.moving.get(body, ()), place)
-            self.own[sensor] = joined(cut(surface, 0.0))
+                surface += _straddling(self.moving.get(body, ()), place)
+            self.own[sensor] = joined(sections(surface, 0.0))
         return self.own[sensor]
+
+
+def _straddling(surfaces: Iterable[Surface], at: Affine) -> Iterator[Triangle]:
+    """Yield the triangles of surfaces that stand at `at`, where z = 0 cuts them."""
+    for surface in surfaces:
+        yield from straddling(surface, at)

@@ -209,7 +209,6 @@ class Machines:
             for prim in scene.prims.values()
             if collides(prim) and self.body_of(prim.path) == ""
         }
-        self.static = [triangle for surface in self._solid.values() for triangle in surface]
         self.machines = self._bodies.machines()
         self.member = {body: machine for machine in self.machines for body in machine.rest}
         self._local: dict[str, tuple[str, Affine]] = {}
@@ -313,7 +312,7 @@ class Machines:
             return
         unit = 1.0 / self.scene.meters_per_unit
         x, y, z = machine.start.origin
-        ground = height_at(self.static, x, y, z + STEP_UP * unit)
+        ground = height_at(self._solid.values(), x, y, z + STEP_UP * unit)
         if ground is None and self.has_ground and not machine.held:
             machine.is_given_ground = True
             ground = z + min(point[2] for point in every)
@@ -322,7 +321,7 @@ class Machines:
         else:
             low = min(point[2] for point in every)
             machine.home = 0.0 if machine.held else ground - low - z
-            machine.walls = cut(self.static, ground + SKIRT * unit)
+            machine.walls = cut(self._solid.values(), ground + SKIRT * unit)
         if machine.grounded and ground is not None:
             low = min(point[2] for point in every)
             for joint in machine.joints.values():
@@ -353,14 +352,14 @@ class Machines:
         return [
             path
             for path, surface in self._solid.items()
-            if any(height_at(surface, u, v, z + step) is not None for u, v in spots)
+            if any(height_at((surface,), u, v, z + step) is not None for u, v in spots)
         ]
 
     def _grips(self, body: str, ground: float, wheel: Wheel) -> bool:
         """Whether a shape of a wheel has friction on what it stands on."""
         (x, y), (u, v, _) = wheel.contact, self.member[body].start.origin
         heights = {
-            path: height_at(surface, x + u, y + v, ground + LEVEL)
+            path: height_at((surface,), x + u, y + v, ground + LEVEL)
             for path, surface in self._solid.items()
         }
         below = [path for path, at in heights.items() if at is not None and at >= ground - LEVEL]
@@ -405,7 +404,7 @@ class Machines:
         for prim in self.scene.below(body):
             if collides(prim) and self.body_of(prim.path) == body:
                 at = base.then(machine.rest[body]).then(back).then(prim.world)
-                corners.extend(point for triangle in placed(prim, at) for point in triangle)
+                corners.extend(placed(prim, at).points())
         return corners
 
 

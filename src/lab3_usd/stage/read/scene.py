@@ -19,6 +19,7 @@ from lab3_usd.model.dry_run import (
     SceneGraph,
     SceneNode,
     ScenePrim,
+    bounded,
 )
 from lab3_usd.stage.read.assets import find_unresolved
 from lab3_usd.stage.read.properties import CENTIMETRES, stage_number, targets_of
@@ -29,7 +30,6 @@ GRAPH, NODE = "OmniGraph", "OmniGraphNode"
 VARIABLE = "graph:variable:"  # how the attributes begin that hold variables of a graph
 IGNORED = ("Replicator", "Render")
 UNSEEN = ("guide",)
-LARGEST = 1e9
 LEAST_UNIT = 1e-4
 NO_TIME = Usd.TimeCode.Default()
 TIMELESS = ("physics", "drive:", "isaac:")  # what is parsed once, without a time
@@ -179,7 +179,8 @@ def _size(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Any:
     value = attribute.Get(time)
     if not _is_readable(attribute, value):
         value = prim.GetPrimDefinition().GetAttributeFallbackValue(name)
-    return plain(value)
+    is_array = value is not None and attribute.GetTypeName().isArray
+    return memoryview(value) if is_array else plain(value)
 
 
 def _prim(
@@ -193,6 +194,8 @@ def _prim(
             is_placed = is_placed or name == ORDER
             continue
         if isinstance(authored, Usd.Attribute):
+            if ":" not in name and authored.GetTypeName().isArray:
+                continue  # geometry, of which only what a ray meets is read, below
             value = authored.Get(NO_TIME if name.startswith(TIMELESS) else time)
             if _is_readable(authored, value):
                 values[name] = plain(value)
@@ -228,11 +231,6 @@ def _affine(matrix: Any) -> Affine:
     """Return a matrix of USD, which multiplies rows from the left."""
     *axes, origin = (tuple(bounded(matrix[row, k]) for k in range(3)) for row in range(4))
     return Affine(tuple(zip(*axes, strict=True)), origin)  # type: ignore[arg-type]
-
-
-def bounded(number: float) -> float:
-    """Return a number as one can go on with: what is none is 0, and none is beyond all rooms."""
-    return max(-LARGEST, min(LARGEST, number)) if number == number else 0.0  # noqa: PLR0124 - NaN
 
 
 def plain(value: Any) -> Any:
