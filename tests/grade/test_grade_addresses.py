@@ -17,11 +17,10 @@ from workers_here import graded_here
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings
+from lab3_usd.grade.intake.addresses import is_address, shown
 from lab3_usd.grade.intake.remote import (
-    _sorted_out,
     entries_at,
     fetched,
-    is_address,
     local_path,
 )
 from lab3_usd.grade.intake.staging import Source
@@ -57,7 +56,13 @@ class Faulty(memory.MemoryFileSystem):  # type: ignore[misc, name-defined]  # fs
                 each["islink"] = True
             if "unsized" in each["name"]:
                 each["size"] = None
+            if "short" in each["name"]:
+                each["size"] += 10
         return found if detail else [each["name"] for each in found]
+
+    def info(self, path: str, **options: Any) -> Any:
+        found = super().info(path, **options)
+        return {**found, "size": None} if "unsized" in path else found
 
     def open(self, path: str, mode: str = "rb", **options: Any) -> Any:
         if "forbidden" in path:
@@ -116,6 +121,25 @@ def test_addresses_are_told_from_paths() -> None:
     assert is_address("s3://course/lab3")
     assert not is_address("/course/lab3")
     assert not is_address("C:\\course")
+
+
+@pytest.mark.parametrize(
+    ("address", "printed"),
+    [
+        ("https://user:pa/ss@w:ord@host/class", "https://***@host/class"),
+        ("ftp://user@host/class", "ftp://***@host/class"),
+        ("simplecache::s3://KEY:SE/CRET@bucket/lab3", "simplecache::s3://***@bucket/lab3"),
+        ("https://host/all.zip?sig=abc&x=1", "https://host/all.zip?***"),
+        ("http://host:8000/jane@uni/a?.zip", "http://host:8000/jane@uni/a?.zip"),
+        ("s3://course/lab3", "s3://course/lab3"),
+    ],
+)
+def test_what_opens_a_storage_is_not_printed(address: str, printed: str) -> None:
+    assert shown(address) == printed
+
+
+def test_a_path_is_printed_as_it_is() -> None:
+    assert shown(Path("a:b@c?d=e")) == "a:b@c?d=e"
 
 
 @pytest.mark.parametrize("address", ["nonsense://course", "file:///no/such/folder"])
@@ -212,6 +236,27 @@ def test_a_storage_that_hangs_is_not_waited_for(
     assert "took longer than 0.1 s" in source.fault
 
 
+def test_a_download_that_is_shorter_than_listed_is_not_graded(tmp_path: Path) -> None:
+    put({"jane/a.usda": b"x", "jane/short.usda": b"12345"}, "faulty")
+    source = got("faulty://class/jane", tmp_path)
+    assert source.fault == "short.usda: the download ended after 5 of 15 bytes"
+
+
+def test_the_reason_names_the_submission(tmp_path: Path) -> None:
+    rows = graded(put({"jane/forbidden.usda": b"x"}, "faulty"), tmp_path / "book")
+    assert rows["jane"]["reason"] == ("jane: forbidden.usda: cannot be fetched (Permission denied)")
+
+
+def test_a_page_that_leads_to_itself_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def twice(_storage: Any, path: str, **_options: Any) -> Any:
+        return [{"name": f"{path}/{name}", "type": "directory", "size": 0} for name in "ab"]
+
+    put({"jane/a.usda": b"x"})
+    monkeypatch.setattr(memory.MemoryFileSystem, "ls", twice)
+    with pytest.raises(TooLargeError):
+        got("memory://class/jane", tmp_path, Limits(files=100))
+
+
 def test_a_file_that_grows_as_it_is_fetched_is_too_large(tmp_path: Path) -> None:
     address = put({"unsized/a.usda": bytes(3 << 20)}, "faulty")
     rows = graded(address, tmp_path / "book", limits=Limits(total_size=1 << 20))
@@ -228,16 +273,16 @@ def test_what_nobody_opens_is_not_fetched_and_counts_by_its_name(tmp_path: Path)
     assert len(found["demo.mp4"]) == 8 << 20  # larger than a picture may be
 
 
-def test_of_a_listing_files_are_fetched_and_no_folders() -> None:
-    listing = {
-        "class/jane/a.usda": {"type": "file", "size": 1},
-        "class/jane/folder": {"type": "directory", "size": 0},
-        "class/jane/mark/": {"type": "file", "size": 0},  # as S3 lists a folder
-    }
-    assert _sorted_out(listing, "class/jane", Limits()) == (
-        {"a.usda": ("class/jane/a.usda", 1)},
-        [],
-    )
+def test_of_a_listing_files_are_fetched_and_no_folders(tmp_path: Path) -> None:
+    put({"jane/a.usda": b"x", "jane/mark/": b"", "jane/folder/b.usda": b"y"})
+    storage = fsspec.filesystem("memory")
+    storage.store["/class/jane/mark/"] = memory.MemoryFile(storage, "/class/jane/mark/", b"")
+    source = got("memory://class/jane", tmp_path)
+    assert sorted(path.removeprefix("jane/") for path in files_below(source.path)) == [
+        "a.usda",
+        "folder/b.usda",
+    ]
+    assert source.left_out == ()
 
 
 def test_a_file_that_no_place_is_left_for_costs_itself_alone(tmp_path: Path) -> None:
@@ -247,7 +292,7 @@ def test_a_file_that_no_place_is_left_for_costs_itself_alone(tmp_path: Path) -> 
     source = got("memory://class/jane", tmp_path)
     assert files_below(source.path)["b.usda"] == b"z"
     assert source.fault == ""
-    assert [file.path for file in source.left_out] == ["a/c.usda"]
+    assert [file.path for file in source.left_out] == ["a/"]
 
 
 def found_at(address: str) -> tuple[dict[str, StudentSubmission], list[str]]:
@@ -326,7 +371,7 @@ def test_a_folder_that_cannot_be_listed_is_one_students_fault(
     def refuse(*_arguments: Any, **_options: Any) -> Any:
         raise TimeoutError
 
-    monkeypatch.setattr(memory.MemoryFileSystem, "find", refuse)
+    monkeypatch.setattr(memory.MemoryFileSystem, "ls", refuse)
     assert got("memory://class/jane", tmp_path).fault == "cannot be listed (TimeoutError)"
 
 

@@ -253,7 +253,7 @@ def _regrade(options: dict[str, Any]) -> None:
 def _grade(submissions: str, options: dict[str, Any]) -> None:
     """Grade a class into a gradebook."""
     from lab3_usd.grade.class_run import ClassSettings, grade_class
-    from lab3_usd.grade.intake.remote import is_address
+    from lab3_usd.grade.intake.addresses import is_address
 
     settings = ClassSettings(
         submissions=submissions if is_address(submissions) else Path(submissions),

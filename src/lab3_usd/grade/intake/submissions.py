@@ -16,6 +16,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
+from lab3_usd.grade.intake.addresses import address_below, name_at, shown
 from lab3_usd.grade.intake.archives import ArchiveError, is_archive, unpack
 from lab3_usd.grade.intake.platforms import (
     ARCHIVE_END,
@@ -97,11 +98,8 @@ def submissions_in(place: Path | str) -> Iterator[ClassLocation]:
         return
     with scratch_folder("lab3-class-") as scratch:
         path = place if isinstance(place, Path) else archive_at(place, scratch, _CLASS)
-        yield (
-            ClassLocation(place, str(place))
-            if path is None
-            else _unpacked(path, str(place), scratch)
-        )
+        given = shown(place)
+        yield ClassLocation(place, given) if path is None else _unpacked(path, given, scratch)
 
 
 def _is_folder(place: Path) -> bool:
@@ -216,7 +214,7 @@ def find_submissions(
     Raises:
         UsageError: there is no such folder, it cannot be read, or nothing in it is a submission.
     """
-    location = place if isinstance(place, ClassLocation) else ClassLocation(place, str(place))
+    location = place if isinstance(place, ClassLocation) else ClassLocation(place, shown(place))
     parts = (
         _at_address(location, location.where, notify)
         if isinstance(location.where, str)
@@ -229,16 +227,19 @@ def find_submissions(
 
 def _at_address(location: ClassLocation, address: str, notify: Notify) -> list[SubmissionPart]:
     entries = entries_at(address)
-    name = address.rstrip("/").rpartition("/")[2]
     if looks_like_submission(entries):
-        return [SubmissionPart(name, name, Source(Path(name), address=address))]
+        name = name_at(address)
+        whole = address_below(address, "", is_folder=False)
+        return [SubmissionPart(name, name, Source(Path(name), address=whole))]
     names = StudentNames({}, "")
     if (METADATA, False) in entries:
         names = names_in(read_at(address, METADATA))
     parts = []
     for part in _parts(location, entries, names, notify):
-        source = replace(part.source, address=f"{address.rstrip('/')}/{part.source.path}")
-        if "::" in source.path.name:  # fsspec would read it as an address of its own
+        name = part.source.path.name
+        below = address_below(address, name, is_folder=(name, True) in entries)
+        source = replace(part.source, address=below)
+        if "::" in below.removeprefix(address):  # fsspec would read it as an address of its own
             fault = "its name holds '::' which cannot be part of an address"
             source = replace(part.source, fault=fault)
         parts.append(replace(part, source=source))
