@@ -11,11 +11,12 @@ from pathlib import Path
 import forking
 import pytest
 from mini_lab import cut_wire, files_below, stage, starter, submission
+from msgspec.structs import replace
 from web_server import WebServer, served
-from workers_here import graded_here
+from workers_here import graded_here, workers_here
 
 from lab3_usd.errors import UsageError
-from lab3_usd.grade.class_run import ClassSettings
+from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.gradebook import Rows
 from lab3_usd.grade.intake.submissions import find_submissions, submissions_in
 
@@ -148,7 +149,7 @@ def test_the_reason_of_a_web_server_is_said(server: WebServer) -> None:
 
 @pytest.mark.parametrize("fault", ["short", "gone", HTTPStatus.INTERNAL_SERVER_ERROR])
 @pytest.mark.parametrize("where", ["class/ben/work/", "carl.zip", STAGE])
-def test_what_a_server_does_not_give_whole_is_not_graded(
+def test_what_a_server_does_not_give_whole_is_no_grade(
     server: WebServer, tmp_path: Path, fault: str | HTTPStatus, where: str
 ) -> None:
     def faulty(path: str) -> str | HTTPStatus | None:
@@ -157,6 +158,25 @@ def test_what_a_server_does_not_give_whole_is_not_graded(
     server.fault = faulty
     rows = {row["student"]: row for row in graded(f"{server.address}/class", tmp_path / "book")}
     affected = {"class/ben/work/": {"ben"}, "carl.zip": {"carl"}}.get(where, {"ben", "dora"})
-    assert affected <= {name for name, row in rows.items() if row["status"] == "unreadable"}
+    assert affected <= {name for name, row in rows.items() if row["status"] == "tool failed"}
     for name in affected:
-        assert rows[name]["reason"].startswith((f"{name}: ", f"{name}.zip: ", "Lab3", "dora_"))
+        assert rows[name]["reason"].startswith(f"tool failed: {name}")
+
+
+def test_a_server_that_dies_half_way_takes_no_points_and_the_run_goes_on_later(
+    place: Path, server: WebServer, tmp_path: Path
+) -> None:
+    graded(place, tmp_path / "alone")
+
+    def die(done: int, _total: int) -> None:
+        if done == 2:
+            server.fault = lambda _path: "gone"
+
+    settings = ClassSettings(f"{server.address}/class", starter(), tmp_path / "book")
+    with workers_here():
+        rows = list(grade_class(settings, die))
+        assert {row["status"] for row in rows} <= {"graded", "empty", "tool failed"}
+        assert all("cannot be" in row["reason"] for row in rows if row["status"] == "tool failed")
+        server.fault = lambda _path: None
+        grade_class(replace(settings, resume=True))
+    assert files_below(tmp_path / "book") == files_below(tmp_path / "alone")

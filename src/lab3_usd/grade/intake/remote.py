@@ -14,7 +14,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.errors import Lab3Error, UsageError, is_no_room
+from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.grade.awake import AwakeClock
 from lab3_usd.grade.intake.addresses import (
     StorageLocation,
@@ -31,6 +31,8 @@ from lab3_usd.grade.intake.submission_copy import (
     Limits,
     RefusedFile,
     TooLargeError,
+    UnreachedError,
+    check_reached,
     is_hidden,
     is_read,
     name_fault,
@@ -41,10 +43,6 @@ _LARGER_THAN_PICTURES = 8 << 20
 _SAME_NAME = "a file and a folder have the same name"
 _FAULT = "fault"  # what we find wrong, among what a storage says of a file
 Fetched = tuple[RefusedFile, ...]
-
-
-class FetchError(Lab3Error):
-    """A submission cannot be fetched; the line says why."""
 
 
 class FetchLimits(Struct, frozen=True):
@@ -62,7 +60,7 @@ def fetch(location: StorageLocation, target: Path, bounds: FetchLimits) -> Fetch
 
     Raises:
         TooLargeError: there are too many files, or there is too much in them.
-        FetchError: something cannot be read, or is shorter than listed.
+        UnreachedError: something cannot be read, or is shorter than listed.
     """
     storage = location.storage
     listing, folders = _listing(location, bounds)
@@ -77,7 +75,8 @@ def fetch(location: StorageLocation, target: Path, bounds: FetchLimits) -> Fetch
         try:
             place.parent.mkdir(parents=True, exist_ok=True)
             place.open("xb").close()
-        except OSError:
+        except OSError as error:
+            check_reached(inside, error)
             left_out.append(RefusedFile(inside, f"{_SAME_NAME}, or the name is too long"))
             continue
         if size is not None and not bounds.whole and _is_unread(path, inside, size, bounds.limits):
@@ -100,7 +99,7 @@ def _listing(
 
     Raises:
         TooLargeError: there are too many files and folders.
-        FetchError: a folder cannot be listed.
+        UnreachedError: a folder cannot be listed.
     """
     storage, root = location.storage, location.root
     with _failing(""):
@@ -143,7 +142,7 @@ def entries_of(
     Of a web page those links are entries that lead to the next level.
 
     Raises:
-        FetchError: the folder cannot be listed; `name` says to the reader which one it is.
+        UnreachedError: the folder cannot be listed; `name` says to the reader which one it is.
     """
     with _failing(name, "listed"):
         listing = sorted(storage.ls(folder, detail=True), key=lambda details: details["name"])
@@ -154,7 +153,7 @@ def entries_of(
         if not own or path.strip("/") == folder.strip("/"):
             continue
         is_own = parent == folder.rstrip("/") and not set(end) & set(":?#")
-        if is_address(folder) and (not is_own or own in {".", ".."} or set(own) & set("/\\")):
+        if is_address(folder) and (not is_own or own in {".", ".."} or "/" in own):
             continue
         yield own, path.endswith("/") or details["type"] == "directory", details
 
@@ -167,16 +166,14 @@ def _failing(name: str, done: str = "fetched") -> Iterator[None]:
     except Lab3Error:
         raise
     except Exception as error:
-        if is_no_room(error):
-            raise
         place = f"{without_secrets(name)}: " if name else ""
-        raise FetchError(f"{place}cannot be {done} ({reason_of(error)})") from error
+        raise UnreachedError(f"{place}cannot be {done} ({reason_of(error)})") from error
 
 
 def _sorted_out(
     listing: Mapping[str, Mapping[str, Any]], location: StorageLocation, limits: Limits
 ) -> tuple[dict[str, tuple[str, int | None]], list[RefusedFile]]:
-    """Return plain files and their sizes by their names there, and what is left out."""
+    """Return plain files, with where they are and their sizes, by name, and what is left out."""
     plain: dict[str, tuple[str, int | None]] = {}
     left_out = []
     total = 0
@@ -212,7 +209,7 @@ def _copy(
     """Copy a file and return how many bytes it has.
 
     Raises:
-        FetchError: these are fewer than were listed; connections may end without a word.
+        UnreachedError: these are fewer than were listed; connections may end without a word.
     """
     copied = 0
     with storage.open(path, "rb") as stream, place.open("wb") as file:
@@ -221,14 +218,14 @@ def _copy(
             _check_progress(copied, room, bounds)
             file.write(data)
     if size is not None and copied < size:
-        raise FetchError(f"{name_at(path)}: the download ended after {copied} of {size} bytes")
+        raise UnreachedError(f"{name_at(path)}: the download ended after {copied} of {size} bytes")
     return copied
 
 
 def _check_progress(copied: int, room: int, bounds: FetchLimits) -> None:
     bounds.limits.check_size(bounds.limits.total_size - room + copied)
     if bounds.stopped.is_set():
-        raise FetchError("took too long")
+        raise UnreachedError("took too long")
 
 
 _HOUR = 3600.0
@@ -259,7 +256,7 @@ def entries_at(address: str) -> list[tuple[str, bool]]:
         return sorted(
             (name, is_folder) for name, is_folder, _ in entries_of(location.storage, location.root)
         )
-    except FetchError as error:
+    except UnreachedError as error:
         raise UsageError(f"{without_secrets(address)}: {error}") from error
 
 
@@ -297,7 +294,7 @@ def archive_at(address: str, scratch: Path, limits: Limits) -> Path | None:
     bounds = FetchLimits(limits, threading.Event(), whole=True)
     try:
         within(_HOUR, lambda: fetch(location, scratch / name, bounds), bounds)
-    except (FetchError, TooLargeError) as error:
+    except (UnreachedError, TooLargeError) as error:
         raise UsageError(f"{shown}: {error}") from error
     return scratch / name
 
@@ -310,22 +307,23 @@ def fetched(
 ) -> tuple[Source, ...]:
     """Return sources on this computer: sources with an address are fetched into `folder`.
 
-    What cannot be fetched becomes the fault of its source, for the one submission alone; so does
-    everything once `stopped` is true.
-
     Raises:
         TooLargeError: more would be fetched than a submission may hold.
+        UnreachedError: one cannot be fetched, or `stopped` became true; the line names it.
     """
     return tuple(
-        _fetched(source, folder / str(n), limits, stopped) if source.address else source
+        _fetched(source, folder / str(n), limits, stopped)
+        if source.address or source.fault
+        else source
         for n, source in enumerate(sources)
     )
 
 
 def _fetched(source: Source, target: Path, limits: Limits, stopped: Callable[[], bool]) -> Source:
+    if source.fault:
+        raise UnreachedError(f"{source.path.name}: {source.fault}")
     target.mkdir(parents=True, exist_ok=True)
     bounds = FetchLimits(limits, threading.Event())
-
     path = target / source.path.name
     try:
         left_out = within(
@@ -334,8 +332,10 @@ def _fetched(source: Source, target: Path, limits: Limits, stopped: Callable[[],
             bounds,
             stopped,
         )
-    except (FetchError, UsageError) as error:
-        return replace(source, path=path, address="", fault=str(error))
+    except UnreachedError as error:
+        raise UnreachedError(f"{source.path.name}: {error}") from error
+    except UsageError as error:
+        raise UnreachedError(str(error)) from error
     return replace(source, path=path, address="", left_out=left_out)
 
 
@@ -348,7 +348,7 @@ def within(
     """Return what `get` returns or raise what it raises; a storage that hangs is not waited for.
 
     Raises:
-        FetchError: it took too long, or `stopped` became true.
+        UnreachedError: it took too long, or `stopped` became true.
     """
     answers: queue.Queue[Any] = queue.Queue()
 
@@ -366,7 +366,7 @@ def within(
             break
         if stopped() or clock.seconds() > seconds:
             bounds.stopped.set()
-            raise FetchError(f"cannot be fetched: took longer than {seconds:g} s")
+            raise UnreachedError(f"cannot be fetched: took longer than {seconds:g} s")
     if isinstance(answer, Exception):
         raise answer
     return answer

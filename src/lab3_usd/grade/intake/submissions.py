@@ -15,7 +15,7 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import NoRoomError, UsageError, is_no_room
 from lab3_usd.grade.intake.addresses import address_below, name_at, shown
 from lab3_usd.grade.intake.archives import ArchiveError, is_archive, unpack
 from lab3_usd.grade.intake.platforms import (
@@ -42,6 +42,7 @@ from lab3_usd.grade.intake.submission_copy import (
     RefusedFile,
     SubmissionCopy,
     TooLargeError,
+    UnreachedError,
     path_parts,
 )
 from lab3_usd.judge.folder import is_submission
@@ -120,8 +121,10 @@ def _unpacked(archive: Path, given: str, scratch: Path) -> ClassLocation:
     copy = SubmissionCopy(folder, _CLASS, archives=True)
     try:
         unpack(archive, "", copy)
-    except (ArchiveError, TooLargeError) as error:
-        raise UsageError(f"{given}: {str(error).removeprefix(f'{archive.name}: ')}") from error
+    except (ArchiveError, TooLargeError, UnreachedError) as error:
+        is_full = error.__cause__ is not None and is_no_room(error.__cause__)
+        kind = NoRoomError if is_full else UsageError
+        raise kind(f"{given}: {str(error).removeprefix(f'{archive.name}: ')}") from error
     left_out = _left_out(copy)
     for parts, _ in left_out:  # the folders of students of whom nothing was unpacked
         with contextlib.suppress(OSError, ValueError):  # names that no file system takes

@@ -19,6 +19,9 @@ TOO_LARGE = "too large"
 # Of this program itself: apart from any submission, and over one.
 TOOL_FAILED, FAILED_OVER_IT = "tool failed", "this program failed"
 CRASHED = "crashed usd-core"
+KILLED = "ended by"  # a signal that nothing in a file sends
+# What did not reach the judge, by a fault of the computer it was on, or of all that it does there.
+FAULT, FAULT_OF_ALL = "fault", "fault of all"
 _STATUSES = {
     OUT_OF_TIME: "timeout",
     OUT_OF_MEMORY: "too large",
