@@ -253,7 +253,7 @@ def test_two_graders_use_one_cluster_and_each_has_workers_of_its_own(
         second.start()
         grade(starter(), tmp_path / "first")
         second.join()
-        kept = sorted(path.name.rpartition("-")[0] for path in temporary.glob("lab3-*"))
+        kept = sorted(path.name.rpartition("-")[0] for path in temporary.glob("*/lab3-*"))
     assert files_below(tmp_path / "first") == alone
     assert len(files_below(tmp_path / "second")) == len(alone)
     assert kept == ["lab3-grade"] * 2 + ["lab3-starter"] * 2

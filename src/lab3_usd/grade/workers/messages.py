@@ -36,8 +36,8 @@ class PoolSettings(Struct, frozen=True):
 
     `lab` is the folder of another lab than the bundled one, `assets` the folders in which the
     grader has what lies at these addresses. With `merge`, what the last upload of a student lacks
-    comes from the ones before. With `with_report`, an answer holds the report as data too. `typed`
-    is the name by which the program was started.
+    comes from the ones before. With `with_report`, an answer holds the report as data too. Without
+    `named`, reports do not name the student. `typed` is the name by which the program was started.
     """
 
     starter: Path | None
@@ -49,6 +49,7 @@ class PoolSettings(Struct, frozen=True):
     assets: dict[str, Path] = {}
     merge: bool = False
     with_report: bool = False
+    named: bool = True
     typed: str = msgspec.field(default_factory=program)
 
 

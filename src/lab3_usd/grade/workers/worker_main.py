@@ -169,6 +169,7 @@ def load_setup(settings: PoolSettings) -> GradingSetup:
         supplied=tuple(map(os.path.realpath, settings.assets.values())),
         merge=settings.merge,
         with_report=settings.with_report,
+        named=settings.named,
     )
 
 
