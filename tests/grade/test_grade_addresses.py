@@ -17,21 +17,21 @@ from workers_here import graded_here
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings
+from lab3_usd.grade.intake.addresses import is_address, shown
 from lab3_usd.grade.intake.remote import (
-    _sorted_out,
     entries_at,
     fetched,
-    is_address,
     local_path,
 )
 from lab3_usd.grade.intake.staging import Source
-from lab3_usd.grade.intake.submission_copy import Limits, TooLargeError
+from lab3_usd.grade.intake.submission_copy import Limits, TooLargeError, UnreachedError
 from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions, submissions_in
 
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
 memory = pytest.importorskip("fsspec.implementations.memory")
 STAGE = stage("00").name
 RELEASE = threading.Event()
+FAILED: set[str] = set()
 
 
 class Faulty(memory.MemoryFileSystem):  # type: ignore[misc, name-defined]  # fsspec has no types
@@ -57,13 +57,22 @@ class Faulty(memory.MemoryFileSystem):  # type: ignore[misc, name-defined]  # fs
                 each["islink"] = True
             if "unsized" in each["name"]:
                 each["size"] = None
+            if "short" in each["name"]:
+                each["size"] += 10
         return found if detail else [each["name"] for each in found]
+
+    def info(self, path: str, **options: Any) -> Any:
+        found = super().info(path, **options)
+        return {**found, "size": None} if "unsized" in path else found
 
     def open(self, path: str, mode: str = "rb", **options: Any) -> Any:
         if "forbidden" in path:
             raise PermissionError(13, "Permission denied")
         if "broken" in path:
             raise RuntimeError(f"https://secret@host/{path}")
+        if "flaky" in path and path not in FAILED:
+            FAILED.add(path)
+            raise ConnectionResetError(104, "Connection reset by peer")
         if "hanging" in path:
             RELEASE.wait(30)
         return super().open(path, mode, **options)
@@ -76,6 +85,7 @@ def _storage() -> Iterator[None]:
         fsspec.filesystem(kind).store.clear()
         fsspec.filesystem(kind).pseudo_dirs[:] = [""]
     RELEASE.clear()
+    FAILED.clear()
     yield
     RELEASE.set()
 
@@ -116,6 +126,25 @@ def test_addresses_are_told_from_paths() -> None:
     assert is_address("s3://course/lab3")
     assert not is_address("/course/lab3")
     assert not is_address("C:\\course")
+
+
+@pytest.mark.parametrize(
+    ("address", "printed"),
+    [
+        ("https://user:pa/ss@w:ord@host/class", "https://***@host/class"),
+        ("ftp://user@host/class", "ftp://***@host/class"),
+        ("simplecache::s3://KEY:SE/CRET@bucket/lab3", "simplecache::s3://***@bucket/lab3"),
+        ("https://host/all.zip?sig=abc&x=1", "https://host/all.zip?***"),
+        ("http://host:8000/jane@uni/a?.zip", "http://host:8000/jane@uni/a?.zip"),
+        ("s3://course/lab3", "s3://course/lab3"),
+    ],
+)
+def test_what_opens_a_storage_is_not_printed(address: str, printed: str) -> None:
+    assert shown(address) == printed
+
+
+def test_a_path_is_printed_as_it_is() -> None:
+    assert shown(Path("a:b@c?d=e")) == "a:b@c?d=e"
 
 
 @pytest.mark.parametrize("address", ["nonsense://course", "file:///no/such/folder"])
@@ -180,7 +209,7 @@ def test_a_link_at_an_address_on_this_computer_is_not_followed(tmp_path: Path) -
     assert sum(row["earned"] for row in rows.values()) == rows["honest"]["earned"] > 0
 
 
-def test_one_file_that_cannot_be_fetched_is_one_students_status(tmp_path: Path) -> None:
+def test_what_cannot_be_fetched_is_the_tools_failure_and_no_grade(tmp_path: Path) -> None:
     data = stage("00").read_bytes()
     address = put(
         {
@@ -192,8 +221,8 @@ def test_one_file_that_cannot_be_fetched_is_one_students_status(tmp_path: Path) 
     rows = graded(address, tmp_path / "book")
     assert {name: row["status"] for name, row in rows.items()} == {
         "ali": "graded",
-        "broken": "unreadable",
-        "forbidden": "unreadable",
+        "broken": "tool failed",
+        "forbidden": "tool failed",
         "jane": "graded",
         "link": "empty",
         "pipe": "empty",
@@ -203,13 +232,44 @@ def test_one_file_that_cannot_be_fetched_is_one_students_status(tmp_path: Path) 
     assert "not fetched" in rows["link"]["reason"]
 
 
+def test_what_fails_for_a_moment_is_fetched_once_more(tmp_path: Path) -> None:
+    address = put({f"flaky/work/{STAGE}": stage("00").read_bytes()}, "faulty")
+    (row,) = graded(address, tmp_path / "book").values()
+    assert row["status"] == "graded"
+    assert FAILED
+
+
 def test_a_storage_that_hangs_is_not_waited_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("lab3_usd.grade.intake.submission_copy._TIMES_AS_LONG", 0.1)
     put({"hanging/a.usda": b"x"}, "faulty")
-    source = got("faulty://class/hanging", tmp_path, Limits(seconds=1))
-    assert "took longer than 0.1 s" in source.fault
+    with pytest.raises(UnreachedError, match=r"took longer than 0\.1 s"):
+        got("faulty://class/hanging", tmp_path, Limits(seconds=1))
+
+
+def test_a_download_that_is_shorter_than_listed_is_not_graded(tmp_path: Path) -> None:
+    put({"jane/a.usda": b"x", "jane/short.usda": b"12345"}, "faulty")
+    with pytest.raises(UnreachedError) as raised:
+        got("faulty://class/jane", tmp_path)
+    assert str(raised.value) == "jane: short.usda: the download ended after 5 of 15 bytes"
+
+
+def test_the_reason_names_the_submission(tmp_path: Path) -> None:
+    rows = graded(put({"jane/forbidden.usda": b"x"}, "faulty"), tmp_path / "book")
+    assert rows["jane"]["reason"] == (
+        "tool failed: jane: forbidden.usda: cannot be fetched (Permission denied)"
+    )
+
+
+def test_a_page_that_leads_to_itself_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def twice(_storage: Any, path: str, **_options: Any) -> Any:
+        return [{"name": f"{path}/{name}", "type": "directory", "size": 0} for name in "ab"]
+
+    put({"jane/a.usda": b"x"})
+    monkeypatch.setattr(memory.MemoryFileSystem, "ls", twice)
+    with pytest.raises(TooLargeError):
+        got("memory://class/jane", tmp_path, Limits(files=100))
 
 
 def test_a_file_that_grows_as_it_is_fetched_is_too_large(tmp_path: Path) -> None:
@@ -228,16 +288,16 @@ def test_what_nobody_opens_is_not_fetched_and_counts_by_its_name(tmp_path: Path)
     assert len(found["demo.mp4"]) == 8 << 20  # larger than a picture may be
 
 
-def test_of_a_listing_files_are_fetched_and_no_folders() -> None:
-    listing = {
-        "class/jane/a.usda": {"type": "file", "size": 1},
-        "class/jane/folder": {"type": "directory", "size": 0},
-        "class/jane/mark/": {"type": "file", "size": 0},  # as S3 lists a folder
-    }
-    assert _sorted_out(listing, "class/jane", Limits()) == (
-        {"a.usda": ("class/jane/a.usda", 1)},
-        [],
-    )
+def test_of_a_listing_files_are_fetched_and_no_folders(tmp_path: Path) -> None:
+    put({"jane/a.usda": b"x", "jane/mark/": b"", "jane/folder/b.usda": b"y"})
+    storage = fsspec.filesystem("memory")
+    storage.store["/class/jane/mark/"] = memory.MemoryFile(storage, "/class/jane/mark/", b"")
+    source = got("memory://class/jane", tmp_path)
+    assert sorted(path.removeprefix("jane/") for path in files_below(source.path)) == [
+        "a.usda",
+        "folder/b.usda",
+    ]
+    assert source.left_out == ()
 
 
 def test_a_file_that_no_place_is_left_for_costs_itself_alone(tmp_path: Path) -> None:
@@ -246,8 +306,7 @@ def test_a_file_that_no_place_is_left_for_costs_itself_alone(tmp_path: Path) -> 
     storage.store["/class/jane/a/c.usda"] = memory.MemoryFile(storage, "/class/jane/a/c.usda", b"y")
     source = got("memory://class/jane", tmp_path)
     assert files_below(source.path)["b.usda"] == b"z"
-    assert source.fault == ""
-    assert [file.path for file in source.left_out] == ["a/c.usda"]
+    assert [file.path for file in source.left_out] == ["a/"]
 
 
 def found_at(address: str) -> tuple[dict[str, StudentSubmission], list[str]]:
@@ -308,7 +367,8 @@ def test_a_name_that_fsspec_would_read_as_an_address_is_not_fetched(tmp_path: Pa
     secret.write_bytes(b"PK")
     address = put({"x::file:": b"", "ali::memory:/a.usda": b"", f"jane/work/{STAGE}": b"#"})
     rows = graded(address, tmp_path / "book")
-    assert rows["ali::memory:"]["status"] == "unreadable"
+    assert rows["ali::memory:"]["status"] == "tool failed"
+    assert "'::'" in rows["ali::memory:"]["reason"]
     assert rows["jane"]["status"] == "graded"
 
 
@@ -318,7 +378,7 @@ def test_the_archive_of_a_class_that_cannot_be_fetched_is_an_error() -> None:
         found_at("faulty://class/forbidden.zip")
 
 
-def test_a_folder_that_cannot_be_listed_is_one_students_fault(
+def test_a_folder_that_cannot_be_listed_did_not_arrive(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put({"jane/a.usda": b"x"})
@@ -326,16 +386,18 @@ def test_a_folder_that_cannot_be_listed_is_one_students_fault(
     def refuse(*_arguments: Any, **_options: Any) -> Any:
         raise TimeoutError
 
-    monkeypatch.setattr(memory.MemoryFileSystem, "find", refuse)
-    assert got("memory://class/jane", tmp_path).fault == "cannot be listed (TimeoutError)"
+    monkeypatch.setattr(memory.MemoryFileSystem, "ls", refuse)
+    with pytest.raises(UnreachedError, match=r"^jane: cannot be listed \(TimeoutError\)$"):
+        got("memory://class/jane", tmp_path)
 
 
-def test_an_address_that_is_known_to_nobody_is_one_students_fault(tmp_path: Path) -> None:
-    assert "fsspec does not know it" in got("nonsense://class/jane", tmp_path).fault
+def test_what_lies_at_an_address_that_nobody_knows_did_not_arrive(tmp_path: Path) -> None:
+    with pytest.raises(UnreachedError, match="fsspec does not know it"):
+        got("nonsense://class/jane", tmp_path)
 
 
 def test_fetching_ends_when_the_run_does(tmp_path: Path) -> None:
     put({"hanging/a.usda": b"x"}, "faulty")
     source = Source(Path("hanging"), "", "faulty://class/hanging")
-    (here,) = fetched((source,), tmp_path, Limits(), lambda: True)
-    assert "cannot be fetched" in here.fault
+    with pytest.raises(UnreachedError, match="cannot be fetched"):
+        fetched((source,), tmp_path, Limits(), lambda: True)

@@ -12,6 +12,7 @@ from msgspec import to_builtins
 
 from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.scoring import grade
+from lab3_usd.report.html import class_page
 from lab3_usd.spec.load.loader import load_lab
 
 ROWS = [
@@ -89,6 +90,48 @@ def test_everything_can_be_read_without_a_script(chromium: Browser, page: Path) 
         assert chromium.all("thead button") == []
     finally:
         chromium.scripts(on=True)
+
+
+@pytest.fixture
+def large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The page of a class of which three rows are shown at first."""
+    monkeypatch.setattr(class_page, "_MOST", 3)
+    path = tmp_path / "index.html"
+    path.write_text(page_of("Lab 3", ITEMS, ROWS), encoding="utf-8")
+    return path
+
+
+def test_of_a_large_class_the_first_rows_are_shown_and_all_are_found(
+    chromium: Browser, large: Path
+) -> None:
+    chromium.open(large)
+    assert students(chromium) == ["ana", "ben", "eve"]
+    assert chromium.one(".filter output").text == "5 of 5, the first 3 shown"
+    press(chromium, "Per cent")
+    assert students(chromium) == ["gus", "ana", "eve"]
+    field = chromium.one(".filter input")
+    field.send_keys("zoe")
+    assert students(chromium) == ["zoe"]
+    assert chromium.shown(".filter button") == []
+    field.clear()
+    field.send_keys(" ")
+    chromium.one(".filter button").click()
+    assert students(chromium) == ["gus", "ana", "eve", "zoe", "ben"]
+    assert chromium.one(".filter output").text == "5 of 5"
+
+
+def test_all_rows_of_a_large_class_are_read_without_a_script_and_printed(
+    chromium: Browser, large: Path
+) -> None:
+    chromium.scripts(on=False)
+    try:
+        chromium.open(large)
+        assert len(chromium.shown("table.students tbody tr")) == len(ROWS)
+    finally:
+        chromium.scripts(on=True)
+    chromium.open(large)
+    chromium.scheme("light", media="print")
+    assert len(chromium.shown("table.students tbody tr")) == len(ROWS)
 
 
 BESIDE_A_SCROLL_BAR = (DESKTOP[0] - 15, DESKTOP[1])

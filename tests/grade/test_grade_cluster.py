@@ -8,24 +8,19 @@ import os
 import signal
 import time
 from collections.abc import Iterator
-from concurrent.futures import CancelledError
-from contextlib import contextmanager
 from multiprocessing import forkserver
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
-from unittest.mock import patch
 
 import pytest
-from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
+from clusters import cluster_of, graded_on
+from mini_lab import cut_wire, files_below, stage, starter, submission
 
-from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.intake.staging import Source
-from lab3_usd.grade.intake.submission_copy import Limits
-from lab3_usd.grade.workers.cluster import Shipment, _Workers, cluster_runner, judge_here
-from lab3_usd.grade.workers.messages import PoolSettings, Task, encode
+from lab3_usd.grade.workers.cluster import cluster_runner
+from lab3_usd.grade.workers.dispatch import Dispatch
 from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.grade.workers.worker_process import WorkerError
 
@@ -61,37 +56,6 @@ def _own_fork_server() -> Iterator[None]:
     """Leave no process that machines were forked from to whoever forks next."""
     yield
     forkserver._forkserver._stop()  # type: ignore[attr-defined]
-
-
-@contextmanager
-def cluster_of(workers: int, temporary: Path, how: str = "forkserver") -> Iterator[Any]:
-    """A scheduler and worker processes whose temporary folders lie in a place of their own.
-
-    They are forked, but with "spawn" they start and end as those of `dask worker`.
-    """
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
-    dask = pytest.importorskip("dask")
-    temporary.mkdir()
-    quick = {
-        "distributed.admin.log-format": "",
-        "distributed.worker.multiprocessing-method": how,
-        "distributed.nanny.environ": {"TMPDIR": str(temporary), LAB_VARIABLE: str(MINI)},
-        "logging.distributed": "critical",
-    }
-    with (
-        patch.dict(os.environ, {"TMPDIR": str(temporary)}),  # which goes before what Dask is told
-        dask.config.set(quick),
-        distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
-        ) as running,
-    ):
-        yield running
-
-
-def graded_on(cluster: Any, place: Path | str, out: Path, **changes: Any) -> dict[str, bytes]:
-    runner = cluster_runner(cluster.scheduler_address)
-    grade_class(ClassSettings(place, starter(), out, runner=runner), **changes)
-    return files_below(out)
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -171,12 +135,12 @@ def test_a_machine_that_joins_later_goes_on_for_the_first(
 def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_RETURN", 0.5)
     # The worker may have answered once more before it is dismissed; the others are never sent.
-    monkeypatch.setattr("lab3_usd.grade.workers.cluster._PER_THREAD", 1)
+    monkeypatch.setattr("lab3_usd.grade.workers.dispatch._PER_THREAD", 1)
+    monkeypatch.setattr("lab3_usd.grade.workers.dispatch._SECONDS_TO_RETURN", 0.5)
     with (
         cluster_of(1, tmp_path / "temporary") as lone,
-        pytest.raises(WorkerError, match=r"have gone; start others .* --resume"),
+        pytest.raises(WorkerError, match=r"have gone; start others, .* --resume"),
     ):
         graded_on(
             lone,
@@ -191,27 +155,30 @@ def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
 def test_workers_are_waited_for_anew_each_time_that_they_go(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    now, known = 0.0, dict[str, Any]()
-    client = SimpleNamespace(scheduler_info=lambda: {"workers": known})
-    monkeypatch.setattr("lab3_usd.grade.workers.cluster.time.monotonic", lambda: now)
-    workers = _Workers(client)
-    workers.look()
+    pytest.importorskip("distributed", reason="Dask is not installed")
+    now, known = 0.0, dict[str, int]()
+    client = SimpleNamespace(
+        status="running",
+        sync=lambda *_, **__: known,
+        scheduler=SimpleNamespace(ncores=None),
+    )
+    shipment = SimpleNamespace(status="finished")
+    monkeypatch.setattr("lab3_usd.grade.workers.dispatch.time.monotonic", lambda: now)
+    dispatch = Dispatch(client, "tcp://host:1", lambda: shipment, b"", print)
+    dispatch.look()
     now = 19.0
-    workers.look()
-    known["one"] = {}  # it is back, and goes again
-    workers.look()
+    dispatch.look()
+    known["tcp://host:2"] = 1  # it is back, and goes again
+    now = 25.0
+    dispatch.look()
     known.clear()
     now = 100.0
-    workers.look()
+    dispatch.look()
     now = 119.0
-    workers.are_there()  # it was back, has answered, and has gone again
-    now = 200.0
-    workers.look()
-    now = 219.0
-    workers.look()
-    now = 221.0
-    with pytest.raises(CancelledError):
-        workers.look()
+    dispatch.look()
+    now = 121.0
+    with pytest.raises(WorkerError, match="have gone; start others"):
+        dispatch.look()
 
 
 class ClosedCluster(NamedTuple):
@@ -264,7 +231,7 @@ def test_a_cluster_that_is_not_there_is_an_error(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed")
-    monkeypatch.setattr("lab3_usd.grade.workers.cluster._SECONDS_TO_CONNECT", 0.3)
+    monkeypatch.setattr("lab3_usd.grade.workers.scheduler.SECONDS_TO_CONNECT", 0.3)
     runner = cluster_runner("tcp://127.0.0.1:1")
     with pytest.raises(UsageError, match="no Dask scheduler"):
         grade_class(ClassSettings(place, starter(), tmp_path / "book", runner=runner))
@@ -291,19 +258,3 @@ def test_without_the_extra_the_error_says_what_to_install(
     )
     with pytest.raises(UsageError, match=r"the extra cluster"):
         grade_class(settings)
-
-
-def test_a_machine_with_another_version_refuses_to_judge() -> None:
-    settings = PoolSettings(None, None, Limits())
-    shipment = Shipment("0.0.0", (), "starter.usda", None, (), settings)
-    with pytest.raises(UsageError, match=r"not 0\.0\.0"):
-        judge_here(shipment, encode(Task("jane", "jane", ())))
-
-
-def test_a_machine_that_cannot_reach_a_submission_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lab3_usd.grade.workers.cluster.tool_version", lambda: "1")
-    settings = PoolSettings(None, None, Limits())
-    shipment = Shipment("1", (), "starter.usda", None, (), settings)
-    task = Task("jane", "jane", (Source(Path("/no/such/folder")),))
-    with pytest.raises(UsageError, match="/no/such/folder"):
-        judge_here(shipment, encode(task))

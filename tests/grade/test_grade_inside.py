@@ -7,6 +7,7 @@ import gc
 import io
 import json
 import os
+import pickle
 import re
 import resource
 import shutil
@@ -26,9 +27,9 @@ from lab3_usd.errors import StageError, UsageError
 from lab3_usd.grade.intake.scratch import make_scratch
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
-from lab3_usd.grade.workers import cluster, sandbox, worker_main, worker_process
-from lab3_usd.grade.workers.cluster import packed, unpacked
+from lab3_usd.grade.workers import machine, sandbox, worker_main, worker_process
 from lab3_usd.grade.workers.messages import (
+    FAULT,
     Assignment,
     PoolSettings,
     Start,
@@ -36,6 +37,7 @@ from lab3_usd.grade.workers.messages import (
     encode,
     status_of,
 )
+from lab3_usd.grade.workers.shipment import packed, unpacked
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
 from lab3_usd.grade.workers.worker_process import Worker
 from lab3_usd.model.stage import StageModel
@@ -476,26 +478,44 @@ def test_the_library_of_linux_is_a_library() -> None:
 # -- a machine of a cluster
 
 
-def test_a_machine_keeps_its_worker_for_a_shipment_and_changes_it_for_another(
-    tmp_path: Path,
-) -> None:
+def test_a_machine_keeps_a_worker_for_each_of_a_few_shipments(tmp_path: Path) -> None:
     submission(tmp_path / "jane", "00")
-    settings = PoolSettings(starter(), None, Limits(), (tmp_path,))
-    first, second = packed(settings), packed(settings)
-    assert first.version == tool_version()
-    task = Task("jane", "jane", (Source(tmp_path / "jane"),))
+    shipment = pickle.dumps(packed(PoolSettings(starter(), None, Limits(), (tmp_path,))))
+    task = encode(Task("jane", "jane", (Source(tmp_path / "jane"),)))
+    names = [b"first", b"second", b"first", b"third"]
     try:
         slots = []
-        for shipment in (first, first, second):
-            _, answer = cluster.judge_here(shipment, encode(task))
+        for name in names:
+            answer = machine.judge_here(tool_version(), name, shipment, task)
             assert answer["verdicts"] == {"00": "pass"}
-            slots.append(cluster._slot(shipment))
-        assert slots[0] is slots[1]
-        assert slots[0] is not slots[2]
-        assert slots[0].worker is None
+            slots.append(machine._slot(name, shipment))
+        assert slots[0] is slots[2]
+        assert len({id(slot) for slot in slots}) == 3
+        assert all(slot.worker is not None for slot in slots)
+        machine._slot(b"fourth", shipment)  # in place of the one that waited longest
+        assert [slot.worker is None for slot in slots] == [False, True, False, False]
     finally:
-        cluster._slot(second).stop()
-        cluster._local.__dict__.clear()
+        for slot, folder in machine._local.slots.values():
+            machine._remove(slot, folder)
+        machine._local.__dict__.clear()
+
+
+@pytest.mark.parametrize("rest", [(), (b"one",), (b"one", b"two", b"three", b"four")])
+def test_another_release_says_that_it_is_one(rest: tuple[bytes, ...]) -> None:
+    (reason,) = machine.judge_here("0.0.0", *rest).values()
+    assert reason == f"lab3-usd {tool_version()} is installed there, not 0.0.0"
+
+
+def test_a_machine_without_the_submission_says_so(tmp_path: Path) -> None:
+    shipment = pickle.dumps(packed(PoolSettings(starter(), None, Limits(), (tmp_path,))))
+    task = encode(Task("jane", "jane", (Source(tmp_path / "jane"),)))
+    try:
+        answer = machine.judge_here(tool_version(), b"first", shipment, task)
+    finally:
+        for slot, folder in machine._local.slots.values():
+            machine._remove(slot, folder)
+        machine._local.__dict__.clear()
+    assert answer == {FAULT: "jane: cannot be read (No such file or directory)"}
 
 
 def test_a_rubric_and_a_starter_are_shipped_as_bytes(tmp_path: Path) -> None:

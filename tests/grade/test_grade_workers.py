@@ -320,7 +320,7 @@ def test_workers_that_never_begin_are_the_tools_fault(
 ) -> None:
     silent = worker_process._MAIN.replace("for line in sys.stdin:", "for line in []:")
     monkeypatch.setattr(worker_process, "_MAIN", silent)
-    ((_, answer),) = judged_in_turn(odd, "well")
+    ((_, answer),) = run_tasks([task("well")], odd)
     assert status_of(answer["failed"]) == "tool failed"
 
 
@@ -485,20 +485,24 @@ def running(temporary: Path, where: str) -> subprocess.Popen[bytes]:
 
 # Has one submission judged, alone or as a machine of a cluster, for one second at most.
 JUDGED = """
+import pickle
 import sys
 from pathlib import Path
 from lab3_usd.grade.workers import worker_process
-from lab3_usd.grade.workers.cluster import Shipment, judge_here
+from lab3_usd.grade.workers.machine import judge_here
 from lab3_usd.grade.workers.messages import PoolSettings, Task, encode
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.pool import run_tasks
+from lab3_usd.grade.workers.shipment import Shipment
 from lab3_usd.report.options import tool_version
 worker_process._MAIN = Path(sys.argv[2]).read_text()
 task, settings = Task(sys.argv[3], "", ()), PoolSettings(None, None, Limits(seconds=1))
-shipment = Shipment(tool_version(), (("a", b""),), "a", None, (), settings)
-answers = [judge_here(shipment, encode(task))] if sys.argv[1] == "cluster" else None
-for _, answer in answers or run_tasks([task], settings):
-    print(answer)
+if sys.argv[1] == "cluster":
+    shipment = pickle.dumps(Shipment((("a", b""),), "a", None, (), settings))
+    print(judge_here(tool_version(), b"", shipment, encode(task)))
+else:
+    for _, answer in run_tasks([task], settings):
+        print(answer)
 """
 
 

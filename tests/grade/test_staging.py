@@ -14,13 +14,18 @@ from typing import Any
 
 import pytest
 
-from lab3_usd.grade.intake.archives import ArchiveError, unpack
+from lab3_usd.grade.intake.archives import unpack
 from lab3_usd.grade.intake.staging import (
     Source,
     StagedSubmission,
     stage_submission,
 )
-from lab3_usd.grade.intake.submission_copy import Limits, RefusedFile, SubmissionCopy
+from lab3_usd.grade.intake.submission_copy import (
+    Limits,
+    RefusedFile,
+    SubmissionCopy,
+    UnreachedError,
+)
 from lab3_usd.grade.workers.messages import decode, encode
 from lab3_usd.spec.submission import named_checkpoint
 
@@ -83,28 +88,28 @@ def unreadable(monkeypatch: pytest.MonkeyPatch, name: str, *parts: str) -> None:
     monkeypatch.setattr(f"lab3_usd.grade.intake.staging.os.{name}", refuse)
 
 
-def test_a_folder_that_cannot_be_read_costs_only_itself(
+def test_a_folder_that_this_computer_may_not_read_is_no_fault_of_the_student(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write(tmp_path / "jane/work/a.usda", STAGE)
     write(tmp_path / "jane/locked/b.usda", STAGE)
     unreadable(monkeypatch, "scandir", "locked")
-    found = staged(tmp_path, Source(tmp_path / "jane"))
-    assert found.refused == (RefusedFile("locked", "it cannot be read (Permission denied)"),)
+    with pytest.raises(UnreachedError, match=r"^locked: cannot be read \(Permission denied\)$"):
+        staged(tmp_path, Source(tmp_path / "jane"))
 
 
-def test_a_submission_that_cannot_be_read_is_unreadable_without_its_path(
+def test_a_submission_that_cannot_be_read_did_not_arrive_and_is_named_without_its_path(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write(tmp_path / "jane/work/a.usda", STAGE)
     unreadable(monkeypatch, "scandir", "jane")
-    with pytest.raises(ArchiveError) as raised:
+    with pytest.raises(UnreachedError) as raised:
         staged(tmp_path, Source(tmp_path / "jane"))
     assert str(raised.value) == "jane: cannot be read (Permission denied)"
 
 
-def test_a_file_that_is_gone_is_unreadable(tmp_path: Path) -> None:
-    with pytest.raises(ArchiveError, match=r"jane\.zip: cannot be read \(No such file"):
+def test_a_file_that_is_gone_did_not_arrive(tmp_path: Path) -> None:
+    with pytest.raises(UnreachedError, match=r"jane\.zip: cannot be read \(No such file"):
         staged(tmp_path, Source(tmp_path / "jane.zip"))
 
 
@@ -117,7 +122,7 @@ def test_an_archive_that_cannot_be_read_is_not_said_to_be_damaged(
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr(Path, "open", refuse)
-    with pytest.raises(ArchiveError) as raised:
+    with pytest.raises(UnreachedError) as raised:
         unpack(archive, "", SubmissionCopy(tmp_path, Limits()))
     assert str(raised.value) == "jane.zip: cannot be read (Permission denied)"
 
@@ -131,7 +136,7 @@ def test_a_full_disk_is_nobodys_fault(tmp_path: Path, monkeypatch: pytest.Monkey
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(SubmissionCopy, "_write", full)
-    with pytest.raises(OSError, match="No space"):
+    with pytest.raises(UnreachedError, match="No space"):
         staged(tmp_path, Source(archive))
 
 
@@ -144,14 +149,21 @@ def test_what_was_left_out_on_the_way_is_refused_and_changes_the_digest(tmp_path
     assert staged(tmp_path, Source(tmp_path / "jane")).digest != found.digest
 
 
-def test_a_source_with_a_fault_makes_the_submission_unreadable(tmp_path: Path) -> None:
+def test_what_a_file_brings_about_by_its_name_costs_only_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     write(tmp_path / "jane/work/a.usda", STAGE)
-    with pytest.raises(ArchiveError, match=r"^b\.zip: cannot be fetched"):
-        staged(
-            tmp_path,
-            Source(tmp_path / "jane"),
-            Source(tmp_path, "b.zip", fault="cannot be fetched (TimeoutError)"),
-        )
+    write(tmp_path / "jane/work/b.usda", STAGE)
+    really = os.open
+
+    def refuse(path: Any, *arguments: Any) -> int:
+        if str(path).endswith("b.usda"):
+            raise OSError(36, "File name too long")
+        return really(path, *arguments)
+
+    monkeypatch.setattr("lab3_usd.grade.intake.staging.os.open", refuse)
+    found = staged(tmp_path, Source(tmp_path / "jane"))
+    assert found.refused == (RefusedFile("work/b.usda", "it cannot be read (File name too long)"),)
 
 
 def test_a_source_is_the_same_after_its_way_to_a_worker(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 
-def eventually(holds: Callable[[], bool]) -> bool:
+def eventually(holds: Callable[[], object]) -> bool:
     until = time.monotonic() + 100  # a busy machine; a test may take 120
     while not holds():
         if time.monotonic() > until:

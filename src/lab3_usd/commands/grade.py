@@ -152,7 +152,8 @@ def _refuse_empty(
     help="The platform's own export of its gradebook, for --gradebook.",
 )
 @click.option("--column", default="", metavar="NAME", help="Its column for the points.")
-@click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tcp://host:port.")
+@click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tls://host:port.")
+@click.option("--insecure-cluster", is_flag=True, help="Take a public scheduler that has no TLS.")
 def command(submissions: str | None, **options: Any) -> None:
     """Grade a class: a folder for each student, archives, or single stages.
 
@@ -253,7 +254,7 @@ def _regrade(options: dict[str, Any]) -> None:
 def _grade(submissions: str, options: dict[str, Any]) -> None:
     """Grade a class into a gradebook."""
     from lab3_usd.grade.class_run import ClassSettings, grade_class
-    from lab3_usd.grade.intake.remote import is_address
+    from lab3_usd.grade.intake.addresses import is_address
 
     settings = ClassSettings(
         submissions=submissions if is_address(submissions) else Path(submissions),
@@ -266,7 +267,7 @@ def _grade(submissions: str, options: dict[str, Any]) -> None:
         assets=asset_places(options["assets"]),
         merge_uploads=options["merge_uploads"],
         force=options["force"],
-        runner=_runner(options["cluster"]),
+        runner=_runner(options["cluster"], insecure=options["insecure_cluster"]),
         notify=_notify,
     )
     rows = grade_class(settings, _progress())
@@ -299,7 +300,7 @@ def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
     Raises:
         UsageError: an option for a class is given, or the output lies in what is graded.
     """
-    for name in ("resume", "force", "merge_uploads", "cluster", "jobs"):
+    for name in ("resume", "force", "merge_uploads", "cluster", "insecure_cluster", "jobs"):
         if options[name]:
             option = f"--{name.replace('_', '-')}"
             raise UsageError(f"{option} is for a class; --format grades one submission")
@@ -334,14 +335,14 @@ def _notify(line: str) -> None:
     click.echo(f"{program()}: {line}", err=True)
 
 
-def _runner(cluster: str | None) -> Any:
+def _runner(cluster: str | None, *, insecure: bool) -> Any:
     if cluster is None:
         from lab3_usd.grade.workers.pool import run_tasks
 
         return run_tasks
     from lab3_usd.grade.workers.cluster import cluster_runner
 
-    return cluster_runner(cluster)
+    return cluster_runner(cluster, _notify, insecure=insecure)
 
 
 def _processors() -> int:

@@ -17,6 +17,7 @@ from lab3_usd.grade.gradebook import (
     GRADEBOOK_JSON,
     GRADESCOPE,
     HTML,
+    JSON,
     RESULT,
     STUDENTS,
     Row,
@@ -28,6 +29,7 @@ from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.lock import locked
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.scoring import SubmissionFacts, grade_facts
+from lab3_usd.grade.shared_reports import SHARED, shared_folder, write_shared
 from lab3_usd.model.finding import Report, Submission
 
 # What of a student's page shows the grade; pictures have titles as well.
@@ -140,11 +142,12 @@ def _regraded(
     """Write the points of a student by a rubric, and return them."""
     late = row["late"] or row["student"] in rubric.late.students
     points = grade_facts(rubric, facts, late=late)
+    shared = shared_folder(out, row)
     folder = out / STUDENTS / row["folder"]
-    empty = Report((), (Submission(row["student"]),))
+    empty = Report((), (Submission("submission" if shared else row["student"]),))
     remarks = tuple(row.get("remarks", ()))
-    reports = write_reports(empty, rubric, points, row["name"], remarks)
-    page = folder / HTML
+    reports = write_reports(empty, rubric, points, "" if shared else row["name"], remarks)
+    page = (shared or folder) / HTML
     parts = _OF_GRADE.findall(reports[HTML])
     old = page.read_text(encoding="utf-8") if page.is_file() else ""
     if len(_OF_GRADE.findall(old)) == len(parts):
@@ -152,7 +155,12 @@ def _regraded(
         reports[HTML] = _OF_GRADE.sub(lambda _part: next(new), old)
     # Neither this rubric nor the starter made these findings: --resume judges them again.
     row |= {**to_builtins(points), "late": late, "salt": ""}
-    for name in (HTML, GRADESCOPE):
-        write_whole(folder / name, reports[name].encode("utf-8", "replace"), force=True)
+    if shared:
+        about = shared / JSON
+        reports[JSON] = about.read_text(encoding="utf-8") if about.is_file() else reports[JSON]
+        row[SHARED] = write_shared(out, reports)
+    else:
+        for name in (HTML, GRADESCOPE):
+            write_whole(folder / name, reports[name].encode("utf-8", "replace"), force=True)
     write_whole(folder / RESULT, (json.dumps(row, indent=1) + "\n").encode(), force=True)
     return points.earned, points.possible

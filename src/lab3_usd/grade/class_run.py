@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from lab3_usd.data import lab_folder, own_lab
 from lab3_usd.errors import StageError, UsageError
+from lab3_usd.grade import shared_reports
 from lab3_usd.grade.gradebook import (
     Rows,
     check_target,
@@ -124,6 +125,7 @@ def _graded(
             own_lab(),
             dict(settings.assets),
             settings.merge_uploads,
+            named=len(submissions) <= shared_reports.MOST_NAMED,
         )
         progress(0, len(submissions))
         notified: set[str] = set()

@@ -20,6 +20,13 @@ from lab3_usd.grade.lock import LOCK
 from lab3_usd.grade.rosters import PLATFORMS
 from lab3_usd.grade.rubric import COLUMNS, Item, Rubric, load_rubric
 from lab3_usd.grade.scoring import Grade, State, facts_of, grade_facts
+from lab3_usd.grade.shared_reports import (
+    REPORTS,
+    SHARED,
+    remove_unshared,
+    shared_folder,
+    write_shared,
+)
 from lab3_usd.model.finding import Report
 from lab3_usd.model.grade import GradeItem, GradeSummary, LostPoints
 from lab3_usd.report.formats.registry import render
@@ -153,7 +160,7 @@ def check_target(out: Path, *, resume: bool) -> None:
     holds = {name for name in names if not _is_litter(name)}
     if (holds or half) and not resume:
         raise UsageError(f"{out}: is not empty; choose another folder, or continue with --resume")
-    foreign = sorted(holds - {STUDENTS, *_TABLES, *(f"{name}.csv" for name in PLATFORMS)})
+    foreign = sorted(holds - {STUDENTS, REPORTS, *_TABLES, *(f"{name}.csv" for name in PLATFORMS)})
     if foreign:
         raise UsageError(
             f"{out}: holds {foreign[0]}, which is not part of a gradebook; choose another folder"
@@ -192,7 +199,7 @@ def clear_halves(out: Path) -> None:
         UsageError: one cannot be removed.
     """
     half = leftover_files(out, _TABLES)
-    students = out.glob(f"{STUDENTS}/*/")
+    students = [*out.glob(f"{STUDENTS}/*/"), *out.glob(f"{REPORTS}/*/")]
     _remove([*half, *(path for student in students for path in leftover_files(student, _FILES))])
 
 
@@ -218,7 +225,7 @@ def known_digest(out: Path, submission: StudentSubmission, salt: str, items: Seq
         recorded = msgspec.convert(row, _Recorded)
     except msgspec.ValidationError:
         return ""
-    folder = out / STUDENTS / submission.folder
+    folder = shared_folder(out, row) or out / STUDENTS / submission.folder
     reports = row.get("reports")
     if (
         [item.id for item in recorded.items] != list(items)
@@ -254,12 +261,18 @@ def write_student(
 ) -> None:
     """Write a student's reports, and last the result, which says that the rest is complete.
 
-    The result of before goes first: it says nothing of reports that are written anew.
+    The result of before goes first: it says nothing of reports that are written anew. Reports that
+    name nobody (`SHARED` in the answer) are stored once for all students of whom they are true.
     """
     folder = out / STUDENTS / submission.folder
     _remove([folder / RESULT])
-    for name, contents in sorted(answer["reports"].items()):
-        write_whole(folder / name, contents.encode("utf-8", "replace"), force=True)
+    place: Row = {}
+    if answer.get(SHARED):
+        place = {SHARED: write_shared(out, answer["reports"])}
+        _remove(folder / name for name in answer["reports"])
+    else:
+        for name, contents in sorted(answer["reports"].items()):
+            write_whole(folder / name, contents.encode("utf-8", "replace"), force=True)
     row = {
         "version": _VERSION,
         "student": submission.student,
@@ -267,7 +280,8 @@ def write_student(
         "folder": submission.folder,
         "late": submission.late,
         "salt": salt,
-        **{key: value for key, value in answer.items() if key != "reports"},
+        **{key: value for key, value in answer.items() if key not in {"reports", SHARED}},
+        **place,
         "reports": sorted(answer["reports"]),
     }
     write_whole(folder / RESULT, (json.dumps(row, indent=1) + "\n").encode(), force=True)
@@ -305,6 +319,7 @@ def write_tables(out: Path, submissions: Iterable[StudentSubmission], rubric: Ru
     write_parts(out / CSV, _csv_lines(rows, rubric), force=True)
     write_parts(out / GRADEBOOK_JSON, _json_parts(rows, rubric), force=True)
     write_parts(out / PAGE, (part.encode() for part in page), force=True)
+    remove_unshared(out, rows)
     return rows
 
 

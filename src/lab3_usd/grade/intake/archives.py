@@ -18,11 +18,12 @@ from typing import BinaryIO, cast
 
 from msgspec import Struct
 
-from lab3_usd.errors import Lab3Error, is_no_room
+from lab3_usd.errors import Lab3Error
 from lab3_usd.grade.intake.submission_copy import (
     LEADS_OUT,
     SubmissionCopy,
     TooLargeError,
+    check_reached,
     is_hidden,
     is_made_name,
     is_read,
@@ -109,20 +110,21 @@ def unpack(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
     The one folder that holds everything in a student's archive is left out.
 
     Raises:
-        ArchiveError: it cannot be read, is damaged from the start, or is of no kind that is known.
+        ArchiveError: it is damaged from the start, or of no kind that is known.
         TooLargeError: it holds too many files or too much in them.
+        UnreachedError: this computer cannot read it, or has no room for what it holds.
     """
     try:
         archive.open("rb").close()
     except OSError as error:  # which is not the fault of the archive
+        check_reached(archive.name, error)
         raise ArchiveError(f"{archive.name}: cannot be read ({error.strerror})") from error
     reader = _from_zip if archive.name.lower().endswith(ZIP_ENDINGS) else _from_tar
     taken = len(copy.digests)
     try:
         reader(archive, prefix, copy)
     except _DAMAGED as error:
-        if is_no_room(error):
-            raise
+        check_reached(archive.name, error)
         # Students would be lost with what follows in the archive of a class.
         if len(copy.digests) == taken or copy.archives:
             raise ArchiveError(
@@ -174,8 +176,7 @@ def _zip_entry(
             else:
                 copy.take(name, entry.file_size, stream, _seconds(entry.date_time))
     except _DAMAGED as error:
-        if is_no_room(error):
-            raise
+        check_reached(name, error)
         copy.forget(name, "it is damaged in the archive")
 
 

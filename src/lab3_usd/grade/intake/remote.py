@@ -6,16 +6,24 @@ import importlib
 import os
 import queue
 import threading
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.errors import Lab3Error, UsageError, is_no_room
+from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.grade.awake import AwakeClock
+from lab3_usd.grade.intake.addresses import (
+    StorageLocation,
+    is_address,
+    name_at,
+    reason_of,
+    storage_at,
+    without_secrets,
+)
 from lab3_usd.grade.intake.archives import is_archive
 from lab3_usd.grade.intake.platforms import LARGEST
 from lab3_usd.grade.intake.staging import Source
@@ -23,20 +31,18 @@ from lab3_usd.grade.intake.submission_copy import (
     Limits,
     RefusedFile,
     TooLargeError,
+    UnreachedError,
+    check_reached,
     is_hidden,
     is_read,
     name_fault,
-    path_parts,
 )
-from lab3_usd.installation import install_command
 
 _CHUNK = 1 << 20
 _LARGER_THAN_PICTURES = 8 << 20
+_SAME_NAME = "a file and a folder have the same name"
+_FAULT = "fault"  # what we find wrong, among what a storage says of a file
 Fetched = tuple[RefusedFile, ...]
-
-
-class FetchError(Lab3Error):
-    """A submission cannot be fetched; the line says why."""
 
 
 class FetchLimits(Struct, frozen=True):
@@ -47,65 +53,141 @@ class FetchLimits(Struct, frozen=True):
     whole: bool = False
 
 
-def reason_of(error: Exception) -> str:
-    """Say in a few words why a storage failed, without its addresses."""
-    return str(getattr(error, "strerror", None) or type(error).__name__)
-
-
-def fetch(storage: Any, root: str, target: Path, bounds: FetchLimits) -> Fetched:
-    """Copy the file or folder at `root` to `target`, and return what is no plain file there.
+def fetch(location: StorageLocation, target: Path, bounds: FetchLimits) -> Fetched:
+    """Copy the file or folder at a location to `target`, and return what is no plain file there.
 
     Files that are not read are not fetched: an empty file of the same size replaces them.
 
     Raises:
         TooLargeError: there are too many files, or there is too much in them.
-        FetchError: something cannot be read.
+        UnreachedError: something cannot be read, or is shorter than listed.
     """
-    try:
-        listing = storage.find(root, detail=True)
-    except Exception as error:
-        raise FetchError(f"cannot be listed ({reason_of(error)})") from error
-    plain, left_out = _sorted_out(listing, root, bounds.limits)
-    if list(plain) != [""]:
-        target.mkdir(parents=True, exist_ok=True)
+    storage = location.storage
+    listing, folders = _listing(location, bounds)
+    plain, left_out = _sorted_out(listing, location, bounds.limits)
+    for folder in folders:
+        if not folder or not name_fault(folder, bounds.limits):
+            with suppress(OSError):  # a name that no file system takes: its files say so
+                (target / folder).mkdir(parents=True, exist_ok=True)
     room = bounds.limits.total_size
     for inside, (path, size) in plain.items():
         place = target / inside if inside else target
         try:
             place.parent.mkdir(parents=True, exist_ok=True)
             place.open("xb").close()
-        except OSError:
-            reason = "a file and a folder have the same name, or the name is too long"
-            left_out.append(RefusedFile(inside, reason))
+        except OSError as error:
+            check_reached(inside, error)
+            left_out.append(RefusedFile(inside, f"{_SAME_NAME}, or the name is too long"))
             continue
         if size is not None and not bounds.whole and _is_unread(path, inside, size, bounds.limits):
             os.truncate(place, min(size, max(bounds.limits.file_size + 1, _LARGER_THAN_PICTURES)))
         else:
-            room -= _copy(storage, path, place, room, bounds)
+            with _failing(inside or name_at(path)):
+                room -= _copy(storage, path, place, size, room, bounds)
         os.utime(place, (0.0, 0.0))  # not the time of the download
     return tuple(left_out)
 
 
+def _listing(
+    location: StorageLocation, bounds: FetchLimits
+) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    """Return the files below a location by their names there, and the folders.
+
+    '' is the location itself. Of hidden folders there is the name alone.
+
+    It walks by itself: `find` of fsspec passes over a folder that cannot be listed.
+
+    Raises:
+        TooLargeError: there are too many files and folders.
+        UnreachedError: a folder cannot be listed.
+    """
+    storage, root = location.storage, location.root
+    with _failing(""):
+        details = storage.info(root)
+        # The pages of a web server are files, also those that list a folder.
+        if not (root.endswith("/") if is_address(root) else details["type"] == "directory"):
+            return {"": details}, []
+    files: dict[str, dict[str, Any]] = {}
+    folders, waiting, walked = {"": root}, [""], 0
+    while waiting:
+        bounds.limits.check_count(walked)  # a web page may lead to itself under longer names
+        folder, walked = waiting.pop(), walked + 1
+        entries = list(entries_of(storage, folders[folder], folder))
+        plain = {name for name, is_folder, _ in entries if not is_folder}
+        for name, is_folder, details in entries:
+            inside = f"{folder}/{name}".lstrip("/")
+            if inside in folders or (is_hidden([name]) and not is_folder):
+                continue
+            if not is_folder:
+                files[inside] = details
+            elif name in plain:
+                files[f"{inside}/"] = {**details, _FAULT: _SAME_NAME}
+            elif inside.count("/") >= bounds.limits.folders:
+                deep = f"it lies more than {bounds.limits.folders} folders deep"
+                files[inside] = {**details, _FAULT: deep}
+            else:
+                folders[inside] = details["name"]
+                if not is_hidden([name]):
+                    waiting.append(inside)
+            bounds.limits.check_count(len(files))
+            _check_progress(0, bounds.limits.total_size, bounds)
+    return files, list(folders)
+
+
+def entries_of(
+    storage: Any, folder: str, name: str = ""
+) -> Iterator[tuple[str, bool, dict[str, Any]]]:
+    """Yield the entries of a folder: the name, whether it is a folder, what the storage says of it.
+
+    Of a web page those links are entries that lead to the next level.
+
+    Raises:
+        UnreachedError: the folder cannot be listed; `name` says to the reader which one it is.
+    """
+    with _failing(name, "listed"):
+        listing = sorted(storage.ls(folder, detail=True), key=lambda details: details["name"])
+    for details in listing:
+        path = details["name"]
+        parent, _, end = path.rstrip("/").rpartition("/")
+        own = name_at(path)
+        if not own or path.strip("/") == folder.strip("/"):
+            continue
+        is_own = parent == folder.rstrip("/") and not set(end) & set(":?#")
+        if is_address(folder) and (not is_own or own in {".", ".."} or "/" in own):
+            continue
+        yield own, path.endswith("/") or details["type"] == "directory", details
+
+
+@contextmanager
+def _failing(name: str, done: str = "fetched") -> Iterator[None]:
+    """Let what a storage raises be the failure of a file or folder."""
+    try:
+        yield
+    except Lab3Error:
+        raise
+    except Exception as error:
+        place = f"{without_secrets(name)}: " if name else ""
+        raise UnreachedError(f"{place}cannot be {done} ({reason_of(error)})") from error
+
+
 def _sorted_out(
-    listing: dict[str, Any], root: str, limits: Limits
+    listing: Mapping[str, Mapping[str, Any]], location: StorageLocation, limits: Limits
 ) -> tuple[dict[str, tuple[str, int | None]], list[RefusedFile]]:
-    """Return plain files and their sizes by their names below `root`, and what is left out."""
+    """Return plain files, with where they are and their sizes, by name, and what is left out."""
     plain: dict[str, tuple[str, int | None]] = {}
     left_out = []
     total = 0
-    for path in sorted(listing):
-        details = listing[path]
-        inside = path[len(root) :].strip("/")
-        is_folder = path.endswith("/") or details["type"] == "directory"
-        if is_folder or is_hidden(path_parts(inside)):
-            continue
-        fault = name_fault(inside, limits) if inside else ""
-        if details["type"] != "file" or details.get("islink"):
+    for inside, details in sorted(listing.items()):
+        path, size = details["name"], details.get("size")
+        fault = details.get(_FAULT) or (name_fault(inside, limits) if inside else "")
+        if not fault and (details["type"] != "file" or details.get("islink")):
             fault = "it is a link, pipe or device; not fetched"
         if fault:
-            left_out.append(RefusedFile(inside or path.rpartition("/")[2], fault))
+            left_out.append(RefusedFile(inside or name_at(path), fault))
             continue
-        size = details.get("size")
+        if size is None:  # a web page says no sizes
+            with _failing(inside):
+                size = location.storage.info(path).get("size")
         plain[inside] = (path, size)
         total += 0 if size is None or _is_unread(path, inside, size, limits) else size
     limits.check_count(len(plain) + len(left_out))
@@ -115,52 +197,39 @@ def _sorted_out(
 
 def _is_unread(path: str, inside: str, size: int, limits: Limits) -> bool:
     """Whether the contents of a file are never read: a video, or a file that is too large."""
-    name = path.rpartition("/")[2]
+    name = name_at(path)
     if is_archive(name) and "/" not in inside:
         return False
     return not is_read(name, size, limits)
 
 
-def _copy(storage: Any, path: str, place: Path, room: int, bounds: FetchLimits) -> int:
+def _copy(
+    storage: Any, path: str, place: Path, size: int | None, room: int, bounds: FetchLimits
+) -> int:
+    """Copy a file and return how many bytes it has.
+
+    Raises:
+        UnreachedError: these are fewer than were listed; connections may end without a word.
+    """
     copied = 0
-    try:
-        with storage.open(path, "rb") as stream, place.open("wb") as file:
-            while data := stream.read(_CHUNK):
-                copied += len(data)
-                _check_progress(copied, room, bounds)
-                file.write(data)
-    except Lab3Error:
-        raise
-    except Exception as error:
-        if is_no_room(error):
-            raise
-        raise FetchError(
-            f"{path.rpartition('/')[2]}: cannot be fetched ({reason_of(error)})"
-        ) from error
+    with storage.open(path, "rb") as stream, place.open("wb") as file:
+        while data := stream.read(_CHUNK):
+            copied += len(data)
+            _check_progress(copied, room, bounds)
+            file.write(data)
+    if size is not None and copied < size:
+        raise UnreachedError(f"{name_at(path)}: the download ended after {copied} of {size} bytes")
     return copied
 
 
 def _check_progress(copied: int, room: int, bounds: FetchLimits) -> None:
     bounds.limits.check_size(bounds.limits.total_size - room + copied)
     if bounds.stopped.is_set():
-        raise FetchError("took too long")
+        raise UnreachedError("took too long")
 
 
-_SLASHES = "://"
 _HOUR = 3600.0
 _POLL_SECONDS = 0.2
-
-
-class StorageLocation(Struct, frozen=True):
-    """A storage of fsspec, and a path in it."""
-
-    storage: Any
-    root: str
-
-
-def is_address(place: str) -> bool:
-    """Whether a place is an address for fsspec (`s3://course/lab3`) and not a path."""
-    return _SLASHES in place
 
 
 def local_path(place: Path | str) -> Path | str:
@@ -171,7 +240,7 @@ def local_path(place: Path | str) -> Path | str:
     """
     if isinstance(place, Path):
         return place
-    location = _storage(place)
+    location = storage_at(place)
     local: type = importlib.import_module("fsspec.implementations.local").LocalFileSystem
     return Path(location.root) if isinstance(location.storage, local) else place
 
@@ -182,20 +251,18 @@ def entries_at(address: str) -> list[tuple[str, bool]]:
     Raises:
         UsageError: fsspec is not installed, knows no such address, or cannot list it.
     """
-    location = _storage(address)
+    location = storage_at(address)
     try:
-        listing = location.storage.ls(location.root, detail=True)
-    except Exception as error:
-        raise UsageError(
-            f"{address}: cannot be listed ({type(error).__name__}: {error})"
-        ) from error
-    names = [(_name(entry["name"]), entry["type"] == "directory") for entry in listing]
-    return sorted((name, is_folder) for name, is_folder in names if name)
+        return sorted(
+            (name, is_folder) for name, is_folder, _ in entries_of(location.storage, location.root)
+        )
+    except UnreachedError as error:
+        raise UsageError(f"{without_secrets(address)}: {error}") from error
 
 
 def read_at(address: str, name: str) -> bytes | str:
     """Return a file's bytes, or a few words about why it cannot be read."""
-    location = _storage(address)
+    location = storage_at(address)
     path = f"{location.root.rstrip('/')}/{name}"
     try:
         with location.storage.open(path, "rb") as stream:
@@ -206,47 +273,30 @@ def read_at(address: str, name: str) -> bytes | str:
 
 
 def archive_at(address: str, scratch: Path, limits: Limits) -> Path | None:
-    """Fetch the archive of a class that lies location an address; None where a folder lies there.
+    """Fetch the archive of a class that lies at an address; None where a folder lies there.
 
     Raises:
         UsageError: it cannot be fetched, or what lies there is neither.
     """
-    location = _storage(address)
-    name = _name(location.root)
+    location, shown = storage_at(address), without_secrets(address)
+    name = name_at(location.root)
     try:
-        is_file = bool(location.storage.isfile(location.root))
+        if is_address(location.root):  # a web server says of every page that it is a file
+            is_file = is_archive(name) and not location.root.endswith("/")
+        else:
+            is_file = bool(location.storage.isfile(location.root))
     except Exception as error:
-        raise UsageError(f"{address}: cannot be read ({reason_of(error)})") from error
+        raise UsageError(f"{shown}: cannot be read ({reason_of(error)})") from error
     if not is_file:
         return None
     if not is_archive(name):
-        raise UsageError(f"{address}: is neither a folder nor an archive of submissions")
+        raise UsageError(f"{shown}: is neither a folder nor an archive of submissions")
     bounds = FetchLimits(limits, threading.Event(), whole=True)
     try:
-        within(
-            _HOUR, lambda: fetch(location.storage, location.root, scratch / name, bounds), bounds
-        )
-    except (FetchError, TooLargeError) as error:
-        raise UsageError(f"{address}: {error}") from error
+        within(_HOUR, lambda: fetch(location, scratch / name, bounds), bounds)
+    except (UnreachedError, TooLargeError) as error:
+        raise UsageError(f"{shown}: {error}") from error
     return scratch / name
-
-
-def _name(path: str) -> str:
-    return path.rstrip("/").rpartition("/")[2]
-
-
-def _storage(address: str) -> StorageLocation:
-    try:
-        core = importlib.import_module("fsspec.core")
-    except ImportError as error:
-        raise UsageError(
-            f"{address}: addresses need the extra cluster: {install_command('cluster')}"
-        ) from error
-    try:
-        storage, root = core.url_to_fs(address)
-    except Exception as error:
-        raise UsageError(f"{address}: fsspec does not know it ({error})") from error
-    return StorageLocation(storage, str(root))
 
 
 def fetched(
@@ -257,31 +307,35 @@ def fetched(
 ) -> tuple[Source, ...]:
     """Return sources on this computer: sources with an address are fetched into `folder`.
 
-    What cannot be fetched becomes the fault of its source, for the one submission alone; so does
-    everything once `stopped` is true.
-
     Raises:
         TooLargeError: more would be fetched than a submission may hold.
+        UnreachedError: one cannot be fetched, or `stopped` became true; the line names it.
     """
     return tuple(
-        _fetched(source, folder / str(n), limits, stopped) if source.address else source
+        _fetched(source, folder / str(n), limits, stopped)
+        if source.address or source.fault
+        else source
         for n, source in enumerate(sources)
     )
 
 
 def _fetched(source: Source, target: Path, limits: Limits, stopped: Callable[[], bool]) -> Source:
+    if source.fault:
+        raise UnreachedError(f"{source.path.name}: {source.fault}")
     target.mkdir(parents=True, exist_ok=True)
     bounds = FetchLimits(limits, threading.Event())
-
-    def get() -> tuple[Path, Fetched]:
-        at = _storage(source.address)
-        path = target / _name(at.root)
-        return path, fetch(at.storage, at.root, path, bounds)
-
+    path = target / source.path.name
     try:
-        path, left_out = within(limits.all_seconds, get, bounds, stopped)
-    except (FetchError, UsageError) as error:
-        return replace(source, path=target, address="", fault=str(error))
+        left_out = within(
+            limits.all_seconds,
+            lambda: fetch(storage_at(source.address), path, bounds),
+            bounds,
+            stopped,
+        )
+    except UnreachedError as error:
+        raise UnreachedError(f"{source.path.name}: {error}") from error
+    except UsageError as error:
+        raise UnreachedError(str(error)) from error
     return replace(source, path=path, address="", left_out=left_out)
 
 
@@ -294,7 +348,7 @@ def within(
     """Return what `get` returns or raise what it raises; a storage that hangs is not waited for.
 
     Raises:
-        FetchError: it took too long, or `stopped` became true.
+        UnreachedError: it took too long, or `stopped` became true.
     """
     answers: queue.Queue[Any] = queue.Queue()
 
@@ -312,7 +366,7 @@ def within(
             break
         if stopped() or clock.seconds() > seconds:
             bounds.stopped.set()
-            raise FetchError(f"cannot be fetched: took longer than {seconds:g} s")
+            raise UnreachedError(f"cannot be fetched: took longer than {seconds:g} s")
     if isinstance(answer, Exception):
         raise answer
     return answer

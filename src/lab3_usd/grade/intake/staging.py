@@ -18,7 +18,6 @@ from typing import BinaryIO
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.errors import is_no_room
 from lab3_usd.grade.intake.archives import (
     OTHER_ENDINGS,
     ArchiveError,
@@ -34,6 +33,7 @@ from lab3_usd.grade.intake.submission_copy import (
     RefusedFile,
     SubmissionCopy,
     TooLargeError,
+    check_reached,
     is_hidden,
     made_folder,
     stage_seeker,
@@ -48,9 +48,9 @@ class Source(Struct, frozen=True):
     """A file, folder or archive that a submission consists of, and its name there ('' for all).
 
     `address` says where it is to be fetched from when it is not on this computer, `left_out` what
-    is not there because it was refused on the way here, and `fault` why nothing of it is. Sources
-    of one upload have one number, the last upload the highest, and 0 belongs to every upload;
-    `when` tells the upload to people.
+    is not there because it was refused on the way here, and `fault` why it cannot be fetched.
+    Sources of one upload have one number, the last upload the highest, and 0 belongs to every
+    upload; `when` tells the upload to people.
     """
 
     path: Path
@@ -87,6 +87,7 @@ def stage_submission(
     Raises:
         TooLargeError: it holds too many files or too much in them.
         ArchiveError: the one archive that it consists of cannot be unpacked, or nothing in it read.
+        UnreachedError: this computer cannot read a file, or has no room for it.
     """
     taken = list(sources)
     numbers = sorted({source.upload for source in taken if source.upload}, reverse=True)
@@ -161,8 +162,6 @@ def _stage_upload(
     """Copy and unpack one upload below `target`, and choose the folder that is the submission."""
     copy = SubmissionCopy(target, limits)
     for source in sources:
-        if source.fault:
-            raise ArchiveError(f"{source.name or source.path.name}: {source.fault}")
         for file in source.left_out:
             copy.refuse(file.path, file.reason, file.rule)
         if os.path.isdir(source.path) and not source.path.is_symlink():  # noqa: PTH112 - never raises
@@ -255,6 +254,7 @@ def _files_below(root: Path, copy: SubmissionCopy) -> Iterator[tuple[Path, str]]
             with os.scandir(root / below) as scan:
                 entries = sorted(scan, key=lambda entry: entry.name)
         except OSError as error:
+            check_reached(below.rstrip("/") or root.name, error)
             copy.refuse(below.rstrip("/") or root.name, f"{_UNREAD} ({error.strerror})")
             continue
         for entry in entries:
@@ -312,6 +312,7 @@ def _unpack(path: Path, name: str, copy: SubmissionCopy, *, alone: bool) -> None
     try:
         is_file = stat.S_ISREG(path.lstat().st_mode)
     except OSError as error:
+        check_reached(name, error)
         copy.refuse(name, f"{_UNREAD} ({error.strerror})")
         return
     if not is_file:
@@ -334,8 +335,7 @@ def _copy(path: Path, name: str, copy: SubmissionCopy) -> None:
             else:
                 copy.take(name, status.st_size, stream, status.st_mtime)
     except OSError as error:
-        if is_no_room(error):
-            raise
+        check_reached(name, error)
         copy.refuse(name, f"{_UNREAD} ({error.strerror})")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import io
 import os
@@ -27,6 +28,23 @@ _TIMES_BY_CLOCK, _LEAST_BY_CLOCK = 10.0, 60.0  # on a busy machine
 
 class TooLargeError(Lab3Error):
     """A submission holds more than the limits allow; none of it is judged."""
+
+
+class UnreachedError(Lab3Error):
+    """A submission did not reach the judge, by a fault of a computer, and not of the student."""
+
+
+# What a file may bring about by its name, kind or size; all else is the fault of the computer.
+_OF_FILES = (
+    errno.ELOOP, errno.ENAMETOOLONG, errno.EINVAL, errno.EILSEQ, errno.ENOTDIR, errno.EISDIR,
+    errno.EEXIST, errno.ENXIO, errno.EFBIG,
+)  # fmt: skip
+
+
+def check_reached(name: str, error: Exception) -> None:
+    """Raise UnreachedError where a computer, and nothing in a file, keeps it from being copied."""
+    if isinstance(error, OSError) and error.errno is not None and error.errno not in _OF_FILES:
+        raise UnreachedError(f"{name}: cannot be read ({error.strerror})") from error
 
 
 class Limits(Struct, frozen=True):

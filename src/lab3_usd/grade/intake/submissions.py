@@ -15,7 +15,8 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import NoRoomError, UsageError, is_no_room
+from lab3_usd.grade.intake.addresses import address_below, name_at, shown
 from lab3_usd.grade.intake.archives import ArchiveError, is_archive, unpack
 from lab3_usd.grade.intake.platforms import (
     ARCHIVE_END,
@@ -41,6 +42,7 @@ from lab3_usd.grade.intake.submission_copy import (
     RefusedFile,
     SubmissionCopy,
     TooLargeError,
+    UnreachedError,
     path_parts,
 )
 from lab3_usd.judge.folder import is_submission
@@ -97,11 +99,8 @@ def submissions_in(place: Path | str) -> Iterator[ClassLocation]:
         return
     with scratch_folder("lab3-class-") as scratch:
         path = place if isinstance(place, Path) else archive_at(place, scratch, _CLASS)
-        yield (
-            ClassLocation(place, str(place))
-            if path is None
-            else _unpacked(path, str(place), scratch)
-        )
+        given = shown(place)
+        yield ClassLocation(place, given) if path is None else _unpacked(path, given, scratch)
 
 
 def _is_folder(place: Path) -> bool:
@@ -122,8 +121,10 @@ def _unpacked(archive: Path, given: str, scratch: Path) -> ClassLocation:
     copy = SubmissionCopy(folder, _CLASS, archives=True)
     try:
         unpack(archive, "", copy)
-    except (ArchiveError, TooLargeError) as error:
-        raise UsageError(f"{given}: {str(error).removeprefix(f'{archive.name}: ')}") from error
+    except (ArchiveError, TooLargeError, UnreachedError) as error:
+        is_full = error.__cause__ is not None and is_no_room(error.__cause__)
+        kind = NoRoomError if is_full else UsageError
+        raise kind(f"{given}: {str(error).removeprefix(f'{archive.name}: ')}") from error
     left_out = _left_out(copy)
     for parts, _ in left_out:  # the folders of students of whom nothing was unpacked
         with contextlib.suppress(OSError, ValueError):  # names that no file system takes
@@ -216,7 +217,7 @@ def find_submissions(
     Raises:
         UsageError: there is no such folder, it cannot be read, or nothing in it is a submission.
     """
-    location = place if isinstance(place, ClassLocation) else ClassLocation(place, str(place))
+    location = place if isinstance(place, ClassLocation) else ClassLocation(place, shown(place))
     parts = (
         _at_address(location, location.where, notify)
         if isinstance(location.where, str)
@@ -229,16 +230,19 @@ def find_submissions(
 
 def _at_address(location: ClassLocation, address: str, notify: Notify) -> list[SubmissionPart]:
     entries = entries_at(address)
-    name = address.rstrip("/").rpartition("/")[2]
     if looks_like_submission(entries):
-        return [SubmissionPart(name, name, Source(Path(name), address=address))]
+        name = name_at(address)
+        whole = address_below(address, "", is_folder=False)
+        return [SubmissionPart(name, name, Source(Path(name), address=whole))]
     names = StudentNames({}, "")
     if (METADATA, False) in entries:
         names = names_in(read_at(address, METADATA))
     parts = []
     for part in _parts(location, entries, names, notify):
-        source = replace(part.source, address=f"{address.rstrip('/')}/{part.source.path}")
-        if "::" in source.path.name:  # fsspec would read it as an address of its own
+        name = part.source.path.name
+        below = address_below(address, name, is_folder=(name, True) in entries)
+        source = replace(part.source, address=below)
+        if "::" in below.removeprefix(address):  # fsspec would read it as an address of its own
             fault = "its name holds '::' which cannot be part of an address"
             source = replace(part.source, fault=fault)
         parts.append(replace(part, source=source))

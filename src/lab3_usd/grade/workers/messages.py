@@ -19,6 +19,9 @@ TOO_LARGE = "too large"
 # Of this program itself: apart from any submission, and over one.
 TOOL_FAILED, FAILED_OVER_IT = "tool failed", "this program failed"
 CRASHED = "crashed usd-core"
+KILLED = "ended by"  # a signal that nothing in a file sends
+# What did not reach the judge, by a fault of the computer it was on, or of all that it does there.
+FAULT, FAULT_OF_ALL = "fault", "fault of all"
 _STATUSES = {
     OUT_OF_TIME: "timeout",
     OUT_OF_MEMORY: "too large",
@@ -33,8 +36,8 @@ class PoolSettings(Struct, frozen=True):
 
     `lab` is the folder of another lab than the bundled one, `assets` the folders in which the
     grader has what lies at these addresses. With `merge`, what the last upload of a student lacks
-    comes from the ones before. With `with_report`, an answer holds the report as data too. `typed`
-    is the name by which the program was started.
+    comes from the ones before. With `with_report`, an answer holds the report as data too. Without
+    `named`, reports do not name the student. `typed` is the name by which the program was started.
     """
 
     starter: Path | None
@@ -46,6 +49,7 @@ class PoolSettings(Struct, frozen=True):
     assets: dict[str, Path] = {}
     merge: bool = False
     with_report: bool = False
+    named: bool = True
     typed: str = msgspec.field(default_factory=program)
 
 

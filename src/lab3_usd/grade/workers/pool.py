@@ -18,9 +18,10 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import EndedBySignalError
 from lab3_usd.grade.intake.remote import fetched
-from lab3_usd.grade.intake.submission_copy import TooLargeError
+from lab3_usd.grade.intake.submission_copy import TooLargeError, UnreachedError
 from lab3_usd.grade.workers.messages import (
     CRASHED,
+    FAULT,
     TOO_LARGE,
     TOOL_FAILED,
     Answer,
@@ -56,12 +57,15 @@ class WorkerSlot:
 
         Raises:
             WorkerDiedError: the worker died, and was removed.
+            UnreachedError: what was handed in did not reach it.
         """
         self.worker = worker = self.worker or self._new(stopped)
         folder = worker.scratch / "fetched"
         try:
             sources = fetched(task.sources, folder, self.settings.limits, stopped)
             answer = ask(worker, replace(task, sources=sources), stopped, seconds)
+            if FAULT in answer:
+                raise UnreachedError(str(answer[FAULT]))
             missing = sorted(name for name, held in worker.confined.items() if not held)
             if missing:  # what the worker could not give up, for the record
                 answer |= {"unconfined": missing}
@@ -98,6 +102,9 @@ def judge_in(slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never_s
 
     A worker that ended for a reason outside of the task, or stood still, is replaced once. A file
     at which a worker crashed is read once more: usd-core itself crashes now and then.
+
+    Raises:
+        UnreachedError: it did not reach the judge, by no fault of its own.
     """
     left, spare = slot.settings.limits.all_seconds, 1
     crashed: set[str] = set()
@@ -122,9 +129,13 @@ def judge_in(slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never_s
 
 
 def _after(task: Task, died: WorkerDiedError) -> tuple[Task, Json | None]:
-    """Return the task without the file that ended the worker, or what to record where none did."""
+    """Return the task without the file that ended the worker, or what to record where none did.
+
+    Raises:
+        UnreachedError: the worker did not begin to read it.
+    """
     if died.external and not died.file:
-        return task, {"failed": f"{TOOL_FAILED}: two workers ended before they read it: {died.how}"}
+        raise UnreachedError(f"two workers ended before they read it: {died.how}")
     if not died.file or died.file in task.broken or len(task.broken) >= _MOST_BROKEN:
         return task, {"failed": died.how}
     return replace(task, broken={**task.broken, died.file: died.how}), None
@@ -168,9 +179,18 @@ class _ThreadPool:
     def _judge(self, task: Task) -> Answer:
         slot = self._free.get()
         try:
-            return judge_in(slot, task, lambda: self._is_stopped)
+            return self._judge_twice(slot, task)
         finally:
             self._free.put(slot)
+
+    def _judge_twice(self, slot: WorkerSlot, task: Task) -> Answer:
+        """Judge a task, once more where it does not reach the judge."""
+        with suppress(UnreachedError):
+            return judge_in(slot, task, lambda: self._is_stopped)
+        try:
+            return judge_in(slot, task, lambda: self._is_stopped)
+        except UnreachedError as error:
+            return task, {"failed": f"{TOOL_FAILED}: {error}"}
 
     def stop(self) -> None:
         """Have the threads leave what they are at; they look several times a second."""

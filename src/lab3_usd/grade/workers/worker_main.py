@@ -21,10 +21,13 @@ from pathlib import Path
 from typing import BinaryIO
 
 from lab3_usd.data import data_folder, lab_folder
+from lab3_usd.errors import is_no_room
+from lab3_usd.grade.intake.submission_copy import UnreachedError
 from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.workers.messages import (
     CRASHED,
     FAILED_OVER_IT,
+    FAULT,
     OUT_OF_MEMORY,
     TOO_LARGE,
     TOOL_FAILED,
@@ -52,6 +55,7 @@ from lab3_usd.stage.read.server_assets import assets_at
 _NEEDED = ("/usr", "/lib", "/lib64", "/etc/localtime", "/proc/self", "/dev/urandom")
 _TOO_LONG = f"{TOO_LARGE}: its reports would be longer than is sane"
 _NO_TIME = 1e-6  # seconds; none at all would be no limit
+_NO_ROOM = "no room for a copy of the submission"
 _OURS = ("graphs", "maps", "schema")
 _UNTIL_COLLECTED = 20_000  # new objects; a submission leaves some hundreds that refer to each other
 
@@ -165,6 +169,7 @@ def load_setup(settings: PoolSettings) -> GradingSetup:
         supplied=tuple(map(os.path.realpath, settings.assets.values())),
         merge=settings.merge,
         with_report=settings.with_report,
+        named=settings.named,
     )
 
 
@@ -175,7 +180,11 @@ def answer(setup: GradingSetup, task: Task, scratch: Path, announce: Callable[[s
         return grade_submission(setup, task, folder, announce)
     except MemoryError:
         return {"died": OUT_OF_MEMORY}
+    except UnreachedError as error:
+        return {FAULT: str(error)}
     except Exception as error:  # noqa: BLE001 - our own failure is recorded, and never a grade
+        if is_no_room(error):
+            return {FAULT: f"{_NO_ROOM} ({getattr(error, 'strerror', '')})"}
         return {"died": _failure_text(error, folder)}
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -24,6 +24,7 @@ from lab3_usd.grade.intake.scratch import make_scratch, remove_scratch
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 from lab3_usd.grade.workers.messages import (
     CRASHED,
+    KILLED,
     OUT_OF_MEMORY,
     OUT_OF_TIME,
     TOO_LARGE,
@@ -77,7 +78,7 @@ def how_it_ended(process: subprocess.Popen[bytes], memory: int) -> End:
     if status >= 0:
         return End(f"ended the worker (status {status})", processor=processor)
     external = name in _FROM_OUTSIDE
-    return End(f"ended by {name}" if external else f"{CRASHED} ({name})", external, processor)
+    return End(f"{KILLED} {name}" if external else f"{CRASHED} ({name})", external, processor)
 
 
 def _has_ended(process: subprocess.Popen[bytes]) -> bool:

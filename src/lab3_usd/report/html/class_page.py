@@ -13,9 +13,11 @@ from msgspec import Struct
 from lab3_usd.report.html.templates import content_policy, environment, text_of
 from lab3_usd.report.options import NAME, tool_version
 
-STUDENTS, REPORT = "students", "report.html"
+STUDENTS, SHARED, REPORT = "students", "reports", "report.html"
 BIN = 10  # per cent
 _HARDEST = 20
+_NAMED = 20  # students of a group that handed in the same
+_MOST = 500  # rows that are shown at first
 _PIECES = 500  # pieces of text that make a part of the page
 Row = Mapping[str, Any]
 Losses = Counter[tuple[str, str]]
@@ -68,11 +70,13 @@ def class_page(
         hardest=hardest(lost),
         missing=missing(lost),
         alike=alike,
+        named=_NAMED,
+        most=_MOST,
         summaries=summaries(items, rows),
         statuses=sorted(Counter(row["status"] for row in rows).items()),
         median=statistics.median(percents) if percents else None,
         mean=statistics.fmean(percents) if percents else None,
-        report=lambda row: f"{STUDENTS}/{row['folder']}/{REPORT}",
+        report=_report_of,
         style=Markup(style),  # noqa: S704 - a file of this package
         script=Markup(script),  # noqa: S704
         policy=content_policy(style, script),
@@ -80,6 +84,12 @@ def class_page(
     )  # fmt: skip
     page.enable_buffering(_PIECES)
     yield from page
+
+
+def _report_of(row: Row) -> str:
+    """Return where the report of a student is: in a large class several may have the same."""
+    folder = f"{SHARED}/{row['shared']}" if row.get("shared") else f"{STUDENTS}/{row['folder']}"
+    return f"{folder}/{REPORT}"
 
 
 def distribution(percents: Sequence[float]) -> Iterator[Bar]:

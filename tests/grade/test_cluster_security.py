@@ -1,0 +1,188 @@
+"""Whoever reaches a Dask scheduler runs programs on its machines: who reaches it is looked at."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from multiprocessing import forkserver
+from pathlib import Path
+from typing import Any
+
+import forking
+import pytest
+from certificates import Certificates, certificates
+from clusters import cluster_of, graded_on, scheduler
+from mini_lab import cut_wire, files_below, stage, starter, submission
+
+from lab3_usd.errors import UsageError
+from lab3_usd.grade.class_run import ClassSettings, grade_class
+from lab3_usd.grade.workers.scheduler import connected
+
+pytest.importorskip("distributed", reason="Dask is not installed")
+pytestmark = [
+    pytest.mark.timeout(300),  # machines are started and waited for
+    pytest.mark.usefixtures("forked_workers"),
+    pytest.mark.filterwarnings("ignore"),
+]
+# A scheduler that listens on all interfaces says the address of its computer.
+KNOWN_AS = """
+from distributed import Scheduler
+identity = Scheduler.identity
+Scheduler.identity = lambda *arguments, **options: {{
+    **identity(*arguments, **options), "address": {address!r}
+}}
+"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _own_fork_server() -> Iterator[None]:
+    """Leave no process that machines were forked from to whoever forks next."""
+    yield
+    forkserver._forkserver._stop()  # type: ignore[attr-defined]
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("class") / "class"
+    submission(folder / "ana", "00")
+    cut_wire(submission(folder / "ben", "00", "01") / "work" / stage("01").name)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory: pytest.TempPathFactory) -> Certificates:
+    return certificates(tmp_path_factory.mktemp("tls") / "course")
+
+
+@pytest.fixture(scope="module")
+def secured(known: Certificates, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """A cluster that speaks TLS alone."""
+    import distributed
+
+    security = distributed.Security(
+        require_encryption=True,
+        tls_ca_file=str(known.authority),
+        **{
+            f"tls_{part}_{what}": str(getattr(known, name))
+            for part in ("scheduler", "worker", "client")
+            for what, name in (("cert", "certificate"), ("key", "key"))
+        },
+    )
+    folder = tmp_path_factory.mktemp("secured") / "temporary"
+    with cluster_of(1, folder, security=security, protocol="tls://") as cluster:
+        yield cluster
+
+
+def configured(files: Certificates) -> dict[str, str]:
+    """How Dask is told of certificates."""
+    return {
+        "DASK_DISTRIBUTED__COMM__TLS__CA_FILE": str(files.authority),
+        "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT": str(files.certificate),
+        "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY": str(files.key),
+    }
+
+
+def lab3_grade(
+    place: Path, out: Path, cluster: str, *options: str, **variables: str
+) -> forking.CompletedProcess[str]:
+    command = [sys.executable, "-m", "lab3_usd", "grade", str(place), "--starter", str(starter())]
+    return forking.run(
+        [*command, "--output", str(out), "--cluster", cluster, *options],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **variables},
+    )
+
+
+def test_a_cluster_with_tls_gives_the_same_gradebook(
+    place: Path, secured: Any, known: Certificates, tmp_path: Path
+) -> None:
+    grade_class(ClassSettings(place, starter(), tmp_path / "alone"))
+    address = secured.scheduler_address
+    assert address.startswith("tls://")
+    done = lab3_grade(place, tmp_path / "book", address, **configured(known))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert files_below(tmp_path / "book") == files_below(tmp_path / "alone")
+
+
+def test_tls_without_certificates_is_one_line_that_says_where_they_are_named(
+    place: Path, secured: Any, tmp_path: Path
+) -> None:
+    address = secured.scheduler_address
+    done = lab3_grade(place, tmp_path / "book", address)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        f"lab3: {address}: Dask has no certificates for TLS here; name them in its configuration "
+        "(distributed.comm.tls.ca-file, distributed.comm.tls.client.cert, "
+        "distributed.comm.tls.client.key), see 'Several machines' in docs/graders.md\n"
+    )
+
+
+@pytest.mark.parametrize("fault", ["missing", "no certificate", "of somebody else"])
+def test_certificates_that_do_not_fit_are_one_line(
+    place: Path, secured: Any, known: Certificates, tmp_path: Path, fault: str
+) -> None:
+    files = certificates(tmp_path / "tls")
+    if fault == "missing":
+        files = known._replace(key=tmp_path / "no-key.pem")
+    elif fault == "no certificate":
+        files = known._replace(certificate=known.key)
+    address = secured.scheduler_address
+    done = lab3_grade(place, tmp_path / "book", address, **configured(files))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.startswith(f"lab3: {address}: ")
+
+
+def test_a_public_scheduler_without_tls_is_refused(tmp_path: Path, place: Path) -> None:
+    done = lab3_grade(place, tmp_path / "book", "tcp://8.8.8.8:8786")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "lab3: tcp://8.8.8.8:8786: has a public address and has no TLS: whoever reaches it runs "
+        "programs on its machines; use tls://, or --insecure-cluster if a firewall protects it, "
+        "see 'Several machines' in docs/graders.md\n"
+    )
+    assert not (tmp_path / "book" / "students").exists()
+
+
+def test_a_scheduler_that_listens_on_a_public_address_is_refused_by_any_address(
+    tmp_path: Path,
+) -> None:
+    public = KNOWN_AS.format(address="tcp://8.8.8.8:8786")
+    with (
+        scheduler(tmp_path / "s", public) as running,
+        pytest.raises(UsageError, match=r"tcp://8\.8\.8\.8:8786: has a public address"),
+        connected(running.address, print),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("address", "insecure"), [("tcp://8.8.8.8:8786", True), ("tcp://10.1.2.3:8786", False)]
+)
+def test_who_reaches_a_scheduler_without_tls_is_said(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    address: str,
+    insecure: bool,  # noqa: FBT001
+) -> None:
+    said: list[str] = []
+    with scheduler(tmp_path / "s", KNOWN_AS.format(address=address)) as running:
+        monkeypatch.setattr(
+            "lab3_usd.grade.workers.scheduler._await_worker", lambda *_arguments: None
+        )
+        with connected(running.address, said.append, insecure=insecure):
+            pass
+    (line,) = said
+    assert line.startswith(f"{address}: has no TLS: whoever reaches it runs programs")
+
+
+def test_a_scheduler_on_this_computer_alone_needs_no_tls_and_nothing_is_said(
+    place: Path, tmp_path: Path
+) -> None:
+    said: list[str] = []
+    with cluster_of(1, tmp_path / "temporary") as cluster:
+        graded_on(cluster, place, tmp_path / "book", said.append)
+    assert said == []

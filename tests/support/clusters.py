@@ -1,0 +1,137 @@
+"""Dask clusters on this computer: a scheduler, its machines, and machines with faults."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+from unittest.mock import patch
+
+import pytest
+from mini_lab import MINI, files_below, starter
+
+from lab3_usd.data import LAB_VARIABLE
+from lab3_usd.grade.class_run import ClassSettings, grade_class
+from lab3_usd.grade.workers.cluster import cluster_runner
+
+
+@contextmanager
+def cluster_of(
+    workers: int, temporary: Path, how: str = "forkserver", **options: Any
+) -> Iterator[Any]:
+    """A scheduler and worker processes whose temporary folders lie in a place of their own.
+
+    They are forked, but with "spawn" they start and end as those of `dask worker`.
+    """
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    dask = pytest.importorskip("dask")
+    temporary.mkdir()
+    quick = {
+        "distributed.admin.log-format": "",
+        "distributed.worker.multiprocessing-method": how,
+        "distributed.nanny.environ": {"TMPDIR": str(temporary), LAB_VARIABLE: str(MINI)},
+        "logging.distributed": "critical",
+    }
+    with (
+        patch.dict(os.environ, {"TMPDIR": str(temporary)}),  # which goes before what Dask is told
+        dask.config.set(quick),
+        distributed.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            **options,
+        ) as running,
+    ):
+        yield running
+
+
+def graded_on(
+    cluster: Any, place: Path | str, out: Path, notify: Any = print, **changes: Any
+) -> dict[str, bytes]:
+    runner = cluster_runner(cluster.scheduler_address, notify)
+    grade_class(ClassSettings(place, starter(), out, runner=runner), **changes)
+    return files_below(out)
+
+
+_MACHINE = """
+import asyncio, sys
+exec(sys.argv[2])
+from distributed import Worker
+
+async def main():
+    async with Worker(sys.argv[1], nthreads=1, host="127.0.0.1", dashboard_address=None) as worker:
+        print(worker.address, flush=True)
+        await worker.finished()
+
+asyncio.run(main())
+"""
+_SCHEDULER = """
+import asyncio, sys
+exec(sys.argv[2])
+from distributed import Scheduler
+
+async def main():
+    async with Scheduler(host="127.0.0.1", port=int(sys.argv[1]), dashboard=False) as scheduler:
+        print(scheduler.address, flush=True)
+        await scheduler.finished()
+
+asyncio.run(main())
+"""
+# How a machine without this package answers each import of it.
+WITHOUT_LAB3 = """
+import sys
+class Nowhere:
+    def find_spec(self, name, *_):
+        if name.partition(".")[0] == "lab3_usd":
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Nowhere())
+"""
+
+
+class Process(NamedTuple):
+    """A scheduler or a machine of a cluster, in a process of its own."""
+
+    address: str
+    process: subprocess.Popen[str]
+
+
+@contextmanager
+def machine(scheduler: str, temporary: Path, code: str = "") -> Iterator[Process]:
+    """A machine of a cluster that runs this code first."""
+    with _running([_MACHINE, scheduler, code], temporary) as found:
+        yield found
+
+
+@contextmanager
+def scheduler(temporary: Path, code: str = "", port: int = 0) -> Iterator[Process]:
+    """A scheduler that runs this code first."""
+    with _running([_SCHEDULER, str(port), code], temporary) as found:
+        yield found
+
+
+@contextmanager
+def _running(arguments: list[str], temporary: Path) -> Iterator[Process]:
+    temporary.mkdir(parents=True, exist_ok=True)
+    environment = {
+        **os.environ,
+        "TMPDIR": str(temporary),
+        LAB_VARIABLE: str(MINI),
+        "DASK_LOGGING__DISTRIBUTED": "critical",
+    }
+    with subprocess.Popen(
+        [sys.executable, "-c", *arguments],
+        stdout=subprocess.PIPE,
+        env=environment,
+        cwd=temporary,
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        try:
+            yield Process(process.stdout.readline().strip(), process)
+        finally:
+            process.kill()

@@ -1,0 +1,79 @@
+"""A web server on this computer that serves a folder, and its faults."""
+
+from __future__ import annotations
+
+import base64
+import functools
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+
+@dataclass
+class WebServer:
+    """Where a folder is served, and what was asked for.
+
+    `fault` says of a request, by its path, what is wrong with its answer: a status, "short" for a
+    body that ends too early, "gone" for a server that answers nothing. `password` is asked for.
+    """
+
+    address: str = ""
+    password: str = ""
+    fault: Callable[[str], str | HTTPStatus | None] = lambda _path: None
+    asked: list[str] = field(default_factory=list)
+
+
+@contextmanager
+def served(folder: Path) -> Iterator[WebServer]:
+    """Serve a folder as long as this lasts."""
+    server = WebServer()
+    listener = ThreadingHTTPServer(
+        ("127.0.0.1", 0), functools.partial(_Handler, directory=str(folder), server_=server)
+    )
+    server.address = f"http://127.0.0.1:{listener.server_port}"
+    thread = threading.Thread(target=listener.serve_forever, kwargs={"poll_interval": 0.02})
+    thread.start()
+    try:
+        yield server
+    finally:
+        listener.shutdown()
+        thread.join()
+        listener.server_close()
+
+
+class _Handler(SimpleHTTPRequestHandler):
+    def __init__(self, *arguments: Any, server_: WebServer, **options: Any) -> None:
+        self._server = server_
+        super().__init__(*arguments, **options)
+
+    def log_message(self, *_arguments: Any) -> None:
+        """Say nothing."""
+
+    def send_head(self) -> Any:
+        self._server.asked.append(self.path)
+        expected = base64.b64encode(f"user:{self._server.password}".encode()).decode()
+        given = self.headers.get("Authorization")
+        if self._server.password and given != f"Basic {expected}":
+            self.send_error(HTTPStatus.UNAUTHORIZED)
+            return None
+        fault = self._server.fault(self.path)
+        if fault == "gone":
+            self.close_connection = True
+            self.connection.close()
+            return None
+        if isinstance(fault, HTTPStatus):
+            self.send_error(fault)
+            return None
+        return super().send_head()
+
+    def copyfile(self, source: Any, outputfile: Any) -> None:
+        data = source.read()
+        if self._server.fault(self.path) == "short":
+            data = data[: len(data) // 2]
+            self.close_connection = True
+        outputfile.write(data)
