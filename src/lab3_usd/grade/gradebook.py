@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec import to_builtins
 
 from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import UsageError
@@ -219,7 +220,7 @@ def known_digest(out: Path, submission: StudentSubmission, salt: str, items: Seq
     row = read_result(out, submission)
     if row is None or row.get("salt") != salt or row.get("status") not in FINISHED:
         return ""
-    if any(row.get(key) != getattr(submission, key) for key in ("late", "student", "name")):
+    if any(row.get(key) != value for key, value in owner_record(submission).items()):
         return ""
     try:
         recorded = msgspec.convert(row, _Recorded)
@@ -234,6 +235,20 @@ def known_digest(out: Path, submission: StudentSubmission, salt: str, items: Seq
     ):
         return ""
     return recorded.digest
+
+
+def owner_record(submission: StudentSubmission) -> Row:
+    """Return what a result says of whose a submission is, and what the platform called it."""
+    return {
+        "student": submission.student,
+        "name": submission.name,
+        "folder": submission.folder,
+        "late": submission.late,
+        "platform": submission.platform,
+        "entries": list(submission.entries),
+        "people": list(to_builtins(submission.people)),
+        "may_be": list(to_builtins(submission.may_be)),
+    }
 
 
 class _Recorded(Grade, frozen=True, kw_only=True):
@@ -275,10 +290,7 @@ def write_student(
             write_whole(folder / name, contents.encode("utf-8", "replace"), force=True)
     row = {
         "version": _VERSION,
-        "student": submission.student,
-        "name": submission.name,
-        "folder": submission.folder,
-        "late": submission.late,
+        **owner_record(submission),
         "salt": salt,
         **{key: value for key, value in answer.items() if key not in {"reports", SHARED}},
         **place,
