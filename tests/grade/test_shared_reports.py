@@ -12,9 +12,9 @@ from mini_lab import LAB, MINI, cut_wire, files_below, stage, starter, submissio
 from workers_here import graded_here
 
 from lab3_usd.grade import shared_reports
-from lab3_usd.grade.afterwards import regrade
 from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.gradebook import Rows
+from lab3_usd.grade.regrade import regrade
 from lab3_usd.grade.rubric import load_rubric
 
 REPORTS = {"report.html", "report.json", "results.json"}

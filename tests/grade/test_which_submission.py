@@ -319,33 +319,18 @@ def test_an_archive_beside_the_folder_that_it_was_made_of_changes_nothing(tmp_pa
 # ---- several uploads
 
 
-def canvas(place: Path, number: int, numbers: Iterable[str], end: str = "") -> None:
-    """Upload stages one by one, as Canvas exports them."""
-    place.mkdir(exist_ok=True)
-    for more, checkpoint in enumerate(numbers):
-        name = stage(checkpoint).name.replace(".usda", f"{end}.usda")
-        shutil.copyfile(stage(checkpoint), place / f"doeana_7_{number + more}_{name}")
-
-
-def canvas_archives(place: Path, number: int, numbers: Iterable[str], end: str = "") -> None:
-    folder = submission(place.parent / f"made {number}", *numbers)
-    packed(folder, place / f"doeana_7_{number}_Lab3{end}.zip")
-
-
-def brightspace(place: Path, number: int, numbers: Iterable[str], end: str = "") -> None:
-    del end
+def brightspace(place: Path, number: int, numbers: Iterable[str]) -> None:
     name = f"39786-640693 - Ana Doe - Oct {number // 100}, 2025 1022 AM"
     submission(place / name, *numbers)
 
 
-def blackboard(place: Path, number: int, numbers: Iterable[str], end: str = "") -> None:
-    del end
+def blackboard(place: Path, number: int, numbers: Iterable[str]) -> None:
     folder = submission(place.parent / f"made {number}", *numbers)
     date = f"2026-11-{number // 100:02}-10-22-33"
     packed(folder, place / f"Lab 3_adoe_attempt_{date}_Lab3.zip")
 
 
-PLATFORMS = [canvas, canvas_archives, brightspace, blackboard]
+PLATFORMS = [brightspace, blackboard]  # the others hold the last attempt alone
 
 
 @pytest.mark.parametrize("upload", PLATFORMS)
@@ -354,7 +339,7 @@ def test_the_last_upload_alone_counts_and_that_an_earlier_one_had_more_is_said(
 ) -> None:
     place = tmp_path / "class"
     upload(place, 200, ALL)
-    upload(place, 1100, ALL[:3], "-1")
+    upload(place, 1100, ALL[:3])
     row = graded(place)
     assert set(row["verdicts"]) == set(ALL[:3])
     (remark,) = row["remarks"]
@@ -368,7 +353,7 @@ def test_an_earlier_upload_that_had_no_more_needs_no_remark(
 ) -> None:
     place = tmp_path / "class"
     upload(place, 200, ALL[:3])
-    upload(place, 1100, ALL, "-1")
+    upload(place, 1100, ALL)
     row = graded(place)
     assert (set(row["verdicts"]), row["remarks"]) == (set(ALL), [])
 
@@ -379,7 +364,7 @@ def test_merged_uploads_say_which_file_is_from_when(
 ) -> None:
     place = tmp_path / "class"
     upload(place, 200, ALL)
-    upload(place, 1100, ALL[:3], "-1")
+    upload(place, 1100, ALL[:3])
     row = graded(place, merge_uploads=True)
     assert row["verdicts"] == dict.fromkeys(ALL, "pass")
     first, rest = row["remarks"]
@@ -390,19 +375,44 @@ def test_merged_uploads_say_which_file_is_from_when(
 
 def test_a_changed_choice_of_uploads_is_judged_again(tmp_path: Path) -> None:
     place = tmp_path / "class"
-    canvas(place, 200, ALL)
-    canvas(place, 1100, ALL[:3], "-1")
+    brightspace(place, 200, ALL)
+    brightspace(place, 1100, ALL[:3])
     graded(place)
     assert set(graded(place, resume=True, merge_uploads=True)["verdicts"]) == set(ALL)
 
 
 def test_a_last_upload_that_is_damaged_says_that_there_is_an_earlier_one(tmp_path: Path) -> None:
     place = tmp_path / "class"
-    canvas_archives(place, 200, ALL)
-    (place / "doeana_7_1100_Lab3-1.zip").write_bytes(b"PK\3\4 cut")
+    place.mkdir()
+    blackboard(place, 200, ALL)
+    (place / "Lab 3_adoe_attempt_2026-11-11-10-22-33_Lab3.zip").write_bytes(b"PK\3\4 cut")
     row = graded(place)
     assert row["status"] == "unreadable"
-    assert "upload 200" in row["reason"]
+    assert "upload of 2026-11-02" in row["reason"]
+
+
+def test_two_archives_of_canvas_are_one_upload_of_which_the_fuller_one_counts(
+    tmp_path: Path,
+) -> None:
+    place = tmp_path / "class"
+    place.mkdir()
+    for number, numbers in (("60", ALL), ("61", ALL[:3])):
+        folder = submission(tmp_path / number, *numbers)
+        packed(folder, place / f"doeana_7_{number}_Lab3-{number}.zip")
+    row = graded(place)
+    assert row["verdicts"] == dict.fromkeys(ALL, "pass")
+    assert "is judged (6 checkpoints" in row["remarks"][0]
+
+
+def test_two_stages_of_one_checkpoint_in_an_upload_to_canvas_are_named(tmp_path: Path) -> None:
+    place = tmp_path / "class"
+    place.mkdir()
+    name = stage("03").name
+    for number in ("60", "61"):
+        shutil.copyfile(stage("03"), place / f"doeana_7_{number}_{name}")
+    row = graded(place)
+    assert row["verdicts"] == {"03": "pass"}
+    assert findings(row)["X05"] == [name.replace(".usda", "-60.usda")]
 
 
 # ---- placeholders, folders of programs, links

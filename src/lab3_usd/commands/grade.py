@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 
 _SECONDS_BETWEEN = 0.1
 _WIDTH = 30
+_FOR_EXPORTS = {
+    "column": "--column",
+    "scale": "--scale",
+    "given": "--map",
+    "dry_run": "--dry-run",
+}
 
 
 class Rate:
@@ -143,7 +149,7 @@ def _refuse_empty(
 @click.option(
     "--gradebook",
     metavar="PLATFORM",
-    help="Write the points for canvas, moodle, gradescope, brightspace or blackboard.",
+    help="Fill the points into the export of canvas, moodle, brightspace or blackboard.",
 )
 @click.option(
     "--roster",
@@ -152,6 +158,15 @@ def _refuse_empty(
     help="The platform's own export of its gradebook, for --gradebook.",
 )
 @click.option("--column", default="", metavar="NAME", help="Its column for the points.")
+@click.option("--scale", is_flag=True, help="Convert the points to the maximum of the column.")
+@click.option(
+    "--map",
+    "given",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Table of submission and id, or classroom_roster.csv, for --gradebook.",
+)
+@click.option("--dry-run", is_flag=True, help="Only show what --gradebook would fill in.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tls://host:port.")
 @click.option("--insecure-cluster", is_flag=True, help="Take a public scheduler that has no TLS.")
 def command(submissions: str | None, **options: Any) -> None:
@@ -176,7 +191,7 @@ def command(submissions: str | None, **options: Any) -> None:
     if submissions is not None:
         _grade(submissions, options)
     if options["gradebook"] is not None:
-        _write_for_platform(options)
+        _fill_export(options)
     if options["explain"] is not None:
         _explain(options)
 
@@ -200,42 +215,60 @@ def _check(submissions: str | None, options: dict[str, Any]) -> None:
         raise click.MissingParameter(param_type="option", param_hint="'--starter'")
     if options["out"] is None and options["regrade"] is None and options["form"] is None:
         raise click.UsageError("Missing option '--output' / '-o'.", click.get_current_context())
+    if options["gradebook"] == "gradescope":
+        raise UsageError(
+            "--gradebook gradescope: Gradescope imports no points; give it the results.json of "
+            "--format gradescope"
+        )
     if options["gradebook"] not in {None, *PLATFORMS}:
         names = ", ".join(PLATFORMS)
         raise UsageError(f"--gradebook {options['gradebook']}: is none of {names}")
     if (options["gradebook"] is None) != (options["roster"] is None):
         raise UsageError("--gradebook and --roster go together: the export names the students")
+    for name, option in _FOR_EXPORTS.items():
+        if options[name] and options["gradebook"] is None:
+            raise UsageError(f"{option} is for --gradebook")
+    if options["dry_run"] and (submissions is not None or options["regrade"] is not None):
+        raise UsageError("--dry-run writes nothing: grade first, then give it with --gradebook")
 
 
-def _write_for_platform(options: dict[str, Any]) -> None:
-    """Write the points as a platform takes them."""
-    from lab3_usd.grade.afterwards import class_of
-    from lab3_usd.grade.rosters import write_for_platform
+def _fill_export(options: dict[str, Any]) -> None:
+    """Fill the points into a platform's export, and show what becomes of each row."""
+    from lab3_usd.grade.filled_export import decision_lines, fill_export, write_export
+    from lab3_usd.grade.gradebook import read_gradebook
 
-    path = write_for_platform(
-        options["out"],
+    out = options["out"]
+    export = fill_export(
         options["gradebook"],
         options["roster"],
-        class_of(options["out"]),
-        lambda line: click.echo(f"{program()}: {line}", err=True),
+        read_gradebook(out),
         options["column"],
+        options["given"],
+        scale=options["scale"],
     )
-    click.echo(path)
+    path = out / export.name
+    if options["dry_run"]:
+        click.echo(f"{path}: not written (--dry-run)")
+    else:
+        click.echo(write_export(out, export, force=options["force"]))
+    for text in decision_lines(export):
+        click.echo(text)
 
 
 def _explain(options: dict[str, Any]) -> None:
     """Print the sum of one student."""
-    from lab3_usd.grade.afterwards import class_of, student_in, sum_of
+    from lab3_usd.grade.gradebook import read_gradebook
+    from lab3_usd.grade.regrade import student_in, sum_of
     from lab3_usd.report.safe_text import printable
 
-    book = class_of(options["out"])
+    book = read_gradebook(options["out"])
     for text in sum_of(book, student_in(book, options["explain"])):
         click.echo(printable(text))
 
 
 def _regrade(options: dict[str, Any]) -> None:
     """Give a gradebook the points of a rubric, and say who changed."""
-    from lab3_usd.grade.afterwards import regrade
+    from lab3_usd.grade.regrade import regrade
     from lab3_usd.grade.rubric import load_rubric
     from lab3_usd.report.safe_text import printable
     from lab3_usd.spec.load.loader import load_lab

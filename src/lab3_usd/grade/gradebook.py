@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec import to_builtins
 
 from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftover_files, write_parts, write_whole
 from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.lock import LOCK
-from lab3_usd.grade.rosters import PLATFORMS
 from lab3_usd.grade.rubric import COLUMNS, Item, Rubric, load_rubric
 from lab3_usd.grade.scoring import Grade, State, facts_of, grade_facts
 from lab3_usd.grade.shared_reports import (
@@ -140,6 +140,8 @@ FINISHED = ("graded", "empty", "unreadable")  # the other ways to end may go bet
 _TABLES = (CSV, GRADEBOOK_JSON, PAGE)
 _FILES = (HTML, JSON, GRADESCOPE, RESULT)
 _VERSION = 1
+# What `--gradebook` writes beside the tables.
+_EXPORTS = ("canvas.csv", "moodle.csv", "brightspace.csv", "blackboard.csv", "blackboard.xls")
 # What desktops and spreadsheet programs leave in a folder that somebody looked into.
 _LITTER = (".ds_store", "thumbs.db", "desktop.ini", ".directory", "._*", ".~lock.*#", "~$*")
 Row = dict[str, Any]
@@ -160,7 +162,7 @@ def check_target(out: Path, *, resume: bool) -> None:
     holds = {name for name in names if not _is_litter(name)}
     if (holds or half) and not resume:
         raise UsageError(f"{out}: is not empty; choose another folder, or continue with --resume")
-    foreign = sorted(holds - {STUDENTS, REPORTS, *_TABLES, *(f"{name}.csv" for name in PLATFORMS)})
+    foreign = sorted(holds - {STUDENTS, REPORTS, *_TABLES, *_EXPORTS})
     if foreign:
         raise UsageError(
             f"{out}: holds {foreign[0]}, which is not part of a gradebook; choose another folder"
@@ -219,7 +221,7 @@ def known_digest(out: Path, submission: StudentSubmission, salt: str, items: Seq
     row = read_result(out, submission)
     if row is None or row.get("salt") != salt or row.get("status") not in FINISHED:
         return ""
-    if any(row.get(key) != getattr(submission, key) for key in ("late", "student", "name")):
+    if any(row.get(key) != value for key, value in owner_record(submission).items()):
         return ""
     try:
         recorded = msgspec.convert(row, _Recorded)
@@ -234,6 +236,20 @@ def known_digest(out: Path, submission: StudentSubmission, salt: str, items: Seq
     ):
         return ""
     return recorded.digest
+
+
+def owner_record(submission: StudentSubmission) -> Row:
+    """Return what a result says of whose a submission is, and what the platform called it."""
+    return {
+        "student": submission.student,
+        "name": submission.name,
+        "folder": submission.folder,
+        "late": submission.late,
+        "platform": submission.platform,
+        "entries": list(submission.entries),
+        "people": list(to_builtins(submission.people)),
+        "may_be": list(to_builtins(submission.may_be)),
+    }
 
 
 class _Recorded(Grade, frozen=True, kw_only=True):
@@ -275,10 +291,7 @@ def write_student(
             write_whole(folder / name, contents.encode("utf-8", "replace"), force=True)
     row = {
         "version": _VERSION,
-        "student": submission.student,
-        "name": submission.name,
-        "folder": submission.folder,
-        "late": submission.late,
+        **owner_record(submission),
         "salt": salt,
         **{key: value for key, value in answer.items() if key not in {"reports", SHARED}},
         **place,
@@ -428,10 +441,41 @@ def _json_parts(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
         "alike": alike(rows),
         "unconfined": sorted({name for row in rows for name in row.get("unconfined", [])}),
     }
+    shown = ({key: row[key] for key in row if key not in _NOT_IN_TABLES} for row in rows)
+    yield from _with_students(head, shown)
+
+
+def _with_students(head: Row, rows: Iterable[Row]) -> Iterator[bytes]:
     yield json.dumps(head, indent=1).removesuffix("\n}").encode() + b',\n "students": ['
     between = b"\n"
     for row in rows:
-        shown = {key: row[key] for key in row if key not in _NOT_IN_TABLES}
-        yield between + b"  " + json.dumps(shown).encode()
+        yield between + b"  " + json.dumps(row).encode()
         between = b",\n"
     yield b"\n ]\n}\n"
+
+
+def record_decisions(out: Path, platform: str, record: Row) -> None:
+    """Write into grades.json what `--gradebook` decided about an export of a platform.
+
+    Raises:
+        UsageError: there is no gradebook, or it cannot be written.
+    """
+    book = read_gradebook(out)
+    students = book.pop("students")
+    book["exports"] = {**book.get("exports", {}), platform: record}
+    write_parts(out / GRADEBOOK_JSON, _with_students(book, students), force=True)
+
+
+def read_gradebook(out: Path) -> Row:
+    """Return what grades.json says of a class.
+
+    Raises:
+        UsageError: there is no gradebook.
+    """
+    try:
+        book = json.loads((out / GRADEBOOK_JSON).read_bytes())
+        book["students"] = [dict(row) for row in book["students"]]
+        book["items"] = [dict(item) for item in book["items"]]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UsageError(f"{out}: contains no readable gradebook") from error
+    return dict(book)

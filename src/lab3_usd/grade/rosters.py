@@ -1,219 +1,316 @@
-"""The gradebook as a learning platform takes it: its own export, with the points filled in."""
+"""Reads the gradebook that a learning platform exports: its people, and the column to fill in.
+
+Canvas: `lib/gradebook_exporter.rb` and `lib/gradebook_importer.rb` of instructure/canvas-lms.
+Moodle: `gradingtable.php` of `mod/assign` in moodle/moodle. Blackboard and Brightspace publish
+manuals only; their headings are those of public exports.
+"""
 
 from __future__ import annotations
 
-import csv
-import io
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 from msgspec import Struct
 
 from lab3_usd.errors import UsageError
-from lab3_usd.files import write_whole
-from lab3_usd.report.safe_text import FORMULA_STARTS
-
-_LARGEST = 64 << 20
-_MOST_NAMED = 5
-Notify = Callable[[str], None]
-Row = Mapping[str, Any]
+from lab3_usd.grade.intake.people import (
+    ADDRESS,
+    BLACKBOARD_USER,
+    CANVAS_USER,
+    LOGIN,
+    MOODLE_NUMBER,
+    STUDENT_ID,
+    id_key,
+    name_key,
+    name_keys,
+)
+from lab3_usd.grade.text_table import TextTable, read_table
 
 
 class Platform(Struct, frozen=True):
-    """How the table of a platform is read and written, by the names of its columns.
+    """The columns of a platform's export by their headings.
 
-    `ids` hold what the names of submissions hold, one of them is enough; `number` is the part of
-    it that is the number. `names` make up a student's name. `kept` are the columns that a file of
-    grades has beside the points, every column where none is named. `points` is the column of the
-    points: a pattern, and what it is called where the export has none (with title and points).
-    `comment` is the column for remarks, `top` is what the first column holds in rows that are no
-    student's, and `more` are columns that each row must have.
+    `ids` hold ids of a kind, `names` make up a name: the first of these sets of columns that the
+    export has. `points` is the pattern of headings of points, with `title` and `maximum`; `group`
+    holds a team, `comment` what is told to the student.
     """
 
-    ids: tuple[str, ...]
-    names: tuple[str, ...]
-    kept: tuple[str, ...]
+    ids: Mapping[str, str]
+    names: tuple[tuple[str, ...], ...]
     points: str
-    new: str
-    number: str = r"(.+)"
+    group: str = ""
     comment: str = ""
-    top: str = ""
-    more: Mapping[str, str] = {}
+    pending: tuple[str, ...] = ()
 
 
-# By the manuals of the platforms: what a file of grades must have to be imported.
 PLATFORMS: Mapping[str, Platform] = {
     "canvas": Platform(
-        ids=("ID", "SIS User ID", "SIS Login ID"),
-        names=("Student",),
-        kept=("Student", "ID", "SIS User ID", "SIS Login ID", "Section"),
-        points=r".+ \(\d+\)",
-        new="{title}",
-        top="Points Possible",
+        ids={"ID": CANVAS_USER, "SIS User ID": STUDENT_ID, "SIS Login ID": LOGIN},
+        names=(("Student",), ("FirstName", "LastName")),
+        points=r"(?P<title>.+) \(\d+\)",
     ),
     "moodle": Platform(
-        ids=("Identifier",),
-        names=("Full name",),
-        kept=(),
-        points=r"Grade",
-        new="Grade",
-        number=r"\D*(\d+)",
+        ids={
+            "Identifier": MOODLE_NUMBER,
+            "ID number": STUDENT_ID,
+            "Email address": ADDRESS,
+            "Username": LOGIN,
+        },
+        names=(("Full name",),),
+        points=r"(?P<title>Grade)",
+        group="Group",
         comment="Feedback comments",
     ),
-    "gradescope": Platform(
-        ids=("SID", "Email"),
-        names=("First Name", "Last Name"),
-        kept=("First Name", "Last Name", "SID", "Email", "Sections"),
-        points=r"(?!.* - )(?!Total).+",
-        new="{title}",
-    ),
     "brightspace": Platform(
-        ids=("OrgDefinedId", "Username"),
-        names=("First Name", "Last Name"),
-        kept=("OrgDefinedId", "Username", "Last Name", "First Name", "Email"),
-        points=r".+ Points Grade( <.*>)?",
-        new="{title} Points Grade <Numeric MaxPoints:{points:g}>",
-        number=r"#?(.+)",
-        more={"End-of-Line Indicator": "#"},
+        ids={"OrgDefinedId": STUDENT_ID, "Username": LOGIN, "Email": ADDRESS},
+        names=(("First Name", "Last Name"),),
+        points=r"(?P<title>.+) Points Grade(?: <(?:.*?MaxPoints:(?P<maximum>[\d.,]+))?.*>)?",
     ),
     "blackboard": Platform(
-        ids=("Username", "Student ID"),
-        names=("First Name", "Last Name"),
-        kept=("Last Name", "First Name", "Username", "Student ID"),
-        points=r".+ \[Total Pts: .*\].*",
-        new="{title} [Total Pts: {points:g} Score]",
+        ids={"Username": BLACKBOARD_USER, "Student ID": STUDENT_ID},
+        names=(("First Name", "Last Name"),),
+        points=r"(?P<title>.+?) *\[Total Pts: (?P<maximum>[\d.,]+) Score\](?: ?\|(?P<number>\d+))?",
+        pending=("needs grading", "in progress"),
     ),
 }
+_MAXIMUM = "Maximum grade"  # the column of Moodle
+_POINTS_POSSIBLE = "Points Possible"  # the row of Canvas, in every language
+_NUMBER = re.compile(r"-?\d+(?:[.,]\d+)?")
+_IDENTIFIER = re.compile(r"(\D*?)\s*(\d+)")
 
 
-def write_for_platform(
-    out: Path, name: str, roster: Path, book: Row, notify: Notify, column: str = ""
-) -> Path:
-    """Write the points of a class as a platform takes them, and return the file.
+class RosterRow(Struct, frozen=True):
+    """A person in an export: the row of the table, ids and names as they are compared, the points.
 
-    `roster` is the export of the platform, whose order and ids are kept. `column` is the heading of
-    the points, where the export has several. `notify` receives the students in one of the two only.
+    `label` shows the person. `word` is what a worksheet of Moodle has before the number.
+    """
+
+    line: int
+    label: str
+    ids: Mapping[str, str]
+    names: frozenset[str]
+    group: str
+    points: str
+    word: str = ""
+
+
+class Roster(Struct, frozen=True):
+    """An export: its people, and the column of the points with its heading and maximum.
+
+    `comment` is the column of comments, -1 for none. With `decimal_comma`, numbers have a comma.
+    """
+
+    platform: str
+    path: Path
+    table: TextTable
+    rows: tuple[RosterRow, ...]
+    column: int
+    heading: str
+    maximum: float
+    comment: int
+    decimal_comma: bool
+
+
+def number_in(cell: str) -> float | None:
+    """Return the number in a cell, None for none."""
+    text = cell.strip()
+    return float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else None
+
+
+def read_roster(
+    name: str, path: Path, title: str, column: str = "", teams: Collection[str] = ()
+) -> Roster:
+    """Read an export of a platform, in which the assignment `title` or `column` is filled in.
+
+    `teams` are what groups may be called, for worksheets of Moodle in other languages.
 
     Raises:
-        UsageError: the export is none of this platform, or leaves open which column is meant.
+        UsageError: it is no export of the platform, leaves open which column is meant, or does not
+            say how many points that has.
     """
-    platform, path = PLATFORMS[name], out / f"{name}.csv"
-    if path.exists() and roster.exists() and path.samefile(roster):
-        raise UsageError(f"{roster}: would be replaced by the points; keep it elsewhere")
-    table = _read(roster)
-    heads = [head.strip() for head in table.rows[0]] if table.rows else []
-    if not any(head in heads for head in platform.ids):
-        columns = ", ".join(platform.ids)
-        raise UsageError(f"{roster}: is not an export of {name}: it has no column {columns}")
-    points = _points_column(platform, heads, column, book, roster)
-    kept = [head for head in heads if not platform.kept or head in platform.kept]
-    head = [*dict.fromkeys([*kept, points, *platform.more])]
-    graded = {row["student"]: row for row in book["students"]}
-    written, found = [head], set()
-    for cells in table.rows[1:]:
-        values = dict(zip(heads, [*cells, *[""] * len(heads)], strict=False))
-        values |= platform.more
-        values[points] = ""
-        if platform.top and cells and cells[0].strip() == platform.top:
-            values[points] = f"{book['points']:g}"
-        elif any(cell.strip() for cell in cells):
-            keys = [_number(platform, values.get(head, "")) for head in platform.ids]
-            called = " ".join(values.get(head, "").strip() for head in platform.names)
-            row = _row_of(graded, keys, called)
-            if row is None:
-                notify(f"{roster}: no submission of {called or ' '.join(keys)}")
-            else:
-                found.add(row["student"])
-                values[points] = _points(row, notify)
-                if platform.comment in heads:
-                    values[platform.comment] = "; ".join(row["because"])
-        written.append([_cell(values.get(name, "")) for name in head])
-    missing = [student for student in graded if student not in found]
-    if missing:
-        more = f" and {len(missing) - _MOST_NAMED} more" if len(missing) > _MOST_NAMED else ""
-        named = ", ".join(missing[:_MOST_NAMED])
-        notify(f"{roster}: does not have {named}{more}; their points are in no row")
-    text = io.StringIO(newline="")
-    csv.writer(text, delimiter=table.delimiter).writerows(written)
-    write_whole(path, text.getvalue().encode(table.encoding, "replace"), force=True)
-    return path
-
-
-class _Table(Struct, frozen=True):
-    rows: list[list[str]]
-    delimiter: str
-    encoding: str
-
-
-def _read(roster: Path) -> _Table:
-    """Read an export as it was written: with commas, semicolons or tabs, in UTF-8 or UTF-16."""
-    try:
-        if roster.stat().st_size > _LARGEST:
-            raise UsageError(f"{roster}: is larger than {_LARGEST} bytes")
-        data = roster.read_bytes()
-    except OSError as error:
-        raise UsageError(f"{roster}: cannot be read ({error.strerror})") from error
-    encoding = "utf-16" if data[:2] in {b"\xff\xfe", b"\xfe\xff"} else "utf-8-sig"
-    if encoding != "utf-16" and not data.startswith(b"\xef\xbb\xbf"):
-        encoding = "utf-8"
-    try:
-        text = data.decode(encoding)
-        first = text.partition("\n")[0]
-        delimiter = max(",;\t", key=first.count)
-        rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise UsageError(f"{roster}: is not a text table: {error}") from error
-    return _Table(rows, delimiter, encoding)
+    platform, table = PLATFORMS[name], read_table(path)
+    headings = table.headings if table.rows else ()
+    places: dict[str, int] = {}
+    for index, heading in enumerate(headings):
+        places.setdefault(heading.casefold(), index)
+    if name == "moodle" and "identifier" not in places:
+        places = _translated_worksheet(table, teams)
+    if next(iter(platform.ids)).casefold() not in places and not (
+        name == "brightspace" and "username" in places
+    ):
+        expected = next(iter(platform.ids))
+        raise UsageError(f"{path}: is not an export of {name}: it has no column {expected}")
+    if name == "moodle":
+        points, maximum = _worksheet_points(table, places, path)
+        if column and column != headings[points]:
+            raise UsageError(f"{path}: has no column '{column}'; there is {headings[points]}")
+    else:
+        points, maximum = _points_column(platform, table, path, column or title)
+    people = _people(platform, table, places, points)
+    return Roster(
+        name,
+        path,
+        table,
+        tuple(row for row in people if row.ids or row.names),
+        points,
+        headings[points],
+        maximum,
+        places.get(platform.comment.casefold(), -1) if platform.comment else -1,
+        _has_decimal_commas(table),
+    )
 
 
 def _points_column(
-    platform: Platform, heads: list[str], column: str, book: Row, roster: Path
-) -> str:
-    """Return the heading of the points: the one named, the only one, or a new one."""
-    fitting = [head for head in heads if re.fullmatch(platform.points, head)]
-    fitting = [head for head in fitting if head not in {*platform.kept, *platform.more}]
-    wanted = (column or book["title"]).casefold()
-    exact = [head for head in fitting if head.casefold().startswith(wanted)]
-    if column and not exact:
-        raise UsageError(f"{roster}: has no column '{column}'; there are {', '.join(fitting)}")
+    platform: Platform, table: TextTable, path: Path, wanted: str
+) -> tuple[int, float]:
+    """Return the column of the assignment of a title or heading, and its maximum."""
+    known = {heading.casefold() for heading in (*platform.ids, *sum(platform.names, ()))}
+    fitting = {
+        index: match
+        for index, heading in enumerate(table.headings)
+        if heading.casefold() not in known and (match := re.fullmatch(platform.points, heading))
+    }
+    exact = [index for index in fitting if table.headings[index] == wanted]
+    exact = exact or [
+        index
+        for index, match in fitting.items()
+        if match["title"].strip().casefold() == wanted.strip().casefold()
+    ]
+    if not exact:
+        there = ", ".join(table.headings[index] for index in fitting) or "none for points"
+        raise UsageError(
+            f"{path}: has no column '{wanted}'; there are {there}: name one with --column, or "
+            "create the assignment on the platform and export again"
+        )
     if len(exact) > 1:
-        raise UsageError(f"{roster}: has the columns {', '.join(exact)}; name one with --column")
-    if exact:
-        return exact[0]
-    if len(fitting) == 1 and not platform.kept:
-        return fitting[0]
-    return platform.new.format(title=book["title"], points=book["points"])
+        named = ", ".join(table.headings[index] for index in exact)
+        raise UsageError(f"{path}: has the columns {named}; name one with --column")
+    (column,) = exact
+    about = fitting[column].groupdict()
+    if about.get("number", "") is None:
+        raise UsageError(
+            f"{path}: '{table.headings[column]}' lacks the |number at its end, without which "
+            "Blackboard makes a new column of text; export it again"
+        )
+    above = (
+        table.value(row, column)
+        for row in table.lines
+        if table.value(row, 0).strip() == _POINTS_POSSIBLE
+    )
+    maximum = number_in(about.get("maximum") or next(above, ""))
+    return column, _known_maximum(maximum, path, table.headings[column])
 
 
-def _points(row: Row, notify: Notify) -> str:
-    """Return the points of a student; none where this program failed, which is no grade."""
-    if row["status"] == "tool failed" or row.get("crashes"):
-        notify(f"{row['student']}: {row['status']}, and so has no points in the file")
-        return ""
-    return f"{row['earned']:.2f}"
+def _known_maximum(maximum: float | None, path: Path, heading: str) -> float:
+    if not maximum:
+        raise UsageError(
+            f"{path}: does not say how many points '{heading}' has; export it again with them"
+        )
+    return maximum
 
 
-def _number(platform: Platform, cell: str) -> str:
-    found = re.fullmatch(platform.number, cell.strip())
-    return found[1] if found else ""
+def _worksheet_points(table: TextTable, places: Mapping[str, int], path: Path) -> tuple[int, float]:
+    """Return the column of the grades of a worksheet of Moodle, and the maximum in its rows."""
+    if "grade" not in places or _MAXIMUM.casefold() not in places:
+        raise UsageError(
+            f"{path}: has no grade with one maximum in every row: a scale has no points; for "
+            "points, download the worksheet again with Moodle in English"
+        )
+    column = places[_MAXIMUM.casefold()]
+    found = {number_in(table.value(row, column)) for row in table.lines}
+    maximum = found.pop() if len(found) == 1 else None
+    return places["grade"], _known_maximum(maximum, path, table.headings[places["grade"]])
 
 
-def _row_of(graded: Mapping[str, Row], keys: Iterable[str], name: str) -> Row | None:
-    """Return the row of a student: by an id, else by a name that only one has."""
-    for key in keys:
-        if key and key in graded:
-            return graded[key]
-    called = [row for row in graded.values() if name and _plain(row["name"]) == _plain(name)]
-    return called[0] if len(called) == 1 else None
+def _translated_worksheet(table: TextTable, teams: Collection[str]) -> dict[str, int]:
+    """Return the columns of a worksheet of Moodle in another language, by order and shape.
+
+    The first column holds a word and the participant's number, the second the name, and that of the
+    grades stands before one that holds the same number in every row. A column between them is that
+    of the groups where it holds what a submission is called.
+    """
+    lines = table.lines
+    if len({_identifier(table.value(row, 0))[0] for row in lines}) != 1:
+        return {}
+    if not all(_identifier(table.value(row, 0))[1] for row in lines):
+        return {}
+    maxima = [
+        column
+        for column in range(2, len(table.headings))
+        if len({number_in(table.value(row, column)) for row in lines}) == 1
+        and number_in(table.value(lines[0], column))
+        and all(_is_open(table.value(row, column - 1)) for row in lines)
+    ]
+    if len(maxima) != 1:
+        return {"identifier": 0}
+    (maximum,) = maxima
+    known = {name_key(team) for team in teams}
+    groups = [
+        column
+        for column in range(2, maximum - 1)
+        if any(name_key(table.value(row, column)) in known for row in lines)
+    ]
+    group = {"group": groups[0]} if len(groups) == 1 else {}
+    named = {"full name": 1} if maximum > 2 else {}  # noqa: PLR2004 - number, name, grade
+    return {"identifier": 0, "grade": maximum - 1, _MAXIMUM.casefold(): maximum, **named, **group}
 
 
-def _plain(name: str) -> str:
-    """Return a name without case, order and commas: `Lee, Jo` is `jo lee`."""
-    return " ".join(sorted(re.split(r"[\s,]+", name.casefold().strip())))
+def _is_open(cell: str) -> bool:
+    return cell.strip() in {"", "-"} or number_in(cell) is not None
 
 
-def _cell(text: str) -> str:
-    """Return a cell that no spreadsheet takes for a formula; numbers below zero are none."""
-    return f"'{text}" if text.startswith(FORMULA_STARTS) else text
+def _identifier(cell: str) -> tuple[str, str]:
+    """Return word and number of an identifier of Moodle: `Participant 7`."""
+    found = _IDENTIFIER.fullmatch(cell.strip())
+    return (found[1], found[2]) if found else (cell, "")
+
+
+def _people(
+    platform: Platform, table: TextTable, places: Mapping[str, int], points: int
+) -> Iterator[RosterRow]:
+    """Yield the people of an export; rows about the assignments name nobody."""
+    columns = {kind: places.get(heading.casefold()) for heading, kind in platform.ids.items()}
+    named = next(
+        (
+            [places[heading.casefold()] for heading in headings]
+            for headings in platform.names
+            if all(heading.casefold() in places for heading in headings)
+        ),
+        [],
+    )
+    group = places.get(platform.group.casefold()) if platform.group else None
+    for line in table.lines:
+        if table.value(line, 0).strip() == _POINTS_POSSIBLE:
+            continue
+        cells = [table.value(line, column).strip() for column in named]
+        ids: dict[str, str] = {}
+        word = ""
+        for kind, column in columns.items():
+            cell = "" if column is None else table.value(line, column)
+            if kind == MOODLE_NUMBER:
+                word, cell = _identifier(cell)
+            elif kind == LOGIN and "@" in cell:
+                kind = ADDRESS  # noqa: PLW2901 - many institutions log in by address
+            if id_key(cell):
+                ids.setdefault(kind, id_key(cell))
+        first = next((table.value(line, column).strip() for column in columns.values()
+                      if column is not None), "")  # fmt: skip
+        whole = " ".join(filter(None, cells))
+        both = {name_key("".join(order)) for order in (cells, cells[::-1])} - {""}
+        yield RosterRow(
+            line,
+            f"{whole} ({first})" if whole and first else whole or first,
+            ids,
+            name_keys(cells[0]) if len(cells) == 1 else frozenset(both),
+            "" if group is None else table.value(line, group).strip(),
+            table.value(line, points),
+            word,
+        )
+
+
+def _has_decimal_commas(table: TextTable) -> bool:
+    """Whether the numbers of the export have a comma, and none has a point."""
+    cells = [cell.value.strip() for row in table.rows for cell in row]
+    signs = {"," if "," in cell else "." for cell in cells if re.fullmatch(r"\d+[.,]\d+", cell)}
+    return signs == {","}

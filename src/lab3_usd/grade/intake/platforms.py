@@ -1,266 +1,25 @@
-"""Finds the student of each file and folder by its name, as learning platforms write it.
-
-Canvas: `lib/content_zipper.rb` of instructure/canvas-lms. Moodle: `classes/downloader.php` of
-`mod/assign` in moodle/moodle. Blackboard and Brightspace publish no source; their names are those
-of public exports.
-"""
+"""Tells whose the entries of a class are, by their names and what platforms put beside them."""
 
 from __future__ import annotations
 
 import os
 import re
-from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping
-from datetime import datetime
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import yaml
 from msgspec import Struct
-from msgspec.structs import replace
 
 from lab3_usd.grade.intake.archives import OTHER_ENDINGS, is_archive
+from lab3_usd.grade.intake.download_names import ARCHIVE_END, file_owners, is_platform_name
+from lab3_usd.grade.intake.people import ADDRESS, STUDENT_ID, Person
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import LEFTOVERS
 from lab3_usd.judge.stage import checkpoint_of
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import after_a_student
 from lab3_usd.yaml_file import refuse_deep
-
-
-class FileOwner(Struct, frozen=True):
-    """Whose a file or folder is, as its name says.
-
-    `file` is the student's own name for it, '' for none. Files of one upload have one number, and
-    the highest is that of the last; 0 belongs to every upload. `when` tells it to people. `doubt`
-    names the other student that it may be of.
-    """
-
-    student: str
-    name: str
-    file: str = ""
-    late: bool = False
-    upload: int = 0
-    when: str = ""
-    doubt: str = ""
-
-
-# Canvas: [name, LATE?, id] or [LATE?, anon_ID], then the number of the upload and the file.
-_CANVAS_ANONYMOUS = re.compile(
-    r"^(?P<late>LATE_)?(?P<id>anon_[A-Za-z0-9]+)_(?:(?P<upload>\d+)_(?P<file>.+)|(?P<page>text|link)\.html)$"
-)
-_CANVAS_PAGES = ("text.html", "link.html")
-_LATE = "LATE"
-_AGAIN = re.compile(r"-\d+(?=\.[A-Za-z0-9.]+$)")  # Canvas numbers what is uploaded again
-# Moodle: [name, id?] assignsubmission, plugin, file; only the default group has no id.
-_MOODLE = re.compile(
-    r"^(?P<name>[^_]+)(?:_(?P<id>\d+))?_assignsubmission_[a-z]+(?:_(?P<file>.*))?$"
-)
-# Brightspace: numbers of user and folder - name - date - file
-_BRIGHTSPACE = re.compile(
-    r"^(?P<first>\d+)-(?P<second>\d+) ?- (?P<name>.+?) ?- "
-    r"(?P<date>[A-Z][a-z]{2,8} \d{1,2}, \d{4} \d{3,4}(?: [AP]M)?)(?: ?- (?P<file>.+))?$"
-)
-# Blackboard: assignment, user, attempt, date, file; a receipt without a file for each attempt
-_BLACKBOARD = re.compile(
-    r"^(?P<head>.+)_attempt_(?P<date>\d{4}(?:-\d\d){5})(?:_(?P<file>.+)|\.txt)$"
-)
-_LONGEST_NUMBER = 18  # digits
-_LONGEST_NAME = 255  # of what a file system takes
-
-
-def is_platform_name(name: str) -> bool:
-    """Whether a learning platform put a student's name before that of the file."""
-    if len(name) > _LONGEST_NAME:
-        return False
-    return bool(
-        _CANVAS_ANONYMOUS.match(name)
-        or any(_canvas_readings(name))
-        or any(form.match(name) for form in (_MOODLE, _BRIGHTSPACE, _BLACKBOARD))
-    )
-
-
-def file_owners(names: Iterable[str]) -> dict[str, FileOwner]:
-    """Return whose each file or folder is; names that no platform wrote are left out.
-
-    The names of a class are read together, because one alone may be ambiguous.
-    """
-    readable = [name for name in names if len(name) <= _LONGEST_NAME]
-    owners: dict[str, FileOwner] = {}
-    for reader in (_brightspace, _blackboard, _moodle, _canvas):
-        owners.update(reader([name for name in readable if name not in owners]))
-    return owners
-
-
-def _number(digits: str) -> int:
-    return int(digits[:_LONGEST_NUMBER])
-
-
-def _canvas_readings(name: str) -> Iterator[FileOwner]:
-    """Yield every way to read a name of Canvas, the shortest student's name first.
-
-    Names of students and groups may hold underscores, and end in a number after one; Canvas takes
-    the underscores from numbers in the middle of a name.
-    """
-    parts = name.split("_")
-    for index in range(1, len(parts) - 1):
-        if not _is_number(parts[index]):
-            continue
-        rest = parts[index + 1 :]
-        is_late = index > 1 and parts[index - 1] == _LATE
-        name_of = "_".join(parts[: index - is_late]).strip("_") or parts[index]
-        owner = FileOwner(parts[index], name_of, "_".join(rest), is_late)
-        if owner.file in _CANVAS_PAGES:
-            yield owner
-        elif len(rest) > 1 and _is_number(rest[0]) and any(rest[1:]):
-            file = _AGAIN.sub("", "_".join(rest[1:]))
-            yield replace(owner, file=file, upload=_number(rest[0]))
-        if any(_is_number(part) for part in parts[1:index]):
-            return
-
-
-def _is_number(part: str) -> bool:
-    return part.isascii() and part.isdecimal()
-
-
-def _canvas(names: Iterable[str]) -> dict[str, FileOwner]:
-    """Read the names of Canvas; numbers of uploads never repeat in a class."""
-    readings: dict[str, list[FileOwner]] = {}
-    for name in names:
-        possible = list(_canvas_readings(name))
-        anonymous = _CANVAS_ANONYMOUS.match(name)
-        if anonymous:
-            page = anonymous["page"]
-            owner = FileOwner(
-                student=anonymous["id"],
-                name=anonymous["id"],
-                file=f"{page}.html" if page else _AGAIN.sub("", anonymous["file"]),
-                late=anonymous["late"] is not None,
-                upload=0 if page else _number(anonymous["upload"]),
-            )
-            possible = [owner]
-        if possible:
-            readings[name] = [owner for owner in possible if owner.late] or possible
-    certain = {
-        (owners[0].student, owners[0].name) for owners in readings.values() if len(owners) == 1
-    }
-    used = [
-        Counter(owners[min(rank, len(owners) - 1)].upload for owners in readings.values())
-        for rank in range(2)
-    ]
-    owners = {name: _likeliest(possible, certain, used) for name, possible in readings.items()}
-    return {**owners, **dict(_canvas_uploads(owners))}
-
-
-def _canvas_uploads(owners: Mapping[str, FileOwner]) -> Iterator[tuple[str, FileOwner]]:
-    """Yield files with the number of their upload in place of their own.
-
-    Canvas numbers files one after the other, whoever hands them in: a student's next upload begins
-    where the name of a file comes again.
-    """
-    numbered = (item for item in owners.items() if item[1].upload)
-    uploads: dict[tuple[str, str], tuple[int, set[str]]] = {}
-    for name, owner in sorted(numbered, key=lambda item: item[1].upload):
-        student = (owner.student, owner.name)
-        first, files = uploads.get(student, (owner.upload, set()))
-        if owner.file in files:
-            first, files = owner.upload, set()
-        uploads[student] = (first, {*files, owner.file})
-        yield name, replace(owner, upload=first, when=f"upload {first}")
-
-
-def _likeliest(
-    readings: list[FileOwner], certain: set[tuple[str, str]], used: list[Counter[int]]
-) -> FileOwner:
-    """Choose between two readings of a name by what the rest of the class shows."""
-    if len(readings) == 1:
-        return readings[0]
-    known = [reading for reading in readings if (reading.student, reading.name) in certain]
-    possible = [
-        reading
-        for rank, reading in enumerate(readings)
-        if not reading.upload or used[rank][reading.upload] == 1
-    ]
-    for candidates in (known, possible):
-        if len(candidates) == 1:
-            return candidates[0]
-    longest = max(readings, key=lambda reading: (len(str(reading.upload)), len(reading.student)))
-    (rival, *_) = (reading for reading in readings if reading is not longest)
-    return replace(longest, doubt=f"{rival.name} ({rival.student})")
-
-
-def _moodle(names: Iterable[str]) -> dict[str, FileOwner]:
-    matches = {name: match for name in names if (match := _MOODLE.match(name))}
-    return {
-        name: FileOwner(match["id"] or match["name"], match["name"], match["file"] or "")
-        for name, match in matches.items()
-    }
-
-
-def _brightspace(names: Iterable[str]) -> dict[str, FileOwner]:
-    matches = {name: match for name in names if (match := _BRIGHTSPACE.match(name))}
-    # One of the two numbers is that of the assignment's folder, the same for the whole class.
-    ours = "first" if len({match["first"] for match in matches.values()}) > 1 else "second"
-    return {
-        name: FileOwner(
-            match[ours],
-            match["name"],
-            match["file"] or "",
-            upload=_minutes(match["date"]),
-            when=f"upload of {match['date']}",
-        )
-        for name, match in matches.items()
-    }
-
-
-def _minutes(date: str) -> int:
-    """Return a date as a number that grows with time; 0 where it cannot be read."""
-    day, _, time = date.rpartition(" ")
-    if time in {"AM", "PM"}:
-        day, _, clock = day.rpartition(" ")
-        time = f"{clock.zfill(4)} {time}"
-    for form in ("%b %d, %Y %I%M %p", "%b %d, %Y %H%M", "%B %d, %Y %I%M %p", "%B %d, %Y %H%M"):
-        try:
-            when = datetime.strptime(f"{day} {time}", form)  # noqa: DTZ007 - only compared
-        except ValueError:
-            continue
-        return int(when.strftime("%Y%m%d%H%M"))
-    return 0
-
-
-def _blackboard(names: Iterable[str]) -> dict[str, FileOwner]:
-    matches = {name: match for name in names if (match := _BLACKBOARD.match(name))}
-    users = _users({match["head"] for match in matches.values()})
-    return {
-        name: FileOwner(
-            users[match["head"]],
-            users[match["head"]],
-            match["file"] or name,
-            upload=_number(match["date"].replace("-", "")),
-            when=f"upload of {match['date']}",
-        )
-        for name, match in matches.items()
-    }
-
-
-def _users(heads: Iterable[str]) -> Mapping[str, str]:
-    """Return the user in each `assignment_user`: the shortest end that tells them apart.
-
-    Both may hold underscores.
-    """
-    users: dict[str, str] = {}
-    waiting, taken = set(heads), 1
-    while waiting:
-        ends: defaultdict[str, list[str]] = defaultdict(list)
-        for head in waiting:
-            ends["_".join(head.split("_")[-taken:])].append(head)
-        for end, same in ends.items():
-            if len(same) == 1:
-                users[same[0]] = end
-        waiting -= users.keys()
-        taken += 1
-    return users
-
 
 METADATA = "submission_metadata.yml"
 LARGEST = 20_000_000  # bytes
@@ -277,10 +36,22 @@ class _AsText(_Safe):  # type: ignore[misc]  # the base is chosen at run time
     yaml_implicit_resolvers: Mapping[Any, Any] = {}
 
 
-class StudentNames(Struct, frozen=True):
-    """Student number and name by folder, and in a few words what could not be read."""
+class Submitters(Struct, frozen=True):
+    """Who handed in a folder of Gradescope: what tells them from others, and the people."""
 
-    by_folder: Mapping[str, tuple[str, str]]
+    student: str
+    people: tuple[Person, ...]
+
+    @property
+    def name(self) -> str:
+        """The names to show, '' where none is known."""
+        return ", ".join(person.name for person in self.people if person.name)
+
+
+class StudentNames(Struct, frozen=True):
+    """Who handed in each folder, and in a few words what could not be read."""
+
+    by_folder: Mapping[str, Submitters]
     fault: str
 
 
@@ -298,7 +69,7 @@ def names_in(data: bytes | str) -> StudentNames:
     """Return who is who from the bytes of the file; a text says why there are none."""
     if isinstance(data, str):
         return StudentNames({}, data)
-    names: dict[str, tuple[str, str]] = {}
+    names: dict[str, Submitters] = {}
     fault = ""
     for document in _documents(data):
         if isinstance(document, str):
@@ -308,13 +79,18 @@ def names_in(data: bytes | str) -> StudentNames:
             submitters = entry.get(":submitters") if isinstance(entry, dict) else None
             if not isinstance(folder, str) or not isinstance(submitters, list):
                 continue
-            people = [person for person in submitters if isinstance(person, dict)]
+            people = tuple(_person(fields) for fields in submitters if isinstance(fields, dict))
             if people:
-                numbers = [_text(person, ":sid") or _text(person, ":email") for person in people]
+                numbers = (next(iter(person.ids.values()), "") for person in people)
                 student = "+".join(filter(None, numbers)) or folder
-                called = ", ".join(filter(None, (_text(person, ":name") for person in people)))
-                names.setdefault(folder, (student, called or folder))
+                names.setdefault(folder, Submitters(student, people))
     return StudentNames(names, fault)
+
+
+def _person(fields: dict[Any, Any]) -> Person:
+    """Return a submitter of Gradescope with student id and address, as far as they are given."""
+    ids = {STUDENT_ID: _text(fields, ":sid"), ADDRESS: _text(fields, ":email")}
+    return Person(_text(fields, ":name"), {kind: value for kind, value in ids.items() if value})
 
 
 class _Fault(Struct, frozen=True):
@@ -360,27 +136,30 @@ def _text(person: dict[Any, Any], key: str) -> str:
 
 
 _STAGE = (".usd", ".usda", ".usdc", ".usdz", ".uda")
-ARCHIVE_END = re.compile(r"(\.tar)?\.[A-Za-z0-9]+$")
 Entry = tuple[str, bool]
-StudentsByFolder = Mapping[str, tuple[str, str]]
+StudentsByFolder = Mapping[str, Submitters]
 
 
 class SubmissionPart(Struct, frozen=True):
     """A file or folder of a class, and whose it is.
 
-    `entry` is the name of a folder that is a submission of its own, whatever student it names;
-    parts without belong together when their students are the same. `upload` and `when` are as in
-    `FileOwner`; `doubt` names another student that it may be of.
+    `entry` is its name in the class. One that `stands_alone` is a submission of its own, whatever
+    student it names; others belong together when their students are the same. `platform` is the
+    one that named it, `people` are as that names them, and `others` those that it may be of
+    instead. `upload` and `when` are as in `FileOwner`.
     """
 
     student: str
     name: str
     source: Source
+    entry: str
+    platform: str = ""
+    people: tuple[Person, ...] = ()
+    others: tuple[Person, ...] = ()
     late: bool = False
     upload: int = 0
     when: str = ""
-    entry: str = ""
-    doubt: str = ""
+    stands_alone: bool = False
 
 
 def entries_in(folder: Path) -> list[Entry]:
@@ -418,34 +197,54 @@ def looks_like_submission(entries: Iterable[Entry]) -> bool:
     )
 
 
-def parts_of(entries: Iterable[Entry], known: StudentsByFolder) -> Iterator[SubmissionPart]:
-    """Yield whose each entry is; `known` are the numbers and names of students by their folders."""
+def parts_of(
+    entries: Iterable[Entry],
+    known: StudentsByFolder,
+    receipts: Callable[[str], str] = lambda _name: "",
+) -> Iterator[SubmissionPart]:
+    """Yield whose each entry is.
+
+    `known` are the submitters of folders, and `receipts` returns the text of a receipt of
+    Blackboard.
+    """
     class_entries = list(entries)
-    owners = file_owners(name for name, _ in class_entries)
+    owners = file_owners((name for name, _ in class_entries), receipts)
     for name, is_folder in class_entries:
         owner = owners.get(name)
         if is_folder and name in known:
-            student, called = known[name]
-            yield SubmissionPart(student, called, Source(Path(name)), entry=name)
+            who = known[name]
+            yield SubmissionPart(
+                who.student,
+                who.name or name,
+                Source(Path(name)),
+                name,
+                "gradescope",
+                who.people,
+                stands_alone=True,
+            )
         elif owner is not None:
-            file = "" if is_folder else owner.file or name
-            source = Source(Path(name), file)
             yield SubmissionPart(
                 owner.student,
                 owner.name,
-                source,
+                Source(Path(name), "" if is_folder else owner.file or name),
+                name,
+                owner.platform,
+                (owner.person,),
+                owner.others,
                 owner.late,
                 owner.upload,
                 owner.when,
-                doubt=owner.doubt,
             )
         elif is_folder:
-            yield SubmissionPart(name, name, Source(Path(name)))
+            yield _plain_part(name, name, "")
         else:
             stage = after_a_student(load_lab().files).match(name)
             if stage is not None and name.lower().endswith(_STAGE):
-                source = Source(Path(name), stage["file"])
-                yield SubmissionPart(stage["name"], stage["name"], source)
+                yield _plain_part(stage["name"], name, stage["file"])
             else:
-                student = ARCHIVE_END.sub("", name) or name
-                yield SubmissionPart(student, student, Source(Path(name), name))
+                yield _plain_part(ARCHIVE_END.sub("", name) or name, name, name)
+
+
+def _plain_part(student: str, entry: str, file: str) -> SubmissionPart:
+    """Return a part that no platform named: the student is called as it is."""
+    return SubmissionPart(student, student, Source(Path(entry), file), entry)

@@ -25,7 +25,6 @@ from lab3_usd.grade.intake.archives import (
     unpack,
     unpack_beside,
 )
-from lab3_usd.grade.intake.choice import Remark, choose_folder, counted, stage_folder
 from lab3_usd.grade.intake.submission_copy import (
     LEADS_OUT,
     LEADS_TO_NO_FILE,
@@ -38,6 +37,7 @@ from lab3_usd.grade.intake.submission_copy import (
     made_folder,
     stage_seeker,
 )
+from lab3_usd.grade.intake.submission_folder import Remark, choose_folder, counted, stage_folder
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
 

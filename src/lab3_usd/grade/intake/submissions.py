@@ -8,8 +8,9 @@ import os
 import re
 import stat
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from msgspec import Struct
@@ -18,8 +19,9 @@ from msgspec.structs import replace
 from lab3_usd.errors import NoRoomError, UsageError, is_no_room
 from lab3_usd.grade.intake.addresses import address_below, name_at, shown
 from lab3_usd.grade.intake.archives import ArchiveError, is_archive, unpack
+from lab3_usd.grade.intake.download_names import ARCHIVE_END, is_receipt
+from lab3_usd.grade.intake.people import Person
 from lab3_usd.grade.intake.platforms import (
-    ARCHIVE_END,
     METADATA,
     Entry,
     StudentNames,
@@ -54,6 +56,7 @@ _LeftOut = list[tuple[tuple[str, ...], RefusedFile]]  # parts of a path, and its
 _SLUG = re.compile(r"[^A-Za-z0-9._-]+")
 _LONGEST_SLUG = 80
 _MOST_NAMED = 5
+_RECEIPT_BEGINS = 10_000  # bytes
 Notify = Callable[[str], None]
 
 
@@ -61,7 +64,9 @@ class StudentSubmission(Struct, frozen=True):
     """What one student handed in.
 
     `student` is the number or name that the platform gives, made unique where two claim the same
-    `number`; `folder` the name of the report folder, which no other student has.
+    `number`; `folder` the name of the report folder, which no other student has. `platform` named
+    the `entries`, the files and folders of the class that it consists of, and `people`, whose it
+    is. Where the names can be read in several ways, `may_be` are all whom every file may be of.
     """
 
     student: str
@@ -70,6 +75,10 @@ class StudentSubmission(Struct, frozen=True):
     sources: tuple[Source, ...]
     late: bool = False
     number: str = ""
+    platform: str = ""
+    entries: tuple[str, ...] = ()
+    people: tuple[Person, ...] = ()
+    may_be: tuple[Person, ...] = ()
 
 
 class ClassLocation(Struct, frozen=True):
@@ -233,14 +242,14 @@ def _at_address(location: ClassLocation, address: str, notify: Notify) -> list[S
     if looks_like_submission(entries):
         name = name_at(address)
         whole = address_below(address, "", is_folder=False)
-        return [SubmissionPart(name, name, Source(Path(name), address=whole))]
+        return [SubmissionPart(name, name, Source(Path(name), address=whole), name)]
     names = StudentNames({}, "")
     if (METADATA, False) in entries:
         names = names_in(read_at(address, METADATA))
     parts = []
-    for part in _parts(location, entries, names, notify):
-        name = part.source.path.name
-        below = address_below(address, name, is_folder=(name, True) in entries)
+    receipts = partial(_receipt_at, address)
+    for part in _parts(location, entries, (names, receipts), notify):
+        below = address_below(address, part.entry, is_folder=(part.entry, True) in entries)
         source = replace(part.source, address=below)
         if "::" in below.removeprefix(address):  # fsspec would read it as an address of its own
             fault = "its name holds '::' which cannot be part of an address"
@@ -262,7 +271,7 @@ def _in_folder(location: ClassLocation, folder: Path, notify: Notify) -> list[Su
             replace(refused, path=f"{entry}/{refused.path}") if is_folder else refused
             for (entry, is_folder), refused in location.left_out
         )
-        return [SubmissionPart(name, name, Source(folder.resolve(), left_out=missing))]
+        return [SubmissionPart(name, name, Source(folder.resolve(), left_out=missing), name)]
     names = StudentNames({}, "")
     if (METADATA, False) in entries:
         names = read_metadata(folder / METADATA)
@@ -270,20 +279,41 @@ def _in_folder(location: ClassLocation, folder: Path, notify: Notify) -> list[Su
     for (entry, _), refused in location.left_out:
         left_out.setdefault(entry, []).append(refused)
     parts = []
-    for part in _parts(location, entries, names, notify):
-        entry = part.source.path.name
-        path = folder / entry
+    receipts = partial(_receipt_in, folder)
+    for part in _parts(location, entries, (names, receipts), notify):
+        path = folder / part.entry
         if not os.path.lexists(path):
             path = location.empty_folder
-        missing = tuple(left_out.get(entry, ()))
+        missing = tuple(left_out.get(part.entry, ()))
         parts.append(replace(part, source=replace(part.source, path=path, left_out=missing)))
     return parts
 
 
+def _receipt_in(folder: Path, name: str) -> str:
+    """Return the beginning of a receipt, '' where it cannot be read."""
+    with contextlib.suppress(OSError):
+        if stat.S_ISREG((folder / name).lstat().st_mode):
+            with (folder / name).open("rb") as file:
+                return file.read(_RECEIPT_BEGINS).decode("utf-8-sig", "replace")
+    return ""
+
+
+def _receipt_at(address: str, name: str) -> str:
+    data = read_at(address, name)
+    return data[:_RECEIPT_BEGINS].decode("utf-8-sig", "replace") if isinstance(data, bytes) else ""
+
+
 def _parts(
-    location: ClassLocation, entries: list[Entry], names: StudentNames, notify: Notify
+    location: ClassLocation,
+    entries: list[Entry],
+    known: tuple[StudentNames, Callable[[str], str]],
+    notify: Notify,
 ) -> list[SubmissionPart]:
-    """Tell by their names whose the entries of a folder are, and notify of what is not clear."""
+    """Tell by their names whose the entries of a folder are, and notify of what is not clear.
+
+    `known` are the students that Gradescope names, and what returns the receipts of Blackboard.
+    """
+    names, receipts = known
     present = {name for name, _ in entries}
     missing = dict.fromkeys(entry for entry, _ in location.left_out if entry[0] not in present)
     all_entries = (
@@ -298,11 +328,12 @@ def _parts(
         listed = _listed(passed_over)
         notify(f"{location.given}: ignored, since they belong to no student: {listed}")
     ours = (entry for entry in sorted(all_entries) if is_submission_part(entry))
-    parts = list(parts_of(ours, names.by_folder))
+    parts = list(parts_of(ours, names.by_folder, receipts))
     for part in parts:
-        if part.doubt:
-            file = _listed([part.source.path.name])
-            notify(f"{file}: taken as of {part.name} ({part.student}); may be of {part.doubt}")
+        if part.others and not is_receipt(part.entry):
+            others = " or ".join(map(_called, part.others))
+            file, owner = _listed([part.entry]), _called(part.people[0])
+            notify(f"{file}: taken as of {owner}; may be of {others}")
     if METADATA in present:
         _notify_unnamed(all_entries, names.by_folder, names.fault, notify)
     return parts
@@ -319,6 +350,12 @@ def _notify_unnamed(
         notify(f"{METADATA}: does not name everybody{because}{who}")
 
 
+def _called(person: Person) -> str:
+    """Return a person of one id, as messages name them."""
+    (number,) = person.ids.values()
+    return f"{person.name} ({number})" if person.name else number
+
+
 def _listed(names: list[str]) -> str:
     shown = ", ".join(_text(name) if name.isprintable() else repr(name) for name in names[:5])
     more = len(names) - _MOST_NAMED
@@ -327,13 +364,14 @@ def _listed(names: list[str]) -> str:
 
 def _joined(parts: list[SubmissionPart]) -> Iterator[StudentSubmission]:
     """Put together what belongs to one student; two of them never share a name or a folder."""
-    groups: dict[tuple[str, str], list[SubmissionPart]] = {}
+    groups: dict[tuple[str, str, str], list[SubmissionPart]] = {}
     for part in parts:
-        groups.setdefault((part.student, part.entry), []).append(part)
-    claims = Counter(student for student, _ in groups)
+        alone = part.entry if part.stands_alone else ""
+        groups.setdefault((part.student, part.platform, alone), []).append(part)
+    claims = Counter(student for student, _, _ in groups)
     names: set[str] = set()
     folders: set[str] = set()
-    for (number, entry), own in sorted(groups.items()):
+    for (number, platform, entry), own in sorted(groups.items()):
         student = f"{number} ({entry})" if entry and claims[number] > 1 else number
         while student in names:
             student += " again"
@@ -348,7 +386,27 @@ def _joined(parts: list[SubmissionPart]) -> Iterator[StudentSubmission]:
             tuple(replace(part.source, upload=part.upload, when=part.when) for part in own),
             any(part.late for part in own),
             _text(number),
+            platform,
+            tuple(_text(part.entry) for part in own),
+            _unique(own[0].people),
+            _unique(_of_all(own)),
         )
+
+
+def _of_all(parts: list[SubmissionPart]) -> Iterator[Person]:
+    """Yield whom all of these parts may be of, where one of them is uncertain."""
+    readings = [(*part.people, *part.others) for part in parts]
+    if any(part.others for part in parts):
+        yield from (person for person in readings[0] if all(person in own for own in readings))
+
+
+def _unique(people: Iterable[Person]) -> tuple[Person, ...]:
+    """Return people once each, with names and ids that are text."""
+    found: list[Person] = []
+    for person in people:
+        ids = {kind: _text(value) for kind, value in person.ids.items()}
+        found.append(Person(_text(person.name), ids))
+    return tuple(person for rank, person in enumerate(found) if person not in found[:rank])
 
 
 def _text(name: str) -> str:

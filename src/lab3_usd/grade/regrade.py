@@ -1,4 +1,4 @@
-"""What is done with a gradebook that is there: one student's sum, and points by another rubric."""
+"""Re-scores an existing gradebook by another rubric, and prints the sum of one student."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from msgspec import Struct, to_builtins
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.grade.gradebook import (
-    GRADEBOOK_JSON,
     GRADESCOPE,
     HTML,
     JSON,
@@ -22,6 +21,7 @@ from lab3_usd.grade.gradebook import (
     STUDENTS,
     Row,
     deduction_text,
+    read_gradebook,
     write_reports,
     write_tables,
 )
@@ -44,21 +44,6 @@ class ChangedGrade(Struct, frozen=True):
     student: str
     before: tuple[float, float]
     after: tuple[float, float]
-
-
-def class_of(out: Path) -> Row:
-    """Return what grades.json says of a class.
-
-    Raises:
-        UsageError: there is no gradebook.
-    """
-    try:
-        book = json.loads((out / GRADEBOOK_JSON).read_bytes())
-        book["students"] = [dict(row) for row in book["students"]]
-        book["items"] = [dict(item) for item in book["items"]]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise UsageError(f"{out}: contains no readable gradebook") from error
-    return dict(book)
 
 
 def student_in(book: Row, name: str) -> Row:
@@ -106,7 +91,7 @@ def regrade(out: Path, rubric: Rubric, *, force: bool = False) -> list[ChangedGr
         UsageError: there is no gradebook, or one of an earlier release.
     """
     with locked(out, force=force):
-        students = class_of(out)["students"]
+        students = read_gradebook(out)["students"]
         rows = [_recorded(out, student) for student in students]
         changed = [
             ChangedGrade(
@@ -121,6 +106,7 @@ def regrade(out: Path, rubric: Rubric, *, force: bool = False) -> list[ChangedGr
 
 
 def _submission(row: Row) -> StudentSubmission:
+    """Return whose a result is; what was handed in is not needed again."""
     return StudentSubmission(row["student"], row["name"], row["folder"], (), row["late"])
 
 
