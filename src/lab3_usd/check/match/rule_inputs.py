@@ -63,6 +63,20 @@ class ModelSubject(Protocol):
     def stage(self) -> StageModel:
         """The stage."""
 
+    @property
+    def platform(self) -> Platform:
+        """The release of Isaac Sim by which it is judged."""
+
+
+class GraphsSubject(ModelSubject, Protocol):
+    """The graphs of a stage that are judged: all of them, or the one that a spec describes."""
+
+    def graphs(self) -> Iterator[GraphModel]:
+        """Yield the graphs, in the scene or not."""
+
+    def nodes(self) -> Iterator[Node]:
+        """Yield the nodes of the scene that are judged: all of them, or those with a role."""
+
 
 class GraphSubject(Struct, frozen=True, eq=False):
     """One graph of the spec beside its graph in the stage.
@@ -81,6 +95,20 @@ class GraphSubject(Struct, frozen=True, eq=False):
     matched: tuple[tuple[Node, NodeSpec], ...] = ()
     wire_faults: tuple[WireFault, ...] = ()
     missing_with: str = ""
+
+    @property
+    def platform(self) -> Platform:
+        """The release of Isaac Sim that the lab is for."""
+        return self.lab.platform
+
+    def graphs(self) -> Iterator[GraphModel]:
+        """Yield the graph of the stage, nothing where it has none."""
+        if self.roles.graph is not None:
+            yield self.roles.graph
+
+    def nodes(self) -> Iterator[Node]:
+        """Yield the nodes that play a role."""
+        return (node for node, _ in self.matched)
 
 
 class StageSubject(Struct, frozen=True, eq=False):
@@ -101,6 +129,11 @@ class StageSubject(Struct, frozen=True, eq=False):
     relocations: Mapping[str, str] = field(default_factory=dict)
     missing_graphs: Mapping[str, str] = field(default_factory=dict)
     graphs: tuple[GraphSubject, ...] = ()
+
+    @property
+    def platform(self) -> Platform:
+        """The release of Isaac Sim that the lab is for."""
+        return self.lab.platform
 
 
 class Outcome(Struct, frozen=True, eq=False):
@@ -143,6 +176,10 @@ class LintSubject(Struct, frozen=True, eq=False):
         """Yield the graphs that no application made for itself, in the scene or not."""
         ignores = self.platform.graph.ignores
         return (graph for graph in self.stage.graphs if not ignores(graph.path))
+
+    def nodes(self) -> Iterator[Node]:
+        """Yield the nodes of all active graphs."""
+        return iter(self.live.values())
 
     def title(self, node: Node) -> str:
         """Return what a node is called in the graph editor."""

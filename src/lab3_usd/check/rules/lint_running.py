@@ -342,27 +342,6 @@ def _events(node: Node, subject: LintSubject) -> dict[str, Node]:
     return events
 
 
-@rule("K07", "instanced-graph", scope="lint", severity="warning")
-def instanced_graph(subject: LintSubject) -> Iterator[Problem]:
-    """A graph belongs to an instanceable prim.
-
-    Why: Isaac Sim does not load graphs of instances: all copies share the graph, and it belongs to
-    none.
-
-    Fix: switch Instanceable off on the prim above the graph.
-
-    Example: a robot referenced with `instanceable = true` and carries its Action Graphs.
-
-    Basis: USD shares the prims of an instance, so a graph cannot write to one of them. Kit's code
-    is not public, and its documentation does not mention the case: a warning.
-    """
-    for graph in subject.graphs():
-        if graph.active and graph.instanced:
-            yield Problem(
-                graph.path, "graph is part of an instance: Isaac Sim loads no graph of an instance"
-            )
-
-
 @rule("K10", "unset-input", scope="lint", formerly="works-on-zeros")
 def unset_input(subject: LintSubject) -> Iterator[Problem]:
     """A required input is neither connected nor set.

@@ -1,0 +1,55 @@
+"""What a lab adds to a problem of any stage: the section that asks for it, and the repair."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from msgspec.structs import replace
+
+from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
+from lab3_usd.check.repairs import edits_at
+from lab3_usd.model.changes import Edit
+from lab3_usd.model.finding import Problem
+
+
+def with_demand(problem: Problem, subject: Any) -> Problem:
+    """Return a problem with what a spec asks for at its site; as it is where it asks for nothing.
+
+    The repair that the spec knows comes before that of the rule, which had to guess. `subject` is
+    what the rule was given: a graph beside its spec, or a stage with all of them.
+    """
+    sections: list[str] = []
+    edits: list[Edit] = []
+    for graph in _graphs_of(subject):
+        sections += _sections(problem, graph)
+        if problem.property is not None:
+            edits += edits_at(graph, f"{problem.prim}.{problem.property}")
+    return replace(
+        problem,
+        handout=problem.handout or next(iter(sections), None),
+        fix=tuple(edits) or problem.fix,
+    )
+
+
+def _graphs_of(subject: Any) -> tuple[GraphSubject, ...]:
+    if isinstance(subject, GraphSubject):
+        return (subject,)
+    return subject.graphs if isinstance(subject, StageSubject) else ()
+
+
+def _sections(problem: Problem, subject: GraphSubject) -> Iterator[str]:
+    """Yield the section that asks for the property of a problem, else that of its node or graph."""
+    roles, spec = subject.roles, subject.spec
+    if roles.graph is not None and problem.prim == roles.graph.path:
+        yield spec.handout
+    role = roles.role_of.get(problem.prim)
+    if role is not None:
+        node = spec.nodes[role]
+        wires = (wire for wire in spec.wires_into(role) if wire.target.port == problem.property)
+        settings = (setting for setting in node.settings if setting.port == problem.property)
+        targets = (target for target in node.targets if target.port == problem.property)
+        yield from (wire.handout for wire in wires)
+        yield from (setting.handout for setting in settings)
+        yield from (target.handout for target in targets)
+        yield node.handout
