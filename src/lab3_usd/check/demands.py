@@ -39,9 +39,9 @@ def _graphs_of(subject: Any) -> tuple[GraphSubject, ...]:
 
 
 def _sections(problem: Problem, subject: GraphSubject) -> Iterator[str]:
-    """Yield the section that asks for the property of a problem, else that of its node or graph."""
+    """Yield the section that asks for the property of a problem, or for its node or graph."""
     roles, spec = subject.roles, subject.spec
-    if roles.graph is not None and problem.prim == roles.graph.path:
+    if roles.graph is not None and problem.prim == roles.graph.path:  # whatever its property
         yield spec.handout
     role = roles.role_of.get(problem.prim)
     if role is not None:
@@ -52,4 +52,5 @@ def _sections(problem: Problem, subject: GraphSubject) -> Iterator[str]:
         yield from (wire.handout for wire in wires)
         yield from (setting.handout for setting in settings)
         yield from (target.handout for target in targets)
-        yield node.handout
+        if problem.property is None:
+            yield node.handout

@@ -7,10 +7,10 @@ from functools import lru_cache
 
 from msgspec import Struct
 
-from lab3_usd.check.match.conformance import setting_matches, setting_value, target_matches
+from lab3_usd.check.match.conformance import setting_matches, target_matches
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.facts.endpoints import TRANSFORMS, Endpoint, endpoints, resolve
-from lab3_usd.facts.execution_order import live_nodes, running_nodes
+from lab3_usd.facts.execution_order import effective_value, live_nodes, running_nodes
 from lab3_usd.facts.frame_targets import (
     FRAME_APIS,
     Pair,
@@ -178,7 +178,7 @@ def differs_from_spec(path: str, view: TfView) -> bool:
     ports = tf_ports(node)
     named = (setting for setting in spec.settings if setting.port in ports.names)
     if any(
-        not setting_matches(node, s, setting_value(view.live_nodes, node, s.port)) for s in named
+        not setting_matches(node, s, effective_value(node, s.port, view.live_nodes)) for s in named
     ):
         return True
     return any(

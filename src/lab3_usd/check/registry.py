@@ -67,10 +67,10 @@ SUPPLIED = ("S",)
 MODULES = {
     "F": ("files",),
     "G": ("graphs", "any_graph"),
-    "N": ("nodes", "writers"),
-    "P": ("settings", "limits"),
+    "N": ("nodes", "writers", "any_graph"),
+    "P": ("settings", "limits", "any_graph"),
     "R": ("targets",),
-    "W": ("wires",),
+    "W": ("wires", "any_wire"),
     "S": ("scene", "robot", "link_joints", "wheel_joints", "wheel_drives", "world"),
     "L": ("lidar", "sensors"),
     "C": ("camera", "sensors"),
@@ -85,6 +85,7 @@ MODULES = {
     "Z": ("files",),
     "K": (
         "any_graph",
+        "any_wire",
         "lint_running",
         "lint_clocks",
         "lint_wires",

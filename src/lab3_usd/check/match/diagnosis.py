@@ -9,15 +9,9 @@ from collections.abc import Iterator, Mapping
 
 from msgspec import Struct, field
 
-from lab3_usd.check.match.conformance import (
-    closes_cycle,
-    is_fed,
-    is_live,
-    source_path,
-    source_paths,
-    types_fit,
-)
+from lab3_usd.check.match.conformance import is_fed, source_path, source_paths
 from lab3_usd.check.match.rule_inputs import GraphSubject, Kind, Roles, WireFault
+from lab3_usd.facts.wires import Connection, connection, cycle_of
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import (
     ELSEWHERE,
@@ -177,7 +171,9 @@ def _wrong(work: _Work, wire: Wire) -> Iterator[WireFault]:
     """Explain an input that is fed, but by something else."""
     source, target = _ends(work, wire)
     port = wire.target.port
-    actual = next((path for path in target.sources(port) if is_live(work.live_nodes, path)), None)
+    actual = next(
+        (path for path in target.sources(port) if _wire(work, target, port, path).has_source), None
+    )
     if actual is not None:
         kind = _wrong_kind(work, wire, source, actual)
         yield WireFault(kind, target, port, _accepted(work, wire)[0], actual, wire)
@@ -255,9 +251,17 @@ def _seconds(work: _Work, wire: Wire) -> Iterator[WireFault]:
 
 
 def _needless_kind(work: _Work, node: Node, port: str, source: str) -> Kind | None:
-    if not is_live(work.live_nodes, source):
+    wire = _wire(work, node, port, source)
+    if not wire.has_source:
         return "leftover"
-    return "cycle" if closes_cycle(work.roles, node, port, source) else None
+    if not wire.is_compatible:
+        return "incompatible"
+    is_cycle = wire.kind == "execution" and cycle_of(wire, work.live_nodes)
+    return "cycle" if is_cycle else None
+
+
+def _wire(work: _Work, node: Node, port: str, source: str) -> Connection:
+    return connection(node, port, source, work.live_nodes)
 
 
 def _unasked(work: _Work) -> Iterator[WireFault]:
@@ -273,8 +277,5 @@ def _unasked(work: _Work) -> Iterator[WireFault]:
                 if (node.path, port, source) in work.explained:
                     continue
                 if not _is_asked(work, node, port, source):
-                    kind = _needless_kind(work, node, port, source)
-                    if kind is None:
-                        fits = types_fit(work.live_nodes, node, port, source)
-                        kind = "unasked" if fits else "incompatible"
+                    kind = _needless_kind(work, node, port, source) or "unasked"
                     yield WireFault(kind, node, port, None, source)

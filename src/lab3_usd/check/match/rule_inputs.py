@@ -8,10 +8,12 @@ from typing import Literal, Protocol
 from msgspec import Struct, field
 
 from lab3_usd.facts.execution_order import Nodes, live_nodes, run_states
+from lab3_usd.facts.stalled_nodes import is_needed
+from lab3_usd.facts.wires import connections, find_cycles
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding, Requirement
 from lab3_usd.model.physics import ARTICULATION_API, BODY_API
-from lab3_usd.model.stage import GraphModel, Node, StageModel
+from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 
@@ -77,6 +79,13 @@ class GraphsSubject(ModelSubject, Protocol):
     def nodes(self) -> Iterator[Node]:
         """Yield the nodes of the scene that are judged: all of them, or those with a role."""
 
+    def judges_value(self, node: Node, port: str) -> bool:
+        """Whether the value of an input is judged: any, or one that the spec sets."""
+
+    @property
+    def wire_faults(self) -> tuple[WireFault, ...]:
+        """What is wrong with the wires: by themselves, or beside those of the spec."""
+
 
 class GraphSubject(Struct, frozen=True, eq=False):
     """One graph of the spec beside its graph in the stage.
@@ -109,6 +118,12 @@ class GraphSubject(Struct, frozen=True, eq=False):
     def nodes(self) -> Iterator[Node]:
         """Yield the nodes that play a role."""
         return (node for node, _ in self.matched)
+
+    def judges_value(self, node: Node, port: str) -> bool:
+        """Whether the spec sets the value of an input."""
+        role = self.roles.role_of.get(node.path)
+        settings = () if role is None else self.spec.nodes[role].settings
+        return any(setting.port == port for setting in settings)
 
 
 class StageSubject(Struct, frozen=True, eq=False):
@@ -181,6 +196,38 @@ class LintSubject(Struct, frozen=True, eq=False):
         """Yield the nodes of all active graphs."""
         return iter(self.live.values())
 
+    def judges_value(self, node: Node, port: str) -> bool:  # noqa: ARG002 - see GraphsSubject
+        """Every value is judged."""
+        return True
+
+    @property
+    def wire_faults(self) -> tuple[WireFault, ...]:
+        """What is wrong with the wires by themselves."""
+        return _wire_faults(self.stage, self.platform)
+
     def title(self, node: Node) -> str:
         """Return what a node is called in the graph editor."""
         return node.type.ui_name if node.type is not None else node.type_name or "a node"
+
+
+@once_per_stage
+def _wire_faults(stage: StageModel, platform: Platform) -> tuple[WireFault, ...]:
+    """Return what is wrong with the wires of a stage, whatever they are for."""
+    faults = []
+    fed: dict[tuple[str, str], str] = {}
+    for wire in connections(stage, platform):
+        if not wire.has_source:
+            is_dead = is_needed(wire.node, wire.port, stage, platform)
+            kind: Kind = "dead" if is_dead else "leftover"
+            faults.append(WireFault(kind, wire.node, wire.port, None, wire.path))
+        elif wire.is_live and not wire.is_compatible:
+            faults.append(WireFault("incompatible", wire.node, wire.port, None, wire.path))
+        elif wire.kind == "data":
+            first = fed.setdefault((wire.node.path, wire.port), wire.path)
+            if first != wire.path:
+                faults.append(WireFault("second", wire.node, wire.port, first, wire.path))
+    faults += [
+        WireFault("cycle", wire.node, wire.port, None, wire.path)
+        for wire in find_cycles(stage, platform)
+    ]
+    return tuple(faults)

@@ -32,7 +32,7 @@ from lab3_usd.facts.stalled_nodes import (
 )
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem, Severity
-from lab3_usd.model.stage import DEACTIVATED, OVER, Node, nodes_outside_graphs
+from lab3_usd.model.stage import OVER, Node
 
 _REASONS = {
     "unwired": "{port} is not connected",
@@ -218,34 +218,6 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
                         actual=str(graph.attributes.get(form.stage)),
                         related=tuple(target.path for target in waiting),
                     )
-
-
-@rule("K05", "stray-node", scope="lint", severity="warning")
-def stray_node(subject: LintSubject) -> Iterator[Problem]:
-    """A node is in no graph, or a prim in a graph is no node.
-
-    Why: Isaac Sim evaluates only nodes that are children of a graph. A node elsewhere, or a prim of
-    another type, never computes.
-
-    Fix: drag the node into its graph in the Stage panel, or delete it.
-
-    Example: `/to_string`, left at the root when its graph was renamed.
-
-    Basis: in all saved stages and in NVIDIA's scripts nodes are children of a graph. Kit's code is
-    not public.
-    """
-    for node in nodes_outside_graphs(subject.stage):
-        if subject.platform.graph.ignores(node.path):
-            continue
-        yield Problem(
-            node.path,
-            f"{subject.title(node)} is outside every graph and never executes",
-            severity="error" if has_side_effects(node) else None,
-        )
-    for graph in subject.graphs():
-        for prim in graph.absent if graph.active else ():
-            if prim.reason not in (DEACTIVATED, OVER) and prim.type_name:
-                yield Problem(prim.path, f"is not a node but {prim.reason}, and never executes")
 
 
 @rule(

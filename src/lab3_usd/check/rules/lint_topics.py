@@ -164,46 +164,6 @@ def _mismatch(maker: Qos, taker: Qos) -> str:
     return ""
 
 
-@rule("K34", "value-type", scope="lint", formerly="value-of-another-type")
-def value_type(subject: LintSubject) -> Iterator[Problem]:
-    """A value has a type that its port does not have.
-
-    Why: Isaac Sim creates the port with its own type and ignores the value: the default applies.
-
-    Fix: delete the node, add it again and set the value in the Property panel.
-
-    Example: `inputs:wheelRadius` written as a string by a script, although it is a double.
-
-    Basis: ports have the types of Isaac Sim's source. Kit's handling of other types is not public;
-    pairs of types that earlier releases saved are accepted.
-    """
-    for node in subject.live.values():
-        for name, state in node.ports.items():
-            port = None if node.type is None else node.type.port(name)
-            if port is None or state.value is None or port.is_union or port.is_target:
-                continue
-            if state.usd_type not in ("", port.usd_type, *_SAME.get(port.usd_type, ())):
-                yield Problem(
-                    node.path,
-                    f"{name} has type {state.usd_type}, expected {port.usd_type}",
-                    property=name,
-                    expected=port.usd_type,
-                    actual=state.usd_type,
-                )
-
-
-# Files of earlier releases declare these otherwise, and are read all the same.
-_SAME = {
-    "string": ("token",),
-    "token": ("string",),
-    "uint64": ("uint", "int", "int64"),
-    "uint": ("int", "uint64"),
-    "double": ("float",),
-    "float": ("double",),
-    "vector3d": ("double3",),
-}
-
-
 @rule("K35", "unknown-token", scope="lint", formerly="value-not-offered")
 def unknown_token(subject: LintSubject) -> Iterator[Problem]:
     """A token is not among the choices of its input.
