@@ -102,6 +102,7 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
         "follows",
     ),
     "excluded-joint": (switch(LEFT, "physics:excludeFromArticulation", on=True), "follows"),
+    "empty-joint-name": (cut(f"{NAMES}.inputs:input0"), "follows"),
     "unknown-joint": (value("ROS_Drive/constant_left_joint.inputs:value", "wheel"), "follows"),
     "wrong-command-count": (value(f"{NAMES}.inputs:arraySize", 1), "follows"),
     "non-numeric-command": (

@@ -30,6 +30,7 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "no-articulation": ("R02", "K60"),
     "excluded-joint": ("S07", "K61"),
     "unknown-joint": ("P01", "K61"),
+    "empty-joint-name": ("W01", "K11"),
     "wrong-command-count": ("P01", "K68"),
     "non-numeric-command": ("W02", ""),
     "no-chassis-body": ("R02", "K67"),

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.missing_wires import execution_wire
 from lab3_usd.check.registry import rule
+from lab3_usd.facts.articulations import commands
 from lab3_usd.facts.execution_order import (
     ENABLED,
     effective_value,
@@ -365,10 +366,27 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
     Basis: Make Array is a node of Kit, whose code is not public; its page describes one input for
     each element. An empty joint name is rejected in `articulation.py:767`.
     """
+    for command in commands(subject.stage, subject.platform):
+        port = command.ports.joints
+        if "" in (command.names or ()) and not command.node.sources(port):
+            yield Problem(
+                command.node.path,
+                f"{port} has an empty element, and no joint has an empty name",
+                property=port,
+                expected="names of joints",
+            )
     for node in subject.live.values():
         items = array_items(node)
         if items is None:
             continue
+        for port in items.filled:
+            if effective_value(node, port, subject.live) == "":
+                yield Problem(
+                    node.path,
+                    f"{port} is connected to an empty text: an element of the array is empty",
+                    property=port,
+                    expected="a text",
+                )
         if items.filled:
             for port in items.empty:
                 yield Problem(
