@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.match.diagnosis import absent_nodes
 from lab3_usd.check.match.rule_inputs import GraphsSubject, LintSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import other_names
@@ -83,10 +82,10 @@ def value_type(subject: GraphsSubject) -> Iterator[Problem]:
     pairs of types that earlier releases saved are accepted.
     """
     for node in subject.nodes():
-        for name, state in node.ports.items():
+        for name in node.ports:
             declared = wrong_type(node, name) if subject.judges_value(node, name) else None
             port = None if node.type is None else node.type.port(name)
-            if declared is None or port is None or state.value is None:
+            if declared is None or port is None:
                 continue
             title = node_title(node)
             yield Problem(
@@ -115,35 +114,18 @@ def stray_node(subject: LintSubject | StageSubject) -> Iterator[Problem]:
     Basis: in all saved stages and in NVIDIA's scripts nodes are children of a graph. Kit's code is
     not public.
     """
-    stage, platform = subject.stage, subject.platform
-    missed = _missed(subject) if isinstance(subject, StageSubject) else None
-    for node in nodes_outside_graphs(stage):
-        if platform.graph.ignores(node.path) or node.path in (missed or ()):
-            continue
-        yield Problem(
-            node.path,
-            f"{node_title(node)} is outside every graph and never executes",
-            actual=node.saved_type,
-            # A lab needs no more than it asks for.
-            severity="error" if missed is None and has_side_effects(node) else None,
-            fix=() if missed is None else (RemovePrim(node.path),),
-        )
+    is_of_lab = isinstance(subject, StageSubject)  # which needs no more than it asks for
+    for node in nodes_outside_graphs(subject.stage):
+        if not subject.platform.graph.ignores(node.path):
+            yield Problem(
+                node.path,
+                f"{node_title(node)} is outside every graph and never executes",
+                actual=node.saved_type,
+                severity="error" if has_side_effects(node) and not is_of_lab else None,
+                fix=(RemovePrim(node.path),) if is_of_lab else (),
+                assumes=((node.path, None),),
+            )
     for graph in subject.graphs() if isinstance(subject, LintSubject) else ():
         for prim in graph.absent if graph.active else ():
             if prim.reason not in (DEACTIVATED, OVER) and prim.type_name:
                 yield Problem(prim.path, f"is not a node but {prim.reason}, and never executes")
-
-
-def _missed(subject: StageSubject) -> set[str]:
-    """Return the nodes of which other rules speak: a graph lacks them, or they run code."""
-    lab, stage = subject.lab, subject.stage
-    scripts = {
-        node.path
-        for node in nodes_outside_graphs(stage)
-        if lab.platform.scripts.runs(node.saved_type)
-    }
-    return scripts | {
-        absent.path
-        for name, roles in subject.roles.items()
-        for absent in absent_nodes(lab.graphs[name], roles, stage, lab.platform).values()
-    }

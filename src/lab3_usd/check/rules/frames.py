@@ -94,7 +94,7 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
             actual=", ".join(targets) or "no targets",
             handout=maker.handout,
             fix=edits_in_stage(view.subject, maker.node.path, maker.port),
-            unknown_targets=tuple(strangers),
+            covers=tuple((maker.node.path, f"{maker.port}[{path}]") for path in strangers),
             frames=tuple(frames),
         )
 

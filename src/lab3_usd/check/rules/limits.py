@@ -34,17 +34,18 @@ def limit_without_time_step(subject: GraphSubject) -> Iterator[Problem]:
             hint = f"{first}select {role_title(spec)} and set {port.partition(':')[2]} to 0"
             section = dict(spec.keep).get(port, spec.handout)
             fix = edits_at(subject, f"{node.path}.{port}")
+            steps = tuple((node.path, name) for name in spec.type.time_step)
             yield Problem(
-                node.path, message, port, "0", display(value), section, hint=hint, fix=fix
+                node.path,
+                message,
+                port,
+                "0",
+                display(value),
+                section,
+                hint=hint,
+                fix=fix,
+                covers=steps,
             )
-
-
-def stopping_inputs(subject: GraphSubject) -> Iterator[tuple[str, str]]:
-    """Yield the prim and input of each limit that stops a node, and of its time step at 0."""
-    for node, spec in subject.matched:
-        limits = [port for port, _ in stopping_limits(subject.live_nodes, node)]
-        for port in (*limits, *spec.type.time_step) if limits else ():
-            yield node.path, port
 
 
 def stopping_limits(live: Mapping[str, Node], node: Node) -> Iterator[tuple[str, Value]]:

@@ -80,6 +80,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
             hint=_way_back(subject, spec, present),
             fix=fix,
             unmet=(f"{subject.spec.name}/node/{spec.role}",),
+            covers=() if present is None else ((present.path, None),),
         )
 
 
@@ -225,22 +226,15 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: a second ROS2 Context in {next_graph_name}.
     """
-    if not subject.roles.extra:
-        return
-    roles = {subject.spec.name: subject.roles}
-    commanders = [node for node, _ in second_commanders(subject.stage, subject.lab, roles)]
     for node in subject.roles.extra:
-        is_reported = _is_script(subject, node) or node in commanders
-        if not is_reported and not _published_again(subject, node):
-            message = f"{node_title(node)} is not asked for in {subject.spec.name}"
-            yield Problem(
-                node.path,
-                message,
-                actual=node.type_name,
-                handout=subject.spec.handout,
-                fix=(RemovePrim(node.path),),
-                weaker=True,
-            )
+        yield Problem(
+            node.path,
+            f"{node_title(node)} is not asked for in {subject.spec.name}",
+            actual=node.type_name,
+            handout=subject.spec.handout,
+            fix=(RemovePrim(node.path),),
+            assumes=((node.path, None),),
+        )
 
 
 def _is_script(subject: GraphSubject, node: Node) -> bool:

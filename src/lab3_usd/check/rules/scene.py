@@ -310,7 +310,7 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
     """
     for attribute in subject.stage.moving:
         severity = _severity(attribute, subject)
-        if severity is not None and attribute.prim not in subject.faulty_prims:
+        if severity is not None:
             yield Problem(
                 attribute.prim,
                 f"{attribute.property} is {attribute.first} at the start and {attribute.then} "
@@ -320,6 +320,7 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
                 actual=attribute.then,
                 severity=severity,
                 fix=(Restore(attribute.prim, attribute.property),),
+                assumes=((attribute.prim, attribute.property),),
             )
 
 

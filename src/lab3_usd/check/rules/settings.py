@@ -20,7 +20,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
 from lab3_usd.check.rules.limits import stopping_limits
 from lab3_usd.facts.endpoints import moving_prims
-from lab3_usd.facts.execution_order import effective_value, live_nodes, wrong_type
+from lab3_usd.facts.execution_order import effective_value, live_nodes
 from lab3_usd.isaac.node_types import INPUT, Port
 from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.isaac.values import Value
@@ -86,23 +86,16 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
     Example: `topicName` '{scan}1' instead of '{scan}': a subscriber waits for messages that never
     come.
     """
-    swapped = _swapped(subject)
-    # Where a wire that belongs elsewhere ends, the rule of that wire speaks.
-    strays = {fault.elsewhere for fault in subject.wire_faults if fault.kind == "moved"}
     for found in settings_of(subject):
         node, port = found.node, found.setting.port
-        if found.met or (node.path, port) in swapped or not _is_authored(node, port):
-            continue
-        if wrong_type(node, port) is not None or _frames_forbidden(subject, found):
-            continue
-        if f"{node.path}.{port}" in strays:
+        if found.met or not _is_authored(node, port) or _frames_forbidden(subject, found):
             continue
         actual = display(found.value)
         if found.value is None:
             actual = f"connected to {short_source(node.sources(port)[0])}"
         message = f"{port} is {actual}, expected {display(found.setting.value)}"
         message += with_setting(subject, found.spec.role, found.setting, found.value)
-        yield setting_problem(subject, found, message)
+        yield replace(setting_problem(subject, found, message), assumes=((node.path, port),))
 
 
 def _is_authored(node: Node, port: str) -> bool:
@@ -124,11 +117,11 @@ def wrong_default(subject: GraphSubject) -> Iterator[Problem]:
     """
     for found in settings_of(subject):
         node, port = found.node, found.setting.port
-        if found.met or _is_authored(node, port) or wrong_type(node, port) is not None:
+        if found.met or _is_authored(node, port):
             continue
         default, wanted = display(found.value), display(found.setting.value)
         message = f"{port} was left at its default {default}, expected {wanted}"
-        yield setting_problem(subject, found, message)
+        yield replace(setting_problem(subject, found, message), assumes=((node.path, port),))
 
 
 @rule("P07", "swapped-values", scope="graph")
@@ -156,7 +149,7 @@ def swapped_values(subject: GraphSubject) -> Iterator[Problem]:
             problem = setting_problem(subject, found, message)
             related = f"{other}.{port}"
             fix = (*problem.fix, *edits_at(subject, related))
-            yield replace(problem, hint=hint, related=(related,), fix=fix)
+            yield replace(problem, hint=hint, related=(related,), fix=fix, covers=((other, port),))
 
 
 @rule("P04", "kept-default-changed", scope="graph")

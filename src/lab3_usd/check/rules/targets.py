@@ -144,7 +144,7 @@ def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
                         actual=path,
                         handout=spec.handout,
                         fix=edits_at(subject, f"{node.path}.{port}"),
-                        unknown_targets=(path,),
+                        assumes=((node.path, f"{port}[{path}]"),),
                         rests_on=asset,
                     )
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
 from lab3_usd.check.hints import without_wire
-from lab3_usd.check.match.conformance import settings_of
 from lab3_usd.check.match.rule_inputs import GraphSubject, WireFault
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
 from lab3_usd.check.rules.any_wire import connect_hint, source_shown
-from lab3_usd.check.rules.limits import stopping_inputs
 from lab3_usd.facts.execution_order import is_opened_first, signals_once
 from lab3_usd.model.finding import Problem, short_source
 
@@ -34,6 +34,7 @@ def _problem(
         related=elsewhere,
         hint=hint,
         fix=edits_at(subject, f"{fault.node.path}.{fault.port}", *elsewhere),
+        covers=tuple(path.rpartition(".")[::2] for path in elsewhere),
     )
 
 
@@ -109,21 +110,11 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: `ros2_publish_clock.inputs:queueSize` connected to a constant.
     """
-    # A wire that makes a value wrong, or reaches what must keep its default, is reported as that.
-    reported = {
-        (setting.node.path, setting.setting.port)
-        for setting in settings_of(subject)
-        if not setting.met
-    }
-    reported.update(stopping_inputs(subject))
-    kept = subject.lab.policy.keep_default
     for fault in _faults(subject, "unasked"):
-        if (fault.node.path, fault.port) not in reported and fault.port.partition(":")[
-            2
-        ] not in kept:
-            source = source_shown(fault)
-            message = f"{fault.port} is connected to {source}, which the handout does not ask for"
-            yield _problem(subject, fault, message)
+        source = source_shown(fault)
+        message = f"{fault.port} is connected to {source}, which the handout does not ask for"
+        problem = _problem(subject, fault, message)
+        yield replace(problem, assumes=((fault.node.path, fault.port),))
 
 
 @rule("W06", "swapped-wires", scope="graph")
