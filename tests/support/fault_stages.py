@@ -230,6 +230,13 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
     "several-parents": (
         steps(
             {"copy": [RAW, "ROS_OdomTF/again"]},
+            {"set": ["ROS_OdomTF/again.inputs:parentFrameId", "start"]},
+        ),
+        "tree",
+    ),
+    "frame-cycle": (
+        steps(
+            {"copy": [RAW, "ROS_OdomTF/again"]},
             {"set": ["ROS_OdomTF/again.inputs:parentFrameId", "base_link"]},
         ),
         "tree",

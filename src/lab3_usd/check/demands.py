@@ -7,8 +7,9 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from lab3_usd.check.lab_frames import TfView
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
-from lab3_usd.check.repairs import edits_at
+from lab3_usd.check.repairs import edits_at, edits_of_harm
 from lab3_usd.model.changes import Edit
 from lab3_usd.model.finding import Problem
 
@@ -17,8 +18,10 @@ def with_demand(problem: Problem, subject: Any) -> Problem:
     """Return a problem with what a spec asks for at its site; as it is where it asks for nothing.
 
     The repair that the spec knows comes before that of the rule, which had to guess. `subject` is
-    what the rule was given: a graph beside its spec, or a stage with all of them.
+    what the rule was given: a graph beside its spec, a stage with all of them, or its transforms.
     """
+    if isinstance(subject, TfView):
+        return _with_tree(problem, subject)
     sections: list[str] = []
     edits: list[Edit] = []
     for graph in _graphs_of(subject):
@@ -29,6 +32,26 @@ def with_demand(problem: Problem, subject: Any) -> Problem:
         problem,
         handout=problem.handout or next(iter(sections), None),
         fix=tuple(edits) or problem.fix,
+    )
+
+
+def _with_tree(problem: Problem, view: TfView) -> Problem:
+    """Return a problem of transforms with the section that asks for the tree.
+
+    A tree that no listener of the lab hears is an extra: what is wrong with it is a warning.
+    """
+    is_extra = all(
+        view.is_beside(heard)
+        for heard in view.trees()
+        if any(problem.prim in {edge.cause, edge.publisher} for edge in heard.tree.edges)
+    )
+    severity = problem.severity or ("warning" if is_extra else None)
+    harm = edits_of_harm(view.subject, problem.prim, problem.property, severity)
+    return replace(
+        problem,
+        handout=problem.handout or (None if problem.property else view.subject.lab.frames.handout),
+        severity=severity,
+        fix=problem.fix or harm,
     )
 
 

@@ -32,8 +32,9 @@ FaultKind = Literal[
     "single-message", "wrong-header-frame",
     # frames
     "no-target-prim", "no-frames-input", "unequal-frame-arrays", "missing-frame", "self-parent",
-    "several-parents", "several-publishers", "changing-parent", "disconnected-frame",
-    "unknown-frame", "transform-ends", "transform-gap", "transform-unlike-odometry",
+    "several-parents", "several-publishers", "changing-parent", "frame-cycle",
+    "disconnected-frame", "unknown-frame", "transform-ends", "transform-gap",
+    "transform-unlike-odometry",
     # sensors
     "no-camera-target", "missing-camera-prim", "empty-image", "no-render-product",
     "wrong-render-product", "unknown-output", "not-a-camera", "not-a-lidar", "no-lidar-schema",

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Literal, Protocol
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
+from lab3_usd.facts.domains import Domain, are_surely_one
 from lab3_usd.facts.execution_order import Nodes, live_nodes, run_states
+from lab3_usd.facts.frames import Edge, HeardTree, frames_in, heard_trees, is_tree_known
 from lab3_usd.facts.stalled_nodes import is_needed
 from lab3_usd.facts.wires import connections, find_cycles
+from lab3_usd.facts.written_names import MessageFrame, message_frames
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.finding import Finding, Requirement
+from lab3_usd.model.finding import Finding, Problem, Requirement
 from lab3_usd.model.physics import ARTICULATION_API, BODY_API
-from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
+from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 
@@ -85,6 +89,40 @@ class GraphsSubject(ModelSubject, Protocol):
     @property
     def wire_faults(self) -> tuple[WireFault, ...]:
         """What is wrong with the wires: by themselves, or beside those of the spec."""
+
+
+class TransformsSubject(ModelSubject, Protocol):
+    """The transforms of a stage that are judged, beside the tree that a spec asks for, if any."""
+
+    def trees(self) -> tuple[HeardTree, ...]:
+        """Return the transforms, by listener, that no other rule finds fault with."""
+
+    def is_asked(self, edge: Edge) -> bool:
+        """Whether a spec asks for a transform, of the node that sends it."""
+
+    def are_one(self, domains: Iterable[Domain]) -> bool:
+        """Whether domains of one name are one in every environment that counts."""
+
+    def is_copy(self, publisher: str) -> bool:
+        """Whether another rule says of the whole graph of a publisher that it is a copy."""
+
+    def tops(self, heard: HeardTree) -> tuple[str, ...]:
+        """Return the frames that all others are to hang together with; none where it is unknown."""
+
+    def self_targets(self) -> Iterator[Problem]:
+        """Yield where a role's own settings make a frame its own parent."""
+
+    def message_frames(self) -> Iterator[MessageFrame]:
+        """Yield the frames of messages that no other rule finds fault with."""
+
+    def frames_in(self, domain: str) -> Collection[str]:
+        """Return the frames that are published in a domain; none where this is unknown."""
+
+    def frames_left_open(self) -> UnresolvedAsset | None:
+        """Return the missing asset that may hold further frames."""
+
+    def is_required(self, node: Node) -> bool:
+        """Whether a spec asks for a node."""
 
 
 class GraphSubject(Struct, frozen=True, eq=False):
@@ -204,6 +242,53 @@ class LintSubject(Struct, frozen=True, eq=False):
     def wire_faults(self) -> tuple[WireFault, ...]:
         """What is wrong with the wires by themselves."""
         return _wire_faults(self.stage, self.platform)
+
+    def trees(self) -> tuple[HeardTree, ...]:
+        """Return the transforms by listener."""
+        return heard_trees(self.stage, self.platform)
+
+    def is_asked(self, _edge: Edge) -> bool:
+        """Whether a spec asks for a transform, which no stage without a lab has."""
+        return False
+
+    def are_one(self, domains: Iterable[Domain]) -> bool:
+        """Whether domains of one name are one in every environment."""
+        return are_surely_one(domains)
+
+    def is_copy(self, _publisher: str) -> bool:
+        """Whether another rule says of the whole graph of a publisher that it is a copy."""
+        return False
+
+    def tops(self, heard: HeardTree) -> tuple[str, ...]:
+        """Return the top of the largest tree, where all transforms are known."""
+        if not is_tree_known(self.stage, self.platform):
+            return ()
+        _, largest = heard.tree.parts[0]
+        return tuple(top for top in heard.tree.roots if top in largest)[:1]
+
+    def self_targets(self) -> Iterator[Problem]:
+        """Yield where a role's own settings make a frame its own parent: there are no roles."""
+        yield from ()
+
+    def message_frames(self) -> Iterator[MessageFrame]:
+        """Yield the frames of messages; of a slash before or no name at all another rule speaks."""
+        for named in message_frames(self.stage, self.platform):
+            name = named.name.lstrip("/")
+            if name:
+                yield replace(named, name=name)
+
+    def frames_in(self, domain: str) -> Collection[str]:
+        """Return the frames that are published in a domain, where all transforms are known."""
+        is_known = is_tree_known(self.stage, self.platform)
+        return frames_in(self.stage, self.platform, domain) if is_known else ()
+
+    def frames_left_open(self) -> UnresolvedAsset | None:
+        """Return the missing asset that may hold further frames: then no frame is judged."""
+        return None
+
+    def is_required(self, _node: Node) -> bool:
+        """Whether a spec asks for a node: without one, all count alike."""
+        return True
 
     def title(self, node: Node) -> str:
         """Return what a node is called in the graph editor."""

@@ -8,7 +8,7 @@ from itertools import combinations
 from msgspec.structs import replace
 
 from lab3_usd.check.hints import with_setting
-from lab3_usd.check.lab_frames import role_specs
+from lab3_usd.check.lab_topics import role_specs
 from lab3_usd.check.match.conformance import (
     Found,
     setting_matches,

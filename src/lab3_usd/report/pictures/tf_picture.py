@@ -10,7 +10,7 @@ from types import MappingProxyType
 from msgspec import Struct
 
 from lab3_usd.facts.frame_targets import UnresolvedFrames
-from lab3_usd.facts.frames import Edge, trees_by_domain
+from lab3_usd.facts.frames import Edge, trees_of
 from lab3_usd.facts.tree import frame_faults
 from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.layered import Placed, layered
@@ -82,23 +82,22 @@ def published_frames_picture(
     `rates` are how often each publisher sends, by its path; `not_judged` says in words what else
     is not known.
     """
-    published: dict[Pair, list[Edge]] = {}
-    for edge in edges:
-        published.setdefault((edge.parent, edge.child), []).append(edge)
-    wrong = {
-        (domain, fault.frame)
-        for domain, heard in trees_by_domain(edges).items()
-        for fault in frame_faults(heard.edges)
-    }
-    branches = [
-        DrawnEdge(
-            *pair,
-            tuple(dict.fromkeys(edge.publisher for edge in sent)),
-            "wrong" if any((e.domain.name, e.child) in wrong for e in sent) else "ok",
-            sure=any(edge.sure for edge in sent),
-        )
-        for pair, sent in published.items()
-    ]
+    trees, branches = trees_of(edges), list[DrawnEdge]()
+    for heard in trees:
+        where = f" ({heard.topic} in domain {heard.domain})" if len(trees) > 1 else ""
+        wrong = {fault.frame for fault in frame_faults(heard.tree)}
+        published: dict[Pair, list[Edge]] = {}
+        for edge in heard.tree.edges:
+            published.setdefault((edge.parent, edge.child), []).append(edge)
+        for (parent, child), sent in published.items():
+            branch = DrawnEdge(
+                parent + where,
+                child + where,
+                tuple(dict.fromkeys(edge.publisher for edge in sent)),
+                "wrong" if child in wrong else "ok",
+                sure=any(edge.sure for edge in sent),
+            )
+            branches.append(branch)
     branches += _hidden_branches(hidden)
     subtitle = "  ·  ".join(filter(None, [_counts_text(branches), not_judged]))
     return _picture("TF", subtitle, branches, judged=True, rates=rates)
