@@ -20,10 +20,8 @@ QOS_TYPE = "isaacsim.ros2.bridge.ROS2QoSProfile"
 TOPIC = "inputs:topicName"
 
 
-def problems(
-    stage: StageModel, checkpoint: str = "06", **given: object
-) -> dict[str, list[Problem]]:
-    subject = m.subject(stage, checkpoint, **given)  # type: ignore[arg-type]
+def problems(stage: StageModel, checkpoint: str = "06") -> dict[str, list[Problem]]:
+    subject = m.subject(stage, checkpoint)
     found = {
         rule.id: list(rule.check(subject)) for rule in rules_of("stage", "Q") if rule.id[0] == "Q"
     }
@@ -31,10 +29,9 @@ def problems(
 
 
 def sites(
-    stage: StageModel, checkpoint: str = "06", **given: object
+    stage: StageModel, checkpoint: str = "06", blamed: tuple[str, ...] = ()
 ) -> list[tuple[str, str, str | None]]:
-    found = problems(stage, checkpoint, **given)
-    return [(rule_id, p.prim, p.property) for rule_id, said in found.items() for p in said]
+    return m.left_beside(blamed, problems(stage, checkpoint))
 
 
 def copy_of(name: str, place: str = "/Graph") -> GraphModel:

@@ -84,13 +84,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         checkpoint=checkpoint,
         stage=stage,
         roles={subject.spec.name: subject.roles for subject in subjects},
-        faulty_prims=frozenset(
-            finding.prim for finding in run.findings if finding.severity == "error"
-        ),
         relocations=relocations,
-        missing_graphs={
-            subject.spec.name: subject.missing_with for subject in subjects if subject.missing_with
-        },
         graphs=subjects,
     )
     for rule in (*rules_of("model", "F"), *rules_of("stage", *STAGE_FAMILIES)):

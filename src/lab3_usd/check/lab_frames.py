@@ -43,7 +43,7 @@ from lab3_usd.facts.frames import (
 )
 from lab3_usd.facts.written_names import MessageFrame, message_frames
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.finding import Problem
+from lab3_usd.model.finding import Place, Problem
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.graph import NodeSpec, Target
@@ -146,14 +146,19 @@ class TfView(Struct, frozen=True, eq=False):
         """Whether a node plays a role."""
         return node.path in self.role_specs
 
+    def assumed(self, edges: Iterable[Edge]) -> tuple[Place, ...]:
+        """Return the nodes without a role that send transforms: whether they are right at all."""
+        paths = dict.fromkeys(path for edge in edges for path in (edge.cause, edge.publisher))
+        return tuple((path, None) for path in paths if path not in self.role_specs)
+
 
 @once_per_stage
 def _open_trees(view: TfView) -> tuple[HeardTree, ...]:
     def is_open(edge: Edge) -> bool:
         if edge.parent != edge.child:
             return not is_reported_elsewhere(edge, view)
-        told = {*view.role_specs, *view.subject.faulty_prims}
-        return edge.child != view.odom and edge.target is None and edge.cause not in told
+        is_own = edge.child != view.odom and edge.target is None
+        return is_own and edge.cause not in view.role_specs
 
     return trees_of(filter(is_open, all_edges(view.stage, view.platform)))
 
@@ -179,24 +184,20 @@ def tf_view(subject: StageSubject) -> TfView:
 def is_reported_elsewhere(edge: Edge, view: TfView) -> bool:
     """Whether another rule already says what is wrong with this transform.
 
-    Those are the rules of settings and targets for a node that plays a role, the rule of extra
-    nodes for one that does not, and the rules of forbidden transforms.
+    Those are the rules of settings and targets for a node that plays a role, and the rules of
+    forbidden transforms.
     """
     if edge.child in {view.odom, edge.parent}:
         return True
     if edge.cause not in view.role_specs and edge.publisher not in view.role_specs:
-        return bool({edge.cause, edge.publisher} & view.subject.faulty_prims)
+        return False
     return is_altered_by_wires(edge, view) or differs_from_spec(edge.cause, view)
 
 
 def is_altered_by_wires(edge: Edge, view: TfView) -> bool:
     """Whether wires made of the frames that a node computes something that it does not compute."""
     cause = view.live_nodes.get(edge.cause)
-    if (
-        cause is None
-        or edge.cause == edge.publisher
-        or edge.publisher not in view.subject.faulty_prims
-    ):
+    if cause is None or edge.cause == edge.publisher:
         return False
     pairs = computed_pairs(cause, view.subject.stage, view.subject.lab.platform)
     return all((edge.parent, edge.child) != (pair.parent, pair.child) for pair in pairs)

@@ -85,8 +85,8 @@ def publishers(subject: TopicsSubject) -> tuple[Publishers, ...]:
     """Return who publishes each topic, where several do; transforms have many publishers.
 
     Nobody hears publishers of different domains together. With a lab a role comes first; one whose
-    topic is not that of its role does not count, and extra nodes in a graph of the lab, faulty ones
-    and those of a second lidar are the business of other rules.
+    topic is not that of its role does not count, and extra nodes in a graph of the lab and those of
+    a second lidar are the business of other rules.
     """
     tree, together = subject.platform.ros.tree_topics, dict[Heard, list[Endpoint]]()
     for endpoint in endpoints(subject.stage, subject.platform):
@@ -114,13 +114,12 @@ def _is_meant(endpoint: Endpoint, subject: TopicsSubject) -> bool:
 
 
 def _is_told(endpoint: Endpoint, subject: TopicsSubject) -> bool:
-    """Whether another rule speaks of a publisher: of extra or faulty nodes, or of a lidar."""
+    """Whether another rule speaks of a publisher: of extra nodes."""
     if not isinstance(subject, StageSubject):
         return False
     lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
     required = required_topics(subject.lab, subject.checkpoint)
-    is_extra = graph_of(endpoint) in lab_graphs and endpoint.topic in required
-    return is_extra or endpoint.node.path in subject.faulty_prims
+    return graph_of(endpoint) in lab_graphs and endpoint.topic in required
 
 
 def graph_of(endpoint: Endpoint) -> str:
@@ -135,9 +134,8 @@ def repeating_graphs(subject: StageSubject) -> set[str]:
 
 
 def is_of_lab(endpoint: Endpoint, subject: TopicsSubject) -> bool:
-    """Whether a node plays a role, or another rule speaks of it or of its whole graph."""
+    """Whether a node plays a role, or another rule speaks of its whole graph."""
     if not isinstance(subject, StageSubject):
         return False
     path = endpoint.node.path
-    is_told = path in subject.faulty_prims or graph_of(endpoint) in repeating_graphs(subject)
-    return is_told or path in role_specs(subject)
+    return path in role_specs(subject) or graph_of(endpoint) in repeating_graphs(subject)

@@ -405,12 +405,6 @@ def _nearest_prim(stage: StageModel, path: str) -> str:
     return path
 
 
-def missing_graphs_text(missing_graphs: Mapping[str, str], path: str) -> str:
-    """Name the graphs that are missing together with the prim, as the end of a sentence."""
-    names = [name for name, prim in missing_graphs.items() if prim == path]
-    return f"; missing with it: {', '.join(names)}" if names else ""
-
-
 def is_nested(node: Node, stage: StageModel) -> bool:
     """Whether a node is below another prim than a graph: whether Isaac Sim runs it is unknown."""
     parent = node.path.rpartition("/")[0]

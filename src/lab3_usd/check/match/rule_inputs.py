@@ -15,7 +15,7 @@ from lab3_usd.facts.stalled_nodes import is_needed
 from lab3_usd.facts.wires import connections, find_cycles
 from lab3_usd.facts.written_names import MessageFrame, message_frames
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.finding import Finding, Problem, Requirement
+from lab3_usd.model.finding import Finding, Place, Problem, Requirement
 from lab3_usd.model.physics import ARTICULATION_API, BODY_API
 from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
@@ -124,6 +124,9 @@ class TransformsSubject(ModelSubject, Protocol):
     def is_required(self, node: Node) -> bool:
         """Whether a spec asks for a node."""
 
+    def assumed(self, edges: Iterable[Edge]) -> tuple[Place, ...]:
+        """Return the nodes that a problem of transforms rests on."""
+
 
 class GraphSubject(Struct, frozen=True, eq=False):
     """One graph of the spec beside its graph in the stage.
@@ -167,21 +170,22 @@ class GraphSubject(Struct, frozen=True, eq=False):
 class StageSubject(Struct, frozen=True, eq=False):
     """The whole stage at one checkpoint.
 
-    `faulty_prims` holds the prims that already have an error from the rules of their graph: its
-    consequences are not reported again. `relocations` maps where the handout has the robot
-    and its links to where they stand instead; `lab` reads as if they belonged there.
-    `missing_graphs` maps each graph that is missing together with a prim to that prim, whose
-    finding names the graph. `graphs` are those of the checkpoint, each as its own rules see it.
+    `relocations` maps where the handout has the robot and its links to where they stand instead;
+    `lab` reads as if they belonged there. `graphs` are those of the checkpoint, each as its own
+    rules see it.
     """
 
     lab: Lab
     checkpoint: Checkpoint
     stage: StageModel
     roles: Mapping[str, Roles]
-    faulty_prims: frozenset[str] = frozenset()
     relocations: Mapping[str, str] = field(default_factory=dict)
-    missing_graphs: Mapping[str, str] = field(default_factory=dict)
     graphs: tuple[GraphSubject, ...] = ()
+
+    def missing_with(self, path: str) -> str:
+        """Name the graphs that are missing together with a prim, as the end of a sentence."""
+        names = [graph.spec.name for graph in self.graphs if graph.missing_with == path]
+        return f"; missing with it: {', '.join(names)}" if names else ""
 
     @property
     def platform(self) -> Platform:
@@ -289,6 +293,10 @@ class LintSubject(Struct, frozen=True, eq=False):
     def is_required(self, _node: Node) -> bool:
         """Whether a spec asks for a node: without one, all count alike."""
         return True
+
+    def assumed(self, _edges: Iterable[Edge]) -> tuple[Place, ...]:
+        """Return the nodes that a problem of transforms rests on: each problem is a root."""
+        return ()
 
     def title(self, node: Node) -> str:
         """Return what a node is called in the graph editor."""

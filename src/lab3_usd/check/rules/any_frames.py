@@ -71,6 +71,7 @@ def two_parents(subject: TransformsSubject) -> Iterator[Problem]:
                 related=_others(rivals, wrong[0]),
                 severity=_severity(pairs, subject),
                 frames=children,
+                assumes=subject.assumed(wrong),
             )
 
 
@@ -104,6 +105,7 @@ def duplicate_transform(subject: TransformsSubject) -> Iterator[Problem]:
                 actual=sites,
                 related=_others(rivals, pairs[0][0]),
                 severity=_severity(pairs, subject),
+                assumes=subject.assumed(edge for edge, _ in pairs),
             )
         for same in _of_several_prims(heard.tree):
             prims = " and ".join(dict.fromkeys(str(edge.prim) for edge in same))
@@ -158,6 +160,7 @@ def self_transform(subject: TransformsSubject) -> Iterator[Problem]:
                 related=() if edge.publisher == cause else (edge.publisher,),
                 severity=_severity([(edge,)], subject),
                 frames=(frame,),
+                assumes=subject.assumed([edge]),
             )
 
 
@@ -191,6 +194,7 @@ def frame_cycle(subject: TransformsSubject) -> Iterator[Problem]:
                 actual=f"{site.parent} -> {site.child}",
                 related=_others(inside, site),
                 severity=None if is_sure else "warning",
+                assumes=subject.assumed([site]),
             )
 
 
@@ -223,6 +227,7 @@ def disconnected_frames(subject: TransformsSubject) -> Iterator[Problem]:
                     f"publishes {names}, which is not connected with '{tops[0]}'",
                     actual=names,
                     severity=_severity(((edge,) for edge in loose), subject),
+                    assumes=subject.assumed(loose),
                 )
 
 

@@ -21,7 +21,7 @@ from lab3_usd.check.robot.sensors import second_lidars
 from lab3_usd.facts.domains import are_surely_one
 from lab3_usd.facts.endpoints import Endpoint, endpoints, running_endpoints
 from lab3_usd.model.changes import Edit, RemovePrim
-from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.finding import Place, Problem, Severity
 from lab3_usd.model.prims import is_at_or_below
 
 
@@ -90,7 +90,13 @@ def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
             related=tuple(dict.fromkeys(path for path in paths if path != first.node.path)),
             severity=severity,
             fix=tuple(_without(repeats, subject)) if severity is None else (),
+            assumes=_assumed(first, subject),
         )
+
+
+def _assumed(endpoint: Endpoint, subject: TopicsSubject) -> tuple[Place, ...]:
+    """Return what is right with a node that publishes what it should not: with a lab, the node."""
+    return ((endpoint.node.path, None),) if isinstance(subject, StageSubject) else ()
 
 
 def _is_of_second_lidar(endpoint: Endpoint, subject: TopicsSubject) -> bool:
@@ -173,4 +179,5 @@ def two_types(subject: TopicsSubject) -> Iterator[Problem]:
             fix=edits_of_harm(subject, endpoint.node.path, endpoint.port, severity)
             if isinstance(subject, StageSubject)
             else (),
+            assumes=_assumed(endpoint, subject),
         )

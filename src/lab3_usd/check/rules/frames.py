@@ -250,9 +250,9 @@ def unknown_frames(view: TfView) -> Iterator[Problem]:
     """
     subject = view.subject
     for path in unknown_publishers(subject.stage, subject.lab.platform):
-        if path not in subject.faulty_prims:
-            yield Problem(
-                path,
-                "publishes transforms between frames that the stage does not define",
-                handout=subject.lab.frames.handout,
-            )
+        yield Problem(
+            path,
+            "publishes transforms between frames that the stage does not define",
+            handout=subject.lab.frames.handout,
+            assumes=((path, None),),
+        )

@@ -43,7 +43,7 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: no `{graph}` from the checkpoint on that adds it.
     """
-    if subject.roles.graph is not None or subject.missing_with:
+    if subject.roles.graph is not None:
         return
     spec = subject.spec
     yield Problem(
@@ -53,6 +53,7 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
         handout=spec.handout,
         hint=f"make the graph {spec.name} at {spec.path} as section {spec.handout} shows",
         fix=tuple(_way_back(subject)),
+        assumes=((subject.missing_with, None),) if subject.missing_with else (),
     )
 
 

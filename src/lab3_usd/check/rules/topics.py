@@ -44,6 +44,7 @@ def wrong_durability(subject: StageSubject) -> Iterator[Problem]:
                 handout=wanted.handout,
                 severity=severity,
                 fix=edits_of_harm(subject, path, endpoint.port, severity),
+                assumes=((path, None),),
             )
 
 
