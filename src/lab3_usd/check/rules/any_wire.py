@@ -157,6 +157,7 @@ def _dead_wire(fault: WireFault, wire: Connection, subject: GraphsSubject) -> Pr
         expected=fault.expected,
         actual=wire.path,
         severity="warning" if fault.kind == "leftover" else None,
+        assumes=((wire.node.path, wire.port),) if fault.wire is not None else (),
         fix=_rewiring(wire, *others) if is_fed else (),
     )
     opening = f"{wire.port} is connected to {source_shown(fault)}, "

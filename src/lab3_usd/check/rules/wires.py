@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from msgspec.structs import replace
-
 from lab3_usd.check.hints import without_wire
 from lab3_usd.check.match.rule_inputs import GraphSubject, WireFault
 from lab3_usd.check.registry import rule
@@ -17,6 +15,10 @@ from lab3_usd.model.finding import Problem, short_source
 
 def _faults(subject: GraphSubject, *kinds: str) -> Iterator[WireFault]:
     return (fault for fault in subject.wire_faults if fault.kind in kinds)
+
+
+# Kinds of faults that one of another kind at the same input explains.
+_RESTING = ("missing", "moved", "wrong", "foreign", "dead", "unasked")
 
 
 def _problem(
@@ -34,6 +36,7 @@ def _problem(
         related=elsewhere,
         hint=hint,
         fix=edits_at(subject, f"{fault.node.path}.{fault.port}", *elsewhere),
+        assumes=((fault.node.path, fault.port),) if fault.kind in _RESTING else (),
         covers=tuple(path.rpartition(".")[::2] for path in elsewhere),
     )
 
@@ -113,8 +116,7 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
     for fault in _faults(subject, "unasked"):
         source = source_shown(fault)
         message = f"{fault.port} is connected to {source}, which the handout does not ask for"
-        problem = _problem(subject, fault, message)
-        yield replace(problem, assumes=((fault.node.path, fault.port),))
+        yield _problem(subject, fault, message)
 
 
 @rule("W06", "swapped-wires", scope="graph")
