@@ -40,11 +40,12 @@ def _with_tree(problem: Problem, view: TfView) -> Problem:
 
     A tree that no listener of the lab hears is an extra: what is wrong with it is a warning.
     """
-    is_extra = all(
-        view.is_beside(heard)
+    sent = [
+        heard
         for heard in view.trees()
         if any(problem.prim in {edge.cause, edge.publisher} for edge in heard.tree.edges)
-    )
+    ]
+    is_extra = bool(sent) and all(map(view.is_beside, sent))
     severity = problem.severity or ("warning" if is_extra else None)
     harm = edits_of_harm(view.subject, problem.prim, problem.property, severity)
     return replace(

@@ -54,7 +54,7 @@ def command(
 
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.facts.endpoints import endpoints
-    from lab3_usd.facts.frames import all_edges, published_transforms
+    from lab3_usd.facts.frames import all_edges, all_unresolved_frames, published_transforms
     from lab3_usd.judge.lint import read_ros
     from lab3_usd.judge.stage import checkpoint_of
     from lab3_usd.report.entries import coverage_line
@@ -69,15 +69,15 @@ def command(
     leave_broken_lab()
     ros = read_ros(stage)
     platform, model = ros.subject.platform, ros.subject.stage
-    edges, senders = all_edges(model, platform), published_transforms(model, platform)
-    hidden = tuple(frames for sent in senders for frames in sent.hidden)
+    edges, hidden = all_edges(model, platform), all_unresolved_frames(model, platform)
     rates = {end.node.path: end.rate for end in endpoints(model, platform)}
     not_judged = printable(coverage_line(ros.coverage))
     if picture is not None:
         write_picture(published_frames_picture(edges, hidden, rates, not_judged), picture, force)
         click.echo(picture)
         return
-    unknown = tuple(sent.publisher.path for sent in senders if sent.edges is None)
+    sent = published_transforms(model, platform)
+    unknown = tuple(each.publisher.path for each in sent if each.edges is None)
     lab = load_lab()
     # What a lab leaves to others, any other stage may place.
     reserved = lab.frames.reserved if checkpoint_of(stage.name, lab) else {}

@@ -134,15 +134,16 @@ def unknown_publishers(stage: StageModel, platform: Platform) -> tuple[str, ...]
     )
 
 
+def all_unresolved_frames(stage: StageModel, platform: Platform) -> tuple[UnresolvedFrames, ...]:
+    """Return the frames that only a missing asset could tell, as `all_edges`."""
+    return tuple(hidden for sent in published_transforms(stage, platform) for hidden in sent.hidden)
+
+
 def unresolved_frames(stage: StageModel, platform: Platform) -> tuple[UnresolvedFrames, ...]:
     """Return the frames that only a missing asset could tell, as `published_edges`."""
     own = platform.ros.tree_topics
-    return tuple(
-        hidden
-        for sent in published_transforms(stage, platform)
-        for hidden in sent.hidden
-        if sent.topic in own
-    )
+    hidden = all_unresolved_frames(stage, platform)
+    return tuple(frames for frames in hidden if frames.topic in own)
 
 
 def certain_edges(edges: Iterable[Edge]) -> list[Edge]:
