@@ -216,7 +216,8 @@ def stage_facts(said: Answers) -> Iterator[str]:
                 yield contrary(fact, TF, LINT, bool(drawn & same))
             if said.check is not None and bool(drawn & same) != says[CHECK]:
                 yield contrary(fact, TF, CHECK, bool(drawn & same))
-    roots = len(said.tf["roots"]) > max(1, len(said.play["robots"]))
+    most = max((len(tree["roots"]) for tree in said.tf["trees"]), default=0)
+    roots = most > max(1, len(said.play["robots"]))
     # Two parents of a frame are two roots as well, of one tree.
     if roots != bool(rules[LINT] & APART) and not (said.tf["unknown_frames"] or drawn):
         yield contrary("there are several trees", TF, LINT, roots)
