@@ -75,6 +75,22 @@ def test_two_parents_in_another_domain_are_a_warning_at_most() -> None:
     assert "T03" not in found_by_check(stage, "error")
 
 
+def test_a_tree_in_another_domain_gives_the_lab_no_frame() -> None:
+    steps = [*SECOND, *AWAY, {"remove": "ROS_OdomTF/ros2_publish_transform_tree"}]
+    unmet = {each.id for each in judged(broken(AT, steps), AT).requirements if not each.met}
+    assert {"TF/frame/base_link", "TF/frame/base_scan"} <= unmet
+
+
+def test_odom_is_placed_in_another_domain_without_harm() -> None:
+    raw = "/World/Second_OdomTF/ros2_publish_raw_transform_tree"
+    named: list[Step] = [
+        {"set": [f"{raw}.inputs:parentFrameId", "world"]},
+        {"set": [f"{raw}.inputs:childFrameId", "odom"]},
+    ]
+    assert "T07" in found_by_check(broken(AT, [*SECOND, *named]))
+    assert "T07" not in found_by_check(broken(AT, [*SECOND, *AWAY, *named]))
+
+
 def test_tf_draws_a_tree_for_each_domain(tmp_path: Path) -> None:
     tree = asked("tf", broken(AT, [*SECOND, *AWAY]), tmp_path)
     assert not tree["problems"]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.lab_topics import repeating_graphs, role_specs
+from lab3_usd.check.lab_topics import domain_name, repeating_graphs, role_specs
 from lab3_usd.check.match.conformance import setting_matches, target_matches
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.facts.domains import Domain
@@ -50,7 +50,7 @@ from lab3_usd.spec.graph import NodeSpec, Target
 
 
 class TfView(Struct, frozen=True, eq=False):
-    """The transforms of a stage beside the roles of the nodes that publish them.
+    """The transforms that the lab hears, beside the roles of the nodes that publish them.
 
     `children` are the edges by the frame that they place. `role_specs` maps the path of a node to
     the spec of the role it plays. `hidden` are the frames that only a missing asset could tell.
@@ -98,10 +98,13 @@ class TfView(Struct, frozen=True, eq=False):
 
     def is_beside(self, heard: HeardTree) -> bool:
         """Whether who listens to the lab's transforms never hears these."""
-        lab = self.subject.lab
         sent_by_roles = any({e.cause, e.publisher} & {*self.role_specs} for e in heard.tree.edges)
-        is_here = heard.domain == str(lab.ros.system.domain)
-        return not sent_by_roles and not (is_here and heard.topic in lab.platform.ros.tree_topics)
+        is_here = self.is_heard(heard.tree.edges[0].domain)
+        return not sent_by_roles and not (is_here and heard.topic in self.platform.ros.tree_topics)
+
+    def is_heard(self, domain: Domain) -> bool:
+        """Whether the lab listens in a domain: in its own, or in one that its nodes publish in."""
+        return domain_name(domain, self.subject) in _heard_domains(self.subject)
 
     def tops(self, heard: HeardTree) -> tuple[str, ...]:
         """Return the frames at the top, in a tree that has all that the lab asks for.
@@ -164,10 +167,24 @@ def _open_trees(view: TfView) -> tuple[HeardTree, ...]:
 
 
 @once_per_stage
+def _heard_domains(subject: StageSubject) -> frozenset[str]:
+    """Return the domains that the lab listens in: its own, and those its nodes publish in."""
+    roles, edges = role_specs(subject), published_edges(subject.stage, subject.platform)
+    by_roles = (edge.domain for edge in edges if edge.cause in roles or edge.publisher in roles)
+    names = (domain_name(domain, subject) for domain in by_roles)
+    return frozenset([str(subject.lab.ros.system.domain), *names])
+
+
+@once_per_stage
 def tf_view(subject: StageSubject) -> TfView:
     """Compute what the frame rules look at."""
-    stage, lab = subject.stage, subject.lab
-    edges, children = published_edges(stage, lab.platform), dict[str, list[Edge]]()
+    stage, lab, children = subject.stage, subject.lab, dict[str, list[Edge]]()
+    heard = _heard_domains(subject)
+    edges = tuple(
+        edge
+        for edge in published_edges(stage, lab.platform)
+        if domain_name(edge.domain, subject) in heard
+    )
     for edge in edges:
         children.setdefault(edge.child, []).append(edge)
     return TfView(

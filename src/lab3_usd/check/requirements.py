@@ -21,7 +21,6 @@ from lab3_usd.check.registry import SCENE, TF, Demand, Demands, scene_demands
 from lab3_usd.check.repairs import TYPE
 from lab3_usd.check.robot.location import relocated_path
 from lab3_usd.check.robot.sensors import sensor_group
-from lab3_usd.facts.frames import published_edges
 from lab3_usd.model.dry_run import FOLLOWS
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
@@ -227,10 +226,9 @@ def frame_requirements(subject: StageSubject) -> Iterator[Requirement]:
     if not subject.checkpoint.frames:
         return
     spec = subject.lab.frames
-    waived = waived_frames(tf_view(subject))
-    published = {
-        (edge.parent, edge.child) for edge in published_edges(subject.stage, subject.lab.platform)
-    }
+    view = tf_view(subject)
+    waived = waived_frames(view)
+    published = {(edge.parent, edge.child) for edge in view.edges}
     parents = {child: parent for parent, child in sorted(published)}
     for parent, child in spec.edges:
         is_deeper = parent == spec.deeper_under and _is_below(child, parent, parents)

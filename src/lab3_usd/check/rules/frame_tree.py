@@ -11,6 +11,7 @@ from lab3_usd.check.lab_frames import TfView
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_of_harm
+from lab3_usd.facts.domains import domain_of
 from lab3_usd.facts.execution_order import effective_value, running_nodes
 from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.isaac.node_types import NodeType, TfPorts
@@ -69,8 +70,12 @@ def _placements(view: TfView) -> Iterator[_Placement]:
             yield _Placement(edge.cause, edge.parent, port)
     for path, node in view.live_nodes.items():
         names = tf_ports(node).names
+        is_away = path not in view.role_specs and not view.is_heard(
+            domain_of(node, view.live_nodes)
+        )
         if (
             names
+            and not is_away
             and path not in seen
             and effective_value(node, names[1], view.live_nodes) == view.odom
         ):
