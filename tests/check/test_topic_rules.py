@@ -238,7 +238,7 @@ def test_the_durability_of_a_topic_must_be_that_of_g6(
     topic: str, count: int, *, static: bool
 ) -> None:
     stage = sender(topicName=topic, staticPublisher=static)
-    assert sites(stage) == [("Q03", "/Graph/tf/sender", TOPIC)] * count
+    assert sites(stage) == [("Q03", "/Graph/tf/sender", "inputs:staticPublisher")] * count
     assert sites(stage, "05") == []
 
 

@@ -1,8 +1,10 @@
-"""Rules about topics that hold with and without a lab: one publisher, one message type."""
+"""Rules about topics with and without a lab: one publisher, one type, static transforms."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+
+from msgspec.structs import replace
 
 from lab3_usd.check.lab_topics import (
     Publishers,
@@ -18,8 +20,10 @@ from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_of_harm
 from lab3_usd.check.robot.sensors import second_lidars
+from lab3_usd.facts.articulations import moving_source
 from lab3_usd.facts.domains import are_surely_one
-from lab3_usd.facts.endpoints import Endpoint, endpoints, running_endpoints
+from lab3_usd.facts.endpoints import Endpoint, Qos, endpoints, running_endpoints
+from lab3_usd.facts.execution_order import effective_value, live_nodes
 from lab3_usd.model.changes import Edit, RemovePrim
 from lab3_usd.model.finding import Place, Problem, Severity
 from lab3_usd.model.prims import is_at_or_below
@@ -181,3 +185,93 @@ def two_types(subject: TopicsSubject) -> Iterator[Problem]:
             else (),
             assumes=_assumed(endpoint, subject),
         )
+
+
+_STATIC, _MOVING = "/tf_static", "/tf"
+_KEPT = "transient_local"
+
+
+@rule("K57", "static-transforms", scope="lint")
+@rule("Q03", "wrong-durability", scope="stage", formerly="durability-of-a-topic")
+def static_transforms(subject: TopicsSubject) -> Iterator[Problem]:
+    """Moving transforms are sent once, or static ones are not kept for later subscribers.
+
+    Why: with Static Publisher on, a transform is sent only at the first tick, and stored for later
+    subscribers. On `/tf_static` tf2 requests stored messages and accepts no others. A transform
+    that is sent once never moves again: the robot stays where it was at the first tick. What a lab
+    asks of the durability of other topics is judged here, too.
+
+    Fix: enable Static Publisher for `/tf_static` only, and for transforms that never change.
+    Odometry belongs on `/tf`, with Static Publisher off. Clear QoS Profile of live data.
+
+    Example: a Publish Raw Transform Tree on `/tf_static` with Static Publisher off.
+    """
+    if isinstance(subject, StageSubject) and not subject.checkpoint.topics:
+        return
+    for endpoint in endpoints(subject.stage, subject.platform):
+        is_sent = endpoint.direction == "publishes" and endpoint.runs and endpoint.topic
+        if not is_sent or endpoint.qos is None or is_of_lab(endpoint, subject):
+            continue
+        ports = None if endpoint.node.type is None else endpoint.node.type.tf
+        wanted = wanted_topic(endpoint, subject)
+        if ports is not None and ports.static is not None:
+            problem = _of_transforms(endpoint, endpoint.qos, ports.static, subject)
+        elif wanted is not None and wanted.durability not in (None, endpoint.qos.durability):
+            problem = _of_topic(endpoint, endpoint.qos, wanted.durability)
+        else:
+            continue
+        if problem is None:
+            continue
+        severity: Severity | None = None if endpoint.sure else "warning"
+        if not isinstance(subject, StageSubject):
+            yield replace(problem, severity=severity)
+            continue
+        severity = "warning" if wanted is None else severity
+        path = endpoint.node.path
+        yield replace(
+            problem,
+            severity=severity,
+            handout=None if wanted is None else wanted.handout,
+            fix=edits_of_harm(subject, path, problem.property, severity),
+            assumes=_assumed(endpoint, subject),
+        )
+
+
+def _of_topic(endpoint: Endpoint, qos: Qos, wanted: str | None) -> Problem:
+    return Problem(
+        endpoint.node.path,
+        f"publishes {endpoint.topic} with durability {qos.durability}",
+        property=endpoint.port,
+        expected=wanted,
+        actual=qos.durability,
+    )
+
+
+def _of_transforms(
+    endpoint: Endpoint, qos: Qos, switch: str, subject: TopicsSubject
+) -> Problem | None:
+    """Return what is wrong with how transforms are sent: `switch` has them sent once."""
+    node, topic = endpoint.node, str(endpoint.topic)
+    is_once = effective_value(node, switch, live_nodes(subject.stage, subject.platform)) is True
+    is_kept, is_for_static = qos.durability == _KEPT, topic.endswith(_STATIC)
+    how = "once, at the first tick" if is_once else "without keeping it for tf2"
+    moves = moving_source(node, subject.stage, subject.platform) if is_for_static else None
+    if moves is not None and (is_once or not is_kept):
+        belongs = topic.removesuffix(_STATIC) + _MOVING
+        return Problem(
+            node.path,
+            f"publishes {topic} {how}; the pose from {moves.path} changes and belongs on {belongs}",
+            property=switch if is_once else endpoint.port,
+            expected="False" if is_once else belongs,
+            actual="True" if is_once else topic,
+            related=(moves.path,),
+        )
+    if is_kept if is_for_static else not is_once:
+        return None
+    return Problem(
+        node.path,
+        f"publishes {topic} {how}",
+        property=switch,
+        expected=str(is_for_static),
+        actual=str(is_once),
+    )

@@ -4,48 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.lab_topics import domain_name, is_of_lab, role_specs, wanted_topic
+from lab3_usd.check.lab_topics import domain_name, role_specs
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import edits_in_stage, edits_of_harm
+from lab3_usd.check.repairs import edits_in_stage
 from lab3_usd.check.robot.wheels import second_commanders
 from lab3_usd.facts.endpoints import PROFILE, Endpoint, endpoints
 from lab3_usd.facts.execution_order import live_nodes, live_sources
-from lab3_usd.model.finding import Problem, Severity
-
-
-@rule("Q03", "wrong-durability", scope="stage", formerly="durability-of-a-topic")
-def wrong_durability(subject: StageSubject) -> Iterator[Problem]:
-    """A publisher has another durability.
-
-    Why: a subscriber that requests stored messages gets none from a volatile publisher. Static
-    transforms on `/tf_static` must be transient local, live data volatile.
-
-    Fix: clear QoS Profile, and enable Static Publisher for `/tf_static` only.
-
-    Example: a Publish Raw Transform Tree publishes on `/tf_static` with Static Publisher off.
-    """
-    if not subject.checkpoint.topics:
-        return
-    for endpoint in endpoints(subject.stage, subject.lab.platform):
-        path, wanted = endpoint.node.path, wanted_topic(endpoint, subject)
-        is_sent = endpoint.direction == "publishes" and endpoint.runs
-        if wanted is None or not is_sent or is_of_lab(endpoint, subject):
-            continue
-        actual = None if endpoint.qos is None else endpoint.qos.durability
-        if wanted.durability and actual not in (None, wanted.durability):
-            severity: Severity | None = None if endpoint.sure else "warning"
-            yield Problem(
-                path,
-                f"publishes {endpoint.topic} with durability {actual}",
-                property=endpoint.port,
-                expected=wanted.durability,
-                actual=actual,
-                handout=wanted.handout,
-                severity=severity,
-                fix=edits_of_harm(subject, path, endpoint.port, severity),
-                assumes=((path, None),),
-            )
+from lab3_usd.model.finding import Problem
 
 
 @rule("Q04", "wired-qos", scope="stage", formerly="profile-by-wire")
