@@ -114,7 +114,7 @@ class Tree(Struct, Generic[_Edge], frozen=True, dict=True):
 
         A frame below itself is none: tf2 does not take the transform.
         """
-        return tuple(frames_in_cycles(edge for edge in self.edges if edge.parent != edge.child))
+        return tuple(_frames_in_cycles(edge for edge in self.edges if edge.parent != edge.child))
 
     @cached_property
     def roots(self) -> tuple[str, ...]:
@@ -158,7 +158,7 @@ def tree(edges: Iterable[_Edge]) -> Tree[_Edge]:
     return Tree(tuple(edges))
 
 
-def frames_in_cycles(edges: Iterable[Placement]) -> list[str]:
+def _frames_in_cycles(edges: Iterable[Placement]) -> list[str]:
     """Return the frames of cycles, and of what lies between two of them, as the edges name them."""
     pairs = [(edge.parent, edge.child) for edge in edges]
     if is_acyclic(pairs):

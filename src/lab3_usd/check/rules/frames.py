@@ -27,6 +27,7 @@ from lab3_usd.facts.frame_targets import (
     tf_ports,
 )
 from lab3_usd.facts.frames import Edge, certain_edges, unknown_publishers
+from lab3_usd.facts.tree import tree
 from lab3_usd.model.changes import ClearValue
 from lab3_usd.model.finding import Finding, Problem, Severity, display
 from lab3_usd.model.physics import BODY_API
@@ -140,13 +141,8 @@ def _is_right(edge: Edge, parent: str, view: TfView) -> bool:
 
 def _hangs_below(edge: Edge, top: str, view: TfView) -> bool:
     """Whether the node that gives this frame leads from it up to `top`, as with a robot's links."""
-    above = {other.child: other.parent for other in view.edges if other.cause == edge.cause}
-    seen: set[str] = set()
-    name = edge.child
-    while name in above and name not in seen and name != top:
-        seen.add(name)
-        name = above[name]
-    return name == top
+    own = tree(other for other in view.edges if other.cause == edge.cause)
+    return top in own.above(edge.child)
 
 
 def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> Problem:
