@@ -315,8 +315,11 @@ def test_the_other_publisher_is_related() -> None:
 
 
 def test_a_copied_graph_is_left_to_the_rule_of_topics() -> None:
-    copy = m.graph_of(m.lab().graphs[m.ODOM_TF], "/Graph/copy")
-    assert sites(m.stage(copy), "08") == []
+    stage = m.stage(m.graph_of(m.lab().graphs[m.ODOM_TF], "/Graph/copy"))
+    (of_topics,) = (rule for rule in rules_of("stage", "Q") if rule.id == "Q01")
+    repeated = list(of_topics.check(m.subject(stage, "08")))
+    left = m.left_beside((), {"Q01": repeated, **problems(stage, "08")})
+    assert left == [("Q01", "/Graph/copy/ros2_publish_odometry", "inputs:topicName")]
 
 
 # ---- T07 and T08: odom

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.lab_topics import domain_name, repeating_graphs, role_specs
+from lab3_usd.check.lab_topics import domain_name, role_specs
 from lab3_usd.check.match.conformance import setting_matches, target_matches
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.facts.domains import Domain
@@ -91,10 +91,6 @@ class TfView(Struct, frozen=True, eq=False):
     def are_one(self, _domains: Iterable[Domain]) -> bool:
         """Whether domains of one name are one: the lab's environment names none but its own."""
         return True
-
-    def is_copy(self, publisher: str) -> bool:
-        """Whether the rule of topics says that the whole graph is there twice."""
-        return publisher.rpartition("/")[0] in repeating_graphs(self.subject)
 
     def is_beside(self, heard: HeardTree) -> bool:
         """Whether who listens to the lab's transforms never hears these."""

@@ -9,6 +9,7 @@ from msgspec import Struct
 from lab3_usd.check.match.rule_inputs import LintSubject, StageSubject
 from lab3_usd.facts.domains import Domain
 from lab3_usd.facts.endpoints import TRANSFORMS, Endpoint, endpoints, resolve
+from lab3_usd.model.finding import Place
 from lab3_usd.model.stage import once_per_stage
 from lab3_usd.spec.graph import NodeSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -127,15 +128,11 @@ def graph_of(endpoint: Endpoint) -> str:
     return endpoint.node.path.rpartition("/")[0]
 
 
-@once_per_stage
-def repeating_graphs(subject: StageSubject) -> set[str]:
-    """Return the paths of the graphs that publish a topic again."""
-    return {graph_of(again) for topic in publishers(subject) for again in topic.blamed}
+def plays_role(endpoint: Endpoint, subject: TopicsSubject) -> bool:
+    """Whether a node plays a role in a lab."""
+    return isinstance(subject, StageSubject) and endpoint.node.path in role_specs(subject)
 
 
-def is_of_lab(endpoint: Endpoint, subject: TopicsSubject) -> bool:
-    """Whether a node plays a role, or another rule speaks of its whole graph."""
-    if not isinstance(subject, StageSubject):
-        return False
-    path = endpoint.node.path
-    return path in role_specs(subject) or graph_of(endpoint) in repeating_graphs(subject)
+def assumed(endpoint: Endpoint, subject: TopicsSubject) -> tuple[Place, ...]:
+    """Return what a problem of an endpoint rests on: with a lab, that its node is to be there."""
+    return ((endpoint.node.path, None),) if isinstance(subject, StageSubject) else ()

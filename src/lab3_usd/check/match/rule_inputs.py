@@ -103,9 +103,6 @@ class TransformsSubject(ModelSubject, Protocol):
     def are_one(self, domains: Iterable[Domain]) -> bool:
         """Whether domains of one name are one in every environment that counts."""
 
-    def is_copy(self, publisher: str) -> bool:
-        """Whether another rule says of the whole graph of a publisher that it is a copy."""
-
     def tops(self, heard: HeardTree) -> tuple[str, ...]:
         """Return the frames that all others are to hang together with; none where it is unknown."""
 
@@ -258,10 +255,6 @@ class LintSubject(Struct, frozen=True, eq=False):
     def are_one(self, domains: Iterable[Domain]) -> bool:
         """Whether domains of one name are one in every environment."""
         return are_surely_one(domains)
-
-    def is_copy(self, _publisher: str) -> bool:
-        """Whether another rule says of the whole graph of a publisher that it is a copy."""
-        return False
 
     def tops(self, heard: HeardTree) -> tuple[str, ...]:
         """Return the top of the largest tree, where all transforms are known."""

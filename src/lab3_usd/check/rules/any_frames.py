@@ -93,7 +93,7 @@ def duplicate_transform(subject: TransformsSubject) -> Iterator[Problem]:
         for edges in heard.tree.several_publishers.values():
             right = _right(edges, subject)
             for edge in edges:
-                if edge.publisher != right.publisher and not subject.is_copy(edge.publisher):
+                if edge.publisher != right.publisher:
                     again.setdefault(edge.publisher, []).append((edge, right))
         for publisher, pairs in again.items():
             twice = dict.fromkeys((edge.parent, edge.child) for edge, _ in pairs)

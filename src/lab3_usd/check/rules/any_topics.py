@@ -9,9 +9,10 @@ from msgspec.structs import replace
 from lab3_usd.check.lab_topics import (
     Publishers,
     TopicsSubject,
+    assumed,
     domain_name,
     graph_of,
-    is_of_lab,
+    plays_role,
     publishers,
     role_specs,
     wanted_topic,
@@ -94,13 +95,21 @@ def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
             related=tuple(dict.fromkeys(path for path in paths if path != first.node.path)),
             severity=severity,
             fix=tuple(_without(repeats, subject)) if severity is None else (),
-            assumes=_assumed(first, subject),
+            assumes=assumed(first, subject),
+            covers=_graph_mates(first, subject),
         )
 
 
-def _assumed(endpoint: Endpoint, subject: TopicsSubject) -> tuple[Place, ...]:
-    """Return what is right with a node that publishes what it should not: with a lab, the node."""
-    return ((endpoint.node.path, None),) if isinstance(subject, StageSubject) else ()
+def _graph_mates(endpoint: Endpoint, subject: TopicsSubject) -> tuple[Place, ...]:
+    """Return the other nodes of a graph that repeats a lab's: what they send and receive again."""
+    if not isinstance(subject, StageSubject):
+        return ()
+    mates = (
+        other.node.path
+        for other in endpoints(subject.stage, subject.platform)
+        if graph_of(other) == graph_of(endpoint)
+    )
+    return tuple((path, None) for path in dict.fromkeys(mates) if path != endpoint.node.path)
 
 
 def _is_of_second_lidar(endpoint: Endpoint, subject: TopicsSubject) -> bool:
@@ -163,7 +172,7 @@ def two_types(subject: TopicsSubject) -> Iterator[Problem]:
         key = (str(endpoint.topic), domain_name(endpoint.domain, subject))
         known = first.setdefault(key, endpoint)
         expected = known.type if wanted is None else wanted.type
-        if endpoint.type == expected or is_of_lab(endpoint, subject):
+        if endpoint.type == expected or plays_role(endpoint, subject):
             continue
         ends = (known, endpoint) if wanted is None else (endpoint,)
         severity = _severity(*ends, subject=subject)
@@ -183,7 +192,7 @@ def two_types(subject: TopicsSubject) -> Iterator[Problem]:
             fix=edits_of_harm(subject, endpoint.node.path, endpoint.port, severity)
             if isinstance(subject, StageSubject)
             else (),
-            assumes=_assumed(endpoint, subject),
+            assumes=assumed(endpoint, subject),
         )
 
 
@@ -210,7 +219,7 @@ def static_transforms(subject: TopicsSubject) -> Iterator[Problem]:
         return
     for endpoint in endpoints(subject.stage, subject.platform):
         is_sent = endpoint.direction == "publishes" and endpoint.runs and endpoint.topic
-        if not is_sent or endpoint.qos is None or is_of_lab(endpoint, subject):
+        if not is_sent or endpoint.qos is None or plays_role(endpoint, subject):
             continue
         ports = None if endpoint.node.type is None else endpoint.node.type.tf
         wanted = wanted_topic(endpoint, subject)
@@ -233,7 +242,7 @@ def static_transforms(subject: TopicsSubject) -> Iterator[Problem]:
             severity=severity,
             handout=None if wanted is None else wanted.handout,
             fix=edits_of_harm(subject, path, problem.property, severity),
-            assumes=_assumed(endpoint, subject),
+            assumes=assumed(endpoint, subject),
         )
 
 
