@@ -82,7 +82,8 @@ def test_the_other_publisher_is_related() -> None:
 def test_an_extra_node_in_a_graph_of_the_lab_is_left_to_the_rule_of_nodes() -> None:
     stage = m.stage()
     clock = m.role(stage, "ros2_publish_clock", "ROS_Clock")
-    assert sites(m.with_node(stage, replace(clock, path=f"{clock.path}_01"))) == []
+    again = replace(clock, path=f"{clock.path}_01")
+    assert sites(m.with_node(stage, again), blamed=(again.path,)) == []
 
 
 def test_a_wrong_topic_in_a_graph_of_the_lab_is_left_to_the_rule_of_settings() -> None:

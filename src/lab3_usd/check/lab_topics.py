@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import LintSubject, StageSubject
@@ -12,7 +10,6 @@ from lab3_usd.facts.endpoints import TRANSFORMS, Endpoint, endpoints, resolve
 from lab3_usd.model.finding import Place
 from lab3_usd.model.stage import once_per_stage
 from lab3_usd.spec.graph import NodeSpec
-from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.ros import TopicSpec
 
 TopicsSubject = LintSubject | StageSubject
@@ -37,23 +34,10 @@ def required_topic(spec: NodeSpec | None, port: str) -> str | None:
     return next((resolve("", str(s.value)) for s in spec.settings if s.port == port), None)
 
 
-@lru_cache(maxsize=16)
-def required_topics(lab: Lab, checkpoint: Checkpoint) -> frozenset[str]:
-    """Return the topics that the graphs of a checkpoint must publish or subscribe."""
-    specs = (
-        (node, port)
-        for name in checkpoint.graphs
-        for node in lab.graphs[name].nodes.values()
-        for port in node.type.topics
-    )
-    topics = (required_topic(node, port) for node, port in specs)
-    return frozenset(topic for topic in topics if topic)
-
-
 class Publishers(Struct, frozen=True, eq=False):
     """Who publishes one topic in one domain: the one that stays, and the others.
 
-    `blamed` are those of the others that no other rule finds fault with.
+    `blamed` are those of the others that play no role.
     """
 
     right: Endpoint
@@ -86,8 +70,7 @@ def publishers(subject: TopicsSubject) -> tuple[Publishers, ...]:
     """Return who publishes each topic, where several do; transforms have many publishers.
 
     Nobody hears publishers of different domains together. With a lab a role comes first; one whose
-    topic is not that of its role does not count, and extra nodes in a graph of the lab and those of
-    a second lidar are the business of other rules.
+    topic is not that of its role does not count.
     """
     tree, together = subject.platform.ros.tree_topics, dict[Heard, list[Endpoint]]()
     for endpoint in endpoints(subject.stage, subject.platform):
@@ -101,7 +84,7 @@ def publishers(subject: TopicsSubject) -> tuple[Publishers, ...]:
     for group in together.values():
         right = next((endpoint for endpoint in group if endpoint.node.path in played), group[0])
         others = tuple(endpoint for endpoint in group if endpoint is not right)
-        blamed = tuple(endpoint for endpoint in others if not _is_told(endpoint, subject))
+        blamed = tuple(endpoint for endpoint in others if endpoint.node.path not in played)
         found.append(Publishers(right, others, blamed))
     return tuple(topic for topic in found if topic.others)
 
@@ -112,15 +95,6 @@ def _is_meant(endpoint: Endpoint, subject: TopicsSubject) -> bool:
         return True
     required = required_topic(role_specs(subject).get(endpoint.node.path), endpoint.port)
     return required in (None, endpoint.topic)
-
-
-def _is_told(endpoint: Endpoint, subject: TopicsSubject) -> bool:
-    """Whether another rule speaks of a publisher: of extra nodes."""
-    if not isinstance(subject, StageSubject):
-        return False
-    lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
-    required = required_topics(subject.lab, subject.checkpoint)
-    return graph_of(endpoint) in lab_graphs and endpoint.topic in required
 
 
 def graph_of(endpoint: Endpoint) -> str:

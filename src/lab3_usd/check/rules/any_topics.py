@@ -101,14 +101,14 @@ def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
 
 
 def _graph_mates(endpoint: Endpoint, subject: TopicsSubject) -> tuple[Place, ...]:
-    """Return the other nodes of a graph that repeats a lab's: what they send and receive again."""
+    """Return the other nodes of a graph beside those of a lab: what they send and receive again."""
     if not isinstance(subject, StageSubject):
         return ()
-    mates = (
-        other.node.path
-        for other in endpoints(subject.stage, subject.platform)
-        if graph_of(other) == graph_of(endpoint)
-    )
+    graph = graph_of(endpoint)
+    if any(path.rpartition("/")[0] == graph for path in role_specs(subject)):
+        return ()
+    every_endpoint = endpoints(subject.stage, subject.platform)
+    mates = (other.node.path for other in every_endpoint if graph_of(other) == graph)
     return tuple((path, None) for path in dict.fromkeys(mates) if path != endpoint.node.path)
 
 
