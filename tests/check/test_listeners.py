@@ -198,6 +198,16 @@ def test_a_number_that_is_wired_to_a_topic_name_changes_it_for_no_command(tmp_pa
     assert "P01" not in found_by_check(stage)
 
 
+def test_a_number_at_a_topic_name_changes_it_for_no_command(tmp_path: Path) -> None:
+    sender = "/World/Odometry/transform"
+    stage = broken_robot("rover", [{"declare": [f"{sender}.inputs:topicName", "int", 5]}])
+    ends = {each["node"]: each["topic"] for each in asked("topics", stage, tmp_path)["topics"]}
+    assert ends[sender] == "/tf"
+    sent = {(each["parent"], each["child"]) for each in asked("tf", stage, tmp_path)["transforms"]}
+    played = {(each["parent"], each["child"]) for each in asked("sim", stage, tmp_path)["frames"]}
+    assert ("odom", "chassis") in sent & played
+
+
 def test_check_and_lint_find_the_wire_of_a_number_to_a_topic_name() -> None:
     stage = wired_number()
     assert "W09" in found_by_check(stage)
