@@ -9,7 +9,7 @@ NO_PYTHON := needs Python 3.10 or newer with the module venv (Debian and Ubuntu:
 	apt install python3-venv), or name one: make PYTHON=/path/to/python
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint pytest coverage test-all test-pythons test-lowest bench sweep crosscheck fuzz odd \
+.PHONY: help demo test lint pytest coverage test-all test-pythons test-lowest bench sweep crosscheck agree fuzz odd \
 	clean
 
 help:
@@ -22,6 +22,7 @@ help:
 	@echo "make bench         measure speed, and grading a class of a thousand"
 	@echo "make sweep         break a stage in every single way and count what is found"
 	@echo "make crosscheck    let a dry run drive each broken stage, and compare it with the rules"
+	@echo "make agree         ask five commands about every stage of the tests, and count contradictions"
 	@echo "make fuzz          throw damaged files at the program"
 	@echo "make odd           run the commands on stages with odd values"
 	@echo "make clean         remove environments, caches and built files"
@@ -79,6 +80,9 @@ sweep: $(VENV)/dev
 
 crosscheck: $(VENV)/dev
 	$(BIN)/python benchmarks/crosscheck.py
+
+agree: $(VENV)/dev
+	$(BIN)/python benchmarks/agree.py
 
 fuzz: $(VENV)/dev
 	$(BIN)/python benchmarks/fuzz.py --odd 0.03

@@ -17,11 +17,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
 
+from accepted import idle_rows
 from two_judges import (
     Silence,
     Verdicts,
     all_faults,
-    idle_rows,
     idle_silence,
     silent,
     unexplained,
@@ -49,7 +49,10 @@ def main() -> None:
         found = pool.map(fault, range(len(all_faults())), chunksize=8)
         numbers = range(options.first, options.first + options.edits)
         edits: list[Silence] = pool.map(silent, numbers, chunksize=8)
-    said = [*wrong(found), *(f"no fault is like {row}" for row in idle_rows(found))]
+    said = [
+        *wrong(found),
+        *(f"no fault is like {row}" for row in idle_rows(each.fault for each in found)),
+    ]
     said += unexplained(edits)
     if options.edits >= ALL:
         said += [f"no edit is like {each}" for each in idle_silence(edits)]

@@ -9,9 +9,9 @@ from breaking import the_lab
 
 from lab3_usd.check.match.conformance import (
     setting_matches,
-    setting_value,
     target_matches,
 )
+from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import Node, PortState, same_value
 from lab3_usd.spec.graph import Setting, Target
@@ -113,22 +113,22 @@ NODES = {each.path: each for each in (TOKEN, UNKNOWN, TICK, TIME)}
 )
 def test_a_value_is_followed_through_a_wire(source: str, value: str) -> None:
     helper = node(LIDAR, type=state("own", source))
-    assert setting_value(NODES, helper, "inputs:type") == value
+    assert effective_value(helper, "inputs:type", NODES) == value
 
 
 def test_a_node_of_an_unknown_type_takes_what_a_constant_brings() -> None:
     unknown = node("not.known", text=state("own", "/g/unknown.inputs:value"))
-    assert setting_value(NODES, unknown, "inputs:text") == "/other"
+    assert effective_value(unknown, "inputs:text", NODES) == "/other"
 
 
 def test_what_is_known_at_run_time_only_is_no_value() -> None:
     wheels = "isaacsim.robot.wheeled_robots.DifferentialController"
     controller = node(wheels, wheelRadius=state(0.025, "/g/time.outputs:simulationTime"))
-    assert setting_value(NODES, controller, "inputs:wheelRadius") is None
+    assert effective_value(controller, "inputs:wheelRadius", NODES) is None
     setting = Setting("inputs:wheelRadius", 0.025, "C8")
     assert not setting_matches(controller, setting, None)
 
 
 def test_a_value_that_nobody_wrote_is_the_default_of_the_type() -> None:
-    assert setting_value({}, node(CLOCK), "inputs:queueSize") == 10
-    assert setting_value({}, node("not.known"), "inputs:queueSize") is None
+    assert effective_value(node(CLOCK), "inputs:queueSize", {}) == 10
+    assert effective_value(node("not.known"), "inputs:queueSize", {}) is None

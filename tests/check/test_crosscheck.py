@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from two_judges import all_faults, crosscheck, known_rows, silent, unexplained, wrong
+from accepted import known_rows
+from two_judges import all_faults, crosscheck, silent, unexplained, wrong
 
 STEP, FIRST = 47, 3  # every so many of all faults, from so many on
 

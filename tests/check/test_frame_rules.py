@@ -30,11 +30,9 @@ BODY, ARTICULATION = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI"
 Site = tuple[str, str, str | None]
 
 
-def problems(
-    stage: StageModel, checkpoint: str = "05", **given: object
-) -> dict[str, list[Problem]]:
+def problems(stage: StageModel, checkpoint: str = "05") -> dict[str, list[Problem]]:
     """What each frame rule says, by its id."""
-    view = tf_view(m.subject(stage, checkpoint, **given))  # type: ignore[arg-type]
+    view = tf_view(m.subject(stage, checkpoint))
     found = {
         rule.id: [problem for problem in rule.check(view) if problem.rests_on is None]
         for rule in rules_of("frames", "T")
@@ -42,10 +40,9 @@ def problems(
     return {rule_id: said for rule_id, said in found.items() if said}
 
 
-def sites(stage: StageModel, checkpoint: str = "05", **given: object) -> list[Site]:
+def sites(stage: StageModel, checkpoint: str = "05", blamed: tuple[str, ...] = ()) -> list[Site]:
     """Rule, prim and property of everything that the frame rules say."""
-    found = problems(stage, checkpoint, **given)
-    return [(rule_id, p.prim, p.property) for rule_id, said in found.items() for p in said]
+    return m.left_beside(blamed, problems(stage, checkpoint))
 
 
 def targets(*prims: str) -> StageModel:
@@ -318,8 +315,11 @@ def test_the_other_publisher_is_related() -> None:
 
 
 def test_a_copied_graph_is_left_to_the_rule_of_topics() -> None:
-    copy = m.graph_of(m.lab().graphs[m.ODOM_TF], "/Graph/copy")
-    assert sites(m.stage(copy), "08") == []
+    stage = m.stage(m.graph_of(m.lab().graphs[m.ODOM_TF], "/Graph/copy"))
+    (of_topics,) = (rule for rule in rules_of("stage", "Q") if rule.id == "Q01")
+    repeated = list(of_topics.check(m.subject(stage, "08")))
+    left = m.left_beside((), {"Q01": repeated, **problems(stage, "08")})
+    assert left == [("Q01", "/Graph/copy/ros2_publish_odometry", "inputs:topicName")]
 
 
 # ---- T07 and T08: odom

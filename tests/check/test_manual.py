@@ -131,3 +131,16 @@ def test_all_manuals_are_printed_together() -> None:
 def test_either_one_rule_is_explained_or_all() -> None:
     for words in ((), ("W01", "--all")):
         assert "give the id of one rule, or --all" in invoke("rule", *words).output
+
+
+def test_a_rule_with_and_without_a_lab_is_printed_by_both_ids() -> None:
+    with_lab, without = (invoke("rule", rule_id).stdout.splitlines() for rule_id in ("G06", "K07"))
+    assert with_lab[:2] == [
+        "G06 graph-in-instance (warning, graphs)",
+        "K07 instanced-graph (warning, lint) without a lab",
+    ]
+    assert without[:2] == [
+        "K07 instanced-graph (warning, lint)",
+        "G06 graph-in-instance (warning, graphs) in a lab",
+    ]
+    assert with_lab[2:] == without[2:]

@@ -6,7 +6,7 @@ import models as m
 import pytest
 from msgspec.structs import replace
 
-from lab3_usd.check.lab_frames import repeated_publishers
+from lab3_usd.check.lab_topics import publishers
 from lab3_usd.check.registry import rules_of
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Problem
@@ -20,10 +20,8 @@ QOS_TYPE = "isaacsim.ros2.bridge.ROS2QoSProfile"
 TOPIC = "inputs:topicName"
 
 
-def problems(
-    stage: StageModel, checkpoint: str = "06", **given: object
-) -> dict[str, list[Problem]]:
-    subject = m.subject(stage, checkpoint, **given)  # type: ignore[arg-type]
+def problems(stage: StageModel, checkpoint: str = "06") -> dict[str, list[Problem]]:
+    subject = m.subject(stage, checkpoint)
     found = {
         rule.id: list(rule.check(subject)) for rule in rules_of("stage", "Q") if rule.id[0] == "Q"
     }
@@ -31,10 +29,9 @@ def problems(
 
 
 def sites(
-    stage: StageModel, checkpoint: str = "06", **given: object
+    stage: StageModel, checkpoint: str = "06", blamed: tuple[str, ...] = ()
 ) -> list[tuple[str, str, str | None]]:
-    found = problems(stage, checkpoint, **given)
-    return [(rule_id, p.prim, p.property) for rule_id, said in found.items() for p in said]
+    return m.left_beside(blamed, problems(stage, checkpoint))
 
 
 def copy_of(name: str, place: str = "/Graph") -> GraphModel:
@@ -85,7 +82,8 @@ def test_the_other_publisher_is_related() -> None:
 def test_an_extra_node_in_a_graph_of_the_lab_is_left_to_the_rule_of_nodes() -> None:
     stage = m.stage()
     clock = m.role(stage, "ros2_publish_clock", "ROS_Clock")
-    assert sites(m.with_node(stage, replace(clock, path=f"{clock.path}_01"))) == []
+    again = replace(clock, path=f"{clock.path}_01")
+    assert sites(m.with_node(stage, again), blamed=(again.path,)) == []
 
 
 def test_a_wrong_topic_in_a_graph_of_the_lab_is_left_to_the_rule_of_settings() -> None:
@@ -129,8 +127,8 @@ def test_a_publisher_whose_topic_the_lab_leaves_at_its_default_has_no_second() -
     graph = replace(clock, nodes={**clock.nodes, "ros2_publish_clock": kept})
     lab = replace(lab, graphs={**lab.graphs, "ROS_Clock": graph})
     subject = replace(m.subject(m.stage(copy_of("ROS_Clock"))), lab=lab)
-    (again, _), *others = repeated_publishers(subject)
-    assert (again.node.path, others) == ("/Graph/ROS_Clock/ros2_publish_clock", [])
+    ((again,),) = [topic.blamed for topic in publishers(subject)]
+    assert again.node.path == "/Graph/ROS_Clock/ros2_publish_clock"
 
 
 def test_a_copy_that_does_not_run_is_no_second_publisher() -> None:
@@ -215,7 +213,8 @@ def test_a_topic_of_the_lab_with_another_type_is_found(message: str, count: int)
         ("/Graph/any/reader", "geometry_msgs/msg/TwistStamped")
     ][:count]
     assert len(problems(m.stage(graph), "02").get("Q02", [])) == count
-    assert "Q02" not in problems(m.stage(graph), "01")  # there is no such topic yet
+    early = problems(m.stage(graph), "01").get("Q02", [])  # nothing is asked of the topic yet
+    assert [p.severity for p in early] == ["warning"] * count
 
 
 def test_another_type_on_the_topic_of_the_tree_is_found() -> None:
@@ -240,7 +239,7 @@ def test_the_durability_of_a_topic_must_be_that_of_g6(
     topic: str, count: int, *, static: bool
 ) -> None:
     stage = sender(topicName=topic, staticPublisher=static)
-    assert sites(stage) == [("Q03", "/Graph/tf/sender", TOPIC)] * count
+    assert sites(stage) == [("Q03", "/Graph/tf/sender", "inputs:staticPublisher")] * count
     assert sites(stage, "05") == []
 
 

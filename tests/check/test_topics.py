@@ -431,6 +431,7 @@ def test_the_json_has_whole_profiles_and_the_frames_of_the_tree(built: Path) -> 
     *_, tree = data["topics"]
     assert tree["frames"] == ["base_footprint", *m.LINKS[1:], "Camera_1"]
     assert tree["qos"]["durability"] == "volatile"
+    assert tree["domain"] == 0
     assert data["file"] == str(built)
 
 

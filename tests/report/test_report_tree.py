@@ -31,7 +31,7 @@ def text(*pairs: str, unknown: tuple[str, ...] = (), verbose: bool = False) -> l
 
 
 def kinds(*pairs: str) -> list[tuple[str, str]]:
-    return [(fault.frame, fault.kind) for fault in frame_faults(edges(*pairs))]
+    return [(fault.frame, fault.kind) for fault in frame_faults(tree(edges(*pairs)))]
 
 
 def test_a_tree_is_drawn_in_the_order_it_is_published() -> None:

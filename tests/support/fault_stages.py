@@ -102,6 +102,7 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
         "follows",
     ),
     "excluded-joint": (switch(LEFT, "physics:excludeFromArticulation", on=True), "follows"),
+    "empty-joint-name": (cut(f"{NAMES}.inputs:input0"), "follows"),
     "unknown-joint": (value("ROS_Drive/constant_left_joint.inputs:value", "wheel"), "follows"),
     "wrong-command-count": (value(f"{NAMES}.inputs:arraySize", 1), "follows"),
     "non-numeric-command": (
@@ -227,6 +228,13 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
     ),
     "self-parent": (value(f"{RAW}.inputs:childFrameId", "odom"), "tree"),
     "several-parents": (
+        steps(
+            {"copy": [RAW, "ROS_OdomTF/again"]},
+            {"set": ["ROS_OdomTF/again.inputs:parentFrameId", "start"]},
+        ),
+        "tree",
+    ),
+    "frame-cycle": (
         steps(
             {"copy": [RAW, "ROS_OdomTF/again"]},
             {"set": ["ROS_OdomTF/again.inputs:parentFrameId", "base_link"]},

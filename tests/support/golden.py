@@ -99,9 +99,12 @@ def _shown(value: Any) -> str:
             for edit in value.edits
         )
         return f"{value.title}{'' if value.safe else ' (unsafe)'}: {edits}"
-    if isinstance(value, tuple) and len(value) > _MOST_LISTED:
-        return f"{', '.join(value[:2])} ... {value[-1]} ({len(value)})"
-    return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+    if not isinstance(value, tuple):
+        return str(value)
+    items = [".".join(filter(None, item)) if isinstance(item, tuple) else item for item in value]
+    if len(items) > _MOST_LISTED:
+        return f"{', '.join(items[:2])} ... {items[-1]} ({len(items)})"
+    return ", ".join(map(str, items))
 
 
 def assert_golden_text(name: str, shown: str) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from msgspec.structs import replace
 
+from lab3_usd.check.fold import fold
 from lab3_usd.check.match.rule_inputs import Roles, StageSubject
+from lab3_usd.check.registry import all_rules
+from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.finding import Finding, Problem, site_of
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
 from lab3_usd.spec.graph import GraphSpec
@@ -188,14 +192,25 @@ def role(given: StageModel, name: str, graph_name: str = ODOM_TF) -> Node:
     return next(n for g in given.graphs for n in g.nodes if n.path == f"{place}/{name}")
 
 
-def subject(
-    given: StageModel, checkpoint: str = "05", blamed: tuple[str, ...] = ()
-) -> StageSubject:
+def left_beside(
+    blamed: Iterable[str], found: Mapping[str, Iterable[Problem]]
+) -> list[tuple[str, str, str | None]]:
+    """Rule, prim and property of the problems that are left beside errors at the blamed prims."""
+    errors = [Finding("", "", "error", prim, "") for prim in blamed]
+    findings = [
+        finding_of(all_rules()[rule_id], problem, None)
+        for rule_id, problems in found.items()
+        for problem in problems
+    ]
+    return [site_of(left) for left in fold([*errors, *findings]) if left.rule]
+
+
+def subject(given: StageModel, checkpoint: str = "05") -> StageSubject:
     """The stage at one checkpoint, its nodes matched to the roles they are named by."""
     found = lab()
     asked = found.checkpoints[checkpoint].graphs
     roles = {name: _roles(given, found.graphs[name]) for name in asked}
-    return StageSubject(found, found.checkpoints[checkpoint], given, roles, frozenset(blamed))
+    return StageSubject(found, found.checkpoints[checkpoint], given, roles)
 
 
 def _roles(given: StageModel, spec: GraphSpec) -> Roles:

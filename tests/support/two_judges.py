@@ -10,11 +10,11 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import quick_yaml
+from accepted import known_rows, table
 from breaking import correct_stage, judged, the_lab
 from dry_runs import driven, faults
 from msgspec import Struct, convert
-from places import REPOSITORY, TESTS
+from places import REPOSITORY
 from pxr import Usd
 from random_edits import edit
 from run_differences import differences
@@ -33,7 +33,6 @@ from sweep import scene_faults
 
 DRIVE = fixed_drive()
 CHECKPOINT = "05"
-TABLE = TESTS / "disagreements.yaml"
 
 
 class Verdicts(Struct, frozen=True):
@@ -75,23 +74,6 @@ def crosscheck(every: int = 1, start: int = 0) -> Iterator[Verdicts]:
         yield verdicts(fault)
 
 
-class Row(Struct, frozen=True):
-    """A disagreement that is known: which faults, and why the judges see them otherwise."""
-
-    title: str
-    faults: tuple[str, ...]  # regular expressions for whole names
-    happens: str
-    reason: str
-
-    def holds(self, fault: str) -> bool:
-        return any(re.fullmatch(each, fault) for each in self.faults)
-
-
-def known_rows() -> list[Row]:
-    text = TABLE.read_text(encoding="utf-8")
-    return convert(quick_yaml.load(text)["disagreements"], list[Row])
-
-
 def wrong(found: Sequence[Verdicts]) -> list[str]:
     """Say what the table does not explain, and what it explains though the judges agree."""
     rows = known_rows()
@@ -105,12 +87,6 @@ def wrong(found: Sequence[Verdicts]) -> list[str]:
         elif each.agree and row is not None:
             said.append(f"{each.fault}: both see it ({each.says}), the table says otherwise")
     return said
-
-
-def idle_rows(found: Sequence[Verdicts]) -> list[str]:
-    """Return the rows of the table that are about no fault."""
-    names = [each.fault for each in found]
-    return [row.title for row in known_rows() if not any(map(row.holds, names))]
 
 
 class Silence(Struct, frozen=True):
@@ -182,4 +158,4 @@ def idle_silence(edits: Sequence[Silence]) -> list[str]:
 
 
 def known_silence() -> list[str]:
-    return list(quick_yaml.load(TABLE.read_text(encoding="utf-8"))["silent_edits"] or {})
+    return list(convert(table()["silent_edits"] or {}, dict[str, str]))

@@ -7,6 +7,7 @@ from typing import Any
 
 from msgspec import Struct
 
+from lab3_usd.check.fold import fold
 from lab3_usd.check.hints import with_named_nodes
 from lab3_usd.check.lab_frames import tf_view
 from lab3_usd.check.match.diagnosis import diagnose
@@ -83,13 +84,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         checkpoint=checkpoint,
         stage=stage,
         roles={subject.spec.name: subject.roles for subject in subjects},
-        faulty_prims=frozenset(
-            finding.prim for finding in run.findings if finding.severity == "error"
-        ),
         relocations=relocations,
-        missing_graphs={
-            subject.spec.name: subject.missing_with for subject in subjects if subject.missing_with
-        },
         graphs=subjects,
     )
     for rule in (*rules_of("model", "F"), *rules_of("stage", *STAGE_FAMILIES)):
@@ -98,7 +93,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         transforms = tf_view(whole)
         for rule in rules_of("frames", *STAGE_FAMILIES):
             run.rule(rule, transforms)
-    run.findings[:] = with_unmet(_without_repeats(run.findings), whole, lab)
+    run.findings[:] = with_unmet(fold(run.findings), whole, lab)
     requirements = [item for subject in subjects for item in graph_requirements(subject)]
     requirements += scene_requirements(lab, checkpoint, run.findings)
     requirements += frame_requirements(whole)
@@ -146,24 +141,6 @@ def _nested_nodes(subjects: Iterable[GraphSubject]) -> Iterator[str]:
                     f"{node.path} is no direct child of its graph: whether Isaac Sim runs it is "
                     "unknown; drag it onto the graph in the Stage panel"
                 )
-
-
-def _without_repeats(findings: list[Finding]) -> list[Finding]:
-    """Leave out what an error says better: what harm a prim does, which frames a target lacks."""
-    errors = [finding for finding in findings if finding.severity == "error"]
-    harmful = {finding.prim for finding in errors}
-    named = {
-        (finding.prim, finding.property, target)
-        for finding in errors
-        for target in finding.unknown_targets
-    }
-
-    def is_repeated(finding: Finding) -> bool:
-        sites = {(finding.prim, finding.property, target) for target in finding.unknown_targets}
-        is_better_said = (finding.weaker and finding.prim in harmful) or not sites.isdisjoint(named)
-        return is_better_said and finding.severity != "error"
-
-    return [finding for finding in findings if not is_repeated(finding)]
 
 
 class _Run(Struct, frozen=True):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from lab3_usd.model.dry_run import Check
 from lab3_usd.model.fault import FaultKind
+from lab3_usd.model.finding import Finding, ordered
+from lab3_usd.model.prims import is_at_or_below
 
 # Of the lab, and of lint for stages without a checkpoint: '' where several causes are possible, or
 # no rule of lint looks for it.
@@ -30,6 +32,7 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "no-articulation": ("R02", "K60"),
     "excluded-joint": ("S07", "K61"),
     "unknown-joint": ("P01", "K61"),
+    "empty-joint-name": ("W01", "K11"),
     "wrong-command-count": ("P01", "K68"),
     "non-numeric-command": ("W02", ""),
     "no-chassis-body": ("R02", "K67"),
@@ -89,9 +92,10 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "unequal-frame-arrays": ("W01", "K10"),
     "missing-frame": ("T01", ""),
     "self-parent": ("T09", "K51"),
-    "several-parents": ("T03", ""),
+    "several-parents": ("T03", "K50"),
     "several-publishers": ("T04", "K54"),
     "changing-parent": ("E12", ""),
+    "frame-cycle": ("T05", "K52"),
     "disconnected-frame": ("T06", "K53"),
     "unknown-frame": ("T11", "K55"),
     "transform-ends": ("Q03", "K57"),
@@ -139,3 +143,20 @@ def explaining_rule(check: Check) -> str:
 def explaining_rule_of_lint(check: Check) -> str:
     """Return the id of the rule of lint that explains what a check shows, '' where none does."""
     return EXPLAINED_BY[check.kind][1] if check.kind is not None else ""
+
+
+def reported_rule(check: Check, usual: str, findings: Sequence[Finding]) -> str:
+    """Return the rule that explains what a check shows, of those that found something.
+
+    That is the usual one, else the gravest at the prim at fault, else in its graph, else the only
+    error; '' where none speaks of it.
+    """
+    if any(finding.rule == usual for finding in findings):
+        return usual
+    graph = check.prim.rpartition("/")[0] or check.prim
+    at_fault = [finding for finding in ordered(findings) if is_at_or_below(finding.prim, graph)]
+    at_fault.sort(key=lambda finding: finding.prim != check.prim)
+    if at_fault and check.prim:
+        return at_fault[0].rule
+    errors = [finding.rule for finding in findings if finding.severity == "error"]
+    return errors[0] if len(errors) == 1 else ""

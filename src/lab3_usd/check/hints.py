@@ -7,8 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec.structs import replace
 
-from lab3_usd.check.match.conformance import is_live, source_path
+from lab3_usd.check.match.conformance import source_path
 from lab3_usd.check.match.rule_inputs import GraphSubject
+from lab3_usd.facts.wires import connection
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Finding, node_title
@@ -85,7 +86,12 @@ def _is_supplied_otherwise(subject: GraphSubject, wire: Wire) -> bool:
     if target is None:
         onward = [after for after in subject.spec.wires if after.source.role == wire.target.role]
         return bool(onward) and all(_is_supplied_otherwise(subject, after) for after in onward)
-    sources = [source for source in target.sources(port) if is_live(subject.live_nodes, source)]
+    live = subject.live_nodes
+    sources = [
+        source
+        for source in target.sources(port)
+        if connection(target, port, source, live).has_source
+    ]
     if sources:
         return set(sources) <= _sources_past(subject, wire.source.role)
     value = target.value(port)

@@ -1,16 +1,22 @@
-"""The topics and frames that the lab requires beside those of a stage, and who reports them."""
+"""The frames that the lab requires beside those of a stage, and who reports them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import lru_cache
+from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
+from msgspec.structs import replace
 
-from lab3_usd.check.match.conformance import setting_matches, setting_value, target_matches
+from lab3_usd.check.lab_topics import domain_name, role_specs
+from lab3_usd.check.match.conformance import setting_matches, target_matches
 from lab3_usd.check.match.rule_inputs import StageSubject
-from lab3_usd.facts.endpoints import TRANSFORMS, Endpoint, endpoints, resolve
-from lab3_usd.facts.execution_order import live_nodes, running_nodes
+from lab3_usd.facts.domains import Domain
+from lab3_usd.facts.execution_order import (
+    effective_value,
+    live_nodes,
+    running_nodes,
+    severity_if_uncertain,
+)
 from lab3_usd.facts.frame_targets import (
     FRAME_APIS,
     Pair,
@@ -18,90 +24,33 @@ from lab3_usd.facts.frame_targets import (
     computed_pairs,
     computes,
     expands,
+    frame_name,
     links_given_by,
     listed_targets,
     parent_prim,
     tf_ports,
     unknown_target,
 )
-from lab3_usd.facts.frames import Edge, published_edges, unresolved_frames
+from lab3_usd.facts.frames import (
+    Edge,
+    HeardTree,
+    all_edges,
+    frames_in,
+    published_edges,
+    trees_of,
+    unknown_publishers,
+    unresolved_frames,
+)
+from lab3_usd.facts.written_names import MessageFrame, message_frames
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.finding import Place, Problem
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.graph import NodeSpec, Target
-from lab3_usd.spec.lab import Checkpoint, Lab
-
-
-@once_per_stage
-def role_specs(subject: StageSubject) -> dict[str, NodeSpec]:
-    """Map the path of each node that plays a role to the spec of the role."""
-    return {
-        path: subject.lab.graphs[name].nodes[role]
-        for name, roles in subject.roles.items()
-        for path, role in roles.role_of.items()
-        if role in subject.lab.graphs[name].nodes
-    }
-
-
-def required_topic(spec: NodeSpec | None, port: str) -> str | None:
-    """Return the topic that the lab wants at one input of a role, None where it wants none."""
-    if spec is None:
-        return None
-    return next((resolve("", str(s.value)) for s in spec.settings if s.port == port), None)
-
-
-@lru_cache(maxsize=16)
-def required_topics(lab: Lab, checkpoint: Checkpoint) -> frozenset[str]:
-    """Return the topics that the graphs of a checkpoint must publish or subscribe."""
-    specs = (
-        (node, port)
-        for name in checkpoint.graphs
-        for node in lab.graphs[name].nodes.values()
-        for port in node.type.topics
-    )
-    topics = (required_topic(node, port) for node, port in specs)
-    return frozenset(topic for topic in topics if topic)
-
-
-def repeated_publishers(subject: StageSubject) -> Iterator[tuple[Endpoint, tuple[Endpoint, ...]]]:
-    """Yield each publisher of a topic that has one already, with those others.
-
-    Left out are transforms, a node whose setting differs from its role's (the rule of settings says
-    so) and an extra node in a graph of the lab (the rule of extra nodes does).
-    """
-    played, tree = role_specs(subject), subject.lab.platform.ros.tree_topics
-    required_by_lab = required_topics(subject.lab, subject.checkpoint)
-    lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
-    together: dict[str, list[Endpoint]] = {}
-    for endpoint in endpoints(subject.stage, subject.lab.platform):
-        if endpoint.topic and endpoint.runs and endpoint.direction == "publishes":
-            required = required_topic(played.get(endpoint.node.path), endpoint.port)
-            is_tree = endpoint.topic in tree or endpoint.type == TRANSFORMS
-            if not is_tree and required in (None, endpoint.topic):
-                together.setdefault(endpoint.topic, []).append(endpoint)
-    for topic, group in together.items():
-        owner = next((endpoint for endpoint in group if endpoint.node.path in played), group[0])
-        for endpoint in group:
-            is_lab_graph = _graph_of(endpoint) in lab_graphs and topic in required_by_lab
-            if (
-                endpoint is not owner
-                and not is_lab_graph
-                and endpoint.node.path not in subject.faulty_prims
-            ):
-                yield endpoint, tuple(rival for rival in group if rival is not endpoint)
-
-
-def _graph_of(endpoint: Endpoint) -> str:
-    return endpoint.node.path.rpartition("/")[0]
-
-
-@once_per_stage
-def repeating_graphs(subject: StageSubject) -> set[str]:
-    """Return the paths of the graphs that publish a topic again."""
-    return {_graph_of(again) for again, _ in repeated_publishers(subject)}
 
 
 class TfView(Struct, frozen=True, eq=False):
-    """The transforms of a stage beside the roles of the nodes that publish them.
+    """The transforms that the lab hears, beside the roles of the nodes that publish them.
 
     `children` are the edges by the frame that they place. `role_specs` maps the path of a node to
     the spec of the role it plays. `hidden` are the frames that only a missing asset could tell.
@@ -121,16 +70,117 @@ class TfView(Struct, frozen=True, eq=False):
         return self.subject.stage
 
     @property
+    def platform(self) -> Platform:
+        """The release of Isaac Sim that the lab is for."""
+        return self.subject.lab.platform
+
+    @property
     def odom(self) -> str:
         """The frame that no stage may place, '' for none."""
         return self.subject.lab.frames.unplaced
+
+    def trees(self) -> tuple[HeardTree, ...]:
+        """Return the transforms, by listener, that no other rule finds fault with."""
+        return _open_trees(self)
+
+    def is_asked(self, edge: Edge) -> bool:
+        """Whether the lab asks for a transform, of the node that sends it."""
+        is_required = (edge.parent, edge.child) in self.subject.lab.frames.edges
+        return is_required and edge.cause in self.role_specs
+
+    def are_one(self, _domains: Iterable[Domain]) -> bool:
+        """Whether domains of one name are one: the lab's environment names none but its own."""
+        return True
+
+    def is_beside(self, heard: HeardTree) -> bool:
+        """Whether who listens to the lab's transforms never hears these."""
+        sent_by_roles = any({e.cause, e.publisher} & {*self.role_specs} for e in heard.tree.edges)
+        is_here = self.is_heard(heard.tree.edges[0].domain)
+        return not sent_by_roles and not (is_here and heard.topic in self.platform.ros.tree_topics)
+
+    def is_heard(self, domain: Domain) -> bool:
+        """Whether the lab listens in a domain: in its own, or in one that its nodes publish in."""
+        return domain_name(domain, self.subject) in _heard_domains(self.subject)
+
+    def tops(self, heard: HeardTree) -> tuple[str, ...]:
+        """Return the frames at the top, in a tree that has all that the lab asks for.
+
+        What localization adds counts once it runs.
+        """
+        frames = self.subject.lab.frames
+        is_localized = frames.above and self.subject.checkpoint.localization
+        tops = (frames.above, frames.root) if is_localized else (frames.root,)
+        required = {child for _, child in frames.edges}
+        return tops if required <= heard.tree.below(*tops) else ()
+
+    def self_targets(self) -> Iterator[Problem]:
+        """Yield where target prims make a frame its own parent."""
+        return self_target_problems(self)
+
+    def message_frames(self) -> Iterator[MessageFrame]:
+        """Yield the frames of messages that no rule of nodes or settings finds fault with."""
+        subject = self.subject
+        if unknown_publishers(self.stage, self.platform):
+            return
+        extra = [node for roles in subject.roles.values() for node in roles.extra]
+        for named in message_frames(self.stage, self.platform):
+            node, spec = named.endpoint.node, self.role_specs.get(named.endpoint.node.path)
+            asked = {} if spec is None else {setting.port: setting for setting in spec.settings}
+            is_right = named.port not in asked or setting_matches(
+                node, asked[named.port], named.name
+            )
+            if node not in extra and is_right:
+                yield named
+
+    def frames_in(self, domain: str) -> frozenset[str]:
+        """Return the frames that are published in a domain, and those that the lab asks for."""
+        required = {frame for edge in self.subject.lab.frames.edges for frame in edge}
+        return frames_in(self.stage, self.platform, domain) | required
+
+    def frames_left_open(self) -> UnresolvedAsset | None:
+        """Return the missing asset that may hold further frames."""
+        return self.stage.unknown(*(frames.prim for frames in self.hidden))
+
+    def is_required(self, node: Node) -> bool:
+        """Whether a node plays a role."""
+        return node.path in self.role_specs
+
+    def assumed(self, edges: Iterable[Edge]) -> tuple[Place, ...]:
+        """Return the nodes without a role that send transforms: whether they are right at all."""
+        paths = dict.fromkeys(path for edge in edges for path in (edge.cause, edge.publisher))
+        return tuple((path, None) for path in paths if path not in self.role_specs)
+
+
+@once_per_stage
+def _open_trees(view: TfView) -> tuple[HeardTree, ...]:
+    def is_open(edge: Edge) -> bool:
+        if edge.parent != edge.child:
+            return not is_reported_elsewhere(edge, view)
+        is_own = edge.child != view.odom and edge.target is None
+        return is_own and edge.cause not in view.role_specs
+
+    return trees_of(filter(is_open, all_edges(view.stage, view.platform)))
+
+
+@once_per_stage
+def _heard_domains(subject: StageSubject) -> frozenset[str]:
+    """Return the domains that the lab listens in: its own, and those its nodes publish in."""
+    roles, edges = role_specs(subject), published_edges(subject.stage, subject.platform)
+    by_roles = (edge.domain for edge in edges if edge.cause in roles or edge.publisher in roles)
+    names = (domain_name(domain, subject) for domain in by_roles)
+    return frozenset([str(subject.lab.ros.system.domain), *names])
 
 
 @once_per_stage
 def tf_view(subject: StageSubject) -> TfView:
     """Compute what the frame rules look at."""
-    stage, lab = subject.stage, subject.lab
-    edges, children = published_edges(stage, lab.platform), dict[str, list[Edge]]()
+    stage, lab, children = subject.stage, subject.lab, dict[str, list[Edge]]()
+    heard = _heard_domains(subject)
+    edges = tuple(
+        edge
+        for edge in published_edges(stage, lab.platform)
+        if domain_name(edge.domain, subject) in heard
+    )
     for edge in edges:
         children.setdefault(edge.child, []).append(edge)
     return TfView(
@@ -147,24 +197,20 @@ def tf_view(subject: StageSubject) -> TfView:
 def is_reported_elsewhere(edge: Edge, view: TfView) -> bool:
     """Whether another rule already says what is wrong with this transform.
 
-    Those are the rules of settings and targets for a node that plays a role, the rule of extra
-    nodes for one that does not, and the rules of forbidden transforms.
+    Those are the rules of settings and targets for a node that plays a role, and the rules of
+    forbidden transforms.
     """
     if edge.child in {view.odom, edge.parent}:
         return True
     if edge.cause not in view.role_specs and edge.publisher not in view.role_specs:
-        return bool({edge.cause, edge.publisher} & view.subject.faulty_prims)
+        return False
     return is_altered_by_wires(edge, view) or differs_from_spec(edge.cause, view)
 
 
 def is_altered_by_wires(edge: Edge, view: TfView) -> bool:
     """Whether wires made of the frames that a node computes something that it does not compute."""
     cause = view.live_nodes.get(edge.cause)
-    if (
-        cause is None
-        or edge.cause == edge.publisher
-        or edge.publisher not in view.subject.faulty_prims
-    ):
+    if cause is None or edge.cause == edge.publisher:
         return False
     pairs = computed_pairs(cause, view.subject.stage, view.subject.lab.platform)
     return all((edge.parent, edge.child) != (pair.parent, pair.child) for pair in pairs)
@@ -178,7 +224,7 @@ def differs_from_spec(path: str, view: TfView) -> bool:
     ports = tf_ports(node)
     named = (setting for setting in spec.settings if setting.port in ports.names)
     if any(
-        not setting_matches(node, s, setting_value(view.live_nodes, node, s.port)) for s in named
+        not setting_matches(node, s, effective_value(node, s.port, view.live_nodes)) for s in named
     ):
         return True
     return any(
@@ -334,3 +380,94 @@ def frame_list_text(frames: list[str]) -> str:
     """Return the names of frames as a part of a sentence."""
     names = ", ".join(f"'{frame}'" for frame in frames)
     return f"the frame {names}" if len(frames) == 1 else f"the frames {names}"
+
+
+def self_target_problems(view: TfView) -> Iterator[Problem]:
+    """Yield where target prims make a frame its own parent.
+
+    What a node of the lab would send is judged even where its wires are wrong.
+    """
+    judged = {path: node for path, node in view.live_nodes.items() if path in view.role_specs}
+    for path, node in {**judged, **view.running}.items():
+        if not listed_targets(node) or differs_from_spec(path, view):
+            continue
+        for problem in _own_parents(node, view):
+            doubtful = severity_if_uncertain(view.stage, view.platform, path)
+            yield replace(problem, severity=doubtful or problem.severity)
+
+
+def _own_parents(node: Node, view: TfView) -> Iterator[Problem]:
+    parent = parent_prim(node)
+    pairs = self_parent_pairs(node, view)
+    around = next((pair.target for pair in pairs if pair.prim == parent), "")
+    if lists_its_parent(node, view):
+        what = f"{parent} is the parent prim and a target: its frame is its own parent"
+        others = [path for path in listed_targets(node) if path != parent]
+        yield _self_problem(node, what, others, view)
+    elif around:
+        what = (
+            f"{around} stands for its bodies, the parent prim {parent} among them: "
+            "its frame is its own parent"
+        )
+        if is_unasked_parent(node, view):
+            yield _unasked_parent(node, what, view)
+            return
+        found = _self_problem(node, what, _instead(around, node, view), view)
+        yield replace(found, severity="warning", hint=f"name the links, not {around}")
+    else:
+        yield from (_named_alike(node, pair, view) for pair in pairs)
+
+
+def _unasked_parent(node: Node, what: str, view: TfView) -> Problem:
+    """Say what is its own parent where the lab asks for no parent prim at all."""
+    parent, frames = parent_prim(node), view.subject.lab.frames
+    frame = frame_name(parent, view.subject.stage)
+    is_placed = any(edge.parent != frame for edge in view.children.get(frame, ()))
+    is_lost = not is_placed and any(child == frame for _, child in frames.edges)
+    return Problem(
+        node.path,
+        what,
+        property=tf_ports(node).prims[0],
+        expected="no prim",
+        actual=parent,
+        handout=frames.handout,
+        severity=None if is_lost else "warning",
+        hint="clear Parent Prim",
+        frames=(frame,) if is_lost else (),
+    )
+
+
+def _instead(around: str, node: Node, view: TfView) -> list[str]:
+    """Return the targets with every required prim in the place of one that stands for them."""
+    makers = [maker for maker in frame_sources(view) if maker.node.path == node.path]
+    required = [home for maker in makers for home in maker.prims.values()]
+    return [*required, *(path for path in listed_targets(node) if path != around)]
+
+
+def _self_problem(node: Node, what: str, wanted: list[str], view: TfView) -> Problem:
+    """Say what is its own parent, and which frames the targets do not give."""
+    makers = [maker for maker in frame_sources(view) if maker.node.path == node.path]
+    lost = {frame: m.prims[frame] for m in makers for frame in missing_frames(m, view)}
+    losing = f", and nothing publishes {frame_list_text(list(lost))}" if lost else ""
+    return Problem(
+        node.path,
+        f"{what}{losing}",
+        property=tf_ports(node).prims[1],
+        expected=", ".join(dict.fromkeys([*wanted, *lost.values()])) or "the links as targets",
+        actual=", ".join(listed_targets(node)),
+        handout=view.subject.lab.frames.handout,
+        frames=tuple(lost),
+    )
+
+
+def _named_alike(node: Node, pair: Pair, view: TfView) -> Problem:
+    return Problem(
+        node.path,
+        f"{pair.prim} is named as the parent frame is: '{pair.child}' is its own parent",
+        property=tf_ports(node).prims[1],
+        expected="a frame of another name",
+        actual=", ".join(listed_targets(node)),
+        handout=view.subject.lab.frames.handout,
+        hint=f"rename {pair.prim} or take it out of the target prims",
+        frames=(pair.child,),
+    )

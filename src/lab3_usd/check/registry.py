@@ -66,17 +66,17 @@ SUPPLIED = ("S",)
 # The modules below check/rules that hold the rules of each family.
 MODULES = {
     "F": ("files",),
-    "G": ("graphs",),
-    "N": ("nodes", "writers"),
-    "P": ("settings", "limits"),
+    "G": ("graphs", "any_graph"),
+    "N": ("nodes", "writers", "any_graph"),
+    "P": ("settings", "limits", "any_graph"),
     "R": ("targets",),
-    "W": ("wires",),
+    "W": ("wires", "any_wire"),
     "S": ("scene", "robot", "link_joints", "wheel_joints", "wheel_drives", "world"),
     "L": ("lidar", "sensors"),
     "C": ("camera", "sensors"),
     "D": ("sensors",),
-    "T": ("frames", "frame_tree", "targets"),
-    "Q": ("topics",),
+    "T": ("frames", "any_frames", "frame_tree", "targets"),
+    "Q": ("any_topics", "topics"),
     "U": ("starter",),
     "M": ("maps",),
     "V": ("nav2",),
@@ -84,6 +84,10 @@ MODULES = {
     "X": ("submission",),
     "Z": ("files",),
     "K": (
+        "any_graph",
+        "any_wire",
+        "any_frames",
+        "any_topics",
         "lint_running",
         "lint_clocks",
         "lint_wires",
@@ -160,6 +164,7 @@ class Rule(Struct, frozen=True):
 
 
 _RULES: dict[str, Rule] = {}
+_OF_LINT: set[Callable[..., Iterator[Problem]]] = set()
 
 
 def _origin(check: Callable[..., Iterator[Problem]]) -> tuple[str, str]:
@@ -177,7 +182,12 @@ def rule(  # noqa: PLR0913 - decorators name them
     counted: tuple[str, str] = ("", ""),
     needs: str = "",
 ) -> Callable[[Check], Check]:
-    """Register a generator of `Problem`s as the rule `rule_id`, which is never used again."""
+    """Register a generator of `Problem`s as the rule `rule_id`, which is never used again.
+
+    What is true of any stage is written once and registered twice, for `lint` and for a scope of
+    labs: each keeps its id, its name and its severity, and the manual is that of both. Where a lab
+    asks for something at the site of a problem, `check.demands` adds it.
+    """
 
     def register(check: Check) -> Check:
         known = _RULES.get(rule_id)
@@ -187,11 +197,25 @@ def rule(  # noqa: PLR0913 - decorators name them
         _RULES[rule_id] = Rule(
             rule_id, name, severity, scope, check, manual, formerly, demands, counted, needs
         )
+        if scope == "lint":
+            _OF_LINT.add(check)
         _in_order.cache_clear()
         scene_demands.cache_clear()
         return check
 
     return register
+
+
+def holds_without_lab(rule: Rule) -> bool:
+    """Whether a rule of labs is one of lint as well, written without a lab in mind."""
+    return rule.scope != "lint" and rule.check in _OF_LINT
+
+
+def twins(rule: Rule) -> list[Rule]:
+    """Return the other ids of a rule: those that it has in lint, or in a lab."""
+    return [
+        other for other in all_rules().values() if other.check is rule.check and other.id != rule.id
+    ]
 
 
 def all_rules() -> dict[str, Rule]:

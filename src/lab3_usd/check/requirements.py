@@ -21,7 +21,7 @@ from lab3_usd.check.registry import SCENE, TF, Demand, Demands, scene_demands
 from lab3_usd.check.repairs import TYPE
 from lab3_usd.check.robot.location import relocated_path
 from lab3_usd.check.robot.sensors import sensor_group
-from lab3_usd.facts.frames import published_edges
+from lab3_usd.facts.tree import tree
 from lab3_usd.model.dry_run import FOLLOWS
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
@@ -227,27 +227,15 @@ def frame_requirements(subject: StageSubject) -> Iterator[Requirement]:
     if not subject.checkpoint.frames:
         return
     spec = subject.lab.frames
-    waived = waived_frames(tf_view(subject))
-    published = {
-        (edge.parent, edge.child) for edge in published_edges(subject.stage, subject.lab.platform)
-    }
-    parents = {child: parent for parent, child in sorted(published)}
+    view = tf_view(subject)
+    waived = waived_frames(view)
+    heard = tree(view.edges)
+    published = {(edge.parent, edge.child) for edge in view.edges}
     for parent, child in spec.edges:
-        is_deeper = parent == spec.deeper_under and _is_below(child, parent, parents)
+        is_deeper = parent == spec.deeper_under and parent in heard.above(child)
         met = (parent, child) in published or is_deeper or child in waived
         title = f"{parent} -> {child} is published"
         yield Requirement(f"{TF}/frame/{child}", TF, "frame", title, met, spec.handout)
-
-
-def _is_below(child: str, ancestor: str, parents: Mapping[str, str]) -> bool:
-    """Whether a frame hangs, however deep, under another one."""
-    seen: set[str] = set()
-    while child in parents and child not in seen:
-        seen.add(child)
-        child = parents[child]
-        if child == ancestor:
-            return True
-    return False
 
 
 def with_costs(

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from msgspec import Struct
 
 from lab3_usd.check.as_written import as_written
 from lab3_usd.check.manual import in_words_of
-from lab3_usd.check.registry import SCENE, TF, Rule, Scope, rules_of
+from lab3_usd.check.registry import SCENE, TF, Rule, Scope, holds_without_lab, rules_of
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import repair_by
 from lab3_usd.model.finding import Crash, Finding, NotJudged, Problem
@@ -57,7 +57,7 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
     crashes: tuple[Crash, ...] = ()
     stage = getattr(subject, "stage", None)
     try:
-        for found in rule.check(subject):
+        for found in _problems(rule, subject):
             problem = as_written(found, stage) if isinstance(stage, StageModel) else found
             if problem.rests_on is None:
                 findings.append(finding_of(rule, problem, lab))
@@ -73,6 +73,15 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
     if not (findings or crashes or not_judged):
         return NOTHING
     return RuleResults(tuple(findings), crashes, tuple(not_judged), left_open=tuple(left_open))
+
+
+def _problems(rule: Rule, subject: Any) -> Iterator[Problem]:
+    problems = rule.check(subject)
+    if not holds_without_lab(rule):
+        return problems
+    from lab3_usd.check.demands import with_demand
+
+    return (with_demand(problem, subject) for problem in problems)
 
 
 def merge_results(results: Iterable[RuleResults]) -> RuleResults:
@@ -102,14 +111,12 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         hint=problem.hint or in_words_of(lab, rule.section("Fix")) or None,
         related=problem.related,
         fix=repair_by(problem.fix) if problem.fix and severity != "note" else None,
-        weaker=problem.weaker,
-        unknown_targets=problem.unknown_targets,
         unopened=problem.unopened,
         unmet=problem.unmet,
         absent=problem.absent,
         costs=problem.costs or _PART_OF_SCOPE.get(rule.scope, ()),
-        causes=problem.causes,
-        follows=problem.follows,
+        assumes=problem.assumes,
+        covers=problem.covers,
         frames=problem.frames,
         if_supplied=problem.if_supplied,
         supplied=rule.judges_supplied,

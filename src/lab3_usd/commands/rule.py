@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 import click
 
 from lab3_usd.check.manual import rules_in
-from lab3_usd.check.registry import FAMILIES, Rule
+from lab3_usd.check.registry import FAMILIES, Rule, twins
 from lab3_usd.commands.rules import first_sentence, rule_lines
 from lab3_usd.commands.shared.options import complete_rules, width
 from lab3_usd.data import program
@@ -92,6 +92,9 @@ def manual_lines(rule: Rule, handout: str) -> Iterator[str]:
     """
     columns = max(min(width(), WIDTH), NARROWEST)
     yield f"{rule.id} {rule.name} ({rule.severity}, {FAMILIES[rule.family]})"
+    for twin in twins(rule):
+        where = "without a lab" if twin.scope == "lint" else "in a lab"
+        yield f"{twin.id} {twin.name} ({twin.severity}, {FAMILIES[twin.family]}) {where}"
     yield ""
     yield from textwrap.wrap(rule.manual.split("\n\n")[0], columns)
     for title in SECTIONS:

@@ -45,15 +45,16 @@ def command(
     """Print the TF tree that a stage publishes.
 
     The transforms are those that Isaac Sim 6.0.1 would send during Play, from all graphs of STAGE,
-    on /tf and /tf_static. An exclamation mark shows where they do not form a tree; `lab3 check` and
-    `lab3 lint` give the repair. Frames that only a missing asset could define are below the tree,
-    with a question mark. Nodes of unknown types are counted.
+    on /tf and /tf_static, and on those of a namespace such as /robot1/tf: a tree for each domain
+    and topic. An exclamation mark shows where they do not form a tree; `lab3 check` and `lab3 lint`
+    give the repair. Frames that only a missing asset could define are below the tree, with a
+    question mark. Nodes of unknown types are counted.
     """
     from textwrap import wrap
 
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.facts.endpoints import endpoints
-    from lab3_usd.facts.frames import published_edges, unknown_publishers, unresolved_frames
+    from lab3_usd.facts.frames import all_edges, all_unresolved_frames, published_transforms
     from lab3_usd.judge.lint import read_ros
     from lab3_usd.judge.stage import checkpoint_of
     from lab3_usd.report.entries import coverage_line
@@ -68,14 +69,15 @@ def command(
     leave_broken_lab()
     ros = read_ros(stage)
     platform, model = ros.subject.platform, ros.subject.stage
-    edges, hidden = published_edges(model, platform), unresolved_frames(model, platform)
+    edges, hidden = all_edges(model, platform), all_unresolved_frames(model, platform)
     rates = {end.node.path: end.rate for end in endpoints(model, platform)}
     not_judged = printable(coverage_line(ros.coverage))
     if picture is not None:
         write_picture(published_frames_picture(edges, hidden, rates, not_judged), picture, force)
         click.echo(picture)
         return
-    unknown = unknown_publishers(model, platform)
+    sent = published_transforms(model, platform)
+    unknown = tuple(each.publisher.path for each in sent if each.edges is None)
     lab = load_lab()
     # What a lab leaves to others, any other stage may place.
     reserved = lab.frames.reserved if checkpoint_of(stage.name, lab) else {}

@@ -52,7 +52,7 @@ def command(
 
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.facts.endpoints import endpoints
-    from lab3_usd.facts.frames import published_edges, unresolved_frames
+    from lab3_usd.facts.frames import all_edges, all_unresolved_frames
     from lab3_usd.judge.lint import read_ros
     from lab3_usd.report.entries import coverage_line
     from lab3_usd.report.picture.picture_file import write_picture
@@ -69,7 +69,7 @@ def command(
         write_picture(topics_picture(stage.name, ends, ros.unknown, not_judged), picture, force)
         click.echo(picture)
         return
-    edges, hidden = published_edges(model, platform), unresolved_frames(model, platform)
+    edges, hidden = all_edges(model, platform), all_unresolved_frames(model, platform)
     table = TopicReport(str(stage), ends, edges, hidden)
     if form == "csv":
         click.echo(as_csv(table), nl=False)

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
-from lab3_usd.isaac.node_types import INPUT, OUTPUT
+from lab3_usd.isaac.node_types import INPUT, OUTPUT, is_refused
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.values import Value
+from lab3_usd.isaac.values import Value, are_alike
 from lab3_usd.model.finding import Severity
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
@@ -227,12 +227,41 @@ def shut_gate(node: Node, live: Nodes, platform: Platform) -> str | None:
 
 
 def live_sources(node: Node, port: str, live: Nodes) -> Iterator[tuple[Node, str]]:
-    """Yield the nodes and ports that really feed an input: the application drops dead wires."""
+    """Yield the nodes and ports that really feed an input: what the application drops does not.
+
+    It drops dead wires, those to ports that a type does not have, and those between types that do
+    not convert. Of a wire that it may take, nothing is left out.
+    """
     for path in node.sources(port):
         prim, _, source_port = path.rpartition(".")
         source = live.get(prim)
-        if source is not None and source.has_port(source_port):
+        if source is None or not is_source(source, source_port) or not node.has_port(port):
+            continue
+        if not _drops(source, source_port, node, port):
             yield source, source_port
+
+
+def is_source(node: Node, port: str) -> bool:
+    """Whether a wire can leave from a port of a node.
+
+    From an input, as every constant has one, a wire brings the value there, but no signal.
+    """
+    if not node.has_port(port):
+        return False
+    known = None if node.type is None else node.type.port(port)
+    if known is None or known.is_source:
+        return True
+    return port.startswith(INPUT) and not known.is_execution and not known.is_target
+
+
+def _drops(source: Node, source_port: str, node: Node, port: str) -> bool:
+    """Whether the types at both ends are known, and do not convert."""
+    if source.type is None or node.type is None:
+        return False
+    if not (source.type.is_known_port(source_port) and node.type.is_known_port(port)):
+        return False
+    start, end = source.type.port(source_port), node.type.port(port)
+    return start is not None and end is not None and is_refused(start, end)
 
 
 def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value | None:
@@ -251,6 +280,19 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
     if len(wired) > 1 or not source_port.startswith(INPUT) or not depth:
         return None
     return effective_value(source, source_port, live, depth - 1)
+
+
+def wrong_type(node: Node, port: str) -> str | None:
+    """Return the type that a file declares for an input whose values it cannot have, else None.
+
+    The application gives the port its own type and ignores the value. A port without a value has no
+    type.
+    """
+    state = node.state(port)
+    known = None if node.type is None else node.type.port(port)
+    if state is None or not state.usd_type or known is None or known.is_union or known.is_target:
+        return None
+    return None if are_alike(state.usd_type, known.usd_type) else state.usd_type
 
 
 _PRODUCT = "inputs:renderProductPath"

@@ -13,7 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.facts.domains import Domain, domain_of
-from lab3_usd.facts.endpoints import message_type, namespace_of, resolve
+from lab3_usd.facts.endpoints import message_type, namespace_of, resolve, written_name
 from lab3_usd.facts.execution_order import (
     Nodes,
     effective_value,
@@ -82,57 +82,68 @@ class _Scene(Struct, frozen=True):
 
 
 class PublishedTransforms(Struct, frozen=True):
-    """What one publisher sends on a topic of the TF tree.
+    """What one publisher of transforms sends on a topic.
 
     `edges` is None where the names of its frames are unknown; `hidden` are the frames that an
     asset could tell which cannot be found.
     """
 
     publisher: Node
+    topic: str
     edges: tuple[Edge, ...] | None = ()
     hidden: tuple[UnresolvedFrames, ...] = ()
 
 
 @once_per_stage
 def published_transforms(stage: StageModel, platform: Platform) -> tuple[PublishedTransforms, ...]:
-    """Return what each publisher of the TF tree sends.
+    """Return what each publisher of transforms sends: to the topics of tf2 first, then to others.
 
     All graphs count. A node publishes when an event reaches it over execution wires; the order
     is that of the nodes and their targets.
     """
     scene = _Scene(stage, platform, live_nodes(stage, platform), running_nodes(stage, platform))
-    tree = platform.ros.tree_topics
-    senders = _transform_publishers(stage, platform)
-    return tuple(_published_by(node, topic, scene) for node, topic in senders if topic in tree)
+    own = platform.ros.tree_topics
+    senders = sorted(
+        _transform_publishers(stage, platform), key=lambda sender: sender[1] not in own
+    )
+    return tuple(_published_by(node, topic, scene) for node, topic in senders)
 
 
 @once_per_stage
-def moved_edges(stage: StageModel, platform: Platform) -> tuple[Edge, ...]:
-    """Return every transform that a namespace or another name moves off the topics of the tree."""
-    scene = _Scene(stage, platform, live_nodes(stage, platform), running_nodes(stage, platform))
-    tree = platform.ros.tree_topics
-    senders = _transform_publishers(stage, platform)
-    sent = (_published_by(node, topic, scene) for node, topic in senders if topic not in tree)
-    return tuple(edge for transforms in sent for edge in transforms.edges or ())
-
-
-def published_edges(stage: StageModel, platform: Platform) -> tuple[Edge, ...]:
-    """Return every transform that the stage publishes on a topic of the TF tree."""
+def all_edges(stage: StageModel, platform: Platform) -> tuple[Edge, ...]:
+    """Return every transform that the stage publishes, on whatever topic."""
     return tuple(
         edge for sent in published_transforms(stage, platform) for edge in sent.edges or ()
     )
 
 
+@once_per_stage
+def published_edges(stage: StageModel, platform: Platform) -> tuple[Edge, ...]:
+    """Return the transforms on the topics that tf2 listens to by itself."""
+    own = platform.ros.tree_topics
+    return tuple(edge for edge in all_edges(stage, platform) if edge.topic in own)
+
+
 def unknown_publishers(stage: StageModel, platform: Platform) -> tuple[str, ...]:
-    """Return the nodes that publish transforms between frames that the stage does not define."""
+    """Return the nodes that publish, as `published_edges`, frames that no stage defines."""
+    own = platform.ros.tree_topics
     return tuple(
-        sent.publisher.path for sent in published_transforms(stage, platform) if sent.edges is None
+        sent.publisher.path
+        for sent in published_transforms(stage, platform)
+        if sent.edges is None and sent.topic in own
     )
 
 
-def unresolved_frames(stage: StageModel, platform: Platform) -> tuple[UnresolvedFrames, ...]:
-    """Return the frames that would be published, and that only a missing asset could tell."""
+def all_unresolved_frames(stage: StageModel, platform: Platform) -> tuple[UnresolvedFrames, ...]:
+    """Return the frames that only a missing asset could tell, as `all_edges`."""
     return tuple(hidden for sent in published_transforms(stage, platform) for hidden in sent.hidden)
+
+
+def unresolved_frames(stage: StageModel, platform: Platform) -> tuple[UnresolvedFrames, ...]:
+    """Return the frames that only a missing asset could tell, as `published_edges`."""
+    own = platform.ros.tree_topics
+    hidden = all_unresolved_frames(stage, platform)
+    return tuple(frames for frames in hidden if frames.topic in own)
 
 
 def certain_edges(edges: Iterable[Edge]) -> list[Edge]:
@@ -151,32 +162,35 @@ class HeardTree(Struct, frozen=True):
     topic: str
     tree: Tree[Edge]
 
+    @property
+    def number(self) -> int | None:
+        """The number of the domain where the environment names none, None where it is unknown."""
+        return self.tree.edges[0].domain.number
+
 
 @once_per_stage
 def heard_trees(stage: StageModel, platform: Platform) -> tuple[HeardTree, ...]:
-    """Return the trees that a stage publishes, by domain and topic, in the order of transforms.
+    """Return the trees that a stage publishes, as `trees_of`."""
+    return trees_of(all_edges(stage, platform))
+
+
+def frames_in(stage: StageModel, platform: Platform, domain: str) -> frozenset[str]:
+    """Return the frames that are published in a domain, on whatever topic."""
+    trees = (heard.tree for heard in heard_trees(stage, platform) if heard.domain == domain)
+    edges = (edge for heard in trees for edge in heard.edges)
+    return frozenset(name for edge in edges for name in (edge.parent, edge.child))
+
+
+def trees_of(edges: Iterable[Edge]) -> tuple[HeardTree, ...]:
+    """Return the trees that transforms form, by domain and topic, in the order of transforms.
 
     Transforms of different domains, or on different topics, never meet.
     """
     heard: dict[tuple[str, str], list[Edge]] = {}
-    for edge in (*published_edges(stage, platform), *moved_edges(stage, platform)):
+    for edge in edges:
         topic = edge.topic.removesuffix(_STATIC)
         heard.setdefault((edge.domain.name, topic), []).append(edge)
-    return tuple(HeardTree(*key, tree(edges)) for key, edges in heard.items())
-
-
-def trees_by_domain(edges: Iterable[Edge]) -> dict[str, Tree[Edge]]:
-    """Return what tf2 makes of transforms on one topic, by the name of the domain."""
-    heard: dict[str, list[Edge]] = {}
-    for edge in edges:
-        heard.setdefault(edge.domain.name, []).append(edge)
-    return {name: tree(sent) for name, sent in heard.items()}
-
-
-def tree_of_tf2(stage: StageModel, platform: Platform) -> tuple[HeardTree, ...]:
-    """Return the trees on the topics that tf2 listens to by itself, one for each domain."""
-    own = platform.ros.tree_topics
-    return tuple(heard for heard in heard_trees(stage, platform) if heard.topic in own)
+    return tuple(HeardTree(*key, tree(sent)) for key, sent in heard.items())
 
 
 def is_tree_known(stage: StageModel, platform: Platform) -> bool:
@@ -184,14 +198,15 @@ def is_tree_known(stage: StageModel, platform: Platform) -> bool:
 
     The fault of a publisher that sends nothing is reported at that publisher.
     """
-    sending = {edge.publisher for edge in published_edges(stage, platform)}
+    sending = {edge.publisher for edge in all_edges(stage, platform)}
     idle = [
         node
         for node in live_nodes(stage, platform).values()
         if node.type is not None and node.type.tf is not None and node.type.role
         if node.path not in sending
     ]
-    return not (unknown_publishers(stage, platform) or unresolved_frames(stage, platform) or idle)
+    sent = published_transforms(stage, platform)
+    return not (idle or any(transforms.edges is None or transforms.hidden for transforms in sent))
 
 
 @once_per_stage
@@ -205,7 +220,7 @@ def _transform_publishers(stage: StageModel, platform: Platform) -> tuple[tuple[
         message = message_type(node, kind, kind.topics[0], live)
         if kind.tf is None and message not in _transform_messages(platform):
             continue
-        written = effective_value(node, kind.topics[0], live)
+        written = written_name(node, kind.topics[0], live)
         topic = (
             resolve(namespace_of(node, stage, platform, live), written)
             if isinstance(written, str)
@@ -229,18 +244,17 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
         ports.static is not None and effective_value(node, ports.static, scene.live_nodes) is True
     )
     if ports.names:
-        parent, child = (effective_value(node, port, scene.live_nodes) for port in ports.names)
+        parent, child = (written_name(node, port, scene.live_nodes) for port in ports.names)
         if not isinstance(parent, str) or not isinstance(child, str):
-            return PublishedTransforms(node, None)
+            return PublishedTransforms(node, topic, None)
         parent, child = tf2_name(parent), tf2_name(child)
         edge = Edge(parent, child, node.path, node.path, topic, static)
         domain = domain_of(node, scene.live_nodes)
-        return PublishedTransforms(
-            node, (replace(edge, sure=_is_sure(scene, node), domain=domain),)
-        )
+        edge = replace(edge, sure=_is_sure(scene, node), domain=domain)
+        return PublishedTransforms(node, topic, (edge,))
     arrays = _arrays(node, ports, scene) if ports.prims else None
     if arrays is None:
-        return PublishedTransforms(node, None)
+        return PublishedTransforms(node, topic, None)
     maker = arrays.maker
     is_sure, domain = _is_sure(scene, node, maker), domain_of(node, scene.live_nodes)
     edges = []
@@ -256,7 +270,7 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
         replace(frames, parent=top, publisher=node.path, cause=maker.path, topic=topic)
         for frames in (unresolved_frames_of(maker, scene.stage) if arrays.is_filled else ())
     )
-    return PublishedTransforms(node, tuple(edges), hidden)
+    return PublishedTransforms(node, topic, tuple(edges), hidden)
 
 
 def _is_sure(scene: _Scene, *nodes: Node) -> bool:

@@ -49,6 +49,33 @@ def unmet_needs(node: Node, platform: Platform) -> Iterator[Need]:
             yield need
 
 
+def is_needed(node: Node, port: str, stage: StageModel, platform: Platform) -> bool:
+    """Whether a node lacks something while nothing is wired into an input.
+
+    Nothing else feeds it, no value is authored, and its default is not as good. A signal is needed
+    by a node that does not run without it. A default is harmless where the platform knows what the
+    node needs, and that is not among it.
+    """
+    live, kind = live_nodes(stage, platform), node.type
+    if kind is None or any(live_sources(node, port, live)):
+        return False
+    if port in signal_inputs(node):
+        return node.path not in run_states(stage, platform)
+    items, state = array_items(node), node.state(port)
+    value = None if state is None else state.value
+    if items is not None and port in (*items.filled, *items.empty):
+        return value in (None, "")
+    for need in needs_of(node, platform):
+        if port.removeprefix(INPUT) in need.inputs:
+            is_written = value is not None and (need.zero_counts or not is_nothing(value))
+            others = (name for name in need.inputs if INPUT + name != port)
+            if not is_written and not any(is_given(node, name) for name in others):
+                return True
+    if kind.type in platform.needs or has_side_effects(node):
+        return False
+    return value is None and kind.default(port, node.version) is None
+
+
 def _is_met(node: Node, name: str, need: Need) -> bool:
     """Whether an input is given, or somebody wrote a zero that counts."""
     if is_given(node, name):

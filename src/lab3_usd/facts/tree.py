@@ -6,7 +6,7 @@ static twin. Published transforms, recorded ones and those of a dry run are all 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from types import MappingProxyType
 from typing import Generic, Protocol, TypeVar
@@ -30,6 +30,14 @@ class Placement(Protocol):
     @property
     def publisher(self) -> str:
         """Who sends it."""
+
+
+class SentTransform(Struct, frozen=True):
+    """A transform of which no more than this is known."""
+
+    parent: str
+    child: str
+    publisher: str = ""
 
 
 _Edge = TypeVar("_Edge", bound=Placement)
@@ -90,10 +98,23 @@ class Tree(Struct, Generic[_Edge], frozen=True, dict=True):
             if len({edge.publisher for edge in edges}) > 1
         }
 
+    def above(self, child: str) -> tuple[str, ...]:
+        """Return the frames above one, the nearest first; of several parents the first counts."""
+        above: list[str] = []
+        while parents := self.parents_of(child):
+            child = parents[0]
+            if child in above:
+                break
+            above.append(child)
+        return tuple(above)
+
     @cached_property
     def cycle(self) -> tuple[str, ...]:
-        """The frames of cycles, and of what lies between two of them, as the edges name them."""
-        return tuple(frames_in_cycles(self.edges))
+        """The frames of cycles, and of what lies between two of them, as the edges name them.
+
+        A frame below itself is none: tf2 does not take the transform.
+        """
+        return tuple(_frames_in_cycles(edge for edge in self.edges if edge.parent != edge.child))
 
     @cached_property
     def roots(self) -> tuple[str, ...]:
@@ -137,7 +158,7 @@ def tree(edges: Iterable[_Edge]) -> Tree[_Edge]:
     return Tree(tuple(edges))
 
 
-def frames_in_cycles(edges: Iterable[Placement]) -> list[str]:
+def _frames_in_cycles(edges: Iterable[Placement]) -> list[str]:
     """Return the frames of cycles, and of what lies between two of them, as the edges name them."""
     pairs = [(edge.parent, edge.child) for edge in edges]
     if is_acyclic(pairs):
@@ -161,15 +182,12 @@ class FrameFault(Struct, frozen=True):
     message: str
 
 
-def frame_faults(
-    edges: Sequence[Placement], reserved: Mapping[str, str] = _NONE
-) -> list[FrameFault]:
+def frame_faults(heard: Tree[_Edge], reserved: Mapping[str, str] = _NONE) -> list[FrameFault]:
     """Return what is wrong with a tree, in the order of the frames.
 
     `reserved` are the frames that only something outside the stage may place, with its name.
     """
     faults = []
-    heard = tree(edges)
     own = {edge.child for edge in heard.self_parents}
     for frame in heard.by_child:
         names = heard.parents_of(frame)

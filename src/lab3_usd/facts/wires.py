@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from typing import Literal
 
 from msgspec import Struct
 
-from lab3_usd.facts.execution_order import live_nodes
-from lab3_usd.isaac.node_types import NUMBERS, Port, shape_of
+from lab3_usd.facts.execution_order import Nodes, is_source, live_nodes
+from lab3_usd.isaac.node_types import Port, can_connect
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.stage import Node, StageModel, absence_reason, is_acyclic
+from lab3_usd.model.stage import Node, StageModel, absence_reason, is_acyclic, once_per_stage
+
+Kind = Literal["execution", "data"]
 
 
 class Connection(Struct, frozen=True, eq=False):
@@ -33,13 +34,33 @@ class Connection(Struct, frozen=True, eq=False):
         return self.path.rpartition(".")[2]
 
     @property
+    def has_source(self) -> bool:
+        """Whether the port that the wire comes from exists, and something can come from it."""
+        return self.source is not None and is_source(self.source, self.source_port)
+
+    @property
     def is_live(self) -> bool:
-        """Whether the application keeps this wire."""
-        return (
-            self.source is not None
-            and self.source.has_port(self.source_port)
-            and self.node.has_port(self.port)
-        )
+        """Whether the ports at both ends exist, whatever their types."""
+        return self.has_source and self.node.has_port(self.port)
+
+    @property
+    def is_compatible(self) -> bool:
+        """Whether the types of both ports, where they are known, can be joined."""
+        return self.ports is None or can_connect(*self.ports)
+
+    @property
+    def brings_data(self) -> bool:
+        """Whether the input is known to take data, whatever the source gives."""
+        kind = self.node.type
+        port = None if kind is None or not kind.is_known_port(self.port) else kind.port(self.port)
+        return port is not None and not port.is_execution
+
+    @property
+    def kind(self) -> Kind | None:
+        """What the wire carries; None where a port is unknown."""
+        if not self.is_live or self.ports is None:
+            return None
+        return "execution" if self.ports[1].is_execution else "data"
 
     @property
     def ports(self) -> tuple[Port, Port] | None:
@@ -57,36 +78,26 @@ def connections(stage: StageModel, platform: Platform) -> Iterator[Connection]:
     """Yield every wire into a live node, in the order of nodes and ports."""
     live = live_nodes(stage, platform)
     for node in live.values():
-        for name, state in node.ports.items():
-            for path in state.sources:
-                yield Connection(node, name, path, live.get(path.rpartition(".")[0]))
+        yield from connections_of(node, live)
 
 
-def differ_in_role(source: Port, target: Port) -> bool:
-    """Whether two types hold the same for another purpose, as a vector and three numbers do.
-
-    OmniGraph can compare types without their roles; which wires it takes so, no public source says.
-    """
-    (one, shape), (other, other_shape) = (_without_role(port.ogn_type) for port in (source, target))
-    are_numbers = one in NUMBERS and other in NUMBERS
-    are_texts = {one, other} <= {"string", "token"}
-    return shape == other_shape and (are_numbers or are_texts)
+@once_per_stage
+def fed_inputs(stage: StageModel, platform: Platform) -> frozenset[tuple[str, str]]:
+    """Return the inputs that a wire from an existing port feeds, each by its node and name."""
+    wires = connections(stage, platform)
+    return frozenset((wire.node.path, wire.port) for wire in wires if wire.has_source)
 
 
-_ROLES = re.compile(r"(color|normal|point|texcoord|vector|quat|matrix|frame|transform)([dfh]?)")
-_PRECISIONS = {"d": "double", "f": "float", "h": "half", "": "double"}
+def connections_of(node: Node, live: Nodes) -> Iterator[Connection]:
+    """Yield every wire into a node, in the order of its ports."""
+    for name, state in node.ports.items():
+        for path in state.sources:
+            yield connection(node, name, path, live)
 
 
-def _without_role(ogn_type: str) -> tuple[str, str]:
-    """Split a type as `shape_of`, with numbers for a role: `vectord[3]` is `double[3]`."""
-    element, shape = shape_of(ogn_type)
-    known = _ROLES.fullmatch(element)
-    if known is None:
-        return "string" if element == "path" else element, shape
-    if known[1] in {"matrix", "frame", "transform"}:
-        rows = int(shape[1])
-        shape = f"[{rows * rows}]{shape[3:]}"
-    return _PRECISIONS[known[2]], shape
+def connection(node: Node, port: str, path: str, live: Nodes) -> Connection:
+    """Return the wire that enters a node at a port and comes from the property at `path`."""
+    return Connection(node, port, path, live.get(path.rpartition(".")[0]))
 
 
 def why_dead(wire: Connection, stage: StageModel, platform: Platform) -> str | None:
@@ -119,45 +130,43 @@ def sublayer_with_source(wire: Connection, stage: StageModel) -> str | None:
     return sublayer
 
 
-Kind = Literal["execution", "data"]
+def cycle_of(wire: Connection, live: Nodes) -> tuple[str, ...]:
+    """Return the nodes that lead from the one where a wire ends to the one where it begins.
+
+    Only wires of its kind count. There are none where it closes no cycle.
+    """
+    if wire.kind is None:
+        return ()
+    after: dict[str, str] = {wire.source_prim: ""}
+    ahead = [wire.source_prim]
+    while ahead and wire.node.path not in after:
+        current = ahead.pop(0)
+        for other in connections_of(live[current], live):
+            if other.kind == wire.kind and other.source_prim not in after:
+                after[other.source_prim] = current
+                ahead.append(other.source_prim)
+    path = wire.node.path if wire.node.path in after else ""
+    cycle = []
+    while path:
+        cycle.append(path)
+        path = after[path]
+    return tuple(cycle)
 
 
-class WireCycle(Struct, frozen=True, eq=False):
-    """A cycle of wires: the node and the input at which it closes, and its nodes in order."""
-
-    kind: Kind
-    node: Node
-    port: str
-    paths: tuple[str, ...]
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of the nodes, the first one again at the end."""
-        names = tuple(path.rpartition("/")[2] for path in self.paths)
-        return (*names, *names[:1])
-
-
-def find_cycles(stage: StageModel, platform: Platform) -> Iterator[WireCycle]:
-    """Yield one cycle for each set of nodes that lead to each other."""
+def find_cycles(stage: StageModel, platform: Platform) -> Iterator[Connection]:
+    """Yield a wire of one cycle for each set of nodes that lead to each other."""
     kinds: dict[Kind, list[Connection]] = {"execution": [], "data": []}
     for wire in connections(stage, platform):
-        if wire.is_live and wire.ports is not None:
-            kinds["execution" if wire.ports[1].is_execution else "data"].append(wire)
-    for kind, wires in kinds.items():
-        yield from _cycles(kind, wires)
-
-
-def _cycles(kind: Kind, wires: list[Connection]) -> Iterator[WireCycle]:
-    pairs = [(wire.source_prim, wire.node.path) for wire in wires]
-    if is_acyclic(pairs):
-        return
-    import networkx as nx
-
-    graph, reported = nx.DiGraph(pairs), set[str]()
-    for wire in wires:
-        if not nx.has_path(graph, wire.node.path, wire.source_prim):
+        if wire.kind is not None:
+            kinds[wire.kind].append(wire)
+    for wires in kinds.values():
+        if is_acyclic([(wire.source_prim, wire.node.path) for wire in wires]):
             continue
-        cycle = nx.shortest_path(graph, wire.node.path, wire.source_prim)
-        if reported.isdisjoint(cycle):
-            reported.update(cycle)
-            yield WireCycle(kind, wire.node, wire.port, tuple(cycle))
+        reported: set[str] = set()
+        for wire in wires:
+            cycle = (
+                () if wire.node.path in reported else cycle_of(wire, live_nodes(stage, platform))
+            )
+            if cycle and reported.isdisjoint(cycle):
+                reported.update(cycle)
+                yield wire

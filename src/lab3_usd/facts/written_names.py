@@ -7,14 +7,20 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from lab3_usd.facts.endpoints import namespace_of, resolve, used_topics
+from lab3_usd.facts.endpoints import (
+    Endpoint,
+    endpoints,
+    namespace_of,
+    resolve,
+    used_topics,
+    written_name,
+)
 from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources, run_states
 from lab3_usd.facts.frame_targets import tf_ports
-from lab3_usd.facts.frames import (
-    tf2_name,
-)
+from lab3_usd.facts.frames import tf2_name
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.stage import Node, StageModel
+from lab3_usd.isaac.topics import frame_ports
+from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 _POSE = ("inputs:position", "inputs:translation")
 _WHOLE = re.compile(r"^/?([A-Za-z0-9].*[A-Za-z0-9]|[A-Za-z0-9])$")
@@ -41,7 +47,7 @@ def written_topics(stage: StageModel, platform: Platform) -> Iterator[WrittenTop
         if kind is None or not kind.role:
             continue
         for port in (*used_topics(node, kind, live_nodes(stage, platform)), *kind.services):
-            value = effective_value(node, port, live_nodes(stage, platform))
+            value = written_name(node, port, live_nodes(stage, platform))
             if isinstance(value, str):
                 yield WrittenTopic(node, port, value, resolve("", value))
 
@@ -55,7 +61,7 @@ def written_frames(stage: StageModel, platform: Platform) -> Iterator[tuple[Node
         used = set(used_topics(node, kind, live_nodes(stage, platform)))
         for port in kind.frames:
             right = port.endswith("Right")
-            value = effective_value(node, port, live_nodes(stage, platform))
+            value = written_name(node, port, live_nodes(stage, platform))
             if isinstance(value, str) and (not right or any(t.endswith("Right") for t in used)):
                 yield node, port, value
 
@@ -72,11 +78,28 @@ def refused_namespaces(stage: StageModel, platform: Platform) -> Iterator[tuple[
             yield node, namespace
 
 
-def message_frames(stage: StageModel, platform: Platform) -> Iterator[tuple[Node, str, str]]:
-    """Yield the frames that messages name, but those of transforms themselves."""
-    for node, port, value in written_frames(stage, platform):
-        if node.type is not None and node.type.tf is None and node.type.role != "subscriber":
-            yield node, port, value
+class MessageFrame(Struct, frozen=True, eq=False):
+    """A frame that a message names, in its setting `port`."""
+
+    endpoint: Endpoint
+    port: str
+    name: str
+
+
+@once_per_stage
+def message_frames(stage: StageModel, platform: Platform) -> tuple[MessageFrame, ...]:
+    """Return the frames that messages name which are sent, but those of transforms themselves."""
+    live, named = live_nodes(stage, platform), dict[tuple[str, str], MessageFrame]()
+    for endpoint in endpoints(stage, platform):
+        node, kind = endpoint.node, endpoint.node.type
+        is_sent = endpoint.runs and endpoint.direction == "publishes"
+        if kind is None or kind.tf is not None or not is_sent:
+            continue
+        for port in frame_ports(kind, endpoint.port):
+            name = written_name(node, port, live)
+            if isinstance(name, str):
+                named.setdefault((node.path, port), MessageFrame(endpoint, port, name))
+    return tuple(named.values())
 
 
 class OdometryPair(Struct, frozen=True, eq=False):

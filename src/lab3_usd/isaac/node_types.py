@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from functools import cached_property
 from typing import Literal
@@ -84,6 +85,38 @@ def shape_of(ogn_type: str) -> tuple[str, str]:
     """Split a type into the name of its element and its shape (`[3]`, `[]`, ...)."""
     base, bracket, rest = ogn_type.partition("[")
     return base, bracket + rest
+
+
+def differ_in_role(source: Port, target: Port) -> bool:
+    """Whether two types hold the same for another purpose, as a vector and three numbers do.
+
+    OmniGraph can compare types without their roles; which wires it takes so, no public source says.
+    """
+    (one, shape), (other, other_shape) = (_without_role(port.ogn_type) for port in (source, target))
+    are_numbers = one in NUMBERS and other in NUMBERS
+    are_texts = {one, other} <= {"string", "token"}
+    return shape == other_shape and (are_numbers or are_texts)
+
+
+_ROLES = re.compile(r"(color|normal|point|texcoord|vector|quat|matrix|frame|transform)([dfh]?)")
+_PRECISIONS = {"d": "double", "f": "float", "h": "half", "": "double"}
+
+
+def _without_role(ogn_type: str) -> tuple[str, str]:
+    """Split a type as `shape_of`, with numbers for a role: `vectord[3]` is `double[3]`."""
+    element, shape = shape_of(ogn_type)
+    known = _ROLES.fullmatch(element)
+    if known is None:
+        return "string" if element == "path" else element, shape
+    if known[1] in {"matrix", "frame", "transform"}:
+        rows = int(shape[1])
+        shape = f"[{rows * rows}]{shape[3:]}"
+    return _PRECISIONS[known[2]], shape
+
+
+def is_refused(source: Port, target: Port) -> bool:
+    """Whether OmniGraph surely drops a wire from `source` to `target` when it opens a stage."""
+    return not can_connect(source, target) and not differ_in_role(source, target)
 
 
 class NodeType(Struct, frozen=True, dict=True):

@@ -83,6 +83,7 @@ _ALIKE = (
     frozenset({"float", "double", "half"}),
     frozenset({"int", "uint", "int64", "uint64", "uchar"}),
     frozenset({"string", "token"}),
+    frozenset({"vector3d", "double3"}),
 )
 
 

@@ -10,6 +10,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
+from lab3_usd.check.fold import fold
 from lab3_usd.check.requirements import (
     demands_of,
     unmet_by,
@@ -100,7 +101,8 @@ def open_against_starter(
         kept = tuple(_with_undoing(kept, beside, frozenset(blamed)))
     except StageError as error:  # of a prim that nothing else asks for
         return unreadable(result.path, result.checkpoint, error)
-    kept = tuple(finding for finding in kept if not _follows(finding, judged.findings))
+    roots = [id(finding) for finding in fold((*kept, *judged.findings))]
+    kept = tuple(finding for finding in kept if id(finding) in roots)
     excused_ids = unmet_by(result.findings) - unmet_by(kept)
     requirements = tuple(
         replace(requirement, met=True) if requirement.id in excused_ids else requirement
@@ -123,7 +125,7 @@ def open_against_starter(
 
 def _causes(finding: Finding) -> Iterator[Site]:
     """Yield what may cause a fault besides its site: the properties that the finding names."""
-    yield from finding.causes
+    yield from finding.covers
     for path in finding.related:
         prim, dot, name = path.partition(".")
         if dot:
@@ -134,23 +136,17 @@ def _with_undoing(
     findings: Collection[Finding], beside: _Beside, blamed: frozenset[Site]
 ) -> Iterator[Finding]:
     """Yield the findings; what a change of the starter causes is repaired by undoing the change."""
-    caused = [finding for finding in findings if finding.causes and finding.severity != "note"]
+    caused = [
+        finding
+        for finding in findings
+        if finding.severity != "note" and any(name is not None for _, name in finding.covers)
+    ]
     changes = _compared(beside, _ReportedSites(blamed)).findings if caused else ()
     for finding in findings:
         sites = {*_causes(finding)} if finding in caused else ()
         fixes = [change.fix for change in changes if (change.prim, change.property) in sites]
         edits = tuple(edit for fix in fixes if fix for edit in fix.edits)
         yield replace(finding, fix=repair_by(edits)) if edits else finding
-
-
-def _follows(finding: Finding, changes: Collection[Finding]) -> bool:
-    """Whether a finding follows from a change below its prim, which is reported."""
-    return bool(finding.follows) and any(
-        change.prim.startswith(f"{finding.prim}/")
-        and (change.property or "").startswith(finding.follows)
-        for change in changes
-        if change.severity == "error"
-    )
 
 
 def _starter_warnings(excused: Iterable[Finding]) -> Iterator[Finding]:

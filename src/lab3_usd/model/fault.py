@@ -12,9 +12,9 @@ FaultKind = Literal[
     "invalid-context", "invalid-qos-profile", "invalid-topic-name",
     # commands and the drive
     "ramp-without-time-step", "invalid-wheel-size", "no-joint-controller", "no-articulation",
-    "excluded-joint", "unknown-joint", "wrong-command-count", "non-numeric-command",
-    "no-chassis-body", "unequal-joint-arrays", "joint-off-target", "wrong-joint-state",
-    "link-off-frame", "no-inertial-sensor",
+    "excluded-joint", "unknown-joint", "empty-joint-name", "wrong-command-count",
+    "non-numeric-command", "no-chassis-body", "unequal-joint-arrays", "joint-off-target",
+    "wrong-joint-state", "link-off-frame", "no-inertial-sensor",
     # the robot
     "no-driven-robot", "kinematic-link", "base-fixed-to-world", "no-gravity", "no-ground",
     "no-wheel-contact", "no-grip", "locked-joint", "no-velocity-drive", "weak-drive",
@@ -32,8 +32,9 @@ FaultKind = Literal[
     "single-message", "wrong-header-frame",
     # frames
     "no-target-prim", "no-frames-input", "unequal-frame-arrays", "missing-frame", "self-parent",
-    "several-parents", "several-publishers", "changing-parent", "disconnected-frame",
-    "unknown-frame", "transform-ends", "transform-gap", "transform-unlike-odometry",
+    "several-parents", "several-publishers", "changing-parent", "frame-cycle",
+    "disconnected-frame", "unknown-frame", "transform-ends", "transform-gap",
+    "transform-unlike-odometry",
     # sensors
     "no-camera-target", "missing-camera-prim", "empty-image", "no-render-product",
     "wrong-render-product", "unknown-output", "not-a-camera", "not-a-lidar", "no-lidar-schema",

@@ -27,6 +27,11 @@ Unopened = Literal["", "stage", "file", "asset"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
 
+# A prim and a property of it, None for all of the prim. A prim that ends in `/` is what lies below
+# it, a property that ends in `*` each that begins so, and `port[/World/Prim]` one target of a port.
+Place = tuple[str, str | None]
+
+
 class Problem(Struct, frozen=True):
     """What a rule yields: the site (prim and property) and what is wrong there.
 
@@ -38,13 +43,12 @@ class Problem(Struct, frozen=True):
     could not be opened: the stage itself, a file of it or beside it, an asset at the prim.
     `rests_on` is the missing asset that could say otherwise: what rests on one is not judged.
 
-    One that is `weaker` is left out beside an error at its prim, one that names `unknown_targets`
-    beside an error at its site that names them as well. `causes` are the sites whose change brings
-    it about: with a starter, the change is not reported as well, and undoing it is the repair.
-    `follows` are the beginnings of properties: a change of one of them below the prim explains the
-    problem, and is reported instead. `frames` are the TF frames that the problem is about: they
-    are not listed again among those lost through other faults. `if_supplied` is the hint of the
-    warning that stays where the starter has the problem itself.
+    `assumes` are the sites that the problem rests on being right: where another one as grave stands
+    at one of them, that is reported instead (`check.fold`). A problem stands at its own site and at
+    those that it `covers`, of which it speaks as well: with a starter, a change there is not
+    reported, and undoing it is the repair. `frames` are the TF frames that the problem is about:
+    they are not listed again among those lost through other faults. `if_supplied` is the hint of
+    the warning that stays where the starter has the problem itself.
     """
 
     prim: str
@@ -60,11 +64,9 @@ class Problem(Struct, frozen=True):
     unmet: tuple[str, ...] = ()
     absent: bool = False
     costs: tuple[str, ...] = ()
-    causes: tuple[tuple[str, str | None], ...] = ()
-    weaker: bool = False
-    unknown_targets: tuple[str, ...] = ()
+    assumes: tuple[Place, ...] = ()
+    covers: tuple[Place, ...] = ()
     unopened: Unopened = ""
-    follows: tuple[str, ...] = ()
     frames: tuple[str, ...] = ()
     if_supplied: str = ""
     rests_on: UnresolvedAsset | None = None
@@ -92,14 +94,12 @@ class Finding(Struct, frozen=True):
     hint: str | None = None
     related: tuple[str, ...] = ()
     fix: Repair | None = None
-    weaker: bool = False
-    unknown_targets: tuple[str, ...] = ()
     unopened: Unopened = ""
     unmet: tuple[str, ...] = ()
     absent: bool = False
     costs: tuple[str, ...] = ()
-    causes: tuple[tuple[str, str | None], ...] = ()
-    follows: tuple[str, ...] = ()
+    assumes: tuple[Place, ...] = ()
+    covers: tuple[Place, ...] = ()
     frames: tuple[str, ...] = ()
     if_supplied: str = ""
     supplied: bool = False

@@ -287,6 +287,10 @@ class StageModel(Struct, frozen=True, eq=False):
         """
         return self._asked.below(top, asked, left_out)
 
+    def instance_above(self, path: str) -> str | None:
+        """Return the instance that a prim is or belongs to, None where it belongs to none."""
+        return next((top for top in self.instances if is_at_or_below(path, top)), None)
+
     def unresolved_above(self, path: str) -> UnresolvedAsset | None:
         """Return the missing asset that could hold the prim at `path`, None where none could."""
         return next((asset for asset in self.unresolved if is_at_or_below(path, asset.prim)), None)
@@ -399,12 +403,6 @@ def _nearest_prim(stage: StageModel, path: str) -> str:
     while path and path not in stage.prims:
         path = path.rpartition("/")[0]
     return path
-
-
-def missing_graphs_text(missing_graphs: Mapping[str, str], path: str) -> str:
-    """Name the graphs that are missing together with the prim, as the end of a sentence."""
-    names = [name for name, prim in missing_graphs.items() if prim == path]
-    return f"; missing with it: {', '.join(names)}" if names else ""
 
 
 def is_nested(node: Node, stage: StageModel) -> bool:

@@ -183,7 +183,6 @@ def looks_below(source: Source, lab: Lab) -> list[str]:
         checkpoint=source.lab.checkpoints[source.lab.last],
         stage=source.stage,
         roles={},
-        faulty_prims=frozenset(),
     )
     names = []
     for sensor in lab.sensors.values():
@@ -227,7 +226,6 @@ def describe_scene(
         checkpoint=lab.checkpoints[lab.last],
         stage=stage,
         roles={},
-        faulty_prims=frozenset(),
     )
     described = describe_wheels(subject) if moved else {}
     if described:

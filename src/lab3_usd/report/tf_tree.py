@@ -10,7 +10,7 @@ from msgspec import Struct, field
 from msgspec.structs import asdict
 
 from lab3_usd.facts.frame_targets import UnresolvedFrames
-from lab3_usd.facts.frames import Edge, trees_by_domain
+from lab3_usd.facts.frames import Edge, HeardTree, trees_of
 from lab3_usd.facts.tree import FrameFault, Tree, frame_faults
 from lab3_usd.report.safe_text import dot_string, printable, truncated_values
 
@@ -33,20 +33,19 @@ class TreeReport(Struct, frozen=True):
     rates: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def domains(self) -> dict[str, Tree[Edge]]:
-        """What tf2 makes of the transforms, by the domain in which they are heard."""
-        return trees_by_domain(self.edges)
+    def heard(self) -> tuple[HeardTree, ...]:
+        """What tf2 makes of the transforms, by domain and topic."""
+        return trees_of(self.edges)
 
     @property
     def roots(self) -> list[str]:
         """The frames at the top of the trees."""
-        return [top for heard in self.domains.values() for top in heard.roots]
+        return [top for heard in self.heard for top in heard.tree.roots]
 
     @property
     def faults(self) -> list[FrameFault]:
         """What tf2 cannot make a tree of."""
-        trees = self.domains.values()
-        return [fault for heard in trees for fault in frame_faults(heard.edges, self.reserved)]
+        return [fault for heard in self.heard for fault in frame_faults(heard.tree, self.reserved)]
 
     def how(self, publisher: str, topic: str) -> str:
         """Return the publisher of a transform, its topic and its rate, in words."""
@@ -66,17 +65,18 @@ def as_text(
     """
     if not report.edges and not report.unknown and not report.hidden:
         yield "no transforms are published"
-    domains = report.domains
-    for name, heard in domains.items():
-        if len(domains) > 1:
-            yield f"domain {printable(name)}:"
+    trees = report.heard
+    for heard in trees:
+        if len(trees) > 1:
+            yield f"{printable(heard.topic)} in domain {printable(heard.domain)}:"
         drawn: set[str] = set()
-        for top in heard.roots:
+        roots = heard.tree.roots
+        for top in roots:
             yield printable(top)
-            yield from _branches(top, heard, report, drawn, width, verbose=verbose)
-        if len(heard.roots) > 1 and not report.hidden:
-            tops = ", ".join(map(printable, heard.roots))
-            yield f"! {len(heard.roots)} roots, where there must be one: {tops}"
+            yield from _branches(top, heard.tree, report, drawn, width, verbose=verbose)
+        if len(roots) > 1 and not report.hidden:
+            tops = ", ".join(map(printable, roots))
+            yield f"! {len(roots)} roots, where there must be one: {tops}"
     for path in report.unknown:
         yield f"! {printable(path)} publishes frames that the stage does not define"
     for hidden in report.hidden:
@@ -90,7 +90,7 @@ def _branches(
     """Yield the lines below one root; `drawn` are the frames whose children stand already."""
     children = heard.by_parent
     marks: dict[str, list[str]] = {}
-    for fault in frame_faults(heard.edges, report.reserved):
+    for fault in frame_faults(heard, report.reserved):
         marks.setdefault(fault.frame, []).append(fault.message)
     drawn.add(top)
     ahead = _rows(top, "", children)
@@ -120,20 +120,26 @@ def _rows(parent: str, lead: str, children: dict[str, list[Edge]]) -> list[tuple
 def as_dot(report: TreeReport) -> str:
     """Return the tree for Graphviz: each edge is labelled with its publisher, faults are red.
 
-    What cannot be known is grey.
+    What cannot be known is grey. Frames of one name that different listeners hear are different.
     """
-    wrong = {fault.frame for fault in report.faults}
-    frames = dict.fromkeys(name for edge in report.edges for name in (edge.parent, edge.child))
     lines = ["digraph tf {", "  node [shape=box, fontname=sans];", "  edge [fontname=sans];"]
-    lines += [f"  {dot_string(name)}{' [color=red]' if name in wrong else ''};" for name in frames]
-    for edge in report.edges:
-        style = [f"label={dot_string('/'.join(edge.publisher.split('/')[-2:]))}"]
-        style += [f"tooltip={dot_string(edge.publisher)}"]
-        style += ["color=red"] if edge.child in wrong else []
-        style += ["style=dashed"] if edge.static else [] if edge.sure else ["style=dotted"]
-        lines.append(
-            f"  {dot_string(edge.parent)} -> {dot_string(edge.child)} [{', '.join(style)}];"
-        )
+    trees = report.heard
+    for heard in trees:
+        where = f" ({heard.topic} in domain {heard.domain})" if len(trees) > 1 else ""
+        wrong = {fault.frame for fault in frame_faults(heard.tree, report.reserved)}
+        edges = heard.tree.edges
+        names = dict.fromkeys(name for edge in edges for name in (edge.parent, edge.child))
+        lines += [
+            f"  {dot_string(name + where)}{' [color=red]' if name in wrong else ''};"
+            for name in names
+        ]
+        for edge in edges:
+            style = [f"label={dot_string('/'.join(edge.publisher.split('/')[-2:]))}"]
+            style += [f"tooltip={dot_string(edge.publisher)}"]
+            style += ["color=red"] if edge.child in wrong else []
+            style += ["style=dashed"] if edge.static else [] if edge.sure else ["style=dotted"]
+            ends = f"{dot_string(edge.parent + where)} -> {dot_string(edge.child + where)}"
+            lines.append(f"  {ends} [{', '.join(style)}];")
     for hidden in report.hidden:
         name = dot_string(f"{hidden.what}: asset not found")
         lines.append(f"  {name} [style=dashed, color=gray];")
@@ -146,6 +152,10 @@ def as_json(report: TreeReport) -> str:
     data = {
         "file": report.path,
         "roots": report.roots,
+        "trees": [
+            {"domain": heard.number, "topic": heard.topic, "roots": heard.tree.roots}
+            for heard in report.heard
+        ],
         "transforms": [
             {
                 **asdict(edge),

@@ -100,6 +100,7 @@ def as_json(report: TopicReport) -> str:
             "topic": endpoint.topic,
             "written": endpoint.written,
             "type": endpoint.type,
+            "domain": endpoint.domain.number,
             "direction": endpoint.direction,
             "node": endpoint.node.path,
             "node_type": endpoint.node.type_name,

@@ -12,6 +12,8 @@ from itertools import pairwise
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.facts.tree import SentTransform
+from lab3_usd.facts.tree import tree as build_tree
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, arm_checks
@@ -33,7 +35,7 @@ from lab3_usd.sim.judge.expectations import (
 )
 from lab3_usd.sim.judge.motion import again, follows, odometry, rest
 from lab3_usd.sim.judge.sensors import MISSED, WALL, mounted
-from lab3_usd.sim.judge.topics import clock, tree
+from lab3_usd.sim.judge.topics import clock, heard_transforms, tree
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robots import (
     NO_LIMITS,
@@ -237,33 +239,15 @@ def _static(messages: Sequence[Message]) -> tuple[tuple[Transform, str], ...]:
 
 def one_tree(trial: Trial, robots: int) -> Iterator[RunFault]:
     """Each frame has one parent and one publisher, and there are no more trees than robots."""
-    up = _parents(trial)
-    tops = list(dict.fromkeys(_top(frame, up) for frame in up))
-    if not tops:
+    heard = build_tree(heard_transforms(trial, 0))
+    if not heard.edges:
         return
-    wanted = replace(trial.wanted, root=tops[0], base=tops[0])
+    top = heard.roots[0]
+    wanted = replace(trial.wanted, root=top, base=top)
     seen = Trial(trial.recording, trial.drive, wanted, causes=trial.causes)
     for fault in tree(seen):
-        if fault.kind != "disconnected-frame" or len(tops) > max(1, robots):
+        if fault.kind != "disconnected-frame" or len(heard.parts) > max(1, robots):
             yield fault
-
-
-def _parents(trial: Trial) -> dict[str, str]:
-    """Return the parent of each frame, as far as TF has them."""
-    moving = (
-        frame for m in trial.recording.topic(trial.wanted.transforms) for frame in m.transforms
-    )
-    static = (frame for frame, _ in trial.recording.static)
-    return {frame.child: frame.parent for frame in (*static, *moving)}
-
-
-def _top(frame: str, up: dict[str, str]) -> str:
-    """Return the root frame of a tree; of a cycle, any of its frames."""
-    for _ in up:
-        if frame not in up:
-            break
-        frame = up[frame]
-    return frame
 
 
 def _robot_checks(trial: Trial, robot: Robot) -> Iterator[Check]:
@@ -432,13 +416,13 @@ def _own(robot: Robot, robots: Sequence[Robot], played: Trial, scene: Scene) -> 
         scan=topics.get(robot.scan, ""),
         base=base,
     )
-    up = {
-        frame.child: frame.parent
+    heard = build_tree(
+        SentTransform(frame.parent, frame.child, m.node)
         for m in tf
         for frame in m.transforms
         if m.topic == wanted.transforms
-    }
-    root = root or _top(base, up)
+    )
+    root = root or next(reversed(heard.above(base)), base)
     below = [
         replace(m, data=tuple(frame for frame in m.transforms if frame.child != root))
         if m.type == TRANSFORMS

@@ -160,12 +160,11 @@ def _topics(trial: Trial) -> Iterator[Topic]:
 
 
 def _frames(trial: Trial) -> Iterator[Frame]:
-    """Yield each transform once, in the order in which they are sent."""
+    """Yield each transform once, as tf2 takes it, in the order in which they are sent."""
     seen: dict[Frame, None] = {}
     for message in trial.recording.messages:
-        if message.away is None and isinstance(message.data, tuple):
-            for transform in message.data:
-                seen.setdefault(Frame(transform.parent, transform.child, message.static))
+        for transform in message.transforms if message.away is None else ():
+            seen.setdefault(Frame(transform.parent, transform.child, message.static))
     yield from seen
 
 

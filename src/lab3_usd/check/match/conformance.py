@@ -6,41 +6,12 @@ from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
 
-from lab3_usd.check.match.rule_inputs import GraphSubject, Roles
-from lab3_usd.isaac.node_types import INPUT, can_connect
+from lab3_usd.check.match.rule_inputs import GraphSubject
+from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import Node, RenderProduct, once_per_stage, same_value
 from lab3_usd.spec.graph import NodeSpec, Setting, Target, Wire
-
-
-def setting_value(nodes: Mapping[str, Node], node: Node, port: str, depth: int = 8) -> Value | None:
-    """Return the effective value of an input, followed through wires from other inputs.
-
-    `nodes` holds the live nodes of the stage by path. None where what comes over a wire is known
-    at run time only. `depth` ends the search where inputs feed each other in a ring.
-    """
-    for source in node.sources(port):
-        path, _, source_port = source.rpartition(".")
-        feeding = nodes.get(path)
-        if feeding is not None and _is_kept(feeding, source_port, node, port):
-            # An input that a wire leaves from, as every constant's, brings what reaches it.
-            if not source_port.startswith(INPUT) or not depth:
-                return None
-            return setting_value(nodes, feeding, source_port, depth - 1)
-    return node.value(port)
-
-
-def _is_kept(feeding: Node, source_port: str, node: Node, port: str) -> bool:
-    """Whether the application keeps this wire; one between types that do not fit it drops."""
-    if not feeding.has_port(source_port):
-        return False
-    source = None if feeding.type is None else feeding.type.port(source_port)
-    target = None if node.type is None else node.type.port(port)
-    if source is None or target is None:
-        return True
-    is_source = source.is_source or source_port.startswith(INPUT)
-    return is_source and can_connect(source, target)
 
 
 def setting_matches(node: Node, setting: Setting, value: Value | None) -> bool:
@@ -69,7 +40,7 @@ class Found(Struct, frozen=True):
 def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
     """Return every setting of every matched node."""
     values = (
-        (node, spec, setting, setting_value(subject.live_nodes, node, setting.port))
+        (node, spec, setting, effective_value(node, setting.port, subject.live_nodes))
         for node, spec in subject.matched
         for setting in spec.settings
     )
@@ -140,57 +111,3 @@ def is_fed(source: Node, target: Node, wire: Wire, equivalents: Mapping[str, str
     if source_path(source, wire) in sources:
         return True
     return any(path in sources for path in source_paths(source, wire, equivalents))
-
-
-def is_live(live: Mapping[str, Node], source: str) -> bool:
-    """Whether a connection's source is a port that exists on a live node.
-
-    A wire from another node's input brings the value there, but no signal.
-    """
-    path, _, port = source.rpartition(".")
-    node = live.get(path)
-    if node is None or not node.has_port(port):
-        return False
-    known = None if node.type is None else node.type.port(port)
-    if known is None or known.is_source:
-        return True
-    return port.startswith(INPUT) and not known.is_execution and not known.is_target
-
-
-def types_fit(live: Mapping[str, Node], node: Node, port: str, source: str) -> bool:
-    """Whether what comes from a live source can go into this input."""
-    path, _, source_port = source.rpartition(".")
-    feeding = live[path]
-    output = None if feeding.type is None else feeding.type.port(source_port)
-    target = None if node.type is None else node.type.port(port)
-    return output is None or target is None or can_connect(output, target)
-
-
-def closes_cycle(roles: Roles, node: Node, port: str, source: str) -> bool:
-    """Whether an execution wire lets a node trigger itself."""
-    known = None if node.type is None else node.type.port(port)
-    if known is None or not known.is_execution:
-        return False
-    goal = source.rpartition(".")[0]
-    nodes = () if roles.graph is None else roles.graph.nodes
-    reached, frontier = {node.path}, [node.path]
-    while frontier:
-        current = frontier.pop()
-        if current == goal:
-            return True
-        for follower in nodes:
-            if follower.path not in reached and _is_triggered_by(follower, current):
-                reached.add(follower.path)
-                frontier.append(follower.path)
-    return False
-
-
-def _is_triggered_by(node: Node, path: str) -> bool:
-    if node.type is None:
-        return False
-    return any(
-        source.rpartition(".")[0] == path
-        for port in node.type.ports.values()
-        if port.is_execution and not port.is_source
-        for source in node.sources(port.name)
-    )

@@ -9,15 +9,9 @@ from collections.abc import Iterator, Mapping
 
 from msgspec import Struct, field
 
-from lab3_usd.check.match.conformance import (
-    closes_cycle,
-    is_fed,
-    is_live,
-    source_path,
-    source_paths,
-    types_fit,
-)
+from lab3_usd.check.match.conformance import is_fed, source_path, source_paths
 from lab3_usd.check.match.rule_inputs import GraphSubject, Kind, Roles, WireFault
+from lab3_usd.facts.wires import Connection, connection, cycle_of
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import (
     ELSEWHERE,
@@ -80,13 +74,12 @@ def in_another_graph(spec: NodeSpec, subject: GraphSubject) -> AbsentPrim | None
 
 
 class _Work(Struct):
-    """The graph under diagnosis, and the connections that a fault has already explained."""
+    """The graph under diagnosis, and the connections that one fault has: no other has them."""
 
     spec: GraphSpec
     roles: Roles
     live_nodes: Mapping[str, Node]
-    explained: set[tuple[str, str, str]] = field(default_factory=set)
-    silent: set[Wire] = field(default_factory=set)
+    taken: set[tuple[str, str, str]] = field(default_factory=set)
 
 
 def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[WireFault, ...]:
@@ -96,20 +89,18 @@ def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[W
     fed = [wire for wire in wires if is_fed(*_ends(work, wire), wire, roles.equivalents)]
     open_wires = [wire for wire in wires if wire not in fed] if len(fed) < len(wires) else []
     faults = [*_forbidden(work, wires), *_swaps(work, open_wires)]
-    open_wires = [wire for wire in open_wires if wire not in work.silent]
-    # Bypassed wires are found first: what a bypass explains is no missing wire.
     wrong = [fault for wire in open_wires for fault in _wrong(work, wire)]
     faults += wrong
     known = {fault.wire for fault in wrong}
-    unfed = [wire for wire in open_wires if wire not in known and wire not in work.silent]
+    unfed = [wire for wire in open_wires if wire not in known]
     # A wire that strayed on its own node explains that node's input before any other.
     for wire in unfed:
         _, target = _ends(work, wire)
         strayed = None if target.sources(wire.target.port) else _moved(work, wire, [target])
         if strayed is not None:
-            work.silent.add(wire)
+            known.add(wire)
             faults.append(strayed)
-    faults += [_unfed(work, wire) for wire in unfed if wire not in work.silent]
+    faults += [_unfed(work, wire) for wire in unfed if wire not in known]
     faults += [fault for wire in fed for fault in _seconds(work, wire)]
     faults += _unasked(work)
     return tuple(faults)
@@ -142,21 +133,21 @@ def _forbidden(work: _Work, wires: list[Wire]) -> Iterator[WireFault]:
         port, actual = wire.target.port, source_path(source, wire)
         if actual not in target.sources(port):
             continue
-        work.explained.add((target.path, port, actual))
+        work.taken.add((target.path, port, actual))
         instead = [demand for demand in wires if demand.target == wire.target]
-        work.silent.update(instead)
         expected = _accepted(work, instead[0])[0] if instead else None
         yield WireFault("forbidden", target, port, expected, actual, [*instead, wire][0])
 
 
 def _swaps(work: _Work, open_wires: list[Wire]) -> Iterator[WireFault]:
     """Find pairs of inputs that are fed by each other's source."""
+    found: set[Wire] = set()
     for index, first in enumerate(open_wires):
         for second in open_wires[index + 1 :]:
-            if first in work.silent or second in work.silent or first.source == second.source:
+            if first in found or second in found or first.source == second.source:
                 continue
             if _feeds(work, second, first) and _feeds(work, first, second):
-                work.silent |= {first, second}
+                found |= {first, second}
                 _, target = _ends(work, first)
                 _, second_target = _ends(work, second)
                 yield WireFault(
@@ -177,24 +168,32 @@ def _wrong(work: _Work, wire: Wire) -> Iterator[WireFault]:
     """Explain an input that is fed, but by something else."""
     source, target = _ends(work, wire)
     port = wire.target.port
-    actual = next((path for path in target.sources(port) if is_live(work.live_nodes, path)), None)
+    actual = next(
+        (path for path in target.sources(port) if _wire(work, target, port, path).has_source), None
+    )
     if actual is not None:
-        kind = _wrong_kind(work, wire, source, actual)
-        yield WireFault(kind, target, port, _accepted(work, wire)[0], actual, wire)
+        path, expected = actual.rpartition(".")[0], _accepted(work, wire)[0]
+        inside = () if work.roles.graph is None else [node.path for node in work.roles.graph.nodes]
+        passed = _passed_by(work, wire, actual)
+        if path != source.path and work.roles.graph is not None and path not in inside:
+            yield WireFault("foreign", target, port, expected, actual, wire)
+        elif passed is not None:
+            yield WireFault("bypass", target, port, expected, actual, wire, passed or None)
+        else:
+            yield WireFault("wrong", target, port, expected, actual, wire)
 
 
-def _wrong_kind(work: _Work, wire: Wire, source: Node, actual: str) -> Kind:
-    path = actual.rpartition(".")[0]
-    if path != source.path and work.roles.graph is not None:
-        inside = {node.path for node in work.roles.graph.nodes}
-        if path not in inside:
-            return "foreign"
+def _passed_by(work: _Work, wire: Wire, actual: str) -> str | None:
+    """Return the input of the node before that lacks its source, which goes past the node.
+
+    It is '' where that has its source all the same, None where nothing goes past a node.
+    """
     for earlier in work.spec.wires_into(wire.source.role):
         if _has_both_ends(work, earlier) and actual in _accepted(work, earlier):
-            # The source that should pass through this node goes around it.
-            work.silent.add(earlier)
-            return "bypass"
-    return "wrong"
+            source, node = _ends(work, earlier)
+            is_there = is_fed(source, node, earlier, work.roles.equivalents)
+            return "" if is_there else f"{node.path}.{earlier.target.port}"
+    return None
 
 
 def _unfed(work: _Work, wire: Wire) -> WireFault:
@@ -216,10 +215,10 @@ def _moved(work: _Work, wire: Wire, nodes: list[Node]) -> WireFault | None:
     for node in nodes:
         for port, state in sorted(node.ports.items()):
             for source in state.sources:
-                known = source not in expected or (node.path, port, source) in work.explained
+                known = source not in expected or (node.path, port, source) in work.taken
                 if known or _is_asked(work, node, port, source):
                     continue
-                work.explained.add((node.path, port, source))
+                work.taken.add((node.path, port, source))
                 elsewhere = f"{node.path}.{port}"
                 return WireFault(
                     "moved", target, wire.target.port, expected[0], None, wire, elsewhere
@@ -247,17 +246,25 @@ def _seconds(work: _Work, wire: Wire) -> Iterator[WireFault]:
     # A node with the same settings may take the first one's place, not stand beside it.
     right = next(path for path in accepted if path in target.sources(port))
     for actual in target.sources(port):
-        if actual == right or (target.path, port, actual) in work.explained:
+        if actual == right or (target.path, port, actual) in work.taken:
             continue
-        work.explained.add((target.path, port, actual))
+        work.taken.add((target.path, port, actual))
         kind = _needless_kind(work, target, port, actual) or "second"
         yield WireFault(kind, target, port, accepted[0], actual, wire)
 
 
 def _needless_kind(work: _Work, node: Node, port: str, source: str) -> Kind | None:
-    if not is_live(work.live_nodes, source):
+    wire = _wire(work, node, port, source)
+    if not wire.has_source:
         return "leftover"
-    return "cycle" if closes_cycle(work.roles, node, port, source) else None
+    if not wire.is_compatible:
+        return "incompatible"
+    is_cycle = wire.kind == "execution" and cycle_of(wire, work.live_nodes)
+    return "cycle" if is_cycle else None
+
+
+def _wire(work: _Work, node: Node, port: str, source: str) -> Connection:
+    return connection(node, port, source, work.live_nodes)
 
 
 def _unasked(work: _Work) -> Iterator[WireFault]:
@@ -270,11 +277,8 @@ def _unasked(work: _Work) -> Iterator[WireFault]:
             if (role, port) in inputs or not port.startswith("inputs:"):
                 continue
             for source in node.sources(port):
-                if (node.path, port, source) in work.explained:
+                if (node.path, port, source) in work.taken:
                     continue
                 if not _is_asked(work, node, port, source):
-                    kind = _needless_kind(work, node, port, source)
-                    if kind is None:
-                        fits = types_fit(work.live_nodes, node, port, source)
-                        kind = "unasked" if fits else "incompatible"
+                    kind = _needless_kind(work, node, port, source) or "unasked"
                     yield WireFault(kind, node, port, None, source)

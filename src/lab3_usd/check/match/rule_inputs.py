@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Literal, Protocol
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
+from lab3_usd.facts.domains import Domain, are_surely_one
 from lab3_usd.facts.execution_order import Nodes, live_nodes, run_states
+from lab3_usd.facts.frames import Edge, HeardTree, frames_in, heard_trees, is_tree_known
+from lab3_usd.facts.stalled_nodes import is_needed
+from lab3_usd.facts.wires import connections, find_cycles
+from lab3_usd.facts.written_names import MessageFrame, message_frames
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.finding import Finding, Requirement
+from lab3_usd.model.finding import Finding, Place, Problem, Requirement
 from lab3_usd.model.physics import ARTICULATION_API, BODY_API
-from lab3_usd.model.stage import GraphModel, Node, StageModel
+from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 
@@ -63,6 +69,61 @@ class ModelSubject(Protocol):
     def stage(self) -> StageModel:
         """The stage."""
 
+    @property
+    def platform(self) -> Platform:
+        """The release of Isaac Sim by which it is judged."""
+
+
+class GraphsSubject(ModelSubject, Protocol):
+    """The graphs of a stage that are judged: all of them, or the one that a spec describes."""
+
+    def graphs(self) -> Iterator[GraphModel]:
+        """Yield the graphs, in the scene or not."""
+
+    def nodes(self) -> Iterator[Node]:
+        """Yield the nodes of the scene that are judged: all of them, or those with a role."""
+
+    def judges_value(self, node: Node, port: str) -> bool:
+        """Whether the value of an input is judged: any, or one that the spec sets."""
+
+    @property
+    def wire_faults(self) -> tuple[WireFault, ...]:
+        """What is wrong with the wires: by themselves, or beside those of the spec."""
+
+
+class TransformsSubject(ModelSubject, Protocol):
+    """The transforms of a stage that are judged, beside the tree that a spec asks for, if any."""
+
+    def trees(self) -> tuple[HeardTree, ...]:
+        """Return the transforms, by listener, that no other rule finds fault with."""
+
+    def is_asked(self, edge: Edge) -> bool:
+        """Whether a spec asks for a transform, of the node that sends it."""
+
+    def are_one(self, domains: Iterable[Domain]) -> bool:
+        """Whether domains of one name are one in every environment that counts."""
+
+    def tops(self, heard: HeardTree) -> tuple[str, ...]:
+        """Return the frames that all others are to hang together with; none where it is unknown."""
+
+    def self_targets(self) -> Iterator[Problem]:
+        """Yield where a role's own settings make a frame its own parent."""
+
+    def message_frames(self) -> Iterator[MessageFrame]:
+        """Yield the frames of messages that no other rule finds fault with."""
+
+    def frames_in(self, domain: str) -> Collection[str]:
+        """Return the frames that are published in a domain; none where this is unknown."""
+
+    def frames_left_open(self) -> UnresolvedAsset | None:
+        """Return the missing asset that may hold further frames."""
+
+    def is_required(self, node: Node) -> bool:
+        """Whether a spec asks for a node."""
+
+    def assumed(self, edges: Iterable[Edge]) -> tuple[Place, ...]:
+        """Return the nodes that a problem of transforms rests on."""
+
 
 class GraphSubject(Struct, frozen=True, eq=False):
     """One graph of the spec beside its graph in the stage.
@@ -82,25 +143,51 @@ class GraphSubject(Struct, frozen=True, eq=False):
     wire_faults: tuple[WireFault, ...] = ()
     missing_with: str = ""
 
+    @property
+    def platform(self) -> Platform:
+        """The release of Isaac Sim that the lab is for."""
+        return self.lab.platform
+
+    def graphs(self) -> Iterator[GraphModel]:
+        """Yield the graph of the stage, nothing where it has none."""
+        if self.roles.graph is not None:
+            yield self.roles.graph
+
+    def nodes(self) -> Iterator[Node]:
+        """Yield the nodes that play a role."""
+        return (node for node, _ in self.matched)
+
+    def judges_value(self, node: Node, port: str) -> bool:
+        """Whether the spec sets the value of an input."""
+        role = self.roles.role_of.get(node.path)
+        settings = () if role is None else self.spec.nodes[role].settings
+        return any(setting.port == port for setting in settings)
+
 
 class StageSubject(Struct, frozen=True, eq=False):
     """The whole stage at one checkpoint.
 
-    `faulty_prims` holds the prims that already have an error from the rules of their graph: its
-    consequences are not reported again. `relocations` maps where the handout has the robot
-    and its links to where they stand instead; `lab` reads as if they belonged there.
-    `missing_graphs` maps each graph that is missing together with a prim to that prim, whose
-    finding names the graph. `graphs` are those of the checkpoint, each as its own rules see it.
+    `relocations` maps where the handout has the robot and its links to where they stand instead;
+    `lab` reads as if they belonged there. `graphs` are those of the checkpoint, each as its own
+    rules see it.
     """
 
     lab: Lab
     checkpoint: Checkpoint
     stage: StageModel
     roles: Mapping[str, Roles]
-    faulty_prims: frozenset[str] = frozenset()
     relocations: Mapping[str, str] = field(default_factory=dict)
-    missing_graphs: Mapping[str, str] = field(default_factory=dict)
     graphs: tuple[GraphSubject, ...] = ()
+
+    def missing_with(self, path: str) -> str:
+        """Name the graphs that are missing together with a prim, as the end of a sentence."""
+        names = [graph.spec.name for graph in self.graphs if graph.missing_with == path]
+        return f"; missing with it: {', '.join(names)}" if names else ""
+
+    @property
+    def platform(self) -> Platform:
+        """The release of Isaac Sim that the lab is for."""
+        return self.lab.platform
 
 
 class Outcome(Struct, frozen=True, eq=False):
@@ -144,6 +231,89 @@ class LintSubject(Struct, frozen=True, eq=False):
         ignores = self.platform.graph.ignores
         return (graph for graph in self.stage.graphs if not ignores(graph.path))
 
+    def nodes(self) -> Iterator[Node]:
+        """Yield the nodes of all active graphs."""
+        return iter(self.live.values())
+
+    def judges_value(self, node: Node, port: str) -> bool:  # noqa: ARG002 - see GraphsSubject
+        """Every value is judged."""
+        return True
+
+    @property
+    def wire_faults(self) -> tuple[WireFault, ...]:
+        """What is wrong with the wires by themselves."""
+        return _wire_faults(self.stage, self.platform)
+
+    def trees(self) -> tuple[HeardTree, ...]:
+        """Return the transforms by listener."""
+        return heard_trees(self.stage, self.platform)
+
+    def is_asked(self, _edge: Edge) -> bool:
+        """Whether a spec asks for a transform, which no stage without a lab has."""
+        return False
+
+    def are_one(self, domains: Iterable[Domain]) -> bool:
+        """Whether domains of one name are one in every environment."""
+        return are_surely_one(domains)
+
+    def tops(self, heard: HeardTree) -> tuple[str, ...]:
+        """Return the top of the largest tree, where all transforms are known."""
+        if not is_tree_known(self.stage, self.platform):
+            return ()
+        _, largest = heard.tree.parts[0]
+        return tuple(top for top in heard.tree.roots if top in largest)[:1]
+
+    def self_targets(self) -> Iterator[Problem]:
+        """Yield where a role's own settings make a frame its own parent: there are no roles."""
+        yield from ()
+
+    def message_frames(self) -> Iterator[MessageFrame]:
+        """Yield the frames of messages; of a slash before or no name at all another rule speaks."""
+        for named in message_frames(self.stage, self.platform):
+            name = named.name.lstrip("/")
+            if name:
+                yield replace(named, name=name)
+
+    def frames_in(self, domain: str) -> Collection[str]:
+        """Return the frames that are published in a domain, where all transforms are known."""
+        is_known = is_tree_known(self.stage, self.platform)
+        return frames_in(self.stage, self.platform, domain) if is_known else ()
+
+    def frames_left_open(self) -> UnresolvedAsset | None:
+        """Return the missing asset that may hold further frames: then no frame is judged."""
+        return None
+
+    def is_required(self, _node: Node) -> bool:
+        """Whether a spec asks for a node: without one, all count alike."""
+        return True
+
+    def assumed(self, _edges: Iterable[Edge]) -> tuple[Place, ...]:
+        """Return the nodes that a problem of transforms rests on: each problem is a root."""
+        return ()
+
     def title(self, node: Node) -> str:
         """Return what a node is called in the graph editor."""
         return node.type.ui_name if node.type is not None else node.type_name or "a node"
+
+
+@once_per_stage
+def _wire_faults(stage: StageModel, platform: Platform) -> tuple[WireFault, ...]:
+    """Return what is wrong with the wires of a stage, whatever they are for."""
+    faults = []
+    fed: dict[tuple[str, str], str] = {}
+    for wire in connections(stage, platform):
+        if not wire.has_source:
+            is_dead = is_needed(wire.node, wire.port, stage, platform)
+            kind: Kind = "dead" if is_dead else "leftover"
+            faults.append(WireFault(kind, wire.node, wire.port, None, wire.path))
+        elif wire.is_live and not wire.is_compatible:
+            faults.append(WireFault("incompatible", wire.node, wire.port, None, wire.path))
+        elif wire.is_live and wire.brings_data:
+            first = fed.setdefault((wire.node.path, wire.port), wire.path)
+            if first != wire.path:
+                faults.append(WireFault("second", wire.node, wire.port, first, wire.path))
+    faults += [
+        WireFault("cycle", wire.node, wire.port, None, wire.path)
+        for wire in find_cycles(stage, platform)
+    ]
+    return tuple(faults)

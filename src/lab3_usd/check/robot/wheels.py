@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
 
-from lab3_usd.check.match.conformance import setting_matches, setting_value, target_matches
+from lab3_usd.check.match.conformance import setting_matches, target_matches
 from lab3_usd.check.match.rule_inputs import Roles, StageSubject
 from lab3_usd.facts.arrays import joint_names
 from lab3_usd.facts.execution_order import (
@@ -210,7 +210,9 @@ def is_same_graph(spec: GraphSpec, graph: GraphModel, live: Nodes) -> bool:
         node = roles.node_of[role]
         if node is None or not all(target_matches(node, target) for target in demand.targets):
             return False
-        values = ((setting, setting_value(live, node, setting.port)) for setting in demand.settings)
+        values = (
+            (setting, effective_value(node, setting.port, live)) for setting in demand.settings
+        )
         if not all(setting_matches(node, setting, value) for setting, value in values):
             return False
     return True

@@ -13,6 +13,7 @@ from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import shortened
 from lab3_usd.data import program
+from lab3_usd.facts.tree import SentTransform, Tree, tree
 from lab3_usd.model.dry_run import Check
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.folder import (
@@ -235,8 +236,8 @@ def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     def judge(shown: Observation[tuple[Edge, ...]]) -> list[Problem]:
         if not shown.fact:
             return [Problem(shown.file, "the TF tree is empty")]
-        parents = {child: parent for parent, child in shown.fact}
-        found = list(_missing(required, parents, subject.frames.deeper_under, shown.file))
+        heard = tree(SentTransform(*edge) for edge in shown.fact)
+        found = list(_missing(required, heard, subject.frames.deeper_under, shown.file))
         return [_before_localization(subject, problem) for problem in found]
 
     yield from judge_best(subject.evidence.view_frames.get("", ()), judge)
@@ -253,26 +254,16 @@ def _before_localization(subject: EvidenceSubject, problem: Problem) -> Problem:
 
 
 def _missing(
-    required: list[Edge], parents: Mapping[str, str], deeper_under: str, file: str
+    required: list[Edge], heard: Tree[SentTransform], deeper_under: str, file: str
 ) -> Iterator[Problem]:
     for parent, child in required:
-        actual = parents.get(child)
+        above = heard.parents_of(child)
         edge = f"{parent} -> {child}"
-        if actual is None:
+        if not above:
             yield Problem(file, f"the TF tree lacks {edge}", edge)
-        elif actual != parent and not (
-            parent == deeper_under and parent in _ancestors(child, parents)
-        ):
-            message = f"{child} hangs below {actual}, expected {edge}"
-            yield Problem(file, message, edge, parent, actual)
-
-
-def _ancestors(frame: str, parents: Mapping[str, str]) -> list[str]:
-    found: list[str] = []
-    while frame in parents and parents[frame] not in found:
-        frame = parents[frame]
-        found.append(frame)
-    return found
+        elif parent not in above and not (parent == deeper_under and parent in heard.above(child)):
+            message = f"{child} hangs below {above[0]}, expected {edge}"
+            yield Problem(file, message, edge, parent, above[0])
 
 
 @rule("E12", "frame-with-two-parents", scope="evidence")
@@ -285,17 +276,22 @@ def frame_with_two_parents(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Example: one run of `view_frames` shows `{base} -> {link}`, the next `world -> {link}`.
     """
-    forbidden = subject.frames.is_forbidden  # of such a transform E10 speaks
-    first: dict[str, tuple[str, str]] = {}
-    for shown in subject.evidence.view_frames.get("", ()):
-        for parent, child in shown.fact:
-            known, file = first.setdefault(child, (parent, shown.file))
-            if known == parent or forbidden((parent, child)) or forbidden((known, child)):
+    heard = tree(
+        SentTransform(*edge, shown.file)
+        for shown in subject.evidence.view_frames.get("", ())
+        for edge in shown.fact
+        if not subject.frames.is_forbidden(edge)  # of such a transform E10 speaks
+    )
+    for child, (known, *_) in heard.several_parents.items():
+        first, *others = (edge for edge in heard.by_child[child] if edge.parent != child)
+        for edge in others:
+            if edge.parent == known:
                 continue
             # Two files may be from before and after a repair, one file may not.
-            severity: Severity = "error" if file == shown.file else "warning"
-            message = f"{child} hangs below {known} and below {parent}"
-            yield Problem(shown.file, message, child, related=(file,), severity=severity)
+            severity: Severity = "error" if edge.publisher == first.publisher else "warning"
+            message = f"{child} hangs below {known} and below {edge.parent}"
+            file, related = edge.publisher, (first.publisher,)
+            yield Problem(file, message, child, related=related, severity=severity)
 
 
 @rule("E13", "transform-lookup-failed", scope="evidence")

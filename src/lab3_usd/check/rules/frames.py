@@ -15,12 +15,9 @@ from lab3_usd.check.lab_frames import (
     lists_its_parent,
     missing_frames,
 )
-from lab3_usd.check.match.conformance import setting_matches
 from lab3_usd.check.match.rule_inputs import Outcome
 from lab3_usd.check.registry import TF, rule
 from lab3_usd.check.repairs import edits_in_stage, edits_of_harm
-from lab3_usd.facts.endpoints import endpoints
-from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.facts.frame_targets import (
     LINK_API,
     NAME_OVERRIDE,
@@ -30,12 +27,11 @@ from lab3_usd.facts.frame_targets import (
     tf_ports,
 )
 from lab3_usd.facts.frames import Edge, certain_edges, unknown_publishers
-from lab3_usd.isaac.topics import frame_ports
+from lab3_usd.facts.tree import tree
 from lab3_usd.model.changes import ClearValue
 from lab3_usd.model.finding import Finding, Problem, Severity, display
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import Node, UnresolvedAsset
 
 
 @rule("T01", "missing-frame", scope="frames")
@@ -94,7 +90,7 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
             actual=", ".join(targets) or "no targets",
             handout=maker.handout,
             fix=edits_in_stage(view.subject, maker.node.path, maker.port),
-            unknown_targets=tuple(strangers),
+            covers=tuple((maker.node.path, f"{maker.port}[{path}]") for path in strangers),
             frames=tuple(frames),
         )
 
@@ -145,13 +141,8 @@ def _is_right(edge: Edge, parent: str, view: TfView) -> bool:
 
 def _hangs_below(edge: Edge, top: str, view: TfView) -> bool:
     """Whether the node that gives this frame leads from it up to `top`, as with a robot's links."""
-    above = {other.child: other.parent for other in view.edges if other.cause == edge.cause}
-    seen: set[str] = set()
-    name = edge.child
-    while name in above and name not in seen and name != top:
-        seen.add(name)
-        name = above[name]
-    return name == top
+    own = tree(other for other in view.edges if other.cause == edge.cause)
+    return top in own.above(edge.child)
 
 
 def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> Problem:
@@ -240,58 +231,6 @@ def _graphs(outcome: Outcome, *, publish: bool) -> Iterator[str]:
             yield spec.path if roles.graph is None else roles.graph.path
 
 
-@rule("T11", "frame-id-not-in-tree", scope="frames", formerly="frame-id-outside-the-tree")
-def frame_id_not_in_tree(view: TfView) -> Iterator[Problem]:
-    """A message names a frame outside the TF tree.
-
-    Why: a subscriber asks tf2 for the frame and waits forever. Isaac Sim reports no error.
-
-    Fix: set the frame id of the publisher to a frame that the stage publishes, or publish that
-    frame.
-
-    Example: an IMU publisher keeps its default frame id, and no transform places that frame.
-    """
-    subject = view.subject
-    if unknown_publishers(subject.stage, subject.lab.platform):
-        return
-    asset = subject.stage.unknown(*(frames.prim for frames in view.hidden))
-    required = {frame for edge in subject.lab.frames.edges for frame in edge}
-    frames = {frame for edge in view.edges for frame in (edge.parent, edge.child)} | required
-    extra = [node for roles in subject.roles.values() for node in roles.extra]  # reported as such
-    for endpoint in endpoints(subject.stage, subject.lab.platform):
-        if endpoint.runs and endpoint.direction == "publishes" and endpoint.node not in extra:
-            for port, frame in _unfaulted_frames(endpoint.node, endpoint.port, view):
-                if frame not in frames:
-                    yield _foreign_frame(endpoint.node, port, frame, view, asset)
-
-
-def _unfaulted_frames(node: Node, topic: str, view: TfView) -> Iterator[tuple[str, str]]:
-    """Yield the frame ids of one topic that the rules of settings do not find fault with."""
-    kind, spec = node.type, view.role_specs.get(node.path)
-    asked = {} if spec is None else {setting.port: setting for setting in spec.settings}
-    for port in () if kind is None or kind.tf is not None else frame_ports(kind, topic):
-        value = effective_value(node, port, view.running)
-        if isinstance(value, str) and (
-            port not in asked or setting_matches(node, asked[port], value)
-        ):
-            yield port, value
-
-
-def _foreign_frame(
-    node: Node, port: str, frame: str, view: TfView, asset: UnresolvedAsset | None
-) -> Problem:
-    return Problem(
-        node.path,
-        f"{port} is '{frame}', a frame that nothing publishes",
-        property=port,
-        expected="a frame of the TF tree",
-        actual=frame,
-        severity="warning" if node.path not in view.role_specs else None,
-        fix=edits_in_stage(view.subject, node.path, port),
-        rests_on=asset,
-    )
-
-
 @rule("T12", "unknown-frames", scope="frames", severity="warning")
 def unknown_frames(view: TfView) -> Iterator[Problem]:
     """A node publishes frames that are not in the stage.
@@ -307,9 +246,9 @@ def unknown_frames(view: TfView) -> Iterator[Problem]:
     """
     subject = view.subject
     for path in unknown_publishers(subject.stage, subject.lab.platform):
-        if path not in subject.faulty_prims:
-            yield Problem(
-                path,
-                "publishes transforms between frames that the stage does not define",
-                handout=subject.lab.frames.handout,
-            )
+        yield Problem(
+            path,
+            "publishes transforms between frames that the stage does not define",
+            handout=subject.lab.frames.handout,
+            assumes=((path, None),),
+        )

@@ -16,8 +16,7 @@ from lab3_usd.model.changes import (
     SetValue,
 )
 from lab3_usd.model.finding import Problem, Severity, display
-from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import GraphModel, StageModel
+from lab3_usd.model.stage import GraphModel
 
 _ANOTHER = "another graph"
 
@@ -44,7 +43,7 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: no `{graph}` from the checkpoint on that adds it.
     """
-    if subject.roles.graph is not None or subject.missing_with:
+    if subject.roles.graph is not None:
         return
     spec = subject.spec
     yield Problem(
@@ -54,6 +53,7 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
         handout=spec.handout,
         hint=f"make the graph {spec.name} at {spec.path} as section {spec.handout} shows",
         fix=tuple(_way_back(subject)),
+        assumes=((subject.missing_with, None),) if subject.missing_with else (),
     )
 
 
@@ -74,7 +74,7 @@ def _way_back(subject: GraphSubject) -> Iterator[Edit]:
 def _why_missing(subject: GraphSubject) -> str:
     path, stage = subject.spec.path, subject.stage
     prim, missing = stage.prims.get(path), stage.unresolved_above(path)
-    instance = _instance_above(path, stage)
+    instance = stage.instance_above(path)
     if prim is not None and prim.active and not prim.defined and missing is not None:
         return f": only an over is here, and {missing.asset} below it cannot be found"
     if _inactive(subject) is not None:
@@ -82,10 +82,6 @@ def _why_missing(subject: GraphSubject) -> str:
     if prim is not None:
         return f": the prim at its path is {prim.type or 'of no type'}, not an Action Graph"
     return f": {instance} is an instance, below which nothing can be added" if instance else ""
-
-
-def _instance_above(path: str, stage: StageModel) -> str | None:
-    return next((top for top in stage.instances if is_at_or_below(path, top)), None)
 
 
 @rule("G02", "misplaced-graph", scope="graph")
@@ -199,27 +195,6 @@ def graph_kind(subject: GraphSubject) -> Iterator[Problem]:
             actual=display(value),
             handout=subject.spec.handout,
             fix=(SetValue(graph.path, attribute.name, attribute.usd_type, attribute.value),),
-        )
-
-
-@rule("G06", "graph-in-instance", scope="graph", severity="warning")
-def graph_in_instance(subject: GraphSubject) -> Iterator[Problem]:
-    """A graph is part of an instance.
-
-    Why: Isaac Sim does not load graphs of instances, so nothing in the graph runs. The check judges
-    it as if it were loaded.
-
-    Fix: select the prim named here and clear Instanceable in the Property panel.
-
-    Example: `{robot}` is a reference to a robot with its graphs, and is instanceable.
-    """
-    graph = subject.roles.graph
-    instance = None if graph is None else _instance_above(graph.path, subject.stage)
-    if graph is not None and instance is not None:
-        message = f"graph {subject.spec.name} is part of the instance {instance}"
-        hint = f"select {instance} and clear Instanceable in the Property panel"
-        yield Problem(
-            graph.path, message, None, None, instance, subject.spec.handout, (instance,), hint=hint
         )
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from lab3_usd.check.match.conformance import setting_value
 from lab3_usd.check.match.rule_inputs import GraphSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
+from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Problem, display, role_title, short_source
 from lab3_usd.model.physics import number
@@ -34,23 +34,24 @@ def limit_without_time_step(subject: GraphSubject) -> Iterator[Problem]:
             hint = f"{first}select {role_title(spec)} and set {port.partition(':')[2]} to 0"
             section = dict(spec.keep).get(port, spec.handout)
             fix = edits_at(subject, f"{node.path}.{port}")
+            steps = tuple((node.path, name) for name in spec.type.time_step)
             yield Problem(
-                node.path, message, port, "0", display(value), section, hint=hint, fix=fix
+                node.path,
+                message,
+                port,
+                "0",
+                display(value),
+                section,
+                hint=hint,
+                fix=fix,
+                covers=steps,
             )
-
-
-def stopping_inputs(subject: GraphSubject) -> Iterator[tuple[str, str]]:
-    """Yield the prim and input of each limit that stops a node, and of its time step at 0."""
-    for node, spec in subject.matched:
-        limits = [port for port, _ in stopping_limits(subject.live_nodes, node)]
-        for port in (*limits, *spec.type.time_step) if limits else ():
-            yield node.path, port
 
 
 def stopping_limits(live: Mapping[str, Node], node: Node) -> Iterator[tuple[str, Value]]:
     """Yield the limits of a node, and their values, that keep it from computing anything."""
     for port in node.type.step_limits if node.type is not None else ():
-        value = setting_value(live, node, port) if lacks_time_step(live, node) else None
+        value = effective_value(node, port, live) if lacks_time_step(live, node) else None
         if value is not None and number(value) != 0:
             yield port, value
 
@@ -60,13 +61,13 @@ def unknown_limits(live: Mapping[str, Node], node: Node) -> list[str]:
     if node.type is None or not lacks_time_step(live, node):
         return []
     wired = (port for port in node.type.step_limits if node.sources(port))
-    return [port for port in wired if setting_value(live, node, port) is None]
+    return [port for port in wired if effective_value(node, port, live) is None]
 
 
 def lacks_time_step(live: Mapping[str, Node], node: Node) -> bool:
     """Whether the time step of a node that takes one is 0 or less."""
     for step in node.type.time_step if node.type is not None else ():
-        seconds = setting_value(live, node, step)
+        seconds = effective_value(node, step, live)
         length = 0.0 if seconds is None else number(seconds)
         if (seconds is None and node.sources(step)) or (length is not None and length > 0):
             return False

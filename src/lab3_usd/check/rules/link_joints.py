@@ -166,7 +166,7 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
                 hint=hint,
                 fix=tuple(Restore(joint, JOINT_ENABLED) for joint in off) or (Restore(path),),
                 unmet=(f"Scene/joined/{name}",),
-                causes=tuple((joint, JOINT_ENABLED) for joint in off),
+                covers=tuple((joint, JOINT_ENABLED) for joint in off),
             )
         elif path in present and _is_held(link) and groups[path] == groups[base]:
             yield from _movable(subject, path, link.handout)
@@ -191,7 +191,7 @@ def _not_bolted(subject: StageSubject, base: str, handout: str) -> Problem:
         hint=hint,
         fix=tuple(Restore(joint, JOINT_ENABLED) for joint in off),
         unmet=(f"Scene/joined/{name}",),
-        causes=tuple((joint, JOINT_ENABLED) for joint in off),
+        covers=tuple((joint, JOINT_ENABLED) for joint in off),
         rests_on=unknown_joints(subject),
     )
 

@@ -34,7 +34,7 @@ from lab3_usd.facts.quantities import unit_of
 from lab3_usd.facts.stalled_nodes import array_items
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.changes import Edit, SetValue
-from lab3_usd.model.finding import Problem, display
+from lab3_usd.model.finding import Place, Problem, display
 from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel, UnresolvedAsset
@@ -243,7 +243,7 @@ def command_count(subject: LintSubject) -> Iterator[Problem]:
         for port in command.ports.commands if joints else ():
             given = number_of_commands(command, port, subject.stage, subject.platform)
             is_right = not given or given == joints or (given == 1 and (may_spread or is_for_all))
-            if not is_right and not _has_empty_element(command, subject):
+            if not is_right:
                 named = f"{port} and {command.ports.joints} differ in length: {given} and {joints}"
                 whole = f"{port} has {given} values, and the robot {joints} joints: none moves"
                 yield Problem(
@@ -255,15 +255,17 @@ def command_count(subject: LintSubject) -> Iterator[Problem]:
                     related=(command.robot,) if is_for_all else (),
                     rests_on=(command.unknown if is_for_all else None)
                     or subject.stage.unknown_inputs(command.node),
+                    assumes=tuple(_elements_without_value(command, subject)),
                 )
 
 
-def _has_empty_element(command: Command, subject: LintSubject) -> bool:
-    """Whether an array that comes in has an element without a value: another rule speaks of it."""
-    ports = (command.ports.joints, *command.ports.commands)
-    sources = (node for port in ports for node, _ in live_sources(command.node, port, subject.live))
-    arrays = (array_items(node) for node in sources)
-    return any(items.empty for items in arrays if items is not None)
+def _elements_without_value(command: Command, subject: LintSubject) -> Iterator[Place]:
+    """Yield the elements without a value of the arrays that come in."""
+    for port in (command.ports.joints, *command.ports.commands):
+        for maker, _ in live_sources(command.node, port, subject.live):
+            items = array_items(maker)
+            for element in () if items is None else items.empty:
+                yield maker.path, element
 
 
 @rule("K69", "ignored-indices", scope="lint", severity="warning")

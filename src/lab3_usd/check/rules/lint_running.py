@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.missing_wires import execution_wire
 from lab3_usd.check.registry import rule
+from lab3_usd.facts.articulations import commands
 from lab3_usd.facts.execution_order import (
     ENABLED,
     effective_value,
@@ -32,7 +33,7 @@ from lab3_usd.facts.stalled_nodes import (
 )
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem, Severity
-from lab3_usd.model.stage import DEACTIVATED, OVER, Node, nodes_outside_graphs
+from lab3_usd.model.stage import OVER, Node
 
 _REASONS = {
     "unwired": "{port} is not connected",
@@ -220,34 +221,6 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
                     )
 
 
-@rule("K05", "stray-node", scope="lint", severity="warning")
-def stray_node(subject: LintSubject) -> Iterator[Problem]:
-    """A node is in no graph, or a prim in a graph is no node.
-
-    Why: Isaac Sim evaluates only nodes that are children of a graph. A node elsewhere, or a prim of
-    another type, never computes.
-
-    Fix: drag the node into its graph in the Stage panel, or delete it.
-
-    Example: `/to_string`, left at the root when its graph was renamed.
-
-    Basis: in all saved stages and in NVIDIA's scripts nodes are children of a graph. Kit's code is
-    not public.
-    """
-    for node in nodes_outside_graphs(subject.stage):
-        if subject.platform.graph.ignores(node.path):
-            continue
-        yield Problem(
-            node.path,
-            f"{subject.title(node)} is outside every graph and never executes",
-            severity="error" if has_side_effects(node) else None,
-        )
-    for graph in subject.graphs():
-        for prim in graph.absent if graph.active else ():
-            if prim.reason not in (DEACTIVATED, OVER) and prim.type_name:
-                yield Problem(prim.path, f"is not a node but {prim.reason}, and never executes")
-
-
 @rule(
     "K06",
     "switched-off",
@@ -342,27 +315,6 @@ def _events(node: Node, subject: LintSubject) -> dict[str, Node]:
     return events
 
 
-@rule("K07", "instanced-graph", scope="lint", severity="warning")
-def instanced_graph(subject: LintSubject) -> Iterator[Problem]:
-    """A graph belongs to an instanceable prim.
-
-    Why: Isaac Sim does not load graphs of instances: all copies share the graph, and it belongs to
-    none.
-
-    Fix: switch Instanceable off on the prim above the graph.
-
-    Example: a robot referenced with `instanceable = true` and carries its Action Graphs.
-
-    Basis: USD shares the prims of an instance, so a graph cannot write to one of them. Kit's code
-    is not public, and its documentation does not mention the case: a warning.
-    """
-    for graph in subject.graphs():
-        if graph.active and graph.instanced:
-            yield Problem(
-                graph.path, "graph is part of an instance: Isaac Sim loads no graph of an instance"
-            )
-
-
 @rule("K10", "unset-input", scope="lint", formerly="works-on-zeros")
 def unset_input(subject: LintSubject) -> Iterator[Problem]:
     """A required input is neither connected nor set.
@@ -414,10 +366,27 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
     Basis: Make Array is a node of Kit, whose code is not public; its page describes one input for
     each element. An empty joint name is rejected in `articulation.py:767`.
     """
+    for command in commands(subject.stage, subject.platform):
+        port = command.ports.joints
+        if "" in (command.names or ()) and not command.node.sources(port):
+            yield Problem(
+                command.node.path,
+                f"{port} has an empty element, and no joint has an empty name",
+                property=port,
+                expected="names of joints",
+            )
     for node in subject.live.values():
         items = array_items(node)
         if items is None:
             continue
+        for port in items.filled:
+            if effective_value(node, port, subject.live) == "":
+                yield Problem(
+                    node.path,
+                    f"{port} is connected to an empty text: an element of the array is empty",
+                    property=port,
+                    expected="a text",
+                )
         if items.filled:
             for port in items.empty:
                 yield Problem(

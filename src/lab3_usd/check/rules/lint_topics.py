@@ -11,7 +11,6 @@ from lab3_usd.facts.domains import are_surely_one
 from lab3_usd.facts.endpoints import (
     KIND,
     PROFILE,
-    TRANSFORMS,
     Endpoint,
     Qos,
     did_you_mean,
@@ -32,73 +31,6 @@ def _grave(*ends: Endpoint) -> Severity | None:
     """Return the severity of a fault between these, milder where one of them only may run."""
     is_sure = all(end.sure for end in ends) and are_surely_one(end.domain for end in ends)
     return None if is_sure else "warning"
-
-
-@rule("K40", "two-publishers", scope="lint")
-def two_publishers(subject: LintSubject) -> Iterator[Problem]:
-    """A topic has two publishers.
-
-    Why: subscribers receive both streams mixed: two clocks make time jump back, two odometries make
-    the robot jump. Only topics of transforms, such as `/tf`, may have several publishers.
-
-    Fix: delete the second publisher, most often a copy of the whole graph; or give each robot a
-    namespace or topics of its own. A node that publishes two topics needs two topic names.
-
-    Example: two robots publish their joints on `/joint_states`.
-    """
-    together: dict[tuple[str, str], list[Endpoint]] = {}
-    for endpoint in running_endpoints(subject.stage, subject.platform, "publishes"):
-        is_tree = endpoint.topic in subject.platform.ros.tree_topics or endpoint.type == TRANSFORMS
-        if not is_tree:
-            key = (str(endpoint.topic), endpoint.domain.name)
-            together.setdefault(key, []).append(endpoint)
-    for (topic, _), (first, *others) in together.items():
-        for other in others:
-            same_type = None in (first.type, other.type) or first.type == other.type
-            if same_type:  # of two types the rule of types speaks
-                is_own = other.node.path == first.node.path
-                yield Problem(
-                    other.node.path,
-                    f"{other.port} and {first.port} are both {topic}"
-                    if is_own
-                    else f"publishes {topic}, which {first.node.path} publishes as well",
-                    property=other.port,
-                    expected="a topic of its own" if is_own else "one publisher",
-                    actual=topic,
-                    related=() if is_own else (first.node.path,),
-                    severity=_grave(first, other),
-                )
-
-
-@rule("K41", "two-types", scope="lint")
-def two_types(subject: LintSubject) -> Iterator[Problem]:
-    """One topic has two message types.
-
-    Why: ROS 2 connects only publishers and subscribers of one type. `ros2 topic echo`, RViz and
-    recordings fail for a topic with two types.
-
-    Fix: give one of them another topic.
-
-    Example: a camera's depth image and its depth points are both published on `/depth`.
-    """
-    first: dict[tuple[str, str], Endpoint] = {}
-    ends = [
-        *running_endpoints(subject.stage, subject.platform, "publishes"),
-        *running_endpoints(subject.stage, subject.platform, "subscribes"),
-    ]
-    for endpoint in (end for end in ends if end.type is not None):
-        known = first.setdefault((str(endpoint.topic), endpoint.domain.name), endpoint)
-        if known.type != endpoint.type:
-            yield Problem(
-                endpoint.node.path,
-                f"{endpoint.direction} {endpoint.topic} as {endpoint.type}, and "
-                f"{known.node.path} {known.direction} it as {known.type}",
-                property=endpoint.port,
-                expected=known.type,
-                actual=endpoint.type,
-                related=(known.node.path,),
-                severity=_grave(known, endpoint),
-            )
 
 
 @rule("K42", "invalid-qos", scope="lint", formerly="refused-profile")
@@ -162,46 +94,6 @@ def _mismatch(maker: Qos, taker: Qos) -> str:
     if taker.durability == "transient_local" and maker.durability == "volatile":
         return "the subscriber asks for transient local, the publisher offers volatile"
     return ""
-
-
-@rule("K34", "value-type", scope="lint", formerly="value-of-another-type")
-def value_type(subject: LintSubject) -> Iterator[Problem]:
-    """A value has a type that its port does not have.
-
-    Why: Isaac Sim creates the port with its own type and ignores the value: the default applies.
-
-    Fix: delete the node, add it again and set the value in the Property panel.
-
-    Example: `inputs:wheelRadius` written as a string by a script, although it is a double.
-
-    Basis: ports have the types of Isaac Sim's source. Kit's handling of other types is not public;
-    pairs of types that earlier releases saved are accepted.
-    """
-    for node in subject.live.values():
-        for name, state in node.ports.items():
-            port = None if node.type is None else node.type.port(name)
-            if port is None or state.value is None or port.is_union or port.is_target:
-                continue
-            if state.usd_type not in ("", port.usd_type, *_SAME.get(port.usd_type, ())):
-                yield Problem(
-                    node.path,
-                    f"{name} has type {state.usd_type}, expected {port.usd_type}",
-                    property=name,
-                    expected=port.usd_type,
-                    actual=state.usd_type,
-                )
-
-
-# Files of earlier releases declare these otherwise, and are read all the same.
-_SAME = {
-    "string": ("token",),
-    "token": ("string",),
-    "uint64": ("uint", "int", "int64"),
-    "uint": ("int", "uint64"),
-    "double": ("float",),
-    "float": ("double",),
-    "vector3d": ("double3",),
-}
 
 
 @rule("K35", "unknown-token", scope="lint", formerly="value-not-offered")

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import TYPE, VERSION, other_names
+from lab3_usd.check.repairs import TYPE, VERSION
 from lab3_usd.facts.endpoints import did_you_mean, likely_type
 from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
 from lab3_usd.isaac.releases import order
@@ -77,30 +77,6 @@ def _likely(node: Node, subject: LintSubject) -> str | None:
         return None
     alike = subject.platform.lookalikes.get(node.saved_type)
     return alike or likely_type(node.saved_type, subject.platform.types)
-
-
-@rule("K31", "deprecated-types", scope="lint", severity="warning", formerly="old-names")
-def deprecated_types(subject: LintSubject) -> Iterator[Problem]:
-    """Nodes have names of another release, for their types or their ports.
-
-    Why: Isaac Sim 4.5 and later rename types from before when they open the stage, which an older
-    release saved with other defaults. An earlier release does not know the names of a later one.
-
-    Fix: open the stage in the release that you use, look at the graph, and save it again.
-
-    Example: a ROS2 Context whose type begins with `omni.isaac`.
-    """
-    for graph in subject.graphs():
-        for other in other_names(graph, subject.platform):
-            verb = "has" if len(other.nodes) == 1 else "have"
-            yield Problem(
-                graph.path,
-                f"{other.count} {verb} {other.what}: {other.written}, now {other.known}",
-                expected=other.known,
-                actual=other.written,
-                related=tuple(node.path for node in other.nodes),
-                fix=other.edits,
-            )
 
 
 @rule(

@@ -12,7 +12,7 @@ from lab3_usd.check.hints import note_if_harmless, shown_graph
 from lab3_usd.check.match.diagnosis import absent_nodes, in_another_graph, missing_roles
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import TYPE, VERSION, edits_at, other_names
+from lab3_usd.check.repairs import TYPE, VERSION, edits_at
 from lab3_usd.check.robot.wheels import is_doubtful, second_commanders
 from lab3_usd.facts.endpoints import Endpoint, endpoints
 from lab3_usd.facts.execution_order import live_nodes, severity_if_uncertain
@@ -26,7 +26,6 @@ from lab3_usd.model.stage import (
     OVER,
     AbsentPrim,
     Node,
-    nodes_outside_graphs,
 )
 from lab3_usd.spec.graph import NodeSpec, PortRef
 from lab3_usd.spec.lab import Lab
@@ -81,6 +80,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
             hint=_way_back(subject, spec, present),
             fix=fix,
             unmet=(f"{subject.spec.name}/node/{spec.role}",),
+            covers=() if present is None else ((present.path, None),),
         )
 
 
@@ -212,34 +212,6 @@ def _version_problem(subject: GraphSubject, node: Node, spec: NodeSpec, kind: st
     )
 
 
-@rule("N06", "old-type-names", scope="graph", severity="warning")
-def old_type_names(subject: GraphSubject) -> Iterator[Problem]:
-    """Nodes have names of another release, for their types or their ports.
-
-    Why: Isaac Sim 6.0.1 renames types from before 4.5 when it opens the stage, so the graph works.
-    The stage was not saved by 6.0.1, which does not know the names of a later release. There is one
-    finding for the graph and the release.
-
-    Fix: open the stage in Isaac Sim 6.0.1 and save it again.
-
-    Example: a ROS2 Context whose type begins with `omni.isaac`.
-    """
-    graph = subject.roles.graph
-    if graph is None:
-        return
-    for other in other_names(graph, subject.lab.platform):
-        verb = "carries" if len(other.nodes) == 1 else "carry"
-        yield Problem(
-            graph.path,
-            f"{other.count} {verb} {other.what}: {other.written}",
-            expected=other.known,
-            actual=other.written,
-            handout=subject.spec.handout,
-            related=tuple(node.path for node in other.nodes),
-            fix=other.edits,
-        )
-
-
 _PUBLISHES = ("publisher", "helper")
 
 
@@ -254,22 +226,15 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: a second ROS2 Context in {next_graph_name}.
     """
-    if not subject.roles.extra:
-        return
-    roles = {subject.spec.name: subject.roles}
-    commanders = [node for node, _ in second_commanders(subject.stage, subject.lab, roles)]
     for node in subject.roles.extra:
-        is_reported = _is_script(subject, node) or node in commanders
-        if not is_reported and not _published_again(subject, node):
-            message = f"{node_title(node)} is not asked for in {subject.spec.name}"
-            yield Problem(
-                node.path,
-                message,
-                actual=node.type_name,
-                handout=subject.spec.handout,
-                fix=(RemovePrim(node.path),),
-                weaker=True,
-            )
+        yield Problem(
+            node.path,
+            f"{node_title(node)} is not asked for in {subject.spec.name}",
+            actual=node.type_name,
+            handout=subject.spec.handout,
+            fix=(RemovePrim(node.path),),
+            assumes=((node.path, None),),
+        )
 
 
 def _is_script(subject: GraphSubject, node: Node) -> bool:
@@ -359,29 +324,6 @@ def script_node(subject: StageSubject) -> Iterator[Problem]:
             actual=script.carrier,
             fix=(RemovePrim(script.prim),),
         )
-
-
-@rule("N09", "node-outside-graph", scope="stage", severity="warning")
-def node_outside_graph(subject: StageSubject) -> Iterator[Problem]:
-    """A node is outside every graph.
-
-    Why: such a node is never evaluated. It is usually left over after nodes were dragged in the
-    Stage panel. If a graph lacks this node, N01 reports it instead.
-
-    Fix: drag the node back below its graph in the Stage panel, or delete it.
-
-    Example: `/to_string` at the root of the stage.
-    """
-    lab, stage = subject.lab, subject.stage
-    missed = {
-        absent_node.path
-        for name, roles in subject.roles.items()
-        for absent_node in absent_nodes(lab.graphs[name], roles, stage, lab.platform).values()
-    }
-    for node in nodes_outside_graphs(stage):
-        if node.path not in missed and not lab.platform.scripts.runs(node.type_name):
-            message = f"{node_title(node)} is outside every graph, where it is never evaluated"
-            yield Problem(node.path, message, actual=node.type_name, fix=(RemovePrim(node.path),))
 
 
 @rule("N12", "wheels-commanded-twice", scope="stage", needs="wheels")

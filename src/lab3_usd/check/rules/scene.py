@@ -30,7 +30,6 @@ from lab3_usd.model.stage import (
     AnimatedAttribute,
     UnresolvedAsset,
     absence_reason,
-    missing_graphs_text,
 )
 from lab3_usd.model.transforms import IDENTITY, Vector, decompose, relative_transform
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -64,8 +63,7 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
         if home == root.path:  # everything else is judged where it is
             yield Problem(
                 home,
-                f"the robot is at {home}, expected at {expected}"
-                f"{missing_graphs_text(subject.missing_graphs, home)}",
+                f"the robot is at {home}, expected at {expected}{subject.missing_with(home)}",
                 expected=expected,
                 actual=home,
                 handout=root.handout,
@@ -99,7 +97,7 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
             fix = (MovePrim(places[0], path),) if len(places) == 1 else ()
         yield Problem(
             path,
-            f"{path} {reason}{place_text}{missing_graphs_text(subject.missing_graphs, path)}",
+            f"{path} {reason}{place_text}{subject.missing_with(path)}",
             expected=path,
             actual=reason,
             handout=handout,
@@ -310,7 +308,7 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
     """
     for attribute in subject.stage.moving:
         severity = _severity(attribute, subject)
-        if severity is not None and attribute.prim not in subject.faulty_prims:
+        if severity is not None:
             yield Problem(
                 attribute.prim,
                 f"{attribute.property} is {attribute.first} at the start and {attribute.then} "
@@ -320,6 +318,7 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
                 actual=attribute.then,
                 severity=severity,
                 fix=(Restore(attribute.prim, attribute.property),),
+                assumes=((attribute.prim, attribute.property),),
             )
 
 

@@ -41,7 +41,6 @@ from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_o
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import (
     absence_reason,
-    missing_graphs_text,
     once_per_stage,
     same_value,
 )
@@ -137,7 +136,7 @@ def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
             reason = absence_reason(stage, path)
             yield Problem(
                 path,
-                f"{path} {reason}{missing_graphs_text(subject.missing_graphs, path)}",
+                f"{path} {reason}{subject.missing_with(path)}",
                 expected=path,
                 actual=reason,
                 handout=subject.lab.sensors[sensor].handout,

@@ -8,11 +8,10 @@ from itertools import combinations
 from msgspec.structs import replace
 
 from lab3_usd.check.hints import with_setting
-from lab3_usd.check.lab_frames import role_specs
+from lab3_usd.check.lab_topics import role_specs
 from lab3_usd.check.match.conformance import (
     Found,
     setting_matches,
-    setting_value,
     settings_of,
     wrong_product,
 )
@@ -21,10 +20,10 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
 from lab3_usd.check.rules.limits import stopping_limits
 from lab3_usd.facts.endpoints import moving_prims
-from lab3_usd.facts.execution_order import live_nodes
+from lab3_usd.facts.execution_order import effective_value, live_nodes
 from lab3_usd.isaac.node_types import INPUT, Port
 from lab3_usd.isaac.topics import resolved_topic
-from lab3_usd.isaac.values import Value, are_alike
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ClearValue
 from lab3_usd.model.finding import Problem, display, format_paths, role_title, short_source
 from lab3_usd.model.stage import Node, once_per_stage, same_value
@@ -50,22 +49,12 @@ def setting_problem(subject: GraphSubject, found: Found, message: str) -> Proble
     )
 
 
-def _wrong_type(node: Node, port: Port | None) -> str | None:
-    """Return the type that the file declares, when it is none the port can have."""
-    state = None if port is None else node.state(port.name)
-    if port is None or state is None or port.is_union:
-        return None
-    # A port without a value has no type.
-    is_right = not state.usd_type or are_alike(state.usd_type, port.usd_type)
-    return None if is_right else state.usd_type
-
-
 def _frames_forbidden(subject: GraphSubject, found: Found) -> bool:
     """Whether a frame is part of the forbidden transform, which a rule of its own names."""
     tf = found.spec.type.tf
     if tf is None or found.setting.port not in tf.names:
         return False
-    child = setting_value(subject.live_nodes, found.node, tf.names[1])
+    child = effective_value(found.node, tf.names[1], subject.live_nodes)
     return child == subject.lab.frames.unplaced != ""
 
 
@@ -97,32 +86,21 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
     Example: `topicName` '{scan}1' instead of '{scan}': a subscriber waits for messages that never
     come.
     """
-    swapped = _swapped(subject)
-    # Where a wire that belongs elsewhere ends, the rule of that wire speaks.
-    strays = {fault.elsewhere for fault in subject.wire_faults if fault.kind == "moved"}
     for found in settings_of(subject):
         node, port = found.node, found.setting.port
-        if found.met or (node.path, port) in swapped or not _is_authored(node, port):
-            continue
-        if _has_wrong_type(node, port) or _frames_forbidden(subject, found):
-            continue
-        if f"{node.path}.{port}" in strays:
+        if found.met or not _is_authored(node, port) or _frames_forbidden(subject, found):
             continue
         actual = display(found.value)
         if found.value is None:
             actual = f"connected to {short_source(node.sources(port)[0])}"
         message = f"{port} is {actual}, expected {display(found.setting.value)}"
         message += with_setting(subject, found.spec.role, found.setting, found.value)
-        yield setting_problem(subject, found, message)
+        yield replace(setting_problem(subject, found, message), assumes=((node.path, port),))
 
 
 def _is_authored(node: Node, port: str) -> bool:
     state = node.state(port)
     return state is not None and (state.value is not None or bool(state.sources))
-
-
-def _has_wrong_type(node: Node, port: str) -> bool:
-    return _wrong_type(node, None if node.type is None else node.type.port(port)) is not None
 
 
 @rule("P02", "wrong-default", scope="graph")
@@ -139,32 +117,11 @@ def wrong_default(subject: GraphSubject) -> Iterator[Problem]:
     """
     for found in settings_of(subject):
         node, port = found.node, found.setting.port
-        if found.met or _is_authored(node, port) or _has_wrong_type(node, port):
+        if found.met or _is_authored(node, port):
             continue
         default, wanted = display(found.value), display(found.setting.value)
         message = f"{port} was left at its default {default}, expected {wanted}"
-        yield setting_problem(subject, found, message)
-
-
-@rule("P03", "wrong-value-type", scope="graph")
-def wrong_value_type(subject: GraphSubject) -> Iterator[Problem]:
-    """An input has a type that its port does not have.
-
-    Why: Isaac Sim may be unable to read the value and use the default instead.
-
-    Fix: delete the node, add it again from the node list, and set its fields.
-
-    Example: `inputs:queueSize` written as a string by a script, although it is a number.
-    """
-    for found in settings_of(subject):
-        port = found.spec.type.port(found.setting.port)
-        declared = _wrong_type(found.node, port)
-        if declared is not None and port is not None:
-            message = f"{port.name} is of type {declared}, expected {port.usd_type}"
-            problem = setting_problem(subject, found, message)
-            title = role_title(found.spec)
-            hint = f"delete {title}, add it again from the node list and set its fields"
-            yield replace(problem, expected=port.usd_type, actual=declared, hint=hint)
+        yield replace(setting_problem(subject, found, message), assumes=((node.path, port),))
 
 
 @rule("P07", "swapped-values", scope="graph")
@@ -192,7 +149,7 @@ def swapped_values(subject: GraphSubject) -> Iterator[Problem]:
             problem = setting_problem(subject, found, message)
             related = f"{other}.{port}"
             fix = (*problem.fix, *edits_at(subject, related))
-            yield replace(problem, hint=hint, related=(related,), fix=fix)
+            yield replace(problem, hint=hint, related=(related,), fix=fix, covers=((other, port),))
 
 
 @rule("P04", "kept-default-changed", scope="graph")

@@ -1,7 +1,4 @@
-"""Rules about relationships.
-
-Which prims a node works on, and lists that give a frame its own parent.
-"""
+"""Rules about relationships: which prims a node works on, and lists that give too few frames."""
 
 from __future__ import annotations
 
@@ -11,12 +8,9 @@ from msgspec.structs import replace
 
 from lab3_usd.check.lab_frames import (
     TfView,
-    differs_from_spec,
     frame_list_text,
     frame_sources,
-    is_unasked_parent,
     lacks_only_the_camera,
-    lists_its_parent,
     missing_frames,
     self_parent_pairs,
 )
@@ -28,9 +22,7 @@ from lab3_usd.check.match.conformance import (
 )
 from lab3_usd.check.match.rule_inputs import GraphSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import edits_at, edits_in_stage, edits_of_harm
-from lab3_usd.facts.execution_order import severity_if_uncertain
-from lab3_usd.facts.frame_targets import Pair, frame_name, listed_targets, parent_prim, tf_ports
+from lab3_usd.check.repairs import edits_at, edits_in_stage
 from lab3_usd.model.finding import Problem, display, format_paths
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.graph import NodeSpec, Target
@@ -144,7 +136,7 @@ def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
                         actual=path,
                         handout=spec.handout,
                         fix=edits_at(subject, f"{node.path}.{port}"),
-                        unknown_targets=(path,),
+                        assumes=((node.path, f"{port}[{path}]"),),
                         rests_on=asset,
                     )
 
@@ -187,120 +179,6 @@ def named_render_product(subject: GraphSubject) -> Iterator[Problem]:
                 for port in ports
             ),
         )
-
-
-@rule("T09", "frame-is-its-own-parent", scope="frames")
-def frame_is_its_own_parent(view: TfView) -> Iterator[Problem]:
-    """A frame is its own parent.
-
-    Why: tf2 rejects such a transform (TF_SELF_TRANSFORM) and logs an error for every message. Isaac
-    Sim omits the parent prim only if a robot root is the target, not if the parent prim itself is
-    listed. If an articulation root above it is the target, the other frames still arrive: a
-    warning. Where the lab asks for no parent prim, they arrive below it, and its own frame not at
-    all: an error.
-
-    Fix: remove the parent prim from the Target Prims of Isaac Compute Transform Tree. It is the
-    parent of the other frames, and another node places it.
-
-    Example: Parent Prim is `{robot}/{base}`, and so is one of the Target Prims.
-    """
-    subject = view.subject
-    # What a node of the lab would send is judged even where its wires are wrong.
-    judged = {path: node for path, node in view.live_nodes.items() if path in view.role_specs}
-    for path, node in {**judged, **view.running}.items():
-        if not listed_targets(node) or differs_from_spec(path, view):
-            continue
-        for problem in _own_parents(node, view):
-            doubtful = severity_if_uncertain(subject.stage, subject.lab.platform, path)
-            severity = doubtful or problem.severity
-            fix = edits_of_harm(subject, path, problem.property, severity)
-            yield replace(problem, severity=severity, fix=fix)
-    strangers = (
-        edge for edge in view.edges if edge.cause not in {*view.role_specs, *subject.faulty_prims}
-    )
-    for edge in strangers:
-        if edge.parent == edge.child != view.odom and edge.target is None:
-            severity = None if edge.sure else "warning"
-            message = f"publishes '{edge.child}' as its own parent"
-            fix = edits_of_harm(subject, edge.cause, severity=severity)
-            yield Problem(edge.cause, message, severity=severity, fix=fix, frames=(edge.child,))
-
-
-def _own_parents(node: Node, view: TfView) -> Iterator[Problem]:
-    parent = parent_prim(node)
-    pairs = self_parent_pairs(node, view)
-    around = next((pair.target for pair in pairs if pair.prim == parent), "")
-    if lists_its_parent(node, view):
-        what = f"{parent} is the parent prim and a target: its frame is its own parent"
-        others = [path for path in listed_targets(node) if path != parent]
-        yield _self_problem(node, what, others, view)
-    elif around:
-        what = (
-            f"{around} stands for its bodies, the parent prim {parent} among them: "
-            "its frame is its own parent"
-        )
-        if is_unasked_parent(node, view):
-            yield _unasked_parent(node, what, view)
-            return
-        found = _self_problem(node, what, _instead(around, node, view), view)
-        yield replace(found, severity="warning", hint=f"name the links, not {around}")
-    else:
-        yield from (_named_alike(node, pair, view) for pair in pairs)
-
-
-def _unasked_parent(node: Node, what: str, view: TfView) -> Problem:
-    """Say what is its own parent where the lab asks for no parent prim at all."""
-    parent, frames = parent_prim(node), view.subject.lab.frames
-    frame = frame_name(parent, view.subject.stage)
-    is_placed = any(edge.parent != frame for edge in view.children.get(frame, ()))
-    is_lost = not is_placed and any(child == frame for _, child in frames.edges)
-    return Problem(
-        node.path,
-        what,
-        property=tf_ports(node).prims[0],
-        expected="no prim",
-        actual=parent,
-        handout=frames.handout,
-        severity=None if is_lost else "warning",
-        hint="clear Parent Prim",
-        frames=(frame,) if is_lost else (),
-    )
-
-
-def _instead(around: str, node: Node, view: TfView) -> list[str]:
-    """Return the targets with every required prim in the place of one that stands for them."""
-    makers = [maker for maker in frame_sources(view) if maker.node.path == node.path]
-    required = [home for maker in makers for home in maker.prims.values()]
-    return [*required, *(path for path in listed_targets(node) if path != around)]
-
-
-def _self_problem(node: Node, what: str, wanted: list[str], view: TfView) -> Problem:
-    """Say what is its own parent, and which frames the targets do not give."""
-    makers = [maker for maker in frame_sources(view) if maker.node.path == node.path]
-    lost = {frame: m.prims[frame] for m in makers for frame in missing_frames(m, view)}
-    losing = f", and nothing publishes {frame_list_text(list(lost))}" if lost else ""
-    return Problem(
-        node.path,
-        f"{what}{losing}",
-        property=tf_ports(node).prims[1],
-        expected=", ".join(dict.fromkeys([*wanted, *lost.values()])) or "the links as targets",
-        actual=", ".join(listed_targets(node)),
-        handout=view.subject.lab.frames.handout,
-        frames=tuple(lost),
-    )
-
-
-def _named_alike(node: Node, pair: Pair, view: TfView) -> Problem:
-    return Problem(
-        node.path,
-        f"{pair.prim} is named as the parent frame is: '{pair.child}' is its own parent",
-        property=tf_ports(node).prims[1],
-        expected="a frame of another name",
-        actual=", ".join(listed_targets(node)),
-        handout=view.subject.lab.frames.handout,
-        hint=f"rename {pair.prim} or take it out of the target prims",
-        frames=(pair.child,),
-    )
 
 
 @rule("T10", "robot-root-alone", scope="frames", severity="warning", needs="camera")

@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.hints import without_wire
-from lab3_usd.check.match.conformance import settings_of
 from lab3_usd.check.match.rule_inputs import GraphSubject, WireFault
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
-from lab3_usd.check.rules.limits import stopping_inputs
+from lab3_usd.check.rules.any_wire import connect_hint, source_shown
 from lab3_usd.facts.execution_order import is_opened_first, signals_once
-from lab3_usd.model.finding import Problem, node_title, short_source
+from lab3_usd.model.finding import Problem, short_source
 
 
 def _faults(subject: GraphSubject, *kinds: str) -> Iterator[WireFault]:
     return (fault for fault in subject.wire_faults if fault.kind in kinds)
+
+
+# Kinds of faults that one of another kind at the same input explains.
+_RESTING = ("missing", "moved", "wrong", "foreign", "dead", "unasked")
 
 
 def _problem(
@@ -33,28 +36,9 @@ def _problem(
         related=elsewhere,
         hint=hint,
         fix=edits_at(subject, f"{fault.node.path}.{fault.port}", *elsewhere),
+        assumes=((fault.node.path, fault.port),) if fault.kind in _RESTING else (),
+        covers=tuple(path.rpartition(".")[::2] for path in elsewhere),
     )
-
-
-def _source_shown(fault: WireFault) -> str:
-    """Return the source that is there, with its whole path when it stands in another graph."""
-    graph = fault.node.path.rpartition("/")[0]
-    is_here = fault.actual is None or fault.actual.startswith(f"{graph}/")
-    return short_source(fault.actual) if is_here else str(fault.actual)
-
-
-def _connect_hint(fault: WireFault) -> str:
-    """Say which wire to draw."""
-    port = fault.port.partition(":")[2]
-    return f"drag a wire from {short_source(fault.expected)} to {port} of {node_title(fault.node)}"
-
-
-def _to_delete(subject: GraphSubject, kind: str, what: str) -> Iterator[Problem]:
-    """Yield a problem for each wire of a kind, whose whole repair is to delete it."""
-    for fault in _faults(subject, kind):
-        source = _source_shown(fault)
-        message = f"{fault.port} {what.format(source)}"
-        yield _problem(subject, fault, message, f"delete the wire from {source}")
 
 
 @rule("W01", "missing-wire", scope="graph")
@@ -75,12 +59,12 @@ def missing_wire(subject: GraphSubject) -> Iterator[Problem]:
         if fault.elsewhere is not None:
             message += f"; that wire goes into {short_source(fault.elsewhere)} instead"
         yield _problem(
-            subject, fault, message + without_wire(subject, fault.wire), _connect_hint(fault)
+            subject, fault, message + without_wire(subject, fault.wire), connect_hint(fault)
         )
 
 
 def _explain(fault: WireFault, subject: GraphSubject) -> str:
-    expected, actual = short_source(fault.expected), _source_shown(fault)
+    expected, actual = short_source(fault.expected), source_shown(fault)
     message = f"{fault.port} is connected to {actual}, expected {expected}"
     if fault.kind == "bypass":
         message += f"; the wire goes past {expected.partition('.')[0]}"
@@ -115,44 +99,7 @@ def wrong_source(subject: GraphSubject) -> Iterator[Problem]:
     """
     for fault in _faults(subject, "wrong", "bypass"):
         message = _explain(fault, subject) + without_wire(subject, fault.wire)
-        yield _problem(subject, fault, message, _connect_hint(fault))
-
-
-@rule("W03", "dead-source", scope="graph")
-def dead_source(subject: GraphSubject) -> Iterator[Problem]:
-    """The source of an input does not exist.
-
-    Why: the connection carries no data, and Isaac Sim may drop it when it loads the stage. The
-    input is effectively not connected. This happens when a node is deleted or renamed outside the
-    editor, or when the type has no such port: a Constant Token gives its value from `inputs:value`.
-
-    Fix: delete the connection and drag a new one from the port named here. A leftover beside a good
-    connection can stay, or can be removed with Disconnect.
-
-    Example: `make_array.inputs:input0` connected to `constant_left_joint.outputs:value`.
-    """
-    for fault in _faults(subject, "dead"):
-        expected, actual = short_source(fault.expected), _source_shown(fault)
-        why = "does not exist" if "." in str(fault.actual) else "is a prim, not a port"
-        message = f"{fault.port} is connected to {actual}, which {why}, expected {expected}"
-        yield _problem(
-            subject, fault, message + without_wire(subject, fault.wire), _connect_hint(fault)
-        )
-
-
-@rule("W04", "second-source", scope="graph")
-def second_source(subject: GraphSubject) -> Iterator[Problem]:
-    """A required input has a second source.
-
-    Why: a data input uses one of its sources, and no public document says which. An execution input
-    may run the node once for each source.
-
-    Fix: select the connection from the source named here in the Action Graph editor and delete it.
-
-    Example: `ros2_publish_clock.inputs:timeStamp` connected to two Isaac Read Simulation Time
-    nodes.
-    """
-    yield from _to_delete(subject, "second", "is also connected to {}, expected one source")
+        yield _problem(subject, fault, message, connect_hint(fault))
 
 
 @rule("W05", "unasked-wire", scope="graph", severity="warning")
@@ -166,21 +113,10 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: `ros2_publish_clock.inputs:queueSize` connected to a constant.
     """
-    # A wire that makes a value wrong, or reaches what must keep its default, is reported as that.
-    reported = {
-        (setting.node.path, setting.setting.port)
-        for setting in settings_of(subject)
-        if not setting.met
-    }
-    reported.update(stopping_inputs(subject))
-    kept = subject.lab.policy.keep_default
     for fault in _faults(subject, "unasked"):
-        if (fault.node.path, fault.port) not in reported and fault.port.partition(":")[
-            2
-        ] not in kept:
-            source = _source_shown(fault)
-            message = f"{fault.port} is connected to {source}, which the handout does not ask for"
-            yield _problem(subject, fault, message)
+        source = source_shown(fault)
+        message = f"{fault.port} is connected to {source}, which the handout does not ask for"
+        yield _problem(subject, fault, message)
 
 
 @rule("W06", "swapped-wires", scope="graph")
@@ -199,7 +135,7 @@ def swapped_wires(subject: GraphSubject) -> Iterator[Problem]:
         other = short_source(fault.elsewhere)
         message = (
             f"{fault.port} and {other} are exchanged: "
-            f"{fault.port} is connected to {_source_shown(fault)}, "
+            f"{fault.port} is connected to {source_shown(fault)}, "
             f"expected {short_source(fault.expected)}"
         )
         yield _problem(
@@ -224,34 +160,7 @@ def cross_graph_wire(subject: GraphSubject) -> Iterator[Problem]:
             f"{fault.port} is connected to {fault.actual}, which is not in this graph, "
             f"expected {short_source(fault.expected)}"
         )
-        yield _problem(subject, fault, message, _connect_hint(fault))
-
-
-@rule("W08", "execution-cycle", scope="graph")
-def execution_cycle(subject: GraphSubject) -> Iterator[Problem]:
-    """Execution wires form a cycle.
-
-    Why: no evaluation order exists for a node that triggers itself. The behaviour of Isaac Sim is
-    not documented: it may skip the nodes, or never finish.
-
-    Fix: delete the execution connection named here.
-
-    Example: the execOut of a publisher connected back to the node that triggers it.
-    """
-    yield from _to_delete(subject, "cycle", "is connected to {}, which this node itself triggers")
-
-
-@rule("W09", "incompatible-wire", scope="graph")
-def incompatible_wire(subject: GraphSubject) -> Iterator[Problem]:
-    """A wire joins incompatible types.
-
-    Why: it carries no usable data, and Isaac Sim may drop it when it loads the stage.
-
-    Fix: delete the connection.
-
-    Example: the tick of On Playback Tick connected to a queue size.
-    """
-    yield from _to_delete(subject, "incompatible", "cannot take what comes from {}")
+        yield _problem(subject, fault, message, connect_hint(fault))
 
 
 @rule("W10", "forbidden-wire", scope="graph")
@@ -266,26 +175,7 @@ def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
     Example: `execOut` of the subscriber to `{commands}` connected to `execIn` of a controller.
     """
     for fault in _faults(subject, "forbidden"):
-        actual = _source_shown(fault)
+        actual = source_shown(fault)
         expected = "" if fault.expected is None else f", expected {short_source(fault.expected)}"
         message = f"{fault.port} is connected to {actual}, which the handout forbids{expected}"
-        yield _problem(subject, fault, message, _connect_hint(fault) if fault.expected else None)
-
-
-@rule("W11", "leftover-wire", scope="graph", severity="warning")
-def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
-    """A wire to a deleted node or port was left behind.
-
-    Why: it carries no data, and Isaac Sim may drop it when it loads the stage. It does no harm, but
-    shows that a node was deleted or renamed after it had been connected.
-
-    Fix: right-click the input and choose Disconnect, or leave it.
-
-    Example: a second source `isaac_read_simulation_time_01` of a deleted node.
-    """
-    for fault in _faults(subject, "leftover"):
-        yield _problem(
-            subject,
-            fault,
-            f"{fault.port} has a leftover wire from {_source_shown(fault)}, now gone",
-        )
+        yield _problem(subject, fault, message, connect_hint(fault) if fault.expected else None)

@@ -99,7 +99,10 @@ class GraphDrawing(Struct, frozen=True):
 
 
 def render(
-    behaviour: Behaviour, replay: Replay | None, lab: Lab, findings: Sequence[Finding] = ()
+    behaviour: Behaviour,
+    replay: Replay | None,
+    lab: Lab,
+    findings: Sequence[Finding] | None = None,
 ) -> str:
     """Return the page; without a replay it says why there is none.
 
@@ -111,8 +114,8 @@ def render(
     computed = replay.computed if replay is not None else {}
     replay = replay if replay is not None and replay.moments else None
     checks = sorted(behaviour.checks, key=lambda check: list(VERDICTS).index(check.verdict))
-    rule_of = rules_of(behaviour)
-    failing = list(_failed_checks(checks, findings, rule_of))
+    rule_of = rules_of(behaviour, findings)
+    failing = list(_failed_checks(checks, findings or (), rule_of))
     graphs = list(_graph_drawings(Path(behaviour.stage), lab, computed, failing))
     fit = replay.fit if replay is not None else None
     shown = first_moment(behaviour, replay) if replay is not None else 0

@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from msgspec.structs import asdict
 
-from lab3_usd.check.explanations import explaining_rule, explaining_rule_of_lint
+from lab3_usd.check.explanations import explaining_rule, explaining_rule_of_lint, reported_rule
 from lab3_usd.data import program
 from lab3_usd.model.dry_run import Behaviour, Check, Leg, Topic
+from lab3_usd.model.finding import Finding
 from lab3_usd.model.occupancy import MapFit
 from lab3_usd.report.options import NAME, tool_version
 from lab3_usd.report.safe_text import paint, printable, truncated_values
@@ -79,10 +80,18 @@ def passed_texts(behaviour: Behaviour) -> Mapping[str, str]:
     return PASSED_IN_ANY_STAGE
 
 
-def rules_of(behaviour: Behaviour) -> Callable[[Check], str]:
-    """Return what names the rule that explains a check: one of the lab, if there is a lab."""
+def rules_of(
+    behaviour: Behaviour, findings: Sequence[Finding] | None = None
+) -> Callable[[Check], str]:
+    """Return what names the rule that explains a check: one of the lab, if there is a lab.
+
+    `findings` are what the rules say of the stage: then only a rule that found something is named.
+    """
     is_of_lab = behaviour.checkpoint or behaviour.recording
-    return explaining_rule if is_of_lab else explaining_rule_of_lint
+    usual = explaining_rule if is_of_lab else explaining_rule_of_lint
+    if findings is None:
+        return usual
+    return lambda check: reported_rule(check, usual(check), findings)
 
 
 def rate(hz: float) -> str:
@@ -113,8 +122,10 @@ _SHORT = {"ok": "ok", "bad": "bad", "not judged": "?"}
 _NAME = 15
 
 
-def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
-    """Return the behaviour as text."""
+def render(
+    behaviour: Behaviour, width: int, *, color: bool, findings: Sequence[Finding] | None = None
+) -> str:
+    """Return the behaviour as text; `findings` as for `rules_of`."""
     what = WHAT_A_RECORDING_IS if behaviour.recording else WHAT_IT_IS
     name = printable(behaviour.recording or behaviour.stage)
     lines = [f"{paint(name, 'heading', color=color)}: {what}"]
@@ -125,7 +136,7 @@ def render(behaviour: Behaviour, width: int, *, color: bool) -> str:
         lines += textwrap.wrap(printable(behaviour.missing), max(width, 40))
         return "\n".join(lines) + "\n"
     lines += ["", *_topics(behaviour), ""]
-    passed, rule_of = passed_texts(behaviour), rules_of(behaviour)
+    passed, rule_of = passed_texts(behaviour), rules_of(behaviour, findings)
     for check in behaviour.checks:
         lines += _check(check, passed, rule_of(check), width, color=color)
     legs = "; ".join(map(leg_text, behaviour.legs)) or (
@@ -205,14 +216,16 @@ def _remarks(behaviour: Behaviour) -> Iterator[str]:
 VERSION = 2
 
 
-def render_json(behaviour: Behaviour) -> str:
-    """Return the behaviour as JSON text in ASCII."""
-    return json.dumps(truncated_values(behaviour_json(behaviour)), indent=1) + "\n"
+def render_json(behaviour: Behaviour, findings: Sequence[Finding] | None = None) -> str:
+    """Return the behaviour as JSON text in ASCII; `findings` as for `rules_of`."""
+    return json.dumps(truncated_values(behaviour_json(behaviour, findings)), indent=1) + "\n"
 
 
-def behaviour_json(behaviour: Behaviour) -> dict[str, Any]:
+def behaviour_json(
+    behaviour: Behaviour, findings: Sequence[Finding] | None = None
+) -> dict[str, Any]:
     """Return the behaviour as plain data, keys in the order of the schema."""
-    rule_of = rules_of(behaviour)
+    rule_of = rules_of(behaviour, findings)
     document = {
         "version": VERSION,
         "tool": {"name": NAME, "version": tool_version()},

@@ -12,7 +12,12 @@ from lab3_usd.check.match.graphs import match_all
 from lab3_usd.check.match.rule_inputs import Roles
 from lab3_usd.check.robot.location import relocated_lab, relocated_spec, robot_relocations
 from lab3_usd.check.robot.sensors import sensor_relocations
-from lab3_usd.facts.frames import published_edges, unresolved_frames
+from lab3_usd.facts.frames import (
+    all_edges,
+    all_unresolved_frames,
+    published_edges,
+    unresolved_frames,
+)
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding, Severity
 from lab3_usd.model.stage import GraphModel, StageModel
@@ -327,7 +332,7 @@ def linted_pictures(
             picture = graph_picture(None, None, graph, findings, every_port=every_port)
             subtitle = _counts_text(graph.path, picture.boxes, picture.curves, LINT_WORDS)
             yield on_canvas(replace(picture, kind="lint", judged=True, subtitle=subtitle))
-    edges, hidden = published_edges(stage, platform), unresolved_frames(stage, platform)
+    edges, hidden = all_edges(stage, platform), all_unresolved_frames(stage, platform)
     if edges or hidden:
         yield published_frames_picture(edges, hidden)
 

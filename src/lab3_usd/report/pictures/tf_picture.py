@@ -10,8 +10,8 @@ from types import MappingProxyType
 from msgspec import Struct
 
 from lab3_usd.facts.frame_targets import UnresolvedFrames
-from lab3_usd.facts.frames import Edge, trees_by_domain
-from lab3_usd.facts.tree import frame_faults
+from lab3_usd.facts.frames import Edge, trees_of
+from lab3_usd.facts.tree import Tree, frame_faults, tree
 from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.layered import Placed, layered
 from lab3_usd.report.picture.model import STATES, Box, Curve, End, Picture, State, clip_end, sized
@@ -82,23 +82,22 @@ def published_frames_picture(
     `rates` are how often each publisher sends, by its path; `not_judged` says in words what else
     is not known.
     """
-    published: dict[Pair, list[Edge]] = {}
-    for edge in edges:
-        published.setdefault((edge.parent, edge.child), []).append(edge)
-    wrong = {
-        (domain, fault.frame)
-        for domain, heard in trees_by_domain(edges).items()
-        for fault in frame_faults(heard.edges)
-    }
-    branches = [
-        DrawnEdge(
-            *pair,
-            tuple(dict.fromkeys(edge.publisher for edge in sent)),
-            "wrong" if any((e.domain.name, e.child) in wrong for e in sent) else "ok",
-            sure=any(edge.sure for edge in sent),
-        )
-        for pair, sent in published.items()
-    ]
+    trees, branches = trees_of(edges), list[DrawnEdge]()
+    for heard in trees:
+        where = f" ({heard.topic} in domain {heard.domain})" if len(trees) > 1 else ""
+        wrong = {fault.frame for fault in frame_faults(heard.tree)}
+        published: dict[Pair, list[Edge]] = {}
+        for edge in heard.tree.edges:
+            published.setdefault((edge.parent, edge.child), []).append(edge)
+        for (parent, child), sent in published.items():
+            branch = DrawnEdge(
+                parent + where,
+                child + where,
+                tuple(dict.fromkeys(edge.publisher for edge in sent)),
+                "wrong" if child in wrong else "ok",
+                sure=any(edge.sure for edge in sent),
+            )
+            branches.append(branch)
     branches += _hidden_branches(hidden)
     subtitle = "  ·  ".join(filter(None, [_counts_text(branches), not_judged]))
     return _picture("TF", subtitle, branches, judged=True, rates=rates)
@@ -121,21 +120,19 @@ def _branches(frames: FrameSpec, edges: Sequence[Edge], *, required: bool) -> It
     for edge in edges:
         published.setdefault((edge.parent, edge.child), []).append(edge.publisher)
     certain = {(edge.parent, edge.child) for edge in edges if edge.sure}
-    parents: dict[str, list[str]] = {}
-    for parent, child in published:
-        parents.setdefault(child, []).append(parent)
+    heard = tree(edges)
     for edge_of_lab in frames.edges:
         if (
             edge_of_lab not in published
             and required
-            and frames.deeper_under not in _ancestors(edge_of_lab[1], parents)
+            and frames.deeper_under not in heard.above(edge_of_lab[1])
         ):
             yield DrawnEdge(*edge_of_lab, (), "missing")
     order: list[Pair] = [pair for pair in frames.edges if pair in published]
     order += [pair for pair in published if pair not in frames.edges]
     for pair in order:
         publishers = tuple(dict.fromkeys(published[pair]))
-        state = _state(pair, frames, parents)
+        state = _state(pair, frames, heard)
         if len(publishers) > 1:
             state = "wrong"
         elif not required and frames.root not in pair:
@@ -143,27 +140,18 @@ def _branches(frames: FrameSpec, edges: Sequence[Edge], *, required: bool) -> It
         yield DrawnEdge(*pair, publishers, state, sure=pair in certain)
 
 
-def _state(pair: Pair, frames: FrameSpec, parents: Mapping[str, Sequence[str]]) -> State:
+def _state(pair: Pair, frames: FrameSpec, heard: Tree[Edge]) -> State:
     """Judge a published edge; where a frame has two parents the one that is asked for is right."""
     if pair in frames.edges:
         return "ok"
     parent, child = pair
     top = frames.root
-    if child in {parent, top} or len(parents[child]) > 1:
+    if child in {parent, top, *heard.several_parents}:
         return "wrong"
-    ancestors = _ancestors(child, parents)
-    if frames.deeper_under in ancestors:
+    above = heard.above(child)
+    if frames.deeper_under in above:
         return "ok"
-    return "extra" if top in ancestors else "wrong"
-
-
-def _ancestors(frame: str, parents: Mapping[str, Sequence[str]]) -> set[str]:
-    """Return the frames above a published one, as far as they are published."""
-    ancestors: set[str] = set()
-    while frame in parents and parents[frame][0] not in ancestors:
-        frame = parents[frame][0]
-        ancestors.add(frame)
-    return ancestors
+    return "extra" if top in above else "wrong"
 
 
 def _counts_text(branches: Sequence[DrawnEdge]) -> str:

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from lab3_usd.deliverables.maps import MapError, map_of_stage
 from lab3_usd.errors import RecordingError
-from lab3_usd.facts.tree import tree
+from lab3_usd.facts.tree import SentTransform, Tree, tree
 from lab3_usd.model.dry_run import HERE, Behaviour, Check, Difference, Place, Topic, Unknown
 from lab3_usd.model.occupancy import MapFit
 from lab3_usd.sim.bag.files import Bounds, Layout, layout_at, opened
@@ -115,24 +115,20 @@ def running(recorded: Recorded) -> Iterator[RunFault]:
         yield RunFault(f"{recorded.topics.wanted.clock} runs {passed}", "stopped-clock")
 
 
-class _Link(Struct, frozen=True):
-    """A recorded transform: a recording does not tell who sent it."""
-
-    parent: str
-    child: str
-    publisher: str = ""
-
-
 def frames(recorded: Recorded) -> Iterator[RunFault]:
     """Each frame keeps its parent to the end, and its transform comes without gaps."""
-    links = tree(_Link(parent, child) for parent, child in recorded.gathered.links)
-    for child, several in links.several_parents.items():
+    for child, several in _heard(recorded.gathered).several_parents.items():
         yield RunFault(f"{child} has the parents {', '.join(several)}", "changing-parent")
     static = {(frame.parent, frame.child) for frame in recorded.gathered.frames if frame.static}
     for (parent, child), link in recorded.gathered.links.items():
         if link.gap > GAP and (parent, child) not in static and child != _root(recorded):
             yield RunFault(f"{parent} -> {child} is missing for {link.gap:.1f} s", "transform-gap")
             return
+
+
+def _heard(gathered: Gathered) -> Tree[SentTransform]:
+    """Return what tf2 made of the recorded transforms; a recording does not tell who sent them."""
+    return tree(SentTransform(parent, child) for parent, child in gathered.links)
 
 
 def _root(recorded: Recorded) -> str:
@@ -191,14 +187,14 @@ def way(recorded: Recorded) -> Iterator[RunFault]:
 def localization(recorded: Recorded) -> Iterator[RunFault]:
     """Localization ties the map to odometry, alone and to the end."""
     root, gathered = _root(recorded), recorded.gathered
-    above = {parent: link for (parent, child), link in gathered.links.items() if child == root}
-    link = above.get(recorded.map_frame)
+    link = gathered.links.get((recorded.map_frame, root))
     if link is None:
         yield RunFault(f"no {recorded.map_frame} -> {root}", "no-localization")
     elif link.last < gathered.timeline.now - QUIET:
         yield RunFault(f"{recorded.map_frame} -> {root} ends", "localization-ends")
-    if len(above) > 1:
-        yield RunFault(f"{root} has the parents {', '.join(above)}", "changing-parent")
+    several = _heard(gathered).several_parents.get(root)
+    if several:
+        yield RunFault(f"{root} has the parents {', '.join(several)}", "changing-parent")
 
 
 def goal(recorded: Recorded) -> Iterator[RunFault]:

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
-from msgspec import Struct
-
+from lab3_usd.facts.tree import SentTransform, Tree
 from lab3_usd.facts.tree import tree as build_tree
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.fault import FaultKind
@@ -267,29 +266,32 @@ def tree(trial: Trial) -> Iterator[RunFault]:
             return
 
 
-class _Sent(Struct, frozen=True):
-    """A transform, and the node that sends it."""
-
-    parent: str
-    child: str
-    publisher: str
+def heard_transforms(trial: Trial, session: int) -> dict[SentTransform, float]:
+    """Return the transforms of the tree, with the last time of each; of static ones for ever."""
+    last: dict[SentTransform, float] = {}
+    for message in trial.recording.topic(trial.wanted.transforms, session):
+        for transform in message.transforms:
+            last[SentTransform(transform.parent, transform.child, message.node)] = message.at
+    for transform, node in trial.recording.static:
+        last[SentTransform(transform.parent, transform.child, node)] = math.inf
+    return last
 
 
 def _tree_faults(trial: Trial, session: int) -> Iterator[RunFault]:
     messages = trial.recording.topic(trial.wanted.transforms, session)
-    last: dict[_Sent, float] = {}  # the last time of each transform
-    for message in messages:
-        for transform in message.transforms:
-            last[_Sent(transform.parent, transform.child, message.node)] = message.at
-    for transform, node in trial.recording.static:
-        last[_Sent(transform.parent, transform.child, node)] = math.inf
+    last = heard_transforms(trial, session)
     heard = build_tree(last)
+    inside = [sent for sent in heard.edges if {sent.parent, sent.child} <= {*heard.cycle}]
+    if inside:
+        text = f"the frames {', '.join(heard.cycle)} form a cycle"
+        yield RunFault(text, "frame-cycle", inside[-1].publisher)
+    own = {sent.child: sent.publisher for sent in reversed(heard.self_parents)}
+    twice = {child for _, child in heard.several_publishers}
     for child, several in heard.by_child.items():
-        own = next((sent.publisher for sent in several if sent.parent == child), None)
-        if own is not None:
-            yield RunFault(f"{child} is its own parent", "self-parent", own)
-        if len(several) > 1:
-            is_reparented = len({sent.parent for sent in several}) > 1
+        if child in own:
+            yield RunFault(f"{child} is its own parent", "self-parent", own[child])
+        if child in heard.several_parents or child in twice:
+            is_reparented = child in heard.several_parents
             kind: FaultKind = "several-parents" if is_reparented else "several-publishers"
             text = f"{child} has {len(several)} parents or publishers"
             yield RunFault(text, kind, several[1].publisher)
@@ -297,26 +299,23 @@ def _tree_faults(trial: Trial, session: int) -> Iterator[RunFault]:
             yield RunFault(f"the transform of {child} ends", "transform-ends", several[0].publisher)
     lost = [frame for frame in trial.wanted.frames if frame not in heard.by_child]
     if last:
-        up = {child: several[0].parent for child, several in heard.by_child.items()}
-        yield from _loose_frames(trial, up, session)
+        yield from _loose_frames(trial, heard, session)
         if lost:
             yield RunFault(f"the tree lacks {', '.join(lost)}", "missing-frame")
 
 
-def _loose_frames(trial: Trial, up: dict[str, str], session: int) -> Iterator[RunFault]:
-    root = trial.wanted.root
+def _loose_frames(trial: Trial, heard: Tree[SentTransform], session: int) -> Iterator[RunFault]:
+    """Yield the first frame that is not below the root; without one, below that of the tree."""
+    root = trial.wanted.root or heard.roots[0]
+    tied = heard.below(root)
     named = {trial.wanted.base: ""}  # the frames that are spoken of, with a node that does so
     for topic in trial.wanted.types:
         for message in trial.recording.topic(topic, session):
             if message.frame:
                 named.setdefault(message.frame, message.node)
-    for frame in (*up, *sorted(named)):
-        top, steps = frame, 0
-        while top in up and steps <= len(up):
-            top, steps = up[top], steps + 1
-        root = root or top
-        if top != root:
-            kind: FaultKind = "disconnected-frame" if frame in up else "unknown-frame"
+    for frame in (*heard.by_child, *sorted(named)):
+        if frame not in tied:
+            kind: FaultKind = "disconnected-frame" if frame in heard.by_child else "unknown-frame"
             text = f"{frame} is not below {root}"
             yield RunFault(text, kind, named.get(frame, ""))
             return

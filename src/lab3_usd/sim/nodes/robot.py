@@ -132,8 +132,12 @@ def _joints(node: NodeInstance, world: World, machine: Machine) -> list[Joint] |
         named = [machine.articulated.get(str(name)) for name in names]
         memory["joints"] = None if None in named else named
         if memory["joints"] is None:
-            name = str(names[named.index(None)])
-            if name in machine.joints:
+            place = named.index(None)
+            name = str(names[place])
+            if not name:
+                message = f"element {place + 1} of its array of joint names is empty"
+                node.fails(message, "empty-joint-name")
+            elif name in machine.joints:
                 node.fails(f"'{name}' is excluded from the articulation", "excluded-joint")
             else:
                 node.fails(f"the robot has no joint '{name}' that turns", "unknown-joint")

@@ -1,0 +1,259 @@
+"""Rules about the TF tree that hold with and without a lab: one tree, one publisher of each edge.
+
+Each listener of tf2 is judged by itself: what is sent in other domains, or on other topics, never
+meets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from lab3_usd.check.match.rule_inputs import TransformsSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.facts.frames import Edge
+from lab3_usd.facts.tree import Tree, tree
+from lab3_usd.model.finding import Problem, Severity
+
+
+def _severity(clashes: Iterable[Sequence[Edge]], subject: TransformsSubject) -> Severity | None:
+    """Return how grave it is that transforms clash: a warning where none of them surely do."""
+    is_sure = any(
+        all(edge.sure for edge in edges) and subject.are_one(edge.domain for edge in edges)
+        for edges in clashes
+    )
+    return None if is_sure else "warning"
+
+
+def _right(edges: Sequence[Edge], subject: TransformsSubject) -> Edge:
+    """Return the transform that stays: the one that a lab asks for, else the first."""
+    return next((edge for edge in edges if subject.is_asked(edge)), edges[0])
+
+
+def _others(edges: Iterable[Edge], site: Edge) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(e.publisher for e in edges if e.publisher != site.publisher))
+
+
+@rule("K50", "multiple-parents", scope="lint", formerly="frame-of-two-parents")
+@rule("T03", "two-parents", scope="frames")
+def two_parents(subject: TransformsSubject) -> Iterator[Problem]:
+    """A frame has two parents.
+
+    Why: tf2 keeps the latest transform. The frame, and everything below it, jumps from one parent
+    to the other with every message.
+
+    Fix: decide which publisher places the frame, and delete or correct the other. All graphs of the
+    stage count, also those under `/Graph`, as far as they publish in one domain on one topic.
+
+    Example: `/Graph/Frames` publishes `{root} -> {link}` beside `{base} -> {link}` of another
+    graph.
+    """
+    for heard in subject.trees():
+        clashes: dict[str, list[tuple[Edge, Edge]]] = {}
+        for child in heard.tree.several_parents:
+            if child not in heard.tree.cycle:
+                edges = [e for e in heard.tree.by_child[child] if e.parent != child]
+                right = _right(edges, subject)
+                for edge in edges:
+                    if edge.parent != right.parent:
+                        clashes.setdefault(edge.cause, []).append((edge, right))
+        for cause, pairs in clashes.items():
+            wrong = [edge for edge, _ in pairs]
+            sites = "; ".join(dict.fromkeys(f"{e.parent} -> {e.child}" for e in wrong))
+            children = tuple(dict.fromkeys(edge.child for edge in wrong))
+            names = ", ".join(f"'{child}'" for child in children)
+            rivals = [edge for child in children for edge in heard.tree.by_child[child]]
+            yield Problem(
+                cause,
+                f"publishes {sites}; so {names} {'have' if len(children) > 1 else 'has'} two "
+                "parents",
+                expected=", ".join(dict.fromkeys(f"{e.parent} -> {e.child}" for _, e in pairs)),
+                actual=sites,
+                related=_others(rivals, wrong[0]),
+                severity=_severity(pairs, subject),
+                frames=children,
+                assumes=subject.assumed(wrong),
+            )
+
+
+@rule("K54", "duplicate-transform", scope="lint", formerly="transform-of-two-publishers")
+@rule("T04", "transform-published-twice", scope="frames")
+def duplicate_transform(subject: TransformsSubject) -> Iterator[Problem]:
+    """A transform is published twice.
+
+    Why: tf2 mixes the two streams. If their times differ, it warns of old data continuously, and
+    the frame jitters between two poses.
+
+    Fix: delete one of the publishers, most often a copy of the whole graph. If two target prims
+    have one frame name, remove one of them.
+
+    Example: `{tree_graph_name}` was copied to `/World`, and both publish `{root} -> {base}`.
+    """
+    for heard in subject.trees():
+        again: dict[str, list[tuple[Edge, Edge]]] = {}
+        for edges in heard.tree.several_publishers.values():
+            right = _right(edges, subject)
+            for edge in edges:
+                if edge.publisher != right.publisher:
+                    again.setdefault(edge.publisher, []).append((edge, right))
+        for publisher, pairs in again.items():
+            twice = dict.fromkeys((edge.parent, edge.child) for edge, _ in pairs)
+            sites = ", ".join(f"{parent} -> {child}" for parent, child in twice)
+            rivals = [edge for pair in twice for edge in heard.tree.several_publishers[pair]]
+            yield Problem(
+                publisher,
+                f"publishes {sites}, which another node publishes as well",
+                actual=sites,
+                related=_others(rivals, pairs[0][0]),
+                severity=_severity(pairs, subject),
+                assumes=subject.assumed(edge for edge, _ in pairs),
+            )
+        for same in _of_several_prims(heard.tree):
+            prims = " and ".join(dict.fromkeys(str(edge.prim) for edge in same))
+            yield Problem(
+                same[0].cause,
+                f"gives the frame '{same[0].child}' to {prims}",
+                expected="one prim for each frame",
+                actual=prims,
+                severity=_severity([same], subject),
+                frames=(same[0].child,),
+            )
+
+
+def _of_several_prims(heard: Tree[Edge]) -> Iterator[list[Edge]]:
+    """Yield the transforms that one publisher sends for more than one prim, by parent and child."""
+    sent: dict[tuple[str, str], list[Edge]] = {}
+    for edge in heard.edges:
+        if edge.parent != edge.child:
+            sent.setdefault((edge.parent, edge.child), []).append(edge)
+    for pair, edges in sent.items():
+        if pair not in heard.several_publishers and len({edge.prim for edge in edges}) > 1:
+            yield edges
+
+
+@rule("K51", "self-transform", scope="lint", formerly="frame-below-itself")
+@rule("T09", "frame-is-its-own-parent", scope="frames")
+def self_transform(subject: TransformsSubject) -> Iterator[Problem]:
+    """A frame is its own parent.
+
+    Why: tf2 rejects such a transform (TF_SELF_TRANSFORM) and logs an error for every message. Isaac
+    Sim omits the parent prim only if a robot root is the target, not if the parent prim itself is
+    listed. If an articulation root above it is the target, the other frames still arrive: a
+    warning. Where the lab asks for no parent prim, they arrive below it, and its own frame not at
+    all: an error.
+
+    Fix: remove the parent prim from the Target Prims of Isaac Compute Transform Tree. It is the
+    parent of the other frames, and another node places it. If the node names its frames itself,
+    correct the names.
+
+    Example: Parent Prim is `{robot}/{base}`, and so is one of the Target Prims.
+    """
+    yield from subject.self_targets()
+    for heard in subject.trees():
+        own: dict[tuple[str, str], Edge] = {}
+        for edge in heard.tree.self_parents:
+            own.setdefault((edge.cause, edge.child), edge)
+        for (cause, frame), edge in own.items():
+            yield Problem(
+                cause,
+                f"publishes '{frame}' as its own parent",
+                actual=f"{frame} -> {frame}",
+                related=() if edge.publisher == cause else (edge.publisher,),
+                severity=_severity([(edge,)], subject),
+                frames=(frame,),
+                assumes=subject.assumed([edge]),
+            )
+
+
+@rule("K52", "tf-cycle", scope="lint", formerly="frames-in-a-ring")
+@rule("T05", "frame-cycle", scope="frames", formerly="ring-of-frames")
+def frame_cycle(subject: TransformsSubject) -> Iterator[Problem]:
+    """The transforms form a cycle.
+
+    Why: tf2 needs a tree. In a cycle it finds no root and refuses every lookup that reaches it.
+
+    Fix: delete the transform that closes the cycle. Most often its parent and child are exchanged.
+
+    Example: a second publisher sends `{link} -> {base}` beside `{base} -> {link}`.
+    """
+    for heard in subject.trees():
+        cycle = heard.tree.cycle
+        inside = [
+            edge
+            for edge in heard.tree.edges
+            if edge.parent in cycle and edge.child in cycle and edge.parent != edge.child
+        ]
+        if inside:
+            is_sure = subject.are_one(edge.domain for edge in inside)
+            is_sure = is_sure and bool(tree(edge for edge in inside if edge.sure).cycle)
+            site = next(
+                (edge for edge in reversed(inside) if not subject.is_asked(edge)), inside[-1]
+            )
+            yield Problem(
+                site.cause,
+                f"{site.parent} -> {site.child} closes a cycle of the frames {', '.join(cycle)}",
+                actual=f"{site.parent} -> {site.child}",
+                related=_others(inside, site),
+                severity=None if is_sure else "warning",
+                assumes=subject.assumed([site]),
+            )
+
+
+@rule("K53", "disconnected-trees", scope="lint", severity="warning", formerly="trees-apart")
+@rule("T06", "disconnected-frames", scope="frames", formerly="frames-not-connected")
+def disconnected_frames(subject: TransformsSubject) -> Iterator[Problem]:
+    """The transforms form disconnected trees.
+
+    Why: tf2 cannot transform between two trees, so sensor data in one cannot be placed in the
+    other. {localization?}From localization on, the one tree of the lab begins at the frame of the
+    map. {/}Without a lab, a node outside the stage, such as localization, may connect them: a
+    warning.
+
+    Fix: publish the frame below a frame of the robot, or delete its publisher: the child of the
+    odometry's transform must be the root of the robot's. A node with an empty Parent Prim puts its
+    frames below `world`, which is a frame of few robots.
+
+    Example: a second Isaac Compute Transform Tree has no parent prim and publishes `world ->
+    {link}`.
+    """
+    for heard in subject.trees():
+        tops = subject.tops(heard)
+        for edges, frames in heard.tree.parts if tops else ():
+            loose = [edge for edge in edges if edge.parent != edge.child]
+            is_cyclic = any(edge.child in heard.tree.cycle for edge in loose)
+            if loose and not is_cyclic and frames.isdisjoint(tops):
+                names = ", ".join(dict.fromkeys(f"{edge.parent} -> {edge.child}" for edge in loose))
+                yield Problem(
+                    loose[0].cause,
+                    f"publishes {names}, which is not connected with '{tops[0]}'",
+                    actual=names,
+                    severity=_severity(((edge,) for edge in loose), subject),
+                    assumes=subject.assumed(loose),
+                )
+
+
+@rule("K55", "unpublished-frame", scope="lint", severity="warning", formerly="frame-of-nobody")
+@rule("T11", "frame-id-not-in-tree", scope="frames", formerly="frame-id-outside-the-tree")
+def unpublished_frame(subject: TransformsSubject) -> Iterator[Problem]:
+    """The stage does not publish the frame of a message.
+
+    Why: a subscriber asks tf2 for the frame and waits forever, unless another node, such as a robot
+    state publisher, sends it. Isaac Sim reports no error. The defaults `sim_lidar` and `sim_camera`
+    are seldom frames of a robot.
+
+    Fix: set the frame id of the publisher to a frame that the stage publishes (for a sensor, its
+    own), or publish that frame (for odometry, from its frame to that of the robot).
+
+    Example: an IMU publisher keeps its default frame id, and no transform places that frame.
+    """
+    for named in subject.message_frames():
+        frames = subject.frames_in(named.endpoint.domain.name)
+        if frames and named.name not in frames:
+            yield Problem(
+                named.endpoint.node.path,
+                f"{named.port} is '{named.name}', a frame that the stage does not publish",
+                property=named.port,
+                expected=", ".join(sorted(frames)),
+                actual=named.name,
+                severity=None if subject.is_required(named.endpoint.node) else "warning",
+                rests_on=subject.frames_left_open(),
+            )

@@ -1,0 +1,286 @@
+"""Rules about topics with and without a lab: one publisher, one type, static transforms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from msgspec.structs import replace
+
+from lab3_usd.check.lab_topics import (
+    Publishers,
+    TopicsSubject,
+    assumed,
+    domain_name,
+    graph_of,
+    plays_role,
+    publishers,
+    role_specs,
+    wanted_topic,
+)
+from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import edits_of_harm
+from lab3_usd.check.robot.sensors import second_lidars
+from lab3_usd.facts.articulations import moving_source
+from lab3_usd.facts.domains import are_surely_one
+from lab3_usd.facts.endpoints import Endpoint, Qos, endpoints, running_endpoints
+from lab3_usd.facts.execution_order import effective_value, live_nodes
+from lab3_usd.model.changes import Edit, RemovePrim
+from lab3_usd.model.finding import Place, Problem, Severity
+from lab3_usd.model.prims import is_at_or_below
+
+
+def _severity(*ends: Endpoint, subject: TopicsSubject) -> Severity | None:
+    """Return the severity of a fault between these, milder where it is not sure that they meet.
+
+    The environment of a lab names no domain but the lab's.
+    """
+    is_sure = all(end.sure for end in ends)
+    are_one = isinstance(subject, StageSubject) or are_surely_one(end.domain for end in ends)
+    return None if is_sure and are_one else "warning"
+
+
+@rule("K40", "two-publishers", scope="lint")
+@rule("Q01", "topic-published-twice", scope="stage")
+def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
+    """A topic has two publishers.
+
+    Why: subscribers receive both streams mixed. Two clocks make time jump back{wheels?}, two
+    odometries make the robot jump{/}. Only topics of transforms, such as `/tf`, may have several
+    publishers. Publishers in different ROS domains never meet. The graph of a second sensor is
+    reported with that sensor.
+
+    Fix: delete the second publisher. Most often it is a copy of the whole graph, or was created by
+    an Isaac Sim menu under `/Graph`. Of two robots, give each a namespace or topics of its own. A
+    node that publishes two topics needs two topic names.
+
+    Example: `/Graph/ROS_Clock` publishes `/clock` beside `{graph}`.
+    """
+    again: dict[str, list[tuple[Endpoint, Publishers]]] = {}
+    for topic in _judged_publishers(subject):
+        for endpoint in topic.blamed:
+            right = topic.right
+            if None not in (right.type, endpoint.type) and right.type != endpoint.type:
+                continue  # of two types the rule of types speaks
+            if endpoint.node.path == right.node.path:
+                yield Problem(
+                    endpoint.node.path,
+                    f"{endpoint.port} and {right.port} are both {endpoint.topic}",
+                    property=endpoint.port,
+                    expected="a topic of its own",
+                    actual=endpoint.topic,
+                    severity=_severity(right, endpoint, subject=subject),
+                )
+            elif not _is_of_second_lidar(endpoint, subject):
+                again.setdefault(graph_of(endpoint), []).append((endpoint, topic))
+    for repeats in again.values():
+        first = repeats[0][0]
+        names = ", ".join(dict.fromkeys(str(endpoint.topic) for endpoint, _ in repeats))
+        rivals = [other for endpoint, topic in repeats for other in topic.rivals(endpoint)]
+        paths = [end.node.path for end in (*(end for end, _ in repeats[1:]), *rivals)]
+        grades = {
+            _severity(endpoint, other, subject=subject)
+            for endpoint, topic in repeats
+            for other in topic.rivals(endpoint)
+        }
+        severity: Severity | None = None if None in grades else "warning"
+        wanted = wanted_topic(first, subject)
+        yield Problem(
+            first.node.path,
+            f"publishes {names}, which another node publishes as well",
+            property=first.port,
+            expected="one publisher",
+            actual=names,
+            handout=None if wanted is None else wanted.handout,
+            related=tuple(dict.fromkeys(path for path in paths if path != first.node.path)),
+            severity=severity,
+            fix=tuple(_without(repeats, subject)) if severity is None else (),
+            assumes=assumed(first, subject),
+            covers=_graph_mates(first, subject),
+        )
+
+
+def _graph_mates(endpoint: Endpoint, subject: TopicsSubject) -> tuple[Place, ...]:
+    """Return the other nodes of a graph beside those of a lab: what they send and receive again."""
+    if not isinstance(subject, StageSubject):
+        return ()
+    graph = graph_of(endpoint)
+    if any(path.rpartition("/")[0] == graph for path in role_specs(subject)):
+        return ()
+    every_endpoint = endpoints(subject.stage, subject.platform)
+    mates = (other.node.path for other in every_endpoint if graph_of(other) == graph)
+    return tuple((path, None) for path in dict.fromkeys(mates) if path != endpoint.node.path)
+
+
+def _is_of_second_lidar(endpoint: Endpoint, subject: TopicsSubject) -> bool:
+    """Whether a node lies below a lidar beside that of the lab, of which its own rule speaks."""
+    if not isinstance(subject, StageSubject):
+        return False
+    return any(is_at_or_below(endpoint.node.path, lidar.path) for lidar in second_lidars(subject))
+
+
+def _judged_publishers(subject: TopicsSubject) -> tuple[Publishers, ...]:
+    """Return who publishes each topic; before the first graph of a lab nothing is judged."""
+    is_begun = not isinstance(subject, StageSubject) or subject.checkpoint.graphs
+    return publishers(subject) if is_begun else ()
+
+
+def _without(
+    repeats: Sequence[tuple[Endpoint, Publishers]], subject: TopicsSubject
+) -> Iterator[Edit]:
+    """Yield what removes the publishers of one graph that repeat those of the lab.
+
+    A graph that sends and receives nothing else is a copy, and removed as a whole. Which of two
+    publishers is too many where the lab has none, is unknown.
+    """
+    if not isinstance(subject, StageSubject):
+        return
+    played, tree = role_specs(subject), subject.platform.ros.tree_topics
+    if not all(topic.right.node.path in played for _, topic in repeats):
+        return
+    again = {endpoint.node.path for endpoint, _ in repeats}
+    graph = graph_of(repeats[0][0])
+    is_copy = not any(is_at_or_below(path, graph) for path in played) and all(
+        endpoint.node.path in again or endpoint.topic in tree
+        for endpoint in endpoints(subject.stage, subject.platform)
+        if is_at_or_below(endpoint.node.path, graph)
+    )
+    yield from map(RemovePrim, [graph] if is_copy else sorted(again.difference(played)))
+
+
+@rule("K41", "two-types", scope="lint")
+@rule("Q02", "wrong-topic-type", scope="stage", formerly="topic-of-another-type")
+def two_types(subject: TopicsSubject) -> Iterator[Problem]:
+    """One topic has two message types.
+
+    Why: ROS 2 connects only publishers and subscribers of the same type. With two types on one
+    name, `ros2 topic echo`, RViz and recordings fail. It is a warning where a lab asks nothing of
+    the topic.
+
+    Fix: use the message type of the other nodes, or another topic name.
+
+    Example: a generic ROS2 Subscriber reads `{commands}` as `std_msgs/msg/String`.
+    """
+    first: dict[tuple[str, str], Endpoint] = {}
+    for endpoint in (
+        *running_endpoints(subject.stage, subject.platform, "publishes"),
+        *running_endpoints(subject.stage, subject.platform, "subscribes"),
+    ):
+        if endpoint.type is None:
+            continue
+        wanted = wanted_topic(endpoint, subject)
+        key = (str(endpoint.topic), domain_name(endpoint.domain, subject))
+        known = first.setdefault(key, endpoint)
+        expected = known.type if wanted is None else wanted.type
+        if endpoint.type == expected or plays_role(endpoint, subject):
+            continue
+        ends = (known, endpoint) if wanted is None else (endpoint,)
+        severity = _severity(*ends, subject=subject)
+        if wanted is None and isinstance(subject, StageSubject):
+            severity = "warning"
+        as_other = f", and {known.node.path} {known.direction} it as {known.type}"
+        yield Problem(
+            endpoint.node.path,
+            f"{endpoint.direction} {endpoint.topic} as {endpoint.type}"
+            f"{as_other if wanted is None else ''}",
+            property=endpoint.port,
+            expected=expected,
+            actual=endpoint.type,
+            handout=None if wanted is None else wanted.handout,
+            related=(known.node.path,) if wanted is None else (),
+            severity=severity,
+            fix=edits_of_harm(subject, endpoint.node.path, endpoint.port, severity)
+            if isinstance(subject, StageSubject)
+            else (),
+            assumes=assumed(endpoint, subject),
+        )
+
+
+_STATIC, _MOVING = "/tf_static", "/tf"
+_KEPT = "transient_local"
+
+
+@rule("K57", "static-transforms", scope="lint")
+@rule("Q03", "wrong-durability", scope="stage", formerly="durability-of-a-topic")
+def static_transforms(subject: TopicsSubject) -> Iterator[Problem]:
+    """Moving transforms are sent once, or static ones are not kept for later subscribers.
+
+    Why: with Static Publisher on, a transform is sent only at the first tick, and stored for later
+    subscribers. On `/tf_static` tf2 requests stored messages and accepts no others. A transform
+    that is sent once never moves again: the robot stays where it was at the first tick. What a lab
+    asks of the durability of other topics is judged here, too.
+
+    Fix: enable Static Publisher for `/tf_static` only, and for transforms that never change.
+    Odometry belongs on `/tf`, with Static Publisher off. Clear QoS Profile of live data.
+
+    Example: a Publish Raw Transform Tree on `/tf_static` with Static Publisher off.
+    """
+    if isinstance(subject, StageSubject) and not subject.checkpoint.topics:
+        return
+    for endpoint in endpoints(subject.stage, subject.platform):
+        is_sent = endpoint.direction == "publishes" and endpoint.runs and endpoint.topic
+        if not is_sent or endpoint.qos is None or plays_role(endpoint, subject):
+            continue
+        ports = None if endpoint.node.type is None else endpoint.node.type.tf
+        wanted = wanted_topic(endpoint, subject)
+        if ports is not None and ports.static is not None:
+            problem = _of_transforms(endpoint, endpoint.qos, ports.static, subject)
+        elif wanted is not None and wanted.durability not in (None, endpoint.qos.durability):
+            problem = _of_topic(endpoint, endpoint.qos, wanted.durability)
+        else:
+            continue
+        if problem is None:
+            continue
+        severity: Severity | None = None if endpoint.sure else "warning"
+        if not isinstance(subject, StageSubject):
+            yield replace(problem, severity=severity)
+            continue
+        severity = "warning" if wanted is None else severity
+        path = endpoint.node.path
+        yield replace(
+            problem,
+            severity=severity,
+            handout=None if wanted is None else wanted.handout,
+            fix=edits_of_harm(subject, path, problem.property, severity),
+            assumes=assumed(endpoint, subject),
+        )
+
+
+def _of_topic(endpoint: Endpoint, qos: Qos, wanted: str | None) -> Problem:
+    return Problem(
+        endpoint.node.path,
+        f"publishes {endpoint.topic} with durability {qos.durability}",
+        property=endpoint.port,
+        expected=wanted,
+        actual=qos.durability,
+    )
+
+
+def _of_transforms(
+    endpoint: Endpoint, qos: Qos, switch: str, subject: TopicsSubject
+) -> Problem | None:
+    """Return what is wrong with how transforms are sent: `switch` has them sent once."""
+    node, topic = endpoint.node, str(endpoint.topic)
+    is_once = effective_value(node, switch, live_nodes(subject.stage, subject.platform)) is True
+    is_kept, is_for_static = qos.durability == _KEPT, topic.endswith(_STATIC)
+    how = "once, at the first tick" if is_once else "without keeping it for tf2"
+    moves = moving_source(node, subject.stage, subject.platform) if is_for_static else None
+    if moves is not None and (is_once or not is_kept):
+        belongs = topic.removesuffix(_STATIC) + _MOVING
+        return Problem(
+            node.path,
+            f"publishes {topic} {how}; the pose from {moves.path} changes and belongs on {belongs}",
+            property=switch if is_once else endpoint.port,
+            expected="False" if is_once else belongs,
+            actual="True" if is_once else topic,
+            related=(moves.path,),
+        )
+    if is_kept if is_for_static else not is_once:
+        return None
+    return Problem(
+        node.path,
+        f"publishes {topic} {how}",
+        property=switch,
+        expected=str(is_for_static),
+        actual=str(is_once),
+    )

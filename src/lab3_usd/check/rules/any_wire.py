@@ -1,0 +1,315 @@
+"""Rules about wires that hold with and without a lab: dead ones, types, cycles, second sources."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec.structs import replace
+
+from lab3_usd.check.demands import with_demand
+from lab3_usd.check.hints import without_wire
+from lab3_usd.check.match.rule_inputs import GraphsSubject, GraphSubject, LintSubject, WireFault
+from lab3_usd.check.registry import rule
+from lab3_usd.facts.endpoints import did_you_mean, likely_name
+from lab3_usd.facts.execution_order import live_nodes
+from lab3_usd.facts.wires import (
+    Connection,
+    connection,
+    connections,
+    cycle_of,
+    fed_inputs,
+    sublayer_with_source,
+    why_dead,
+)
+from lab3_usd.isaac.node_types import NodeType, Port, can_connect, differ_in_role
+from lab3_usd.model.changes import Connect, Edit, RenameProperty
+from lab3_usd.model.finding import Problem, node_title, short_source
+
+_MOST_REWIRED = 100
+
+
+def _faults(subject: GraphsSubject, *kinds: str) -> Iterator[tuple[WireFault, Connection]]:
+    """Yield the faulty wires of some kinds."""
+    live = live_nodes(subject.stage, subject.platform)
+    for fault in subject.wire_faults:
+        if fault.kind in kinds and fault.actual is not None:
+            yield fault, connection(fault.node, fault.port, fault.actual, live)
+
+
+def source_shown(fault: WireFault) -> str:
+    """Return the source that is there, with its whole path when it stands in another graph."""
+    graph = fault.node.path.rpartition("/")[0]
+    is_here = fault.actual is None or fault.actual.startswith(f"{graph}/")
+    return short_source(fault.actual) if is_here else str(fault.actual)
+
+
+def connect_hint(fault: WireFault) -> str:
+    """Say which wire to draw."""
+    port = fault.port.partition(":")[2]
+    return f"drag a wire from {short_source(fault.expected)} to {port} of {node_title(fault.node)}"
+
+
+@rule(
+    "K20",
+    "dangling-wire",
+    scope="lint",
+    formerly="wire-from-nowhere",
+    counted=("wire with an unknown source", "wires with unknown sources"),
+)
+def dangling_wire(subject: LintSubject) -> Iterator[Problem]:
+    """The source node of a wire does not exist.
+
+    Why: Isaac Sim drops such a wire when it opens the stage. The input then has no source: without
+    its execution wire a node never computes, without data it uses zeros. It is a warning where the
+    input has a value or a harmless default, where another wire feeds it, and where a sublayer of
+    the stage is missing, which may have the node.
+
+    Fix: drag a new wire from the node that should feed this input, or delete the wire.
+
+    Example: `inputs:timeStamp` is connected to `isaac_read_simulation_time_01`, which was deleted.
+
+    Basis: Kit's interface connects attributes of existing nodes. Its code is not public.
+    """
+    for fault, wire in _faults(subject, "dead", "leftover"):
+        if wire.source is None:
+            yield _dead_wire(fault, wire, subject)
+
+
+@rule("K21", "unknown-port", scope="lint")
+def unknown_port(subject: LintSubject) -> Iterator[Problem]:
+    """A wire ends at a port that its node type lacks.
+
+    Why: Isaac Sim drops such a wire when it opens the stage, whatever the file declares. Ports were
+    renamed between releases, and a Constant node has no output: its wire starts at its input. It is
+    a warning where the input has a value or a harmless default, or another wire feeds it.
+
+    Fix: drag a new wire between existing ports.
+
+    Example: a wire from `constant_token.outputs:value`; the port is `inputs:value`.
+
+    Basis: Ports are those of Isaac Sim's source; all wires in NVIDIA's own scripts pass this rule
+    (`benchmarks/script_wires.py`). Kit's code is not public.
+    """
+    for fault, wire in _faults(subject, "dead", "leftover"):
+        if wire.source is not None and wire.source.type is not None:
+            yield _dead_wire(fault, wire, subject)
+    for wire in connections(subject.stage, subject.platform):
+        kind = wire.node.type
+        if kind is not None and kind.port(wire.port) is None:
+            near = meant_port(wire.port, kind, is_source=False)
+            yield Problem(
+                wire.node.path,
+                f"{wire.port} is wired, and {kind.ui_name} has no such port"
+                f"{_gone(kind, wire.port, subject)}{did_you_mean(near)}",
+                property=wire.port,
+                expected=near,
+                actual=wire.port,
+                fix=(RenameProperty(wire.node.path, wire.port, near),)
+                if near and near not in wire.node.ports
+                else (),
+            )
+
+
+@rule("W03", "dead-source", scope="graph")
+def dead_source(subject: GraphSubject) -> Iterator[Problem]:
+    """The source of an input does not exist.
+
+    Why: the connection carries no data, and Isaac Sim may drop it when it loads the stage. The
+    input is effectively not connected. This happens when a node is deleted or renamed outside the
+    editor, or when the type has no such port: a Constant Token gives its value from `inputs:value`.
+
+    Fix: delete the connection and drag a new one from the port named here. A leftover beside a good
+    connection can stay, or can be removed with Disconnect.
+
+    Example: `make_array.inputs:input0` connected to `constant_left_joint.outputs:value`.
+    """
+    for fault, wire in _faults(subject, "dead"):
+        problem = _dead_wire(fault, wire, subject)
+        message = f"{problem.message}, expected {short_source(fault.expected)}"
+        message += without_wire(subject, fault.wire)
+        yield with_demand(
+            replace(problem, message=message, hint=connect_hint(fault)),
+            subject,
+        )
+
+
+@rule("W11", "leftover-wire", scope="graph", severity="warning")
+def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
+    """A wire to a deleted node or port was left behind.
+
+    Why: it carries no data, and Isaac Sim may drop it when it loads the stage. It does no harm, but
+    shows that a node was deleted or renamed after it had been connected.
+
+    Fix: right-click the input and choose Disconnect, or leave it.
+
+    Example: a second source `isaac_read_simulation_time_01` of a deleted node.
+    """
+    for fault, wire in _faults(subject, "leftover"):
+        yield with_demand(_dead_wire(fault, wire, subject), subject)
+
+
+def _dead_wire(fault: WireFault, wire: Connection, subject: GraphsSubject) -> Problem:
+    """Return the problem of a wire that nothing can be the source of."""
+    is_fed = (wire.node.path, wire.port) in fed_inputs(subject.stage, subject.platform)
+    problem = Problem(
+        wire.node.path,
+        "",
+        property=wire.port,
+        expected=fault.expected,
+        actual=wire.path,
+        severity="warning" if fault.kind == "leftover" else None,
+        assumes=((wire.node.path, wire.port),) if fault.wire is not None else (),
+        fix=_rewiring(wire) if is_fed else (),
+    )
+    opening = f"{wire.port} is connected to {source_shown(fault)}, "
+    if wire.source is not None:
+        return _with_port(problem, opening, wire, subject)
+    reason = "is a prim, not a port"
+    if wire.source_prim:
+        dead = why_dead(wire, subject.stage, subject.platform)
+        if dead is None:
+            message = f"{opening}which may be in an asset that cannot be found"
+            return replace(problem, message=message, severity="note")
+        reason = dead
+    sublayer = sublayer_with_source(wire, subject.stage)
+    message = f"{opening}which {reason}{'; another source feeds it' if is_fed else ''}"
+    if sublayer:
+        message += f", unless {sublayer} has it"
+        problem = replace(problem, severity="warning")
+    return replace(problem, message=message)
+
+
+def _with_port(problem: Problem, opening: str, wire: Connection, subject: GraphsSubject) -> Problem:
+    """Say which port a source lacks, and which was likely meant."""
+    source, kind = wire.source, None if wire.source is None else wire.source.type
+    if source is None or kind is None:
+        return replace(problem, message=f"{opening}which is no port of it")
+    if source.has_port(wire.source_port):
+        return replace(problem, message=f"{opening}an input, which sends no signal")
+    near = meant_port(wire.source_port, kind, is_source=True)
+    message = f"{opening}a port that {kind.ui_name} does not have"
+    message += _gone(kind, wire.source_port, subject)
+    message += "" if problem.expected else did_you_mean(near)
+    port, meant = _input(wire), f"{source.path}.{near}"
+    if near and port and can_connect(kind.ports[near], port):
+        problem = replace(problem, fix=_rewiring(wire, meant))
+    expected = problem.expected or near
+    return replace(problem, message=message, expected=expected, related=(source.path,))
+
+
+def _input(wire: Connection) -> Port | None:
+    return None if wire.node.type is None else wire.node.type.port(wire.port)
+
+
+def _rewiring(wire: Connection, *meant: str) -> tuple[Edit, ...]:
+    """Return what puts another source in place of a wire's, or takes it out.
+
+    Nothing where the input is unknown, or has so many wires that nobody drew them.
+    """
+    port, sources = _input(wire), wire.node.sources(wire.port)
+    if port is None or len(sources) > _MOST_REWIRED:
+        return ()
+    at = sources.index(wire.path)
+    rest = (*sources[:at], *meant, *sources[at + 1 :])
+    return (Connect(wire.node.path, port.name, port.usd_type, rest),)
+
+
+def meant_port(written: str, kind: NodeType, *, is_source: bool) -> str | None:
+    """Return the port of a type that was likely meant."""
+    known = [name for name, port in kind.ports.items() if port.is_source == is_source]
+    short = written.partition(":")[2]
+    same = [name for name in known if name.partition(":")[2] == short]
+    return same[0] if same else likely_name(written, known)
+
+
+def _gone(kind: NodeType, port: str, subject: GraphsSubject) -> str:
+    releases = subject.platform.releases_with(kind.type, port)
+    return f"; Isaac Sim {', '.join(releases)} has it" if releases else ""
+
+
+@rule("K22", "incompatible-types", scope="lint", formerly="types-that-do-not-fit")
+@rule("W09", "incompatible-wire", scope="graph")
+def incompatible_types(subject: GraphsSubject) -> Iterator[Problem]:
+    """A wire joins incompatible types.
+
+    Why: OmniGraph converts between numbers of one shape and between string and token. It rejects
+    other wires when the stage is opened, and the input has no source. Types that differ only in
+    their role, such as a vector and three plain numbers, may be accepted: a warning.
+
+    Fix: delete the wire, and connect a port of the right type or insert a node that converts.
+
+    Example: `outputs:linearVelocity`, a vector, is connected to `inputs:linearVelocity`, a number.
+
+    Basis: NVIDIA's documentation of attribute types. Kit's code is not public; all wires in
+    NVIDIA's own scripts pass this rule (`benchmarks/script_wires.py`).
+    """
+    for fault, wire in _faults(subject, "incompatible"):
+        if wire.ports is None:
+            continue
+        source, target = wire.ports
+        yield Problem(
+            wire.node.path,
+            f"{wire.port} takes {target.ogn_type}, and {source_shown(fault)} gives "
+            f"{source.ogn_type}",
+            property=wire.port,
+            expected=target.ogn_type,
+            actual=source.ogn_type,
+            related=(wire.source_prim,),
+            severity="warning" if differ_in_role(source, target) else None,
+        )
+
+
+@rule("K23", "wire-cycle", scope="lint", severity="warning", formerly="ring-of-wires")
+@rule("W08", "execution-cycle", scope="graph")
+def wire_cycle(subject: GraphsSubject) -> Iterator[Problem]:
+    """Wires of one kind form a cycle.
+
+    Why: a graph is evaluated in the order of its wires, and a cycle has no order. Isaac Sim may
+    drop the wire that closes it, skip the nodes, or never finish: what it does in an Action Graph
+    is not documented. Without a lab it is a warning; a lab asks for one source.
+
+    Fix: delete the wire named here.
+
+    Example: Exec Out of the second node is connected to Exec In of the first.
+
+    Basis: a wire that closes a cycle of data was seen to be dropped in graphs that Isaac Sim makes
+    for sensors. Kit's code is not public.
+    """
+    for fault, wire in _faults(subject, "cycle"):
+        paths = cycle_of(wire, live_nodes(subject.stage, subject.platform))
+        names = [path.rpartition("/")[2] for path in (*paths, *paths[:1])]
+        yield Problem(
+            wire.node.path,
+            f"{wire.kind} wires form a cycle: {' -> '.join(names)}",
+            property=wire.port,
+            expected=fault.expected,
+            actual=wire.path,
+            related=paths,
+            hint=f"delete the wire from {source_shown(fault)}",
+        )
+
+
+@rule("K24", "multiple-sources", scope="lint", severity="warning", formerly="two-sources")
+@rule("W04", "second-source", scope="graph")
+def multiple_sources(subject: GraphsSubject) -> Iterator[Problem]:
+    """An input has a second source.
+
+    Why: a data input uses one of its sources, and no public document says which. An execution input
+    runs the node once for each source, which a lab may forbid and any other stage may want.
+
+    Fix: select the wire from the source named here in the Action Graph editor and delete it.
+
+    Example: `inputs:timeStamp` is connected to two Isaac Read Simulation Time nodes.
+
+    Basis: Kit's interface gives an input one value. Its code is not public: without a lab it is a
+    warning; a lab asks for one source.
+    """
+    for fault, wire in _faults(subject, "second"):
+        yield Problem(
+            wire.node.path,
+            f"{wire.port} is also connected to {source_shown(fault)}, expected one source",
+            property=wire.port,
+            expected=fault.expected,
+            actual=fault.actual,
+            hint=f"delete the wire from {source_shown(fault)}",
+        )

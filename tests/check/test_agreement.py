@@ -1,0 +1,86 @@
+"""Commands say the same of one stage, except for what tests/disagreements.yaml explains."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+import forking
+import pytest
+import quick_yaml
+from agreement import unexplained
+from agreement_stages import (
+    CONTRADICTORY,
+    Subject,
+    all_subjects,
+    contradictions_of,
+    once_contradictory,
+)
+from breaking import correct_stage
+from foreign_robots import rover
+from places import REPOSITORY
+
+from lab3_usd.data import LAB_VARIABLE
+
+SHARE = 130  # one of so many stages, whatever others there are
+MADE_UP = "acme.clock.PublishClock"  # a name of a node type that only a lab knows
+
+
+@pytest.mark.parametrize("subject", once_contradictory(), ids=lambda subject: subject.name)
+def test_commands_agree_where_they_once_did_not(subject: Subject) -> None:
+    left = unexplained(contradictions_of(subject))
+    today = CONTRADICTORY["stages"][subject.name].get("today", [])
+    assert [f"{each.question}: {each.answers}" for each in left] == today
+
+
+def test_commands_agree_on_some_of_all_stages() -> None:
+    sample = [each for each in all_subjects() if crc32(each.name.encode()) % SHARE == 0]
+    assert len(sample) >= 8
+    found = [each for subject in sample for each in contradictions_of(subject)]
+    left = unexplained(found)
+    assert Counter(each.question for each in left) == CONTRADICTORY["sample"], "\n".join(
+        map(str, left)
+    )
+
+
+def said(command: str, path: Path, lab: Path, *arguments: str) -> Any:
+    """Return what a command prints in an environment that names a lab."""
+    done = forking.run(
+        [sys.executable, "-m", "lab3_usd", command, str(path), "--format", "json", *arguments],
+        env={**os.environ, LAB_VARIABLE: str(lab)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode in (0, 1), done.stderr
+    return quick_yaml.load(done.stdout)
+
+
+@pytest.mark.xfail(strict=True, reason="lint and sim know no name that only a lab's catalog has")
+def test_a_rename_of_a_lab_reaches_every_command(tmp_path: Path) -> None:
+    lab = shutil.copytree(REPOSITORY / "graphs", tmp_path / "lab")
+    types = lab / "node_types.yaml"
+    text = types.read_text(encoding="utf-8")
+    now = "isaacsim.ros2.bridge.ROS2PublishClock"
+    types.write_text(text.replace("\nrenamed:", f"\nrenamed:\n  {MADE_UP}: {now}\n#", 1))
+    stage = correct_stage("01")
+    clock = next(prim for prim in stage.Traverse() if prim.GetName() == "ros2_publish_clock")
+    clock.GetAttribute("node:type").Set(MADE_UP)
+    path = tmp_path / "stage.usda"
+    stage.GetRootLayer().Export(str(path))
+    assert said("check", path, lab, "--checkpoint", "01")["results"][0]["verdict"] == "pass"
+    assert [end["topic"] for end in said("topics", path, lab)["topics"]] == ["/clock"]
+    assert [topic["name"] for topic in said("sim", path, lab)["topics"]] == ["/clock"]
+    assert {each["rule"] for each in said("lint", path, lab)["results"][0]["findings"]} == {"K31"}
+
+
+def test_a_broken_lab_is_none_of_the_linters_business(tmp_path: Path) -> None:
+    (tmp_path / "checkpoints.yaml").write_text("no: lab\n")
+    path = tmp_path / "stage.usda"
+    rover().GetRootLayer().Export(str(path))
+    assert said("lint", path, tmp_path)["results"][0]["verdict"] == "pass"

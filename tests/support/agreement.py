@@ -1,0 +1,332 @@
+"""What five commands say of one stage, and where two of them contradict each other."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+from accepted import known_rows
+from invoking import invoke
+from msgspec import Struct
+from pxr import Usd
+
+FOUND = ("error", "warning")
+CHECK, LINT, SIM, TF, TOPICS = "check", "lint", "sim", "tf", "topics"
+# Rules of a lab, and rules that need none, that answer one question of one prim.
+SAME_AT_A_PRIM: tuple[tuple[frozenset[str], frozenset[str]], ...] = tuple(
+    (frozenset(of_lab.split()), frozenset(of_any.split()))
+    for of_lab, of_any in (
+        ("G06", "K07"),
+        ("W03 W11", "K20 K21"),
+        ("W04", "K24"),
+        ("W08", "K23"),
+        ("W09", "K22"),
+        ("N06", "K31"),
+        ("N09", "K05"),
+        ("P03", "K34"),
+        ("P11", "K63"),
+        ("T11", "K55"),
+    )
+)
+# The same of a whole stage, with what `lab3 tf` says.
+SAME_OF_A_STAGE: Mapping[str, frozenset[str]] = {
+    "a frame has several parents": frozenset({"T03", "K50", "two parents"}),
+    "a transform comes from several publishers": frozenset({"T04", "K54", "published twice"}),
+    "frames form a cycle": frozenset({"T05", "T09", "K51", "K52", "own parent", "ring"}),
+    "a topic has several publishers": frozenset({"Q01", "K40"}),
+    "a topic has several types": frozenset({"Q02", "K41"}),
+    "moving transforms are sent as static ones": frozenset({"Q03", "K57"}),
+}
+APART = frozenset({"K53", "several roots"})  # the rules of a lab ask for its root
+RATE = re.compile(r"sensor at ([\d.e+-]+) Hz")
+
+
+class Answers(Struct, frozen=True):
+    """The documents that the commands print of one stage; `check` and `drive` need a checkpoint.
+
+    `play` is a dry run that asks nothing of a lab.
+    """
+
+    lint: Mapping[str, Any]
+    play: Mapping[str, Any]
+    tf: Mapping[str, Any]
+    topics: Mapping[str, Any]
+    check: Mapping[str, Any] | None = None
+    drive: Mapping[str, Any] | None = None
+
+
+class NoAnswerError(Exception):
+    """A command says nothing of a stage, because it fails itself."""
+
+
+def answers(path: Path, checkpoint: str = "") -> Answers:
+    """Ask the commands; the name of the file names no checkpoint."""
+    at = ("--checkpoint", checkpoint)
+    return Answers(
+        lint=_asked(LINT, path)["results"][0],
+        play=_asked(SIM, path),
+        tf=_asked(TF, path),
+        topics=_asked(TOPICS, path),
+        check=_asked(CHECK, path, *at)["results"][0] if checkpoint else None,
+        drive=_asked(SIM, path, *at) if checkpoint else None,
+    )
+
+
+def answers_of(stage: Usd.Stage, checkpoint: str = "") -> Answers:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "stage.usdc"
+        stage.GetRootLayer().Export(str(path))
+        return answers(path, checkpoint)
+
+
+def _asked(command: str, path: Path, *arguments: str) -> Any:
+    try:
+        given = invoke(command, path, "--format", "json", *arguments)
+    except Exception as error:  # a bug of any kind, which is counted
+        raise NoAnswerError(f"{command} ends in {type(error).__name__}: {error}") from error
+    if given.exit_code not in (0, 1):
+        raise NoAnswerError(f"{command} ends with {given.exit_code}: {given.output}")
+    return json.loads(given.stdout)
+
+
+class Contradiction(NamedTuple):
+    """Two answers to one question about a stage that cannot both be right."""
+
+    question: str
+    answers: str
+    stage: str
+
+    def __str__(self) -> str:
+        return f"{self.question}: {self.answers} [{self.stage}]"
+
+
+def contradictions(said: Answers, stage: str) -> list[Contradiction]:
+    """Return where the commands contradict each other."""
+    return [
+        Contradiction(question, text, stage)
+        for question, compare in QUESTIONS.items()
+        for text in dict.fromkeys(compare(said))
+    ]
+
+
+def unexplained(said: Iterable[Contradiction]) -> list[Contradiction]:
+    """Return those that no row of the table is about."""
+    rows = known_rows("answers")
+    return [each for each in said if not any(row.holds(str(each)) for row in rows)]
+
+
+def found(result: Mapping[str, Any] | None, *severities: str) -> list[Mapping[str, Any]]:
+    """Return the findings of a report; without severities the errors and warnings."""
+    findings = () if result is None else result["findings"]
+    return [each for each in findings if each["severity"] in (severities or FOUND)]
+
+
+def failed(run: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
+    return [each for each in (run or {}).get("checks", ()) if each["verdict"] == "bad"]
+
+
+def published_topics(said: Answers) -> Iterator[str]:
+    """Which topics does a message come on, in which domain and of which type?"""
+    sending = [e for e in said.topics["topics"] if e["direction"] == "publishes" and e["runs"]]
+    sent = {(e["domain"], e["name"]): e for e in said.play["topics"]}
+    for (domain, topic), message in sent.items():
+        types = {e["type"] for e in sending if (e["domain"], e["topic"]) == (domain, topic)}
+        if not types:
+            yield f"sim sends {topic} in domain {domain}, topics has no such topic"
+        elif message["type"] not in types and None not in types:
+            yield f"sim sends {message['type']} on {topic}, topics says {sorted(types)}"
+    told = {each["prim"] for each in found(said.lint)} | unsimulated(said.play)
+    told |= {path for each in found(said.lint) for path in each["related"]}
+    for end in sending:
+        key = (end["domain"], end["topic"])
+        if end["sure"] and end["topic"] and key not in sent and end["node"] not in told:
+            causes = [each for each in failed(said.play) if end["node"] in each["message"]]
+            if not any(explained(said, each) for each in causes):
+                yield f"topics says {end['node']} publishes {end['topic']}, sim receives nothing"
+
+
+def unsimulated(run: Mapping[str, Any]) -> set[str]:
+    return {each["prim"] for each in run["not_simulated"]}
+
+
+def explained(said: Answers, check: Mapping[str, Any]) -> bool:
+    """Whether lint reports the rule that a failed check names."""
+    return check["rule"] in {each["rule"] for each in said.lint["findings"]}
+
+
+def nodes_that_run(said: Answers) -> Iterator[str]:
+    """Does a publisher or subscriber run?"""
+    graphs = {prim.rpartition("/")[0] for prim in sites(said.lint["findings"])}
+    graphs |= sites(said.lint["findings"])
+    idle = {each["prim"] for each in said.lint["findings"] if each["rule"] == "K01"}
+    for end in said.topics["topics"]:
+        node = end["node"]
+        if not end["runs"] and node.rpartition("/")[0] not in graphs:
+            yield f"topics says {node} never runs, lint has nothing in its graph"
+        if end["runs"] and end["sure"] and node in idle:
+            yield f"lint says {node} never runs, topics says it does"
+
+
+def topic_rates(said: Answers) -> Iterator[str]:
+    """How often does a message come?"""
+    rates = {(each["domain"], each["name"]): each["hz"] for each in said.play["topics"]}
+    ends: dict[tuple[int, str], list[Mapping[str, Any]]] = {}
+    for end in said.topics["topics"]:
+        if end["direction"] == "publishes" and end["runs"]:
+            ends.setdefault((end["domain"], end["topic"]), []).append(end)
+    for key, (first, *others) in ends.items():
+        rate = RATE.fullmatch(first["rate"])
+        hz = rates.get(key)
+        if rate and hz and not others and abs(hz - float(rate[1])) > 0.05 * hz + 0.2:
+            yield f"topics says {first['topic']} comes from a {first['rate']}, sim counts {hz} Hz"
+
+
+def transforms(said: Answers) -> Iterator[str]:
+    """Which transforms are sent?"""
+    edges = said.tf["transforms"]
+    sure = {(e["parent"], e["child"], e["static"]) for e in edges if e["sure"]}
+    perhaps = {(e["parent"], e["child"], e["static"]) for e in edges}
+    sent = {(e["parent"], e["child"], e["static"]) for e in said.play["frames"]}
+    if not said.tf["unknown_publishers"]:
+        for parent, child, _ in sorted(sent - perhaps):
+            yield f"sim sends {parent} -> {child}, tf has no such transform"
+    told = {each["prim"] for each in found(said.lint)} | unsimulated(said.play)
+    for edge in edges:
+        key = (edge["parent"], edge["child"], edge["static"])
+        if key in sure - sent and not {edge["publisher"], edge["cause"]} & told:
+            yield f"tf has {edge['parent']} -> {edge['child']}, sim receives no such transform"
+
+
+def stage_facts(said: Answers) -> Iterator[str]:
+    """Is TF one tree; has a topic one publisher and one type?"""
+    rules = {command: {e["rule"] for e in found(report)} for command, report in reports(said)}
+    drawn = {each["kind"] for each in said.tf["problems"]}
+    for run, of in ((said.play, LINT), (said.drive, CHECK)):
+        rules[f"{SIM} beside {of}"] = {each["rule"] for each in failed(run)}
+    for fact, same in SAME_OF_A_STAGE.items():
+        says = {command: bool(ids & same) for command, ids in rules.items()}
+        if said.check is not None and says[CHECK] != says[LINT]:
+            yield contrary(fact, CHECK, LINT, says[CHECK])
+        if fact.startswith(("a frame", "a transform", "frames")):
+            if bool(drawn & same) != says[LINT]:
+                yield contrary(fact, TF, LINT, bool(drawn & same))
+            if said.check is not None and bool(drawn & same) != says[CHECK]:
+                yield contrary(fact, TF, CHECK, bool(drawn & same))
+    most = max((len(tree["roots"]) for tree in said.tf["trees"]), default=0)
+    roots = most > max(1, len(said.play["robots"]))
+    # Two parents of a frame are two roots as well, of one tree.
+    if roots != bool(rules[LINT] & APART) and not (said.tf["unknown_frames"] or drawn):
+        yield contrary("there are several trees", TF, LINT, roots)
+
+
+def contrary(fact: str, one: str, other: str, is_so: bool) -> str:  # noqa: FBT001
+    says, denies = (one, other) if is_so else (other, one)
+    return f"{says} says that {fact}, {denies} does not"
+
+
+def reports(said: Answers) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    yield LINT, said.lint
+    if said.check is not None:
+        yield CHECK, said.check
+
+
+def same_rules(said: Answers) -> Iterator[str]:
+    """What does a rule that is true without a lab say of a prim?"""
+    if said.check is None:
+        return
+    for of_lab, of_any in SAME_AT_A_PRIM:
+        for one, other, ids, name in (
+            (said.check, said.lint, of_lab, LINT),
+            (said.lint, said.check, of_any, CHECK),
+        ):
+            prims = sites(other["findings"])
+            for finding in found(one):
+                if finding["rule"] in ids and finding["prim"] not in prims:
+                    yield f"{finding['severity']} {finding['rule']}, {name} has nothing there"
+
+
+def sites(findings: Any) -> set[str]:
+    """Return the prims that findings name."""
+    related = {path.partition(".")[0] for each in findings for path in each["related"]}
+    return related | {each["prim"] for each in findings}
+
+
+def severities(said: Answers) -> Iterator[str]:
+    """How grave is a fault of a wire or value?"""
+    for of_lab, of_any in SAME_AT_A_PRIM if said.check is not None else ():
+        lint = {(e["prim"], e["property"]): e for e in found(said.lint) if e["rule"] in of_any}
+        for each in found(said.check):
+            other = lint.get((each["prim"], each["property"])) if each["rule"] in of_lab else None
+            if other is not None and other["severity"] != each["severity"]:
+                one, two = (f"{e['severity']} {e['rule']}" for e in (each, other))
+                yield f"check says {one}, lint {two}"
+
+
+def named_rules(said: Answers) -> Iterator[str]:
+    """Does the rule that explains a failed dry run find its fault?"""
+    yield from _unreported(said.play, said.lint, LINT)
+
+
+def named_rules_of_a_lab(said: Answers) -> Iterator[str]:
+    """Does the rule of the lab that explains a failed dry run find its fault?"""
+    if said.check is not None:
+        yield from _unreported(said.drive, said.check, CHECK)
+
+
+def _unreported(
+    run: Mapping[str, Any] | None, report: Mapping[str, Any], command: str
+) -> Iterator[str]:
+    rules = {each["rule"] for each in report["findings"]}
+    for check in failed(run):
+        if check["rule"] and check["rule"] not in rules:
+            yield f"sim: {check['name']} names {check['rule']}, {command} does not report it"
+
+
+def unnamed_rules(said: Answers) -> Iterator[str]:
+    """Does a failed dry run name the rule that lint reports of it?"""
+    for fact, same in (*SAME_OF_A_STAGE.items(), ("there are several trees", APART)):
+        rules = {e["rule"] for e in found(said.lint)} & same
+        trees = [e for e in failed(said.play) if e["name"] == "tree" and not e["rule"]]
+        if rules and trees:
+            yield f"lint reports {min(rules)} ({fact}), sim fails by it and names no rule"
+
+
+def runs(said: Answers) -> Iterator[str]:
+    """Does the stage work?"""
+    errors = found(said.lint, "error")
+    if failed(said.play) and not found(said.lint):
+        names = ", ".join(each["name"] for each in failed(said.play))
+        yield f"sim fails ({names}), lint finds nothing"
+    if said.play["verdict"] == "ok" and errors:
+        yield f"lint has error {errors[0]['rule']}, sim is all ok"
+
+
+def passes(said: Answers) -> Iterator[str]:
+    """Does a stage of the lab pass?"""
+    if said.check is None or said.drive is None:
+        return
+    errors = found(said.check, "error")
+    if not errors and found(said.lint, "error"):
+        yield f"check passes, lint has error {found(said.lint, 'error')[0]['rule']}"
+    if not errors and failed(said.drive):
+        yield f"check passes, sim fails ({failed(said.drive)[0]['name']})"
+
+
+QUESTIONS: Mapping[str, Callable[[Answers], Iterator[str]]] = {
+    "topics": published_topics,
+    "nodes": nodes_that_run,
+    "rates": topic_rates,
+    "transforms": transforms,
+    "stage facts": stage_facts,
+    "same rules": same_rules,
+    "severities": severities,
+    "named rules": named_rules,
+    "named rules of a lab": named_rules_of_a_lab,
+    "unnamed rules": unnamed_rules,
+    "runs": runs,
+    "passes": passes,
+}
