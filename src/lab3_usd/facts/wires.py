@@ -49,6 +49,13 @@ class Connection(Struct, frozen=True, eq=False):
         return self.ports is None or can_connect(*self.ports)
 
     @property
+    def brings_data(self) -> bool:
+        """Whether the input is known to take data, whatever the source gives."""
+        kind = self.node.type
+        port = None if kind is None or not kind.is_known_port(self.port) else kind.port(self.port)
+        return port is not None and not port.is_execution
+
+    @property
     def kind(self) -> Kind | None:
         """What the wire carries; None where a port is unknown."""
         if not self.is_live or self.ports is None:

@@ -308,7 +308,7 @@ def _wire_faults(stage: StageModel, platform: Platform) -> tuple[WireFault, ...]
             faults.append(WireFault(kind, wire.node, wire.port, None, wire.path))
         elif wire.is_live and not wire.is_compatible:
             faults.append(WireFault("incompatible", wire.node, wire.port, None, wire.path))
-        elif wire.kind == "data":
+        elif wire.is_live and wire.brings_data:
             first = fed.setdefault((wire.node.path, wire.port), wire.path)
             if first != wire.path:
                 faults.append(WireFault("second", wire.node, wire.port, first, wire.path))
