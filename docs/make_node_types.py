@@ -142,7 +142,7 @@ def zero(kind: Any) -> Any:
         return []
     if shape:
         count = int(shape[0].rstrip("]"))
-        row = [0.0] * count
+        row = [ZEROS.get(base, 0.0)] * count
         return [row] * count if base.startswith("matrix") else row
     return ZEROS.get(base)
 
@@ -355,9 +355,8 @@ KIT_TYPES = {  # declarations in files, beside those of the others
     "frame[4]": "frame4d",
     "transform[4]": "frame4d",
 }
+LEFT_OUT = ("omni.graph.scriptnode.",)  # whose ports their scripts make
 _WORDS = {"True": True, "False": False, "None": None, "NaN": None}
-# Files say that of the ports of `omni.graph.core` nodes, which pages of a node do not list.
-_LONG_DEFAULT = 100  # characters
 
 
 def kit_lines(kit: Mapping[str, Any]) -> Iterator[str]:
@@ -374,12 +373,18 @@ def kit_lines(kit: Mapping[str, Any]) -> Iterator[str]:
     yield "usd_types:"
     yield from (f"  {json.dumps(kind)}: {usd}" for kind, usd in KIT_TYPES.items())
     yield ""
+    yield "events:  # types that start an execution by themselves"
+    yield from (f"  - {name}" for name, entry in kit["types"].items() if entry["event_source"])
+    yield ""
     yield "types:"
     for name, entry in sorted(kit["types"].items()):
+        if name.startswith(LEFT_OUT):
+            continue
+        title = entry["uiName"] or name.rpartition(".")[2]
         yield f"  {name}:"
         yield f"    version: {entry['version']}"
-        yield f"    name: {json.dumps(entry['uiName'])}"
-        yield f"    prim: {prim_name(entry['uiName'])}"
+        yield f"    name: {json.dumps(title)}"
+        yield f"    prim: {prim_name(title)}"
         if not entry["complete"]:
             yield "    is_open: true"
         if entry.get("dynamic"):
@@ -389,7 +394,8 @@ def kit_lines(kit: Mapping[str, Any]) -> Iterator[str]:
             if entry[side]:
                 yield f"    {side}:"
                 for port, said in entry[side].items():
-                    yield f"      {json.dumps(port)}: {json.dumps(kit_port(said, side))}"
+                    key = port if port.isidentifier() else json.dumps(port)
+                    yield f"      {key}: {json.dumps(kit_port(said, side))}"
 
 
 def kit_port(said: Mapping[str, Any], side: str = "") -> Any:

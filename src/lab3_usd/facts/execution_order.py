@@ -156,7 +156,10 @@ def _spread(
 
 def _is_unsure(node: Node, platform: Platform) -> bool:
     """Whether it is unknown if the node passes a signal on that reaches it."""
-    return node.type is not None and node.type.is_open and event_of(node, platform) is None
+    kind = node.type
+    is_doubtful = kind is not None and kind.may_have_more
+    is_told = node.type_name in platform.once or event_of(node, platform) is not None
+    return is_doubtful and not is_told
 
 
 def _followers(nodes: Nodes, platform: Platform) -> tuple[_Followers, _Followers]:
@@ -188,7 +191,7 @@ def is_opened_first(node: Node) -> bool:
 def signal_inputs(node: Node) -> tuple[str, ...]:
     """Return the execution inputs, and the unknown ones."""
     kind = node.type
-    if kind is not None and not kind.is_open:
+    if kind is not None and not kind.may_have_more:
         return kind.execution_inputs
     unknown = (
         name

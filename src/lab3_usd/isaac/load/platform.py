@@ -120,6 +120,12 @@ class _LaterReleases(Struct, forbid_unknown_fields=True):
     releases: dict[str, _ReleaseEntry]
 
 
+class _KitFile(Struct, forbid_unknown_fields=True):
+    usd_types: dict[str, str]
+    events: tuple[str, ...]
+    types: dict[str, dict[str, Any]]
+
+
 class _Application(Struct, forbid_unknown_fields=True):
     prims: tuple[str, ...]
 
@@ -136,9 +142,15 @@ def assemble_platform(folder: Path) -> Platform:
     later = record(read_yaml(folder / LATER), _LaterReleases, f"{name}/{LATER}")
     usd_types = {**system.usd_types, **data["usd_types"], **later.usd_types}
     public = _with_roles({**data["types"], **later.types}, folder)
-    kit = read_yaml(folder / KIT_TYPES)["types"]
+    kit = record(read_yaml(folder / KIT_TYPES), _KitFile, f"{name}/{KIT_TYPES}")
+    usd_types = {**kit.usd_types, **usd_types}
+    library = {
+        kind: {**entry, "is_documented": True}
+        for kind, entry in kit.types.items()
+        if kind not in system.types
+    }
     types = {
-        **parse_types(kit, usd_types, f"{name}/{KIT_TYPES}"),
+        **parse_types(library, usd_types, f"{name}/{KIT_TYPES}"),
         **parse_types(public, usd_types, f"{name}/{TYPES}"),
         **parse_types(system.types, usd_types, f"{name}/{SYSTEM}"),
     }
@@ -170,7 +182,7 @@ def assemble_platform(folder: Path) -> Platform:
             ports=other_ports(names.ports, types, f"{name}/{RENAMES}: ports"),
         ),
         lookalikes=system.lookalikes,
-        events=stages_of(system.events),
+        events={**dict.fromkeys(kit.events, ""), **stages_of(system.events)},
         deltas=deltas_of(system.events),
         once=system.once,
         gates=system.gates,
