@@ -333,6 +333,11 @@ def later_release_lines(pages: Mapping[str, Any], now: Types) -> Iterator[str]:
         yield from release_lines(page_types(said["added"]), changed, "    ")
 
 
+KIT_SOURCE = """\
+The node types of Kit's library, whose source is not public: names, ports, types and defaults read \
+off NVIDIA's published documentation of the nodes (facts only), by docs/make_node_types.py: change \
+that, not this. A type that is_open has more ports than are known. Ports are written as in \
+omnigraph.yaml; "of" names the types of a union, or groups of them as omni.graph.tools has them."""
 KIT_TYPES = {  # declarations in files, beside those of the others
     "any": "token",
     "unknown": "token",
@@ -359,43 +364,36 @@ LEFT_OUT = ("omni.graph.scriptnode.",)  # whose ports their scripts make
 _WORDS = {"True": True, "False": False, "None": None, "NaN": None}
 
 
-def kit_lines(kit: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines of `kit_types.yaml`: the types of Kit, by the documentation of its nodes."""
-    yield "# The node types of Kit's library, whose source is not public: names, ports, types and"
-    yield "# defaults read off NVIDIA's published documentation of the nodes (facts only), by"
-    yield "# docs/make_node_types.py: change that, not this. A type that `is_open` has more ports"
-    yield "# than are known. How a port is written is explained in omnigraph.yaml; `of` names the"
-    yield "# types of a union, or groups of them as omni.graph.tools has them."
-    for release, extensions in kit["about"]["releases"].items():
-        names = (f"{name} {version}" for name, version in extensions.items())
-        yield f"# {release}: {', '.join(names)}"
-    yield ""
-    yield "usd_types:"
-    yield from (f"  {json.dumps(kind)}: {usd}" for kind, usd in KIT_TYPES.items())
-    yield ""
-    yield "events:  # types that start an execution by themselves"
-    yield from (f"  - {name}" for name, entry in kit["types"].items() if entry["event_source"])
-    yield ""
-    yield "types:"
+def kit_data(kit: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what `kit_types.json` holds: the types of Kit, by the documentation of its nodes."""
+    types: dict[str, Any] = {}
     for name, entry in sorted(kit["types"].items()):
         if name.startswith(LEFT_OUT):
             continue
         title = entry["uiName"] or name.rpartition(".")[2]
-        yield f"  {name}:"
-        yield f"    version: {entry['version']}"
-        yield f"    name: {json.dumps(title)}"
-        yield f"    prim: {prim_name(title)}"
+        types[name] = {"version": entry["version"], "name": title, "prim": prim_name(title)}
         if not entry["complete"]:
-            yield "    is_open: true"
+            types[name]["is_open"] = True
         if entry.get("dynamic"):
-            grown = {each["port"]: kit_port(each) for each in entry["dynamic"]}
-            yield f"    grows: {json.dumps(grown)}"
+            types[name]["grows"] = {each["port"]: kit_port(each) for each in entry["dynamic"]}
         for side in SIDES:
             if entry[side]:
-                yield f"    {side}:"
-                for port, said in entry[side].items():
-                    key = port if port.isidentifier() else json.dumps(port)
-                    yield f"      {key}: {json.dumps(kit_port(said, side))}"
+                ports = {port: kit_port(said, side) for port, said in entry[side].items()}
+                types[name][side] = ports
+    return {
+        "about": KIT_SOURCE,
+        "releases": kit["about"]["releases"],
+        "usd_types": KIT_TYPES,
+        "events": [name for name, entry in kit["types"].items() if entry["event_source"]],
+        "types": types,
+    }
+
+
+def kit_text(data: Mapping[str, Any]) -> str:
+    """Return the text of `kit_types.json`, a type in a line."""
+    head = [f'"{key}": {json.dumps(value)}' for key, value in data.items() if key != "types"]
+    types = [f'"{name}": {json.dumps(entry)}' for name, entry in data["types"].items()]
+    return "{\n" + ",\n".join(head) + ',\n"types": {\n' + ",\n".join(types) + "\n}\n}\n"
 
 
 def kit_port(said: Mapping[str, Any], side: str = "") -> Any:
@@ -464,7 +462,7 @@ def main(clone: Path, pages: Path) -> None:
 def write_kit(kit: Path) -> None:
     """Write the types of Kit."""
     data = json.loads(kit.read_text(encoding="utf-8"))
-    (FOLDER / "kit_types.yaml").write_text("\n".join(kit_lines(data)) + "\n")
+    (FOLDER / "kit_types.json").write_text(kit_text(kit_data(data)))
 
 
 if __name__ == "__main__":

@@ -48,10 +48,10 @@ def _with_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(loader, "data_folder", folder)
     monkeypatch.setattr(data, "data_folder", folder)
-    for kept in (loader._bundled, loader._bundled_platform):
+    for kept in (loader._bundled, loader._compiled):
         kept.cache_clear()
     yield
-    for kept in (loader._bundled, loader._bundled_platform):
+    for kept in (loader._bundled, loader._compiled):
         kept.cache_clear()
 
 

@@ -17,11 +17,7 @@ from lab3_usd.errors import SpecError
 from lab3_usd.isaac.load.platform import assemble_platform
 from lab3_usd.isaac.node_types import Port
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.compiled import (
-    FILE,
-    compiled_or_loaded,
-    compiled_or_loaded_platform,
-)
+from lab3_usd.spec.load.compiled import FILE, compiled_or_loaded
 from lab3_usd.spec.load.loader import assemble, load_lab, load_platform
 
 TYPES = load_platform()
@@ -200,7 +196,7 @@ def test_a_slip_in_the_needs_is_one_clear_line(
 
 def test_a_platform_is_read_without_its_lab(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
-    lab = compiled_or_loaded(folder.parent, assemble)
+    lab = compiled_or_loaded(folder.parent, assemble).lab()
     kept = folder.parent / "__pycache__" / FILE
     monkeypatch.setattr(Lab, "__init__", None)  # which no reading of the platform may need
 
@@ -208,7 +204,7 @@ def test_a_platform_is_read_without_its_lab(folder: Path, monkeypatch: pytest.Mo
         raise AssertionError(folder)
 
     assert kept.is_file()
-    again = compiled_or_loaded_platform(folder.parent, refuse)
+    again = compiled_or_loaded(folder.parent, refuse).platform
     assert again.types == lab.platform.types
     assert again.needs == lab.platform.needs
 
@@ -220,5 +216,5 @@ def test_a_change_of_the_labs_types_is_read_anew(
     compiled_or_loaded(folder.parent, assemble)
     lab = folder.parent / "node_types.yaml"
     lab.write_text(lab.read_text().replace('"Break 3 Vector"', '"Another"'))
-    types = compiled_or_loaded_platform(folder.parent, assemble).types
+    types = compiled_or_loaded(folder.parent, assemble).platform.types
     assert types["omni.graph.nodes.BreakVector3"].handout_name == "Another"

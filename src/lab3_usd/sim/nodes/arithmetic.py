@@ -1,7 +1,7 @@
 """Kit's pure nodes: arithmetic, comparisons, variables and branches.
 
 Their source is not public: the ports are those of NVIDIA's published documentation of the nodes
-(graphs/isaac/kit_types.yaml), which says what each computes (docs.omniverse.nvidia.com,
+(graphs/isaac/kit_types.json), which says what each computes (docs.omniverse.nvidia.com,
 ext_omnigraph/node-library/nodes/omni-graph-nodes, and GeneratedNodeDocumentation).
 """
 
