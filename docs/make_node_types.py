@@ -58,6 +58,7 @@ PAGE_TYPES = {  # of node pages alone
     "vectorf[3][]": "vector3f[]",
 }
 RENAMES = "source/extensions/isaacsim.core.deprecation_manager/config/extension.toml"
+BY_HAND = "# `types` and `ports` are written by hand:"  # how their part of renames.yaml begins
 _RENAME = re.compile(r'deprecated = "([^"]+)", new = "([^"]+)"')
 ZEROS = {
     **dict.fromkeys(("uchar", "int", "uint", "int64", "uint64"), 0),
@@ -172,15 +173,19 @@ def allowed_tokens(tokens: Any) -> list[str]:
     return [str(token) for token in (tokens.values() if isinstance(tokens, dict) else tokens)]
 
 
-def rename_lines(clone: Path) -> Iterator[str]:
-    """Yield the lines of `renames.yaml`: names of before 4.5, and those that they have now."""
+def rename_lines(clone: Path, written: str) -> Iterator[str]:
+    """Yield the lines of `renames.yaml`: names of before 4.5, and those that they have now.
+
+    `written` is the file as it is: what people wrote into it stays.
+    """
     said = (
         _git(clone, "show", f"{TAG}:{RENAMES}").partition(".omnigraph = [")[2].partition("\n]")[0]
     )
     pairs = _RENAME.findall(said)
-    yield "# Names of node types from before Isaac Sim 4.5, by prefix and whole, with those of now."
+    yield "# Names of node types from `before` Isaac Sim 4.5, by prefix and whole, and those of now."
     yield f"# Facts read off {RENAMES}"
     yield f"# of isaac-sim/IsaacSim {TAG} (Apache-2.0) by docs/make_node_types.py: change that."
+    yield BY_HAND + written.partition(BY_HAND)[2].partition("\n\nprefixes:")[0]
     for key, is_whole in (("prefixes", False), ("renamed", True)):
         yield ""
         yield f"{key}:"
@@ -448,7 +453,7 @@ def main(clone: Path, pages: Path) -> None:
     earlier = {release: node_types(clone, tag) for release, tag in EARLIER.items()}
     for name, lines in (
         ("node_types.yaml", catalog_lines(now)),
-        ("renames.yaml", rename_lines(clone)),
+        ("renames.yaml", rename_lines(clone, (FOLDER / "renames.yaml").read_text())),
         ("versions.yaml", version_lines(now, earlier)),
         (
             "later_releases.yaml",

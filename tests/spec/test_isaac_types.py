@@ -218,3 +218,26 @@ def test_a_change_of_the_labs_types_is_read_anew(
     lab.write_text(lab.read_text().replace('"Break 3 Vector"', '"Another"'))
     types = compiled_or_loaded(folder.parent, assemble).platform.types
     assert types["omni.graph.nodes.BreakVector3"].handout_name == "Another"
+
+
+def test_every_documented_type_of_kit_is_known_with_its_ports(shared: Path) -> None:
+    library = json.loads((shared / "isaac" / "kit-nodes.json").read_text())["types"]
+    scripts = {name for name in library if TYPES.scripts.runs(name)}
+    missing = [
+        f"{name} {side}:{short}"
+        for name, fact in library.items()
+        if name not in scripts
+        for side in ("inputs", "outputs")
+        for short in fact[side]
+        if TYPES.types[name].listed(f"{side}:{short}") is None
+    ]
+    assert missing == []
+    assert len(library) - len(scripts) == 424
+
+
+def test_what_is_to_be_set_and_not_wired_is_known(shared: Path) -> None:
+    library = json.loads((shared / "isaac" / "kit-nodes.json").read_text())["types"]
+    for name, fact in library.items():
+        kind = TYPES.types.get(name)
+        for short, port in fact["inputs"].items() if kind and kind.is_documented else ():
+            assert kind.ports[f"inputs:{short}"].literal_only == port.get("literalOnly", False)
