@@ -182,7 +182,7 @@ def rename_lines(clone: Path, written: str) -> Iterator[str]:
         _git(clone, "show", f"{TAG}:{RENAMES}").partition(".omnigraph = [")[2].partition("\n]")[0]
     )
     pairs = _RENAME.findall(said)
-    yield "# Names of node types from `before` Isaac Sim 4.5, by prefix and whole, and those of now."
+    yield "# Names of node types from `before` Isaac Sim 4.5, by prefix and whole, and those now."
     yield f"# Facts read off {RENAMES}"
     yield f"# of isaac-sim/IsaacSim {TAG} (Apache-2.0) by docs/make_node_types.py: change that."
     yield BY_HAND + written.partition(BY_HAND)[2].partition("\n\nprefixes:")[0]
@@ -366,6 +366,7 @@ KIT_TYPES = {  # declarations in files, beside those of the others
     "transform[4]": "frame4d",
 }
 LEFT_OUT = ("omni.graph.scriptnode.",)  # whose ports their scripts make
+_CONSTANT = re.compile(r"^Constant([A-Z].*)")
 _WORDS = {"True": True, "False": False, "None": None, "NaN": None}
 
 
@@ -376,6 +377,7 @@ def kit_data(kit: Mapping[str, Any]) -> dict[str, Any]:
         if name.startswith(LEFT_OUT):
             continue
         title = entry["uiName"] or name.rpartition(".")[2]
+        title = _CONSTANT.sub(r"Constant \1", title)  # as the contents of 2.11 (6.0.1) have them
         types[name] = {"version": entry["version"], "name": title, "prim": prim_name(title)}
         if not entry["complete"]:
             types[name]["is_open"] = True
