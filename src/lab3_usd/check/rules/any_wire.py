@@ -211,7 +211,8 @@ def _with_port(problem: Problem, opening: str, wire: Connection, subject: Graphs
     message = f"{opening}a port that {kind.ui_name} does not have"
     message += _gone(kind, wire.source_port, subject)
     message += "" if problem.expected else did_you_mean(near)
-    port, meant = _input(wire), f"{source.path}.{near}"
+    target, meant = wire.node.type, f"{source.path}.{near}"
+    port = None if target is None else target.listed(wire.port)
     if near and port and can_connect(kind.ports[near], port):
         sources = wire.node.sources(wire.port)
         fix = _rewiring(wire, *(meant if path == wire.path else path for path in sources))
