@@ -10,7 +10,7 @@ from typing import Literal
 
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, is_refused
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.values import Value, are_alike
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Severity
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
@@ -283,19 +283,6 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
     if len(wired) > 1 or not source_port.startswith(INPUT) or not depth:
         return None
     return effective_value(source, source_port, live, depth - 1)
-
-
-def wrong_type(node: Node, port: str) -> str | None:
-    """Return the type that a file declares for an input whose values it cannot have, else None.
-
-    The application gives the port its own type and ignores the value. A port without a value has no
-    type.
-    """
-    state = node.state(port)
-    known = None if node.type is None else node.type.port(port)
-    if state is None or not state.usd_type or known is None or known.is_union or known.is_target:
-        return None
-    return None if are_alike(state.usd_type, known.usd_type) else state.usd_type
 
 
 _PRODUCT = "inputs:renderProductPath"
