@@ -58,6 +58,7 @@ PAGE_TYPES = {  # of node pages alone
     "vectorf[3][]": "vector3f[]",
 }
 RENAMES = "source/extensions/isaacsim.core.deprecation_manager/config/extension.toml"
+BY_HAND = "# `types` and `ports` are written by hand:"  # how their part of renames.yaml begins
 _RENAME = re.compile(r'deprecated = "([^"]+)", new = "([^"]+)"')
 ZEROS = {
     **dict.fromkeys(("uchar", "int", "uint", "int64", "uint64"), 0),
@@ -142,7 +143,7 @@ def zero(kind: Any) -> Any:
         return []
     if shape:
         count = int(shape[0].rstrip("]"))
-        row = [0.0] * count
+        row = [ZEROS.get(base, 0.0)] * count
         return [row] * count if base.startswith("matrix") else row
     return ZEROS.get(base)
 
@@ -172,15 +173,19 @@ def allowed_tokens(tokens: Any) -> list[str]:
     return [str(token) for token in (tokens.values() if isinstance(tokens, dict) else tokens)]
 
 
-def rename_lines(clone: Path) -> Iterator[str]:
-    """Yield the lines of `renames.yaml`: names of before 4.5, and those that they have now."""
+def rename_lines(clone: Path, written: str) -> Iterator[str]:
+    """Yield the lines of `renames.yaml`: names of before 4.5, and those that they have now.
+
+    `written` is the file as it is: what people wrote into it stays.
+    """
     said = (
         _git(clone, "show", f"{TAG}:{RENAMES}").partition(".omnigraph = [")[2].partition("\n]")[0]
     )
     pairs = _RENAME.findall(said)
-    yield "# Names of node types from before Isaac Sim 4.5, by prefix and whole, with those of now."
+    yield "# Names of node types from `before` Isaac Sim 4.5, by prefix and whole, and those now."
     yield f"# Facts read off {RENAMES}"
     yield f"# of isaac-sim/IsaacSim {TAG} (Apache-2.0) by docs/make_node_types.py: change that."
+    yield BY_HAND + written.partition(BY_HAND)[2].partition("\n\nprefixes:")[0]
     for key, is_whole in (("prefixes", False), ("renamed", True)):
         yield ""
         yield f"{key}:"
@@ -333,6 +338,11 @@ def later_release_lines(pages: Mapping[str, Any], now: Types) -> Iterator[str]:
         yield from release_lines(page_types(said["added"]), changed, "    ")
 
 
+KIT_SOURCE = """\
+The node types of Kit's library, whose source is not public: names, ports, types and defaults read \
+off NVIDIA's published documentation of the nodes (facts only), by docs/make_node_types.py: change \
+that, not this. A type that is_open has more ports than are known. Ports are written as in \
+omnigraph.yaml; "of" names the types of a union, or groups of them as omni.graph.tools has them."""
 KIT_TYPES = {  # declarations in files, beside those of the others
     "any": "token",
     "unknown": "token",
@@ -355,41 +365,42 @@ KIT_TYPES = {  # declarations in files, beside those of the others
     "frame[4]": "frame4d",
     "transform[4]": "frame4d",
 }
+LEFT_OUT = ("omni.graph.scriptnode.",)  # whose ports their scripts make
+_CONSTANT = re.compile(r"^Constant([A-Z].*)")
 _WORDS = {"True": True, "False": False, "None": None, "NaN": None}
-# Files say that of the ports of `omni.graph.core` nodes, which pages of a node do not list.
-_LONG_DEFAULT = 100  # characters
 
 
-def kit_lines(kit: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines of `kit_types.yaml`: the types of Kit, by the documentation of its nodes."""
-    yield "# The node types of Kit's library, whose source is not public: names, ports, types and"
-    yield "# defaults read off NVIDIA's published documentation of the nodes (facts only), by"
-    yield "# docs/make_node_types.py: change that, not this. A type that `is_open` has more ports"
-    yield "# than are known. How a port is written is explained in omnigraph.yaml; `of` names the"
-    yield "# types of a union, or groups of them as omni.graph.tools has them."
-    for release, extensions in kit["about"]["releases"].items():
-        names = (f"{name} {version}" for name, version in extensions.items())
-        yield f"# {release}: {', '.join(names)}"
-    yield ""
-    yield "usd_types:"
-    yield from (f"  {json.dumps(kind)}: {usd}" for kind, usd in KIT_TYPES.items())
-    yield ""
-    yield "types:"
+def kit_data(kit: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what `kit_types.json` holds: the types of Kit, by the documentation of its nodes."""
+    types: dict[str, Any] = {}
     for name, entry in sorted(kit["types"].items()):
-        yield f"  {name}:"
-        yield f"    version: {entry['version']}"
-        yield f"    name: {json.dumps(entry['uiName'])}"
-        yield f"    prim: {prim_name(entry['uiName'])}"
+        if name.startswith(LEFT_OUT):
+            continue
+        title = entry["uiName"] or name.rpartition(".")[2]
+        title = _CONSTANT.sub(r"Constant \1", title)  # as the contents of 2.11 (6.0.1) have them
+        types[name] = {"version": entry["version"], "name": title, "prim": prim_name(title)}
         if not entry["complete"]:
-            yield "    is_open: true"
+            types[name]["is_open"] = True
         if entry.get("dynamic"):
-            grown = {each["port"]: kit_port(each) for each in entry["dynamic"]}
-            yield f"    grows: {json.dumps(grown)}"
+            types[name]["grows"] = {each["port"]: kit_port(each) for each in entry["dynamic"]}
         for side in SIDES:
             if entry[side]:
-                yield f"    {side}:"
-                for port, said in entry[side].items():
-                    yield f"      {json.dumps(port)}: {json.dumps(kit_port(said, side))}"
+                ports = {port: kit_port(said, side) for port, said in entry[side].items()}
+                types[name][side] = ports
+    return {
+        "about": KIT_SOURCE,
+        "releases": kit["about"]["releases"],
+        "usd_types": KIT_TYPES,
+        "events": [name for name, entry in kit["types"].items() if entry["event_source"]],
+        "types": types,
+    }
+
+
+def kit_text(data: Mapping[str, Any]) -> str:
+    """Return the text of `kit_types.json`, a type in a line."""
+    head = [f'"{key}": {json.dumps(value)}' for key, value in data.items() if key != "types"]
+    types = [f'"{name}": {json.dumps(entry)}' for name, entry in data["types"].items()]
+    return "{\n" + ",\n".join(head) + ',\n"types": {\n' + ",\n".join(types) + "\n}\n}\n"
 
 
 def kit_port(said: Mapping[str, Any], side: str = "") -> Any:
@@ -444,7 +455,7 @@ def main(clone: Path, pages: Path) -> None:
     earlier = {release: node_types(clone, tag) for release, tag in EARLIER.items()}
     for name, lines in (
         ("node_types.yaml", catalog_lines(now)),
-        ("renames.yaml", rename_lines(clone)),
+        ("renames.yaml", rename_lines(clone, (FOLDER / "renames.yaml").read_text())),
         ("versions.yaml", version_lines(now, earlier)),
         (
             "later_releases.yaml",
@@ -458,7 +469,7 @@ def main(clone: Path, pages: Path) -> None:
 def write_kit(kit: Path) -> None:
     """Write the types of Kit."""
     data = json.loads(kit.read_text(encoding="utf-8"))
-    (FOLDER / "kit_types.yaml").write_text("\n".join(kit_lines(data)) + "\n")
+    (FOLDER / "kit_types.json").write_text(kit_text(kit_data(data)))
 
 
 if __name__ == "__main__":

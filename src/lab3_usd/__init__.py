@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from lab3_usd.facts.frames import published_edges
     from lab3_usd.judge.stage import check_stage
     from lab3_usd.model.finding import Finding, Report, Requirement, Score, StageResult
-    from lab3_usd.spec.load.loader import load_lab
+    from lab3_usd.spec.load.loader import load_lab, load_platform
     from lab3_usd.stage.read.reader import read_stage
     from lab3_usd.stage.read.server_assets import assets_at
     from lab3_usd.stage.write.builder import build_checkpoint
@@ -50,6 +50,7 @@ _HOMES = {
     "build_starter": "lab3_usd.stage.write.starter",
     "check_stage": "lab3_usd.judge.stage",
     "load_lab": "lab3_usd.spec.load.loader",
+    "load_platform": "lab3_usd.spec.load.loader",
     "published_edges": "lab3_usd.facts.frames",
     "read_stage": "lab3_usd.stage.read.reader",
 }
@@ -69,6 +70,7 @@ __all__ = [
     "build_starter",
     "check_stage",
     "load_lab",
+    "load_platform",
     "published_edges",
     "read_stage",
 ]

@@ -38,7 +38,8 @@ def graph(event: str | None, *more: Node, **attributes: Value) -> GraphModel:
         return m.graph(PLACE, sender, *more, **attributes)  # type: ignore[arg-type]
     root = m.node(f"{PLACE}/root", event)
     root = replace(root, ports={"outputs:go": PortState("outputs:go")})
-    out = {TICK: "tick", STEP: "step", OLD_STEP: "step"}.get(event, "go")
+    known = () if root.type is None else root.type.ports.values()
+    out = next((port.short for port in known if port.is_execution), "go")
     sender = m.wired(sender, "inputs:execIn", f"{PLACE}/root.outputs:{out}")
     return m.graph(PLACE, sender, root, *more, **attributes)  # type: ignore[arg-type]
 
@@ -247,10 +248,10 @@ def test_a_single_signal_that_can_be_had_again_is_no_single_one() -> None:
 
 
 def test_a_single_signal_of_a_doubtful_event_makes_nothing_surer() -> None:
-    root = replace(m.node(f"{PLACE}/custom", CUSTOM), ports={"outputs:go": PortState("outputs:go")})
+    root = m.node(f"{PLACE}/custom", CUSTOM)
     once = node_behind(ONCE, f"{PLACE}/once", f"{PLACE}/root.outputs:tick")
     given = graph(TICK, root, once)
-    signals = (f"{once.path}.outputs:step", f"{root.path}.outputs:go")
+    signals = (f"{once.path}.outputs:step", f"{root.path}.outputs:execOut")
     sender = m.wired(given.nodes[0], "inputs:execIn", *signals)
     assert state_of(m.only(replace(given, nodes=(sender, *given.nodes[1:])))) == "may run"
 

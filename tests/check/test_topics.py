@@ -265,7 +265,7 @@ def test_what_an_unknown_event_starts_perhaps_publishes() -> None:
     event = m.node(tick.path, "omni.graph.action.OnCustomEvent")
     event = replace(event, ports={"outputs:tick": PortState("outputs:tick")})
     clock = of(m.with_node(stage, event), "ros2_publish_clock")
-    assert (clock.runs, clock.sure, clock.rate) == (True, False, "perhaps OnCustomEvent")
+    assert (clock.runs, clock.sure, clock.rate) == (True, False, "perhaps On Custom Event")
     assert of(stage, "ros2_publish_clock").sure
 
 

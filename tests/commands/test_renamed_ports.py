@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -48,11 +49,9 @@ def _with_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(loader, "data_folder", folder)
     monkeypatch.setattr(data, "data_folder", folder)
-    for kept in (loader._bundled, loader._bundled_platform):
-        kept.cache_clear()
-    yield
-    for kept in (loader._bundled, loader._bundled_platform):
-        kept.cache_clear()
+    # What other tests have loaded stays as it is.
+    for name in ("_bundled", "_compiled"):
+        monkeypatch.setattr(loader, name, cache(getattr(loader, name).__wrapped__))
 
 
 def said(*arguments: object) -> str:

@@ -65,8 +65,8 @@ LEFT: dict[str, list[Step]] = {
     "a port that no other is like": [
         {"connect": [f"{CLOCK}.inputs:timeStamp", "/World/Clock/time.outputs:whatever"]}
     ],
-    "a port that a node of Kit is connected to": [
-        {"node": ["/World/Clock/text", "omni.graph.nodes.Noise"]},
+    "a port that a node of an unknown type is connected to": [
+        {"node": ["/World/Clock/text", "acme.nodes.Noise"]},
         {"declare": ["/World/Clock/text.inputs:value", "token"]},
         {"connect": ["/World/Clock/text.inputs:value", "/World/Clock/time.outputs:simTime"]},
     ],

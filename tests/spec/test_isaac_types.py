@@ -17,11 +17,7 @@ from lab3_usd.errors import SpecError
 from lab3_usd.isaac.load.platform import assemble_platform
 from lab3_usd.isaac.node_types import Port
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.compiled import (
-    FILE,
-    compiled_or_loaded,
-    compiled_or_loaded_platform,
-)
+from lab3_usd.spec.load.compiled import FILE, compiled_or_loaded
 from lab3_usd.spec.load.loader import assemble, load_lab, load_platform
 
 TYPES = load_platform()
@@ -200,7 +196,7 @@ def test_a_slip_in_the_needs_is_one_clear_line(
 
 def test_a_platform_is_read_without_its_lab(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
-    lab = compiled_or_loaded(folder.parent, assemble)
+    lab = compiled_or_loaded(folder.parent, assemble).lab()
     kept = folder.parent / "__pycache__" / FILE
     monkeypatch.setattr(Lab, "__init__", None)  # which no reading of the platform may need
 
@@ -208,7 +204,7 @@ def test_a_platform_is_read_without_its_lab(folder: Path, monkeypatch: pytest.Mo
         raise AssertionError(folder)
 
     assert kept.is_file()
-    again = compiled_or_loaded_platform(folder.parent, refuse)
+    again = compiled_or_loaded(folder.parent, refuse).platform
     assert again.types == lab.platform.types
     assert again.needs == lab.platform.needs
 
@@ -220,5 +216,28 @@ def test_a_change_of_the_labs_types_is_read_anew(
     compiled_or_loaded(folder.parent, assemble)
     lab = folder.parent / "node_types.yaml"
     lab.write_text(lab.read_text().replace('"Break 3 Vector"', '"Another"'))
-    types = compiled_or_loaded_platform(folder.parent, assemble).types
+    types = compiled_or_loaded(folder.parent, assemble).platform.types
     assert types["omni.graph.nodes.BreakVector3"].handout_name == "Another"
+
+
+def test_every_documented_type_of_kit_is_known_with_its_ports(shared: Path) -> None:
+    library = json.loads((shared / "isaac" / "kit-nodes.json").read_text())["types"]
+    scripts = {name for name in library if TYPES.scripts.runs(name)}
+    missing = [
+        f"{name} {side}:{short}"
+        for name, fact in library.items()
+        if name not in scripts
+        for side in ("inputs", "outputs")
+        for short in fact[side]
+        if TYPES.types[name].listed(f"{side}:{short}") is None
+    ]
+    assert missing == []
+    assert len(library) - len(scripts) == 424
+
+
+def test_what_is_to_be_set_and_not_wired_is_known(shared: Path) -> None:
+    library = json.loads((shared / "isaac" / "kit-nodes.json").read_text())["types"]
+    for name, fact in library.items():
+        kind = TYPES.types.get(name)
+        for short, port in fact["inputs"].items() if kind and kind.is_documented else ():
+            assert kind.ports[f"inputs:{short}"].literal_only == port.get("literalOnly", False)

@@ -7,14 +7,13 @@ from typing import Any
 
 from lab3_usd.model.dry_run import Scene, SceneNode
 from lab3_usd.sim.execution.node_instance import NodeInstance, function_of
-from lab3_usd.sim.execution.program import type_of
 from lab3_usd.sim.execution.world import Network, RosEndpoint
 from lab3_usd.spec.load.loader import load_platform
 
 
 def node(name: str, values: dict[str, Any] | None = None, **targets: str) -> NodeInstance:
     """A node of a type, with values at its inputs and no wires; the others have their defaults."""
-    node_type = type_of(SceneNode("", name, 1, {}, {}), load_platform())
+    node_type = load_platform().get(name)
     assert node_type is not None
     bare = SceneNode(
         "/Graph/node",

@@ -28,12 +28,10 @@ from lab3_usd.facts.execution_order import (
     run_states,
     running_nodes,
     sensor_of,
-    wrong_type,
 )
 from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
-from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 _ALIKE = 0.8
@@ -303,24 +301,13 @@ def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:
                 yield port
 
 
-def written_name(node: Node, port: str, live: Nodes) -> Value | None:
-    """Return the text that reaches an input; None where a wire brings an unknown one.
-
-    A value of another type is not taken: the default applies.
-    """
-    is_wired = any(live_sources(node, port, live))
-    if node.type is not None and not is_wired and wrong_type(node, port) is not None:
-        return node.type.default(port, node.version)
-    return effective_value(node, port, live)
-
-
 def _endpoint(
     node: Node, port: str, stage: StageModel, platform: Platform, nodes: tuple[Nodes, Nodes, Nodes]
 ) -> Endpoint:
     live, running, certain = nodes
     kind = node.type
     assert kind is not None  # noqa: S101 - endpoints() asks only nodes of a known type
-    written = written_name(node, port, live)
+    written = effective_value(node, port, live)
     queue = effective_value(node, QUEUE, live)
     switch = None if kind.tf is None else kind.tf.static
     static = switch is not None and effective_value(node, switch, live) is True

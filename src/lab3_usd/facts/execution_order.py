@@ -10,7 +10,7 @@ from typing import Literal
 
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, is_refused
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.values import Value, are_alike
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Severity
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
@@ -156,7 +156,10 @@ def _spread(
 
 def _is_unsure(node: Node, platform: Platform) -> bool:
     """Whether it is unknown if the node passes a signal on that reaches it."""
-    return node.type is not None and node.type.is_open and event_of(node, platform) is None
+    kind = node.type
+    is_doubtful = kind is not None and kind.may_have_more
+    is_told = node.type_name in platform.once or event_of(node, platform) is not None
+    return is_doubtful and not is_told
 
 
 def _followers(nodes: Nodes, platform: Platform) -> tuple[_Followers, _Followers]:
@@ -188,7 +191,7 @@ def is_opened_first(node: Node) -> bool:
 def signal_inputs(node: Node) -> tuple[str, ...]:
     """Return the execution inputs, and the unknown ones."""
     kind = node.type
-    if kind is not None and not kind.is_open:
+    if kind is not None and not kind.may_have_more:
         return kind.execution_inputs
     unknown = (
         name
@@ -280,19 +283,6 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
     if len(wired) > 1 or not source_port.startswith(INPUT) or not depth:
         return None
     return effective_value(source, source_port, live, depth - 1)
-
-
-def wrong_type(node: Node, port: str) -> str | None:
-    """Return the type that a file declares for an input whose values it cannot have, else None.
-
-    The application gives the port its own type and ignores the value. A port without a value has no
-    type.
-    """
-    state = node.state(port)
-    known = None if node.type is None else node.type.port(port)
-    if state is None or not state.usd_type or known is None or known.is_union or known.is_target:
-        return None
-    return None if are_alike(state.usd_type, known.usd_type) else state.usd_type
 
 
 _PRODUCT = "inputs:renderProductPath"

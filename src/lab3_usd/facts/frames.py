@@ -13,7 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.facts.domains import Domain, domain_of
-from lab3_usd.facts.endpoints import message_type, namespace_of, resolve, written_name
+from lab3_usd.facts.endpoints import message_type, namespace_of, resolve
 from lab3_usd.facts.execution_order import (
     Nodes,
     effective_value,
@@ -220,7 +220,7 @@ def _transform_publishers(stage: StageModel, platform: Platform) -> tuple[tuple[
         message = message_type(node, kind, kind.topics[0], live)
         if kind.tf is None and message not in _transform_messages(platform):
             continue
-        written = written_name(node, kind.topics[0], live)
+        written = effective_value(node, kind.topics[0], live)
         topic = (
             resolve(namespace_of(node, stage, platform, live), written)
             if isinstance(written, str)
@@ -244,7 +244,7 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
         ports.static is not None and effective_value(node, ports.static, scene.live_nodes) is True
     )
     if ports.names:
-        parent, child = (written_name(node, port, scene.live_nodes) for port in ports.names)
+        parent, child = (effective_value(node, port, scene.live_nodes) for port in ports.names)
         if not isinstance(parent, str) or not isinstance(child, str):
             return PublishedTransforms(node, topic, None)
         parent, child = tf2_name(parent), tf2_name(child)

@@ -6,7 +6,7 @@ from msgspec import Struct
 
 from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources
 from lab3_usd.isaac.behaviour import UnitOf
-from lab3_usd.isaac.node_types import INPUT, OUTPUT, can_connect
+from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import Node, StageModel
 
@@ -80,8 +80,4 @@ def _only_source(
     if len(sources) != 1:
         return None
     source, out = sources[0]
-    output = None if source.type is None else source.type.port(out)
-    target = None if node.type is None else node.type.port(port)
-    if output is not None and target is not None and not can_connect(output, target):
-        return None  # OmniGraph refuses the wire
     return source, out.removeprefix(OUTPUT)

@@ -13,7 +13,6 @@ from lab3_usd.facts.endpoints import (
     namespace_of,
     resolve,
     used_topics,
-    written_name,
 )
 from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources, run_states
 from lab3_usd.facts.frame_targets import tf_ports
@@ -47,7 +46,7 @@ def written_topics(stage: StageModel, platform: Platform) -> Iterator[WrittenTop
         if kind is None or not kind.role:
             continue
         for port in (*used_topics(node, kind, live_nodes(stage, platform)), *kind.services):
-            value = written_name(node, port, live_nodes(stage, platform))
+            value = effective_value(node, port, live_nodes(stage, platform))
             if isinstance(value, str):
                 yield WrittenTopic(node, port, value, resolve("", value))
 
@@ -61,7 +60,7 @@ def written_frames(stage: StageModel, platform: Platform) -> Iterator[tuple[Node
         used = set(used_topics(node, kind, live_nodes(stage, platform)))
         for port in kind.frames:
             right = port.endswith("Right")
-            value = written_name(node, port, live_nodes(stage, platform))
+            value = effective_value(node, port, live_nodes(stage, platform))
             if isinstance(value, str) and (not right or any(t.endswith("Right") for t in used)):
                 yield node, port, value
 
@@ -96,7 +95,7 @@ def message_frames(stage: StageModel, platform: Platform) -> tuple[MessageFrame,
         if kind is None or kind.tf is not None or not is_sent:
             continue
         for port in frame_ports(kind, endpoint.port):
-            name = written_name(node, port, live)
+            name = effective_value(node, port, live)
             if isinstance(name, str):
                 named.setdefault((node.path, port), MessageFrame(endpoint, port, name))
     return tuple(named.values())

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from lab3_usd.isaac.values import Value
 
@@ -23,7 +24,8 @@ class Port(Struct, frozen=True):
     `name` is the name in a file (`inputs:topicName`); `ogn_type` OGN's own type word; `usd_type`
     how a file declares it (`rel` for a relationship). `default` is what a port without a value
     means, None where there is none, and `former` what it means in a file of a lower version of the
-    node type, None where that is the same. `accepts` lists the types of a union port.
+    node type, None where that is the same. `accepts` lists the types of a union port, or groups of
+    them. One that is `literal_only` is to be set, not wired.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Port(Struct, frozen=True):
     output_only: bool = False
     deprecated: bool = False
     former: Value | None = None
+    literal_only: bool = False
 
     @property
     def short(self) -> str:
@@ -119,6 +122,12 @@ def is_refused(source: Port, target: Port) -> bool:
     return not can_connect(source, target) and not differ_in_role(source, target)
 
 
+@lru_cache(maxsize=1024)
+def _fits(name: str, pattern: str) -> bool:
+    """Whether a port has a name like `inputs:input[0-9]+`, or `outputs:*` for any."""
+    return re.fullmatch(pattern.replace("*", ".*"), name) is not None
+
+
 class NodeType(Struct, frozen=True, dict=True):
     """One node type of Isaac Sim.
 
@@ -130,7 +139,9 @@ class NodeType(Struct, frozen=True, dict=True):
     is looked for; `step_limits` the inputs that must be 0 while the input of `time_step` is;
     `sizes` how long the arrays of some outputs always are. In a stage in metres a node gives what
     comes into its inputs `same_in_metres` as it is. One that `grows_by_message` has its fields as
-    ports, too. Of one that `is_open` only some ports are known, and not whether signals go on.
+    ports, too, and one that `grows` has each port whose name fits one of these patterns, in full.
+    Of one that `is_open` only some ports are known. What is known of one that `is_documented` is
+    from pages of a neighbouring release, which do not say whether signals go on.
     """
 
     type: str
@@ -156,7 +167,9 @@ class NodeType(Struct, frozen=True, dict=True):
     product: ProductPorts | None = None
     same_in_metres: tuple[str, ...] = ()
     grows_by_message: bool = False
+    grows: Mapping[str, Port] = field(default_factory=dict)
     is_open: bool = False
+    is_documented: bool = False
 
     @cached_property
     def execution_inputs(self) -> tuple[str, ...]:
@@ -173,19 +186,35 @@ class NodeType(Struct, frozen=True, dict=True):
         port = self.ports.get(OUTPUT + short) or self.ports.get(INPUT + short)
         return port if port is not None and port.is_source else None
 
+    @property
+    def may_have_more(self) -> bool:
+        """Whether the type may have ports that are not known."""
+        return self.is_open or self.is_documented
+
     def port(self, name: str) -> Port | None:
-        """Return the port with this full name (`inputs:execIn`), dynamic ones included."""
+        """Return the port with this full name (`inputs:execIn`), dynamic ones included.
+
+        One that is not known comes back as a port for anything, where the type may have more.
+        """
+        port = self.listed(name)
+        return Port(name, "any", "token") if port is None and self.may_have_more else port
+
+    def listed(self, name: str) -> Port | None:
+        """Return the port with this full name that the type is known to have."""
         port = self.ports.get(name)
         if port is not None:
             return port
-        if (self.grows_by_message or self.is_open) and ":" in name:
+        for pattern, grown in self.grows.items():
+            if _fits(name, pattern):
+                return replace(grown, name=name)
+        if self.grows_by_message and ":" in name:
             return Port(name, "any", "token")
         return self._grown(name[len(INPUT) :]) if name.startswith(INPUT) else None
 
     def is_known_port(self, name: str) -> bool:
         """Whether it is known what goes through the port with this full name."""
-        port = self.ports.get(name)
-        return not self.is_open or (port is not None and not port.is_union)
+        port = self.listed(name)
+        return not self.may_have_more or (port is not None and not port.is_union)
 
     def default(self, name: str, version: int | None) -> Value | None:
         """Return what a port without a value means in a file with this version of the type."""

@@ -17,23 +17,25 @@ _RANGES = {
     "int64": (-(2**63), 2**63 - 1),
     "uint64": (0, 2**64 - 1),
 }
+_PRECISIONS = {"d": "double", "f": "float", "h": "half"}
 _TUPLES = {
-    "float2": ("float", 2),
-    "float3": ("float", 3),
-    "float4": ("float", 4),
-    "normal3f": ("float", 3),
-    "vector3f": ("float", 3),
-    "int2": ("int", 2),
-    "vector3d": ("double", 3),
-    "point3f": ("float", 3),
-    "color4f": ("float", 4),
-    "matrix3d": ("double3", 3),
-    "matrix4d": ("double4", 4),
-    "double2": ("double", 2),
-    "double3": ("double", 3),
-    "double4": ("double", 4),
-    "quatd": ("double", 4),
-}
+    **{
+        f"{kind}{size}": (kind, size)
+        for kind in ("double", "float", "half", "int")
+        for size in (2, 3, 4)
+    },
+    **{
+        f"{role}{size}{short}": (precision, size)
+        for short, precision in _PRECISIONS.items()
+        for role, sizes in {
+            "color": (3, 4), "normal": (3,), "point": (3,), "vector": (3,), "texCoord": (2, 3),
+        }.items()
+        for size in sizes
+    },
+    **{f"quat{short}": (precision, 4) for short, precision in _PRECISIONS.items()},
+    **{f"matrix{size}d": (f"double{size}", size) for size in (2, 3, 4)},
+    "frame4d": ("double4", 4),
+}  # fmt: skip
 
 
 def _whole(low: int, high: int) -> Callable[[Any], bool]:
@@ -46,12 +48,12 @@ def _real(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
+_REALS = ("half", "float", "double", "timecode")
 _SCALARS: dict[str, Callable[[Any], bool]] = {
     "bool": lambda value: isinstance(value, bool),
     "string": lambda value: isinstance(value, str),
     "token": lambda value: isinstance(value, str),
-    "float": _real,
-    "double": _real,
+    **dict.fromkeys(_REALS, _real),
     **{name: _whole(*limits) for name, limits in _RANGES.items()},
 }
 
@@ -108,7 +110,7 @@ def _frozen(value: Any, usd_type: str) -> Value:
         return tuple(_frozen(v, usd_type[:-2]) for v in value)
     if usd_type in _TUPLES:
         return tuple(_frozen(v, _TUPLES[usd_type][0]) for v in value)
-    if usd_type in {"float", "double"}:
+    if usd_type in _REALS:
         return float(value)
     result: Value = value
     return result

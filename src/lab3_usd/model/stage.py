@@ -11,7 +11,7 @@ from msgspec import Struct, field
 from msgspec.structs import force_setattr
 
 from lab3_usd.isaac.node_types import NodeType
-from lab3_usd.isaac.values import Value
+from lab3_usd.isaac.values import Value, are_alike
 from lab3_usd.model.prims import Colliders, NameFilter, Prim, Prims, is_at_or_below, of_any_name
 
 NOISE = 1e-6  # relative; the GUI writes float noise into doubles
@@ -114,11 +114,28 @@ class Node(Struct, frozen=True):
         return () if found is None else found.targets
 
     def value(self, port: str) -> Value | None:
-        """Return the effective value: the authored one, else the default of Isaac Sim 6.0.1."""
+        """Return the effective value: the authored one, else the default of Isaac Sim 6.0.1.
+
+        A value of a type that the port cannot have is ignored.
+        """
         found = self.ports.get(port)
-        if found is not None and found.value is not None:
+        if found is not None and found.value is not None and not self.wrong_type(port):
             return found.value
         return None if self.type is None else self.type.default(port, self.version)
+
+    def wrong_type(self, port: str) -> str | None:
+        """Return the type that a file declares for an input whose values it cannot have, else None.
+
+        The application gives the port its own type and ignores the value. A port without a value
+        has no type.
+        """
+        state = self.ports.get(port)
+        known = None if self.type is None else self.type.port(port)
+        if state is None or not state.usd_type or known is None:
+            return None
+        if known.is_union or known.is_target or are_alike(state.usd_type, known.usd_type):
+            return None
+        return state.usd_type
 
     def has_port(self, port: str) -> bool:
         """Whether a wire can leave from or end at this port.

@@ -193,6 +193,10 @@ def _values(
             if state.value is not None:
                 left_out.append(f"{node.path}.{name}: {kind.type} has no such input")
             continue
+        if node.wrong_type(name):
+            wrong = f"{state.value!r} is not a value of {port.ogn_type}"
+            left_out.append(f"{node.path}.{name}: {wrong}")
+            continue
         value = node.value(name)
         if port.is_execution or port.is_target or value is None:
             continue

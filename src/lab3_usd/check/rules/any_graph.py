@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from lab3_usd.check.match.rule_inputs import GraphsSubject, LintSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import other_names
-from lab3_usd.facts.execution_order import wrong_type
 from lab3_usd.facts.stalled_nodes import has_side_effects
 from lab3_usd.model.changes import RemovePrim
 from lab3_usd.model.finding import Problem, node_title
@@ -83,7 +82,7 @@ def value_type(subject: GraphsSubject) -> Iterator[Problem]:
     """
     for node in subject.nodes():
         for name in node.ports:
-            declared = wrong_type(node, name) if subject.judges_value(node, name) else None
+            declared = node.wrong_type(name) if subject.judges_value(node, name) else None
             port = None if node.type is None else node.type.port(name)
             if declared is None or port is None:
                 continue

@@ -24,6 +24,7 @@ from lab3_usd.facts.wires import (
 from lab3_usd.isaac.node_types import NodeType, Port, can_connect, differ_in_role
 from lab3_usd.model.changes import Connect, Edit, RenameProperty
 from lab3_usd.model.finding import Problem, node_title, short_source
+from lab3_usd.model.stage import Node
 
 _MOST_REWIRED = 100
 
@@ -88,14 +89,27 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
     Example: a wire from `constant_token.outputs:value`; the port is `inputs:value`.
 
     Basis: Ports are those of Isaac Sim's source; all wires in NVIDIA's own scripts pass this rule
-    (`benchmarks/script_wires.py`). Kit's code is not public.
+    (`benchmarks/script_wires.py`). Kit's code is not public: ports of its nodes are those of
+    NVIDIA's documentation of 5.1, so that another one is a warning.
     """
     for fault, wire in _faults(subject, "dead", "leftover"):
         if wire.source is not None and wire.source.type is not None:
             yield _dead_wire(fault, wire, subject)
     for wire in connections(subject.stage, subject.platform):
-        kind = wire.node.type
-        if kind is not None and kind.port(wire.port) is None:
+        source, kind = wire.source, wire.node.type
+        if source is not None and source.type is not None and _leaves_out(source, wire.source_port):
+            near = meant_port(wire.source_port, source.type, is_source=True)
+            yield Problem(
+                wire.node.path,
+                f"{wire.port} is connected to {source.name}.{wire.source_port}, a port that "
+                f"{source.type.ui_name} does not have{did_you_mean(near)}",
+                property=wire.port,
+                expected=near,
+                actual=wire.path,
+                related=(source.path,),
+                severity="warning",
+            )
+        if kind is not None and (kind.port(wire.port) is None or _leaves_out(wire.node, wire.port)):
             near = meant_port(wire.port, kind, is_source=False)
             yield Problem(
                 wire.node.path,
@@ -104,10 +118,18 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
                 property=wire.port,
                 expected=near,
                 actual=wire.port,
+                severity="warning" if kind.is_documented else None,
                 fix=(RenameProperty(wire.node.path, wire.port, near),)
                 if near and near not in wire.node.ports
                 else (),
             )
+
+
+def _leaves_out(node: Node, port: str) -> bool:
+    """Whether the documentation of a type, all of which is read, has no such port."""
+    kind = node.type
+    is_whole = kind is not None and kind.is_documented and not kind.is_open
+    return is_whole and kind is not None and kind.listed(port) is None
 
 
 @rule("W03", "dead-source", scope="graph")
@@ -190,7 +212,8 @@ def _with_port(problem: Problem, opening: str, wire: Connection, subject: Graphs
     message = f"{opening}a port that {kind.ui_name} does not have"
     message += _gone(kind, wire.source_port, subject)
     message += "" if problem.expected else did_you_mean(near)
-    port, meant = _input(wire), f"{source.path}.{near}"
+    target, meant = wire.node.type, f"{source.path}.{near}"
+    port = None if target is None else target.listed(wire.port)
     if near and port and can_connect(kind.ports[near], port):
         problem = replace(problem, fix=_rewiring(wire, meant))
     expected = problem.expected or near

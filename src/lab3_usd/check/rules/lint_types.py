@@ -128,7 +128,7 @@ def newer_version(subject: LintSubject) -> Iterator[Problem]:
     Example: ROS2 Camera Helper of version 5, while 6.2 has 4.
     """
     for node in subject.live.values():
-        if node.type is None or node.type.is_open or node.version is None:
+        if node.type is None or node.type.may_have_more or node.version is None:
             continue
         newest = max(subject.platform.versions(node.type.type).values(), default=node.type.version)
         if node.version > newest:

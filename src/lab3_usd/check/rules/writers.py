@@ -63,7 +63,7 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
             path,
             message,
             expected="no node that writes",
-            actual=node.type_name,
+            actual=node.saved_type,
             handout=role.handout if role is not None else lab.scene.robot.handout,
             related=(hit,) if hit else (),
             severity=severity,

@@ -37,6 +37,7 @@ class PortEntry(Struct, forbid_unknown_fields=True):
     output_only: bool = False
     deprecated: bool = False
     former: Any = None
+    literal_only: bool = False
 
 
 class _DrivesEntry(Struct, forbid_unknown_fields=True):
@@ -85,7 +86,9 @@ class TypeEntry(Struct, forbid_unknown_fields=True):
     product: _ProductEntry | None = None
     same_in_metres: tuple[str, ...] = ()
     grows_by_message: bool = False
+    grows: dict[str, str | PortEntry] = {}
     is_open: bool = False
+    is_documented: bool = False
 
 
 _FIELDS = {
@@ -174,7 +177,12 @@ def _node_type(
         product=_product_ports(entry.product, ports, f"{where}: product"),
         same_in_metres=_named(entry.same_in_metres, INPUT, ports, f"{where}: same_in_metres"),
         grows_by_message=entry.grows_by_message,
+        grows={
+            pattern: parse_port(pattern, port, usd_types, f"{where}: grows")
+            for pattern, port in entry.grows.items()
+        },
         is_open=entry.is_open,
+        is_documented=entry.is_documented,
     )
 
 
@@ -202,6 +210,7 @@ def parse_port(
         output_only=entry.output_only,
         deprecated=entry.deprecated,
         former=_value(entry.former, usd_type, f"{place}: former"),
+        literal_only=entry.literal_only,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -76,7 +77,7 @@ _Fact = TypeVar("_Fact")
 SYSTEM = "omnigraph.yaml"
 ROS = "ros.yaml"
 TYPES = "node_types.yaml"
-KIT_TYPES = "kit_types.yaml"
+KIT_TYPES = "kit_types.json"
 ROLES = "roles.yaml"
 NEEDS = "needs.yaml"
 VERSIONS = "versions.yaml"
@@ -120,6 +121,14 @@ class _LaterReleases(Struct, forbid_unknown_fields=True):
     releases: dict[str, _ReleaseEntry]
 
 
+class _KitFile(Struct, forbid_unknown_fields=True):
+    about: str
+    releases: dict[str, dict[str, str]]
+    usd_types: dict[str, str]
+    events: tuple[str, ...]
+    types: dict[str, dict[str, Any]]
+
+
 class _Application(Struct, forbid_unknown_fields=True):
     prims: tuple[str, ...]
 
@@ -136,9 +145,15 @@ def assemble_platform(folder: Path) -> Platform:
     later = record(read_yaml(folder / LATER), _LaterReleases, f"{name}/{LATER}")
     usd_types = {**system.usd_types, **data["usd_types"], **later.usd_types}
     public = _with_roles({**data["types"], **later.types}, folder)
-    kit = read_yaml(folder / KIT_TYPES)["types"]
+    kit = _read_kit(folder / KIT_TYPES)
+    usd_types = {**kit.usd_types, **usd_types}
+    library = {
+        kind: {**entry, "is_documented": True}
+        for kind, entry in kit.types.items()
+        if kind not in system.types
+    }
     types = {
-        **parse_types(kit, usd_types, f"{name}/{KIT_TYPES}"),
+        **parse_types(library, usd_types, f"{name}/{KIT_TYPES}"),
         **parse_types(public, usd_types, f"{name}/{TYPES}"),
         **parse_types(system.types, usd_types, f"{name}/{SYSTEM}"),
     }
@@ -170,7 +185,7 @@ def assemble_platform(folder: Path) -> Platform:
             ports=other_ports(names.ports, types, f"{name}/{RENAMES}: ports"),
         ),
         lookalikes=system.lookalikes,
-        events=stages_of(system.events),
+        events={**dict.fromkeys(kit.events, ""), **stages_of(system.events)},
         deltas=deltas_of(system.events),
         once=system.once,
         gates=system.gates,
@@ -192,6 +207,20 @@ def assemble_platform(folder: Path) -> Platform:
         ).prims,
         placed=frozenset(kind for sensor in sensors.values() for kind in sensor.types),
     )
+
+
+def _read_kit(file: Path) -> _KitFile:
+    """Return the types of Kit, which are read as JSON: so many take long to read as YAML.
+
+    Raises:
+        SpecError: the file is missing or wrong.
+    """
+    where = f"{file.parent.name}/{file.name}"
+    try:
+        data = json.loads(file.read_bytes())
+    except (OSError, ValueError) as error:
+        raise SpecError(f"{where}: cannot be read ({error})") from error
+    return record(data, _KitFile, where)
 
 
 def other_types(said: Mapping[str, Mapping[str, str]]) -> dict[str, OtherName]:

@@ -23,7 +23,17 @@ if TYPE_CHECKING:
 
 
 Function = Callable[["NodeInstance", "World"], bool]
-MODULES = ("robot", "wheels", "joints", "sensors", "core", "transforms", "messages", "arithmetic")
+MODULES = (
+    "robot",
+    "wheels",
+    "joints",
+    "sensors",
+    "core",
+    "transforms",
+    "messages",
+    "arithmetic",
+    "numbers",
+)
 _FUNCTIONS: dict[str, Function] = {}
 _EVENTS: dict[str, str] = {}  # of the types that start an execution: what they wait for
 FRAME, STEP = "frame", "physics step"
@@ -62,7 +72,8 @@ def functions() -> Mapping[str, Function]:
 
 def function_of(node_type: NodeType) -> Function | None:
     """Return the function of a type, None if it has none."""
-    return functions().get(last_name(node_type.type))
+    known, name = functions(), node_type.type.rpartition(".")[2]
+    return known.get(name) or known.get(last_name(name))
 
 
 def event_of(node_type: NodeType) -> str | None:

@@ -11,12 +11,11 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, can_connect
+from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, can_connect, is_refused
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import are_alike
-from lab3_usd.model.dry_run import Input, Scene, SceneGraph, SceneNode
+from lab3_usd.model.dry_run import Input, Scene, SceneGraph
 from lab3_usd.sim.execution.node_instance import (
-    CONSTANT,
     FRAME,
     STEP,
     Failure,
@@ -28,21 +27,6 @@ from lab3_usd.sim.execution.node_instance import (
     push,
 )
 from lab3_usd.sim.execution.world import World
-
-_USD = {"execution": "uint", "union": "token"}
-_UNLISTED = {  # ports of types that the platform does not describe, as far as they run here
-    "Subtract": {"inputs:a": "union", "inputs:b": "union", "outputs:difference": "union"},
-    "Divide": {"inputs:a": "union", "inputs:b": "union", "outputs:result": "union"},
-    "Negate": {"inputs:input": "union", "outputs:output": "union"},
-    "Clamp": {
-        "inputs:input": "union",
-        "inputs:lower": "union",
-        "inputs:upper": "union",
-        "outputs:result": "union",
-    },
-    "ToFloat": {"inputs:value": "union", "outputs:converted": "union"},
-}
-_DEFAULTS = {"inputs:step": 1}  # of the ports of those types, where there is one
 
 _STAGES = {FRAME: "pipelineStageSimulation", STEP: "pipelineStageOnDemand"}
 _PUSH = ("push", "dirty_push")
@@ -136,7 +120,7 @@ def _dropped(
 def _is_described(node: NodeInstance, platform: Platform) -> bool:
     """Whether the platform has every port of a node's type."""
     known = platform.get(node.node.type)
-    return known is not None and not known.is_open
+    return known is not None and not known.may_have_more
 
 
 def depending(program: Program, missing: Collection[str]) -> frozenset[str]:
@@ -178,7 +162,7 @@ def _running(
 ) -> Iterator[tuple[str, NodeInstance]]:
     is_written = any(last_name(node.type) == WRITE_VARIABLE for node in graph.nodes)
     for node in graph.nodes:
-        known = type_of(node, platform)
+        known = platform.get(node.type)
         function = function_of(known) if known is not None else None
         if last_name(node.type) == READ_VARIABLE and is_written:
             function = None
@@ -212,7 +196,7 @@ def _connect(node: NodeInstance, nodes: dict[str, NodeInstance]) -> None:
             for path, _, output in (wire.rpartition(".") for wire in state.sources):
                 source = nodes.get(path)
                 out = source.type.ports.get(output) if source is not None else None
-                if out is None and source is not None and source.type.is_open:
+                if out is None and source is not None and source.type.may_have_more:
                     out = Port(output, "execution", "uint")
                 if source is not None and out is not None and can_connect(out, port):
                     source.follows.setdefault(out.short, []).append(node)
@@ -226,7 +210,7 @@ def _feed(node: NodeInstance, port: Port, state: Input, nodes: dict[str, NodeIns
     for path, _, name in (wire.rpartition(".") for wire in state.sources):
         source = nodes.get(path)
         out = source.type.port(name) if source is not None else None
-        if source is None or out is None or not can_connect(out, port):
+        if source is None or out is None or is_refused(out, port):
             continue  # Kit drops such a wire when it opens the stage
         node.fed.add(port.short)
         if name.startswith(OUTPUT):
@@ -266,26 +250,3 @@ def _in_order(nodes: dict[str, NodeInstance]) -> list[NodeInstance]:
         ready = [path for path in waiting if before[path] <= ordered.keys()]
         ordered |= {path: nodes[path] for path in ready or waiting[:1]}
     return list(ordered.values())
-
-
-def type_of(node: SceneNode, platform: Platform) -> NodeType | None:
-    """Return the type of a node; a constant of whatever kind is what it is declared as."""
-    known = platform.get(node.type)
-    if known is not None:
-        return known
-    modern = platform.type_name(node.type)
-    extension, _, name = modern.rpartition(".")
-    extensions = {name.rpartition(".")[0] for name in (*platform.types, *platform.events)}
-    if extension not in extensions:
-        return None
-    if name.startswith(CONSTANT):
-        kind = node.inputs["inputs:value"].type if "inputs:value" in node.inputs else "token"
-        constant = Port("inputs:value", kind, kind, output_only=True)
-        return NodeType(node.type, 1, node.type, node.type, node.type, {constant.name: constant})
-    if name not in _UNLISTED:
-        return None
-    ports = {
-        port: Port(port, kind, _USD.get(kind, kind), _DEFAULTS.get(port))
-        for port, kind in _UNLISTED[name].items()
-    }
-    return NodeType(modern, 1, modern, modern, modern, ports)

@@ -1,33 +1,23 @@
-"""Kit's pure nodes: arithmetic, conversions, vectors, variables and branches.
+"""Kit's pure nodes: arithmetic, comparisons, variables and branches.
 
-Their source is not public: the ports are those of NVIDIA's scripts and saved stages
-(graphs/isaac/kit_types.yaml) and of the node library in Omniverse's documentation, which says what
-each computes (docs.omniverse.nvidia.com, ext_omnigraph/node-library/nodes/omni-graph-nodes).
+Their source is not public: the ports are those of NVIDIA's published documentation of the nodes
+(graphs/isaac/kit_types.json), which says what each computes (docs.omniverse.nvidia.com,
+ext_omnigraph/node-library/nodes/omni-graph-nodes, and GeneratedNodeDocumentation).
 """
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Iterator
 from typing import Any
 
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.sim.execution.node_instance import NodeInstance, are_numbers, computes
 from lab3_usd.sim.execution.world import World
+from lab3_usd.sim.nodes.numbers import combined
 
 _Number = int | float
 _Operation = Callable[[_Number, _Number], _Number]
-
-
-def _combined(first: Any, second: Any, operation: _Operation) -> Any:
-    """Return two values combined element by element; a number goes with each of a vector."""
-    if isinstance(first, tuple) and isinstance(second, tuple):
-        pairs = zip(first, second, strict=False)
-        return tuple(_combined(a, b, operation) for a, b in pairs)
-    if isinstance(first, tuple):
-        return tuple(_combined(a, second, operation) for a in first)
-    if isinstance(second, tuple):
-        return tuple(_combined(first, b, operation) for b in second)
-    return operation(first, second)
 
 
 def _parts(value: object) -> Iterator[object]:
@@ -59,7 +49,7 @@ def _calculate(node: NodeInstance, world: World, output: str, operation: _Operat
         return node.fails("no number reaches one of its inputs", "no-number-input")
     result = terms[0]
     for term in terms[1:]:
-        result = _combined(result, term, operation)
+        result = combined(result, term, operation)
     node.outputs[output] = result
     return True
 
@@ -91,16 +81,6 @@ def divide(node: NodeInstance, world: World) -> bool:
     return _calculate(node, world, "result", lambda a, b: a / b)
 
 
-@computes("Negate")
-def negate(node: NodeInstance, world: World) -> bool:
-    """negate-1.html: the input times -1."""
-    value = node.get("input", world)
-    if not _is_of_numbers(value):
-        return node.fails("no number reaches it", "no-number-input")
-    node.outputs["output"] = _combined(value, -1, lambda a, b: a * b)
-    return True
-
-
 @computes("Clamp")
 def clamp(node: NodeInstance, world: World) -> bool:
     """clamp-1.html: the input cut to a range; no range is an error."""
@@ -110,34 +90,63 @@ def clamp(node: NodeInstance, world: World) -> bool:
         return node.fails("no number reaches one of its inputs", "no-number-input")
     if not isinstance(low, tuple) and not isinstance(high, tuple) and low > high:
         return node.fails("its lower bound is above the upper one", "no-number-input")
-    node.outputs["result"] = _combined(_combined(value, low, max), high, min)
+    node.outputs["result"] = combined(combined(value, low, max), high, min)
     return True
 
 
-@computes("ToDouble", "ToFloat")
-def to_number(node: NodeInstance, world: World) -> bool:
-    """todouble-1.html, tofloat-1.html: numbers and switches as numbers with a fraction."""
-    value = node.get("value", world)
-    if not _is_of_numbers(value):
-        return node.fails("no number reaches it", "no-number-input")
-    node.outputs["converted"] = _combined(value, 1.0, lambda a, b: float(a) * b)
+_COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
+    ">": operator.gt,
+    "<": operator.lt,
+    ">=": operator.ge,
+    "<=": operator.le,
+    "==": operator.eq,
+    "!=": operator.ne,
+}
+
+
+@computes("Compare")
+def compare(node: NodeInstance, world: World) -> bool:
+    """OgnCompare.html: two values of one kind, element by element."""
+    first, second = node.get("a", world), node.get("b", world)
+    operation = _COMPARISONS.get(node.text("operation", world))
+    if operation is None:
+        return node.fails("its operation is invalid", "no-number-input")
+    try:
+        node.outputs["result"] = combined(first, second, operation)
+    except TypeError:
+        return node.fails("values of two kinds reach it", "no-number-input")
     return True
 
 
-@computes("ToString")
-def to_string(node: NodeInstance, world: World) -> bool:
-    """tostring-1.html: any value as text."""
-    node.outputs["converted"] = str(node.get("value", world))
+_SWITCHES: dict[str, Callable[[list[bool]], bool]] = {
+    "BooleanAnd": all,
+    "BooleanOr": any,
+    "BooleanNand": lambda terms: not all(terms),
+    "BooleanNor": lambda terms: not any(terms),
+    "BooleanXor": lambda terms: sum(terms) % 2 == 1,
+}
+
+
+@computes(*_SWITCHES)
+def switch(node: NodeInstance, world: World) -> bool:
+    """OgnBooleanAnd.html and its like: switches in one."""
+    operation = _SWITCHES[node.type.type.rpartition(".")[2]]
+    node.outputs["result"] = operation([bool(term) for term in _terms(node, world)])
     return True
 
 
-@computes("MakeVector3")
-def make_vector(node: NodeInstance, world: World) -> bool:
-    """makevector3-1.html: three numbers as a vector."""
-    parts = [node.get(name, world) for name in "xyz"]
-    if any(not isinstance(part, (int, float)) for part in parts):
-        return node.fails("no number reaches one of its inputs", "no-number-input")
-    node.outputs["tuple"] = tuple(parts)
+@computes("BooleanNot")
+def invert(node: NodeInstance, world: World) -> bool:
+    """OgnBooleanNot.html: the switch the other way."""
+    node.outputs["valueOut"] = not node.get("valueIn", world)
+    return True
+
+
+@computes("SelectIf")
+def select(node: NodeInstance, world: World) -> bool:
+    """OgnSelectIf.html: one of two values."""
+    name = "ifTrue" if node.flag("condition", world) else "ifFalse"
+    node.outputs["result"] = node.get(name, world)
     return True
 
 

@@ -7,7 +7,6 @@ from lab3_usd.model.dry_run import Affine, Quaternion
 from lab3_usd.sim.execution.node_instance import (
     CONSTANT,
     FRAME,
-    NO_VECTOR,
     STEP,
     NodeInstance,
     are_numbers,
@@ -114,16 +113,6 @@ def scale(node: NodeInstance, world: World) -> bool:
     return True
 
 
-@computes("BreakVector3")
-def break_vector(node: NodeInstance, world: World) -> bool:
-    """Kit's Break 3-Vector: one output for each component."""
-    value = node.get("tuple", world)
-    if not isinstance(value, tuple) or len(value) != len(NO_VECTOR):
-        return node.fails("no vector reaches it", "no-vector-input")
-    node.outputs["x"], node.outputs["y"], node.outputs["z"] = value
-    return True
-
-
 @computes(CONSTANT)
 def constant(_: NodeInstance, __: World) -> bool:
     """Kit's constants: the value is an input, from which wires leave."""
@@ -138,7 +127,7 @@ def construct_array(node: NodeInstance, world: World) -> bool:
     values = [node.get(f"input{number}", world) for number in range(size)]
     texts = [isinstance(value, str) for value in values if value is not None]
     is_token = all(texts) if kind == "auto" else kind == "token[]"
-    if not is_token and (kind != "auto" or any(texts)):
+    if not is_token and any(texts):
         node.outputs["array"] = ()
         return node.fails(f"its elements are not {kind}", "wrong-array-type")
     empty = "" if is_token else 0.0

@@ -18,6 +18,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.data import PACKAGE
@@ -32,21 +33,26 @@ _NUMBER = 4  # bytes of the checksum, and of the length of the first part
 _PLATFORM, _TYPE = "platform", "type"
 
 
-def compiled_or_loaded(folder: Path, load: Callable[[Path], Lab]) -> Lab:
+class Compiled(Struct, frozen=True):
+    """A platform, and the lab beside it as it is kept."""
+
+    platform: Platform
+    packed: bytes
+    folder: Path
+
+    def lab(self) -> Lab:
+        """Return the lab."""
+        lab: Lab = _LabReader(self.packed, self.platform).load()
+        return replace(lab, folder=self.folder)
+
+
+def compiled_or_loaded(folder: Path, load: Callable[[Path], Lab]) -> Compiled:
     """Return the compiled lab of `folder`; where there is none, what `load` makes of the files.
 
     What is compiled holds for the very bytes that it was made of, code included.
     """
-    parts = _kept(folder, load)
-    platform = pickle.loads(parts[0])  # noqa: S301 - it is trusted as the code is
-    lab: Lab = _LabReader(parts[1], platform).load()
-    return replace(lab, folder=folder)
-
-
-def compiled_or_loaded_platform(folder: Path, load: Callable[[Path], Lab]) -> Platform:
-    """Return the platform beside the compiled lab of `folder`, without the lab."""
-    platform: Platform = pickle.loads(_kept(folder, load)[0])  # noqa: S301 - as trusted as the code
-    return platform
+    platform, packed = _kept(folder, load)
+    return Compiled(pickle.loads(platform), packed, folder)  # noqa: S301 - as trusted as the code
 
 
 def compile_lab(folder: Path, lab: Lab) -> bytes:
@@ -119,7 +125,8 @@ def _joined(checksum: int, parts: _Parts) -> bytes:
 
 def _checksum(folder: Path) -> int:
     """Return what tells these files, and the code that reads them, from all others."""
-    files = (*folder.glob("*.yaml"), *folder.glob(f"{PLATFORM}/*.yaml"))
+    patterns = ("*.yaml", f"{PLATFORM}/*.yaml", f"{PLATFORM}/*.json")
+    files = (file for pattern in patterns for file in folder.glob(pattern))
     return _sum(files, _code_checksum(PACKAGE))
 
 

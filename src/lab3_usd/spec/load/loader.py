@@ -8,11 +8,7 @@ from pathlib import Path
 from lab3_usd.data import data_folder, own_lab
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.spec.lab import CATALOG, Lab
-from lab3_usd.spec.load.compiled import (
-    PLATFORM,
-    compiled_or_loaded,
-    compiled_or_loaded_platform,
-)
+from lab3_usd.spec.load.compiled import PLATFORM, Compiled, compiled_or_loaded
 
 
 def load_lab(folder: Path | None = None) -> Lab:
@@ -39,17 +35,17 @@ def load_platform(folder: Path | None = None) -> Platform:
     """
     bundled = data_folder("graphs")
     folder = folder or own_lab() or bundled
-    return _bundled_platform(bundled) if folder == bundled else _own_platform(folder)
+    return _compiled(bundled).platform if folder == bundled else _own_platform(folder)
 
 
 @lru_cache(maxsize=1)
-def _bundled(folder: Path) -> Lab:
+def _compiled(folder: Path) -> Compiled:
     return compiled_or_loaded(folder, _load)
 
 
 @lru_cache(maxsize=1)
-def _bundled_platform(folder: Path) -> Platform:
-    return compiled_or_loaded_platform(folder, _load)
+def _bundled(folder: Path) -> Lab:
+    return _compiled(folder).lab()
 
 
 @lru_cache(maxsize=4)
@@ -62,12 +58,12 @@ def _platform_of(folder: Path) -> Platform:
     own, system = folder / CATALOG, folder / PLATFORM
     bundled = data_folder("graphs")
     if not own.exists() and not system.is_dir():
-        return _bundled_platform(bundled)
+        return _compiled(bundled).platform
     from lab3_usd.isaac.load.lab_types import with_lab_types
     from lab3_usd.isaac.load.platform import assemble_platform
     from lab3_usd.yaml_file import read_yaml
 
-    base = assemble_platform(system) if system.is_dir() else _bundled_platform(bundled)
+    base = assemble_platform(system) if system.is_dir() else _compiled(bundled).platform
     return with_lab_types(base, read_yaml(own if own.exists() else bundled / CATALOG), CATALOG)
 
 
