@@ -196,7 +196,7 @@ CASES: list[tuple[Step, str, str, str]] = [
         {"set": ["ROS_Drive/differential_controller.inputs:wheelRadius", 0.0]},
         "follows",
         f"{DRIVE}/differential_controller",
-        "P02",
+        "P01",
     ),
     (
         {"set": ["ROS_Drive/differential_controller.inputs:wheelRadius", 0.1]},
@@ -214,7 +214,7 @@ CASES: list[tuple[Step, str, str, str]] = [
         {"deactivate": "/turtlebot3_burger/joints/wheel_left_joint"},
         "follows",
         f"{DRIVE}/articulation_controller",
-        "P01",
+        "S07",
     ),
 ]
 
@@ -233,7 +233,7 @@ def test_a_fault_names_the_node_behind_it(
 def test_a_fault_that_another_domain_shows_names_the_node_behind_it(tmp_path: Path) -> None:
     step: Step = {"set": ["ROS_Clock/ros2_context.inputs:useDomainIDEnvVar", True]}
     found = bad(behaviour(saved(broken("01", [step]), tmp_path, "Lab3_01.usda")))["topics"]
-    assert (found["prim"], found["rule"]) == (f"{CLOCK}/ros2_publish_clock", "P02")
+    assert (found["prim"], found["rule"]) == (f"{CLOCK}/ros2_publish_clock", "P01")
 
 
 def test_a_wheel_at_its_limit_is_behind_a_drive_that_goes_wrong(tmp_path: Path) -> None:

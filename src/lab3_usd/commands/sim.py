@@ -25,7 +25,7 @@ from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
 from lab3_usd.installation import install_command
 
 if TYPE_CHECKING:
-    from lab3_usd.model.finding import StageResult
+    from lab3_usd.model.finding import Finding, StageResult
     from lab3_usd.sim.live import Lived
     from lab3_usd.spec.lab import Lab
 
@@ -203,16 +203,20 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
 
     run = dry_run(stage, lab, checkpoint, options["drive"], options["topic"] or "", options["maps"])
     behaviour = run.behaviour
+    findings: tuple[Finding, ...] = ()
+    if any(check.verdict != "ok" for check in behaviour.checks):
+        from lab3_usd.judge.lint import lint_stage
+        from lab3_usd.judge.stage import check_stage
+
+        # What fails in the dry run, the rules know to explain and to repair.
+        judged = check_stage(stage, checkpoint, lab) if checkpoint else lint_stage(stage)
+        findings = judged.findings
     page, bag = options["page"], options["bag"]
     if page is not None:
         from lab3_usd.files import write_whole
-        from lab3_usd.judge.lint import lint_stage
-        from lab3_usd.judge.stage import check_stage
         from lab3_usd.report.behaviour.page import render
 
-        # What fails in the dry run, the rules know to repair.
-        judged = check_stage(stage, checkpoint, lab) if checkpoint else lint_stage(stage)
-        html = render(behaviour, run.replay, lab, judged.findings)
+        html = render(behaviour, run.replay, lab, findings)
         write_whole(page, html.encode("utf-8", "replace"), force=True)
     if bag is not None and run.trial is not None:
         from lab3_usd.sim.bag.writer import write_bag
@@ -220,9 +224,10 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
         bag.parent.mkdir(parents=True, exist_ok=True)
         write_bag(bag, run.trial)
     if options["form"] == "json":
-        click.echo(text.render_json(behaviour), nl=False)
+        click.echo(text.render_json(behaviour, findings), nl=False)
     else:
-        click.echo(text.render(behaviour, width(), color=wants_color()), nl=False, color=True)
+        shown = text.render(behaviour, width(), findings, color=wants_color())
+        click.echo(shown, nl=False, color=True)
     exits = {"bad": EXIT_FOUND, "not judged": EXIT_FOUND, "unreadable": EXIT_USAGE}
     return 0 if behaviour.is_early else exits.get(behaviour.verdict, 0)
 
@@ -232,10 +237,12 @@ def with_dry_run(result: StageResult, shown: dict[str, object]) -> StageResult:
 
     `lab3 check --sim` calls it. What the HTML page shows of the run is added to `shown`.
     """
-    from lab3_usd.check.explanations import explaining_rule
+    from msgspec.structs import replace
+
+    from lab3_usd.check.explanations import ONLY_IN_A_DRY_RUN, explaining_finding
     from lab3_usd.check.registry import all_rules
+    from lab3_usd.check.rule_runs import run_rule
     from lab3_usd.judge.results import unreadable, with_findings
-    from lab3_usd.model.finding import Finding
     from lab3_usd.report.behaviour.page import dry_run_summary
     from lab3_usd.sim.dry_run import dry_run
     from lab3_usd.spec.load.loader import load_lab
@@ -248,17 +255,11 @@ def with_dry_run(result: StageResult, shown: dict[str, object]) -> StageResult:
     drawn = dry_run_summary(run.behaviour, run.replay)
     if drawn is not None:
         shown[result.path] = drawn
-    rules = all_rules()
-    wrong = [check for check in run.behaviour.checks if check.verdict == "bad"]
-    notes = (
-        Finding(
-            rule,
-            rules[rule].name,
-            "note",
-            check.prim or "/",
-            f"in a dry run ({check.name}): {check.text}",
-            hint=f"{program()} sim plays the stage and shows what it does",
-        )
-        for check, rule in ((check, explaining_rule(check)) for check in wrong)
-    )
+    hint = f"{program()} sim plays the stage and shows what it does"
+    notes = []
+    for check in (check for check in run.behaviour.checks if check.verdict == "bad"):
+        (note,) = run_rule(all_rules()[ONLY_IN_A_DRY_RUN], check, None).findings
+        cause = explaining_finding(check, result.findings)
+        rule, name = (note.rule, note.name) if cause is None else (cause.rule, cause.name)
+        notes.append(replace(note, rule=rule, name=name, hint=hint))
     return with_findings(result, (*result.findings, *notes))
