@@ -287,17 +287,18 @@ def _unreported(
 
 
 def unnamed_rules(said: Answers) -> Iterator[str]:
-    """Does a failed dry run name the rule that lint reports of it?"""
-    for fact, same in (*SAME_OF_A_STAGE.items(), ("there are several trees", APART)):
-        rules = {e["rule"] for e in found(said.lint)} & same
-        trees = [e for e in failed(said.play) if e["name"] == "tree" and not e["rule"]]
-        if rules and trees:
-            yield f"lint reports {min(rules)} ({fact}), sim fails by it and names no rule"
+    """Does a failed dry run name a rule, where the rules find an error as well?"""
+    for run, (command, report) in zip((said.play, said.drive), reports(said), strict=False):
+        errors = sorted({each["rule"] for each in found(report, "error")})
+        for check in failed(run):
+            if errors and not check["rule"]:
+                yield f"{command} has error {errors[0]}, sim fails ({check['name']}) by no rule"
 
 
 def runs(said: Answers) -> Iterator[str]:
     """Does the stage work?"""
-    errors = found(said.lint, "error")
+    unknown = unsimulated(said.play)  # of which sim says itself that it says nothing
+    errors = [each for each in found(said.lint, "error") if each["prim"] not in unknown]
     if failed(said.play) and not found(said.lint):
         names = ", ".join(each["name"] for each in failed(said.play))
         yield f"sim fails ({names}), lint finds nothing"
