@@ -13,9 +13,12 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.axles import disc_of
 from lab3_usd.check.rules.limits import stopping_limits, unknown_limits
 from lab3_usd.facts.articulations import (
+    EFFORT,
+    POSITION,
     Command,
     Followed,
     commands,
+    controller_of,
     drive_of,
     driven_pairs,
     followed_bodies,
@@ -24,6 +27,7 @@ from lab3_usd.facts.articulations import (
     named_joints,
     number_of_axes,
     number_of_commands,
+    reached_joints,
     told_joints,
     unused_indices,
     wired_commands,
@@ -35,6 +39,7 @@ from lab3_usd.facts.stalled_nodes import array_items
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Problem, display
+from lab3_usd.model.joint_drives import DRIVEN_AXES, hindrance
 from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel, UnresolvedAsset
@@ -186,6 +191,60 @@ def _wrong_value(joint: Prim, drive: str | None) -> tuple[str, str | None, str, 
     if force is not None and force <= 0.0:
         return "has a drive without force", names[2], "above 0", f"{force:g}"
     return None
+
+
+@rule("K86", "joint-cannot-follow", scope="lint")
+def joint_cannot_follow(subject: LintSubject) -> Iterator[Problem]:
+    """A joint cannot follow commands to a position, or an effort.
+
+    Why: a drive without stiffness exerts no force towards a position, one without force none at
+    all, and a joint has no use for a drive of the other kind (angular, linear). A joint whose
+    limits are equal stands still. One that is switched off or excluded from the articulation is
+    unknown to the controller, which then moves no joint of the command. If the names of the joints
+    come with the messages, so that this one may not be commanded, it is a warning.
+
+    Fix: give the joint a drive of its kind with stiffness and maximum force above 0, and limits
+    between which it moves.
+
+    Example: `stiffness = 0` on one of the six joints of an arm.
+    """
+    judged: set[str] = set()
+    for command in commands(subject.stage, subject.platform):
+        given = wired_commands(command)
+        port = next((port for port in (POSITION, EFFORT) if port in given), None)
+        if port is None or not command.roots:
+            continue
+        if controller_of(command, subject.stage, subject.platform) is not None:
+            continue  # speeds of wheels, which are no positions: another rule speaks of that
+        if command.names:
+            joints = told_joints(command, port, subject.stage, subject.platform)
+        else:
+            joints = reached_joints(command, subject.stage, subject.platform)
+        if port == POSITION and _VELOCITY in given and not any(map(_has_spring, joints)):
+            continue  # moved by the speeds that come as well
+        for joint in joints:
+            why = (
+                hindrance(joint.type, joint.apis, joint.attributes, by_drive=port == POSITION)
+                if joint.type in DRIVEN_AXES and joint.path not in judged
+                else None
+            )
+            if why is not None:
+                judged |= set() if command.unknown else {joint.path}
+                what = "a position" if port == POSITION else "an effort"
+                yield Problem(
+                    joint.path,
+                    f"{why.text}, but {command.node.path} commands {what}",
+                    property=why.property,
+                    expected=why.expected,
+                    actual=why.actual,
+                    related=(command.node.path,),
+                    severity=None if command.names else "warning",
+                    rests_on=command.unknown,
+                )
+
+
+def _has_spring(joint: Prim) -> bool:
+    return (number(joint.attributes.get(f"{drive_of(joint) or ''}stiffness")) or 0.0) > 0.0
 
 
 @rule("K67", "odometry-without-body", scope="lint", formerly="no-body-to-follow")
