@@ -272,27 +272,69 @@ def test_of_several_robots_one_is_held_against_its_transforms(tmp_path: Path) ->
     assert frames_of(found) == {f"{ROBOT}/chassis": "bad"}
 
 
-def test_of_two_topics_that_move_one_robot_one_is_to_be_named(tmp_path: Path) -> None:
+def two_drives(*, domain: int = 0) -> Usd.Stage:
+    """The rover, and a copy of its drive that listens to another topic, or in another domain."""
     stage = rover()
-    write_node(stage, f"{DRIVE}/joystick", "ros.ROS2SubscribeTwist", {"topicName": "joy_vel"})
-    for port, source in (
-        ("joystick.inputs:execIn", "tick.outputs:tick"),
-        ("turn_of_it.inputs:tuple", "joystick.outputs:angularVelocity"),
-    ):
-        if port.startswith("turn"):
-            write_node(stage, f"{DRIVE}/turn_of_it", "nodes.BreakVector3", {})
-        kind = Sdf.ValueTypeNames.UInt if "exec" in port else Sdf.ValueTypeNames.Vector3d
-        stage.GetPrimAtPath(f"{DRIVE}/{port.partition('.')[0]}").CreateAttribute(
-            port.partition(".")[2], kind
-        ).AddConnection(f"{DRIVE}/{source}")
-    stage.GetAttributeAtPath(f"{DRIVE}/drive.inputs:angularVelocity").SetConnections(
-        [f"{DRIVE}/turn_of_it.outputs:z"]
-    )
-    with pytest.raises(UsageError, match="name one with --topic"):
-        played(stage, tmp_path)
+    layer = stage.GetRootLayer()
+    Sdf.CopySpec(layer, DRIVE, layer, f"{DRIVE}2")
+    if domain:
+        context = stage.GetPrimAtPath(f"{DRIVE}2/context")
+        context.CreateAttribute("inputs:domain_id", Sdf.ValueTypeNames.UChar).Set(domain)
+        context.CreateAttribute("inputs:useDomainIDEnvVar", Sdf.ValueTypeNames.Bool).Set(False)  # noqa: FBT003
+    else:
+        set_value(stage, f"{DRIVE}2/twist.inputs:topicName", "joy_vel")
+    return stage
+
+
+@pytest.mark.parametrize(
+    ("domain", "other"), [(0, "/joy_vel in domain 0"), (5, "/cmd_vel in domain 5")]
+)
+def test_two_graphs_that_drive_one_robot_are_a_fault_of_the_stage(
+    tmp_path: Path, domain: int, other: str
+) -> None:
+    found = played(two_drives(domain=domain), tmp_path, drive=BRIEFLY)
+    check = by_name(found)["commands"]
+    assert (check.verdict, check.kind) == ("bad", "several-commands")
+    assert f"{DRIVE}/twist (/cmd_vel in domain 0)" in check.message
+    assert f"{DRIVE}2/twist ({other})" in check.message
+    # everything else is judged
+    judged = {check.name for check in found.checks if check.verdict == "ok"}
+    assert {"graphs", "topics", "stamps", "clock"} <= judged
+    assert len({(robot.topic, robot.domain) for robot in found.robots}) == 2
+
+
+def test_a_topic_that_moves_no_robot_is_no_topic_of_commands(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="moves no robot"):
-        played(stage, tmp_path, "/nowhere")
-    assert played(stage, tmp_path, "/cmd_vel").robots[0].topic == "/cmd_vel"
+        played(two_drives(), tmp_path, "/nowhere")
+    found = played(two_drives(), tmp_path, "/cmd_vel", drive=BRIEFLY)
+    assert [robot.topic for robot in found.robots] == ["/cmd_vel"]
+    assert by_name(found)["commands"].verdict == "bad"
+
+
+def test_a_robot_that_drives_by_one_topic_and_turns_by_another_follows_neither(
+    tmp_path: Path,
+) -> None:
+    stage = rover()
+    for name, node in (("joystick", "ros.ROS2SubscribeTwist"), ("turning", "nodes.BreakVector3")):
+        write_node(stage, f"{DRIVE}/{name}", node, {})
+    topic = stage.GetPrimAtPath(f"{DRIVE}/joystick").CreateAttribute(
+        "inputs:topicName", Sdf.ValueTypeNames.String
+    )
+    topic.Set("joy_vel")
+    for port, source, kind in (
+        ("joystick.inputs:execIn", "tick.outputs:tick", Sdf.ValueTypeNames.UInt),
+        ("turning.inputs:tuple", "joystick.outputs:angularVelocity", Sdf.ValueTypeNames.Vector3d),
+    ):
+        name, _, attribute = port.partition(".")
+        made = stage.GetPrimAtPath(f"{DRIVE}/{name}").CreateAttribute(attribute, kind)
+        made.AddConnection(f"{DRIVE}/{source}")
+    stage.GetAttributeAtPath(f"{DRIVE}/drive.inputs:angularVelocity").SetConnections(
+        [f"{DRIVE}/turning.outputs:z"]
+    )
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    follows = {check.of: check.text for check in found.checks if check.name == "follows"}
+    assert "degrees left, turned 0.0" in follows[f"{ROBOT}/chassis on /cmd_vel"]
+    assert "commanded to go 0.15 m, went 0.00" in follows[f"{ROBOT}/chassis on /joy_vel"]
 
 
 def test_without_a_robot_nothing_is_all_right(tmp_path: Path) -> None:
@@ -514,7 +556,8 @@ def rollers() -> Usd.Stage:
             "angular": ("nodes.BreakVector3", {}),
             "told": ("nodes.MakeVector3", {}),
             "setup": ("wheeled.HolonomicRobotUsdSetup", {"robotPrim": robot, "comPrim": base}),
-            "holonomic": ("wheeled.HolonomicController", {}),
+            # It turns against what it is told (holonomic_controller.py:151, cross(V, place)).
+            "holonomic": ("wheeled.HolonomicController", {"angularGain": -1.0}),
             "move": ("core.IsaacArticulationController", {"targetPrim": robot}),
         },
         [
@@ -546,3 +589,21 @@ def test_a_robot_on_rollers_goes_to_any_side(tmp_path: Path) -> None:
     ends = ("front_right", "front_left", "rear_left", "rear_right")  # two are swapped
     names.Set([f"{end}_joint" for end in ends])
     assert by_name(played(stage, tmp_path))["follows"].verdict == "bad"
+
+
+def test_a_turn_to_the_right_for_one_to_the_left_is_wrong(tmp_path: Path) -> None:
+    stage = rollers()
+    set_value(stage, "/World/Drive/holonomic.inputs:angularGain", 1.0)
+    assert by_name(played(stage, tmp_path))["follows"].kind == "wrong-turn"
+
+
+@pytest.mark.parametrize("limit", ["maxWheelSpeed", "maxLinearSpeed"])
+def test_a_limit_of_0_keeps_a_robot_on_rollers_where_it_is(tmp_path: Path, limit: str) -> None:
+    stage = rollers()
+    port = stage.GetPrimAtPath("/World/Drive/holonomic").CreateAttribute(
+        f"inputs:{limit}", Sdf.ValueTypeNames.Float
+    )
+    port.Set(0.0)
+    check = by_name(played(stage, tmp_path))["follows"]
+    assert (check.verdict, check.prim) == ("bad", "/World/Drive/holonomic")
+    assert f"its {limit} is 0" in check.cause

@@ -32,6 +32,8 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "unknown-joint": ("P01", "K61"),
     "wrong-command-count": ("P01", "K68"),
     "non-numeric-command": ("W02", ""),
+    "several-commands": ("Q01", "K65"),
+    "no-position-drive": ("S10", "K86"),
     "no-chassis-body": ("R02", "K67"),
     "unequal-joint-arrays": ("W01", ""),
     "joint-off-target": ("S10", ""),

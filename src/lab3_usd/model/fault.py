@@ -13,6 +13,7 @@ FaultKind = Literal[
     # commands and the drive
     "ramp-without-time-step", "invalid-wheel-size", "no-joint-controller", "no-articulation",
     "excluded-joint", "unknown-joint", "wrong-command-count", "non-numeric-command",
+    "several-commands", "no-position-drive",
     "no-chassis-body", "unequal-joint-arrays", "joint-off-target", "wrong-joint-state",
     "link-off-frame", "no-inertial-sensor",
     # the robot

@@ -20,7 +20,7 @@ from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Message, Recording, Transform
 from lab3_usd.sim.execution.world import NOT_OPENED
-from lab3_usd.sim.judge.causes import SUBSCRIBER, RunCauses
+from lab3_usd.sim.judge.causes import DRIVEN, SUBSCRIBER, RunCauses
 from lab3_usd.sim.judge.checks import graphs, verdict
 from lab3_usd.sim.judge.expectations import (
     Cause,
@@ -41,7 +41,9 @@ from lab3_usd.sim.robots import (
     Robot,
     drive_for,
     expected_of,
+    labels,
     listening_robots,
+    rival,
     robots_of,
 )
 from lab3_usd.sim.timeline import record
@@ -79,7 +81,8 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
     Raises:
         UsageError: the drive is none, or the topic is not that of a robot.
     """
-    robots = robots_of(scene, platform, topic)
+    known = robots_of(scene, platform, topic)
+    robots = tuple(robot for robot in known if topic in ("", robot.commands.topic))
     plays = []
     for robot in robots or (None,):
         legs = drive_for(robot, scene.meters_per_unit)
@@ -87,15 +90,47 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
             legs = drive_of(drive, NO_LIMITS)
         plays.append(record(scene, platform, legs, expected_of(robot)))
     checks = [*_stage_checks(plays[0], robots)]
-    for robot, play in zip(robots, plays, strict=False):
-        name = robot.name if len(robots) > 1 else ""
-        own = _own(robot, robots, play, scene) if robot.machine is not None else play
-        if robot.machine is None:
-            found = iter([_unmoved(robot, own)])
-        else:
-            found = arm_checks(play, scene) if robot.kind == JOINTS else _robot_checks(own, robot)
-        checks += [replace(check, of=name) for check in found]
+    if any(rival(robot, known) for robot in robots):
+        checks.append(verdict("commands", list(commanded_once(known)), plays[0]))
+    for robot, name, play in zip(robots, labels(robots), plays, strict=False):
+        of = name if len(robots) > 1 else ""
+        found = _checks_of(robot, known, play, scene)
+        checks.extend(replace(check, of=of) for check in found)
     return Played(robots, tuple(plays), tuple(checks))
+
+
+def _checks_of(robot: Robot, robots: Sequence[Robot], play: Trial, scene: Scene) -> Iterator[Check]:
+    """Yield the checks of a robot; what another command undoes is that one's fault."""
+    if robot.machine is None:
+        yield _unmoved(robot, play)
+        return
+    if robot.reach.untold:
+        named = ", ".join(f"{name} ({why})" for name, why in robot.reach.untold.items())
+        play.recording.remarks.append(f"{robot.name}: not commanded on its topic: {named}")
+    if robot.kind == JOINTS:
+        checks = arm_checks(play, scene, robot.machine, robot.controller)
+    else:
+        checks = _robot_checks(_own(robot, robots, play, scene), robot)
+    other = rival(robot, robots)
+    for check in checks:
+        if other is not None and check.verdict == "bad" and check.name in DRIVEN:
+            cause = f"it moves the same joints by what comes on {other.commands.topic}"
+            yield replace(check, prim=other.controller, kind="several-commands", cause=cause)
+        else:
+            yield check
+
+
+def commanded_once(robots: Sequence[Robot]) -> Iterator[RunFault]:
+    """The joints of a robot are moved by the commands of one topic in one domain."""
+    for number, robot in enumerate(robots):
+        other = rival(robot, robots[number:])
+        if other is not None:
+            ways = " and ".join(
+                f"{each.subscriber} ({each.commands.topic} in domain {each.commands.domain})"
+                for each in (robot, other)
+            )
+            text = f"{robot.name} is driven by two: {ways}"
+            yield RunFault(text, "several-commands", other.controller)
 
 
 def commanded_joints(
@@ -126,7 +161,8 @@ def commanded_joints(
         return None, (verdict("joints", [fault], play),)
     if robot.machine is None:
         return robot, (replace(_unmoved(robot, play), name="joints"),)
-    return robot, tuple(arm_checks(play, scene))
+    checks = arm_checks(play, scene, robot.machine, robot.controller)
+    return robot, tuple(checks)
 
 
 def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
@@ -135,7 +171,8 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
     if recording.fired or any(trial.causes.of_graphs() if trial.causes is not None else ()):
         yield verdict("graphs", list(graphs(trial)), trial)
     if any(_publishers(trial)) or any(_closed(trial)):
-        yield verdict("topics", [*published(trial), *_closed(trial)], trial)
+        faults = [*published(trial), *_closed(trial), *hears_itself(trial, robots)]
+        yield verdict("topics", faults, trial)
     if any(_stamped(trial)):
         yield verdict("stamps", list(advancing(trial)), trial)
     topics = dict.fromkeys(
@@ -176,6 +213,21 @@ def published(trial: Trial) -> Iterator[RunFault]:
         else:
             kind = cause.kind or "silent-topic"
             yield RunFault(f"{path} sends nothing", kind, cause.prim, cause.reason)
+
+
+def hears_itself(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
+    """No joint states are published where joints are commanded: they would be commands."""
+    commands = {robot.commands: robot for robot in robots if robot.kind == JOINTS}
+    sent = {
+        (domain_of(message, trial), message.topic): message.node
+        for message in trial.recording.messages
+        if message.type == JOINTS
+    }
+    for endpoint, robot in commands.items():
+        node = sent.get((endpoint.domain, endpoint.topic))
+        if node is not None:
+            text = f"{node} publishes joint states on {endpoint.topic}, on which {robot.subscriber}"
+            yield RunFault(f"{text} takes them for commands", "extra-publisher", node)
 
 
 def _closed(trial: Trial) -> Iterator[RunFault]:
@@ -313,8 +365,9 @@ def _moved_as_commanded(trial: Trial) -> Iterator[RunFault]:
         size = math.hypot(x, y) * leg.seconds
         along = (ahead * x + left * y) / math.hypot(x, y) if size else 0.0
         off = math.hypot(ahead, left) - abs(along)
-        # To which side it turns, is up to the angles that its wheels are given.
-        is_right = along > LEAST * size and off < 0.1 * along if size else bool(stretch.turned)
+        # Left is positive (REP 103), whatever the angles of its wheels are.
+        is_right = along > LEAST * size and off < 0.1 * along
+        is_right = is_right if size else stretch.turned * leg.turn > 0
         if not is_right:
             text = f"commanded to go {leg.name}, went {ahead:.2f} m ahead, {left:.2f} m to the left"
             text += f" and turned {math.degrees(stretch.turned):.0f} degrees"

@@ -46,6 +46,8 @@ class Joint(Struct, eq=False):
     force: float = math.inf  # the drive's largest
     is_acceleration: bool = False  # whether the drive's damping is for a unit of inertia
     rollers: tuple[float, float] | None = None  # of its wheel: their angle to the axle, the radius
+    path: str = ""
+    hindrance: str = ""  # why it cannot follow a command to a position
 
     @property
     def holds(self) -> bool:
