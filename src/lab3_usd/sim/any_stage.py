@@ -5,7 +5,6 @@ Nothing of a lab is asked. Each robot is driven by its own commands, in a play o
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
@@ -15,6 +14,14 @@ from msgspec.structs import replace
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, arm_checks
+from lab3_usd.sim.commands import (
+    commanded_once,
+    follows_after_replay,
+    follows_command,
+    hears_itself,
+    rival,
+    unmoved,
+)
 from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import is_within
@@ -28,10 +35,9 @@ from lab3_usd.sim.judge.expectations import (
     RunFault,
     Trial,
     agree,
-    displacement,
     in_root,
 )
-from lab3_usd.sim.judge.motion import again, follows, odometry, rest
+from lab3_usd.sim.judge.motion import odometry, rest
 from lab3_usd.sim.judge.sensors import MISSED, WALL, mounted
 from lab3_usd.sim.judge.topics import clock, tree
 from lab3_usd.sim.nodes.transforms import frame_name
@@ -43,7 +49,6 @@ from lab3_usd.sim.robots import (
     expected_of,
     labels,
     listening_robots,
-    rival,
     robots_of,
 )
 from lab3_usd.sim.timeline import record
@@ -51,7 +56,7 @@ from lab3_usd.sim.timeline import record
 CLOCK, TRANSFORMS = "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage"
 THROUGH = 0.02  # part of a range by which a ray may be longer
 STUCK = 0.5  # part of the stamps of a node that may be no later than the ones before
-LEAST = 0.1  # part of a command that a robot on rollers does at least
+REPEATED = 4  # times that a transform comes which is no static one
 PUBLISHING = ("publisher", "helper")
 
 CheckFunction = Callable[[Trial], Iterator[RunFault]]
@@ -102,7 +107,7 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
 def _checks_of(robot: Robot, robots: Sequence[Robot], play: Trial, scene: Scene) -> Iterator[Check]:
     """Yield the checks of a robot; what another command undoes is that one's fault."""
     if robot.machine is None:
-        yield _unmoved(robot, play)
+        yield unmoved(robot, play)
         return
     if robot.reach.untold:
         named = ", ".join(f"{name} ({why})" for name, why in robot.reach.untold.items())
@@ -118,19 +123,6 @@ def _checks_of(robot: Robot, robots: Sequence[Robot], play: Trial, scene: Scene)
             yield replace(check, prim=other.controller, kind="several-commands", cause=cause)
         else:
             yield check
-
-
-def commanded_once(robots: Sequence[Robot]) -> Iterator[RunFault]:
-    """The joints of a robot are moved by the commands of one topic in one domain."""
-    for number, robot in enumerate(robots):
-        other = rival(robot, robots[number:])
-        if other is not None:
-            ways = " and ".join(
-                f"{each.subscriber} ({each.commands.topic} in domain {each.commands.domain})"
-                for each in (robot, other)
-            )
-            text = f"{robot.name} is driven by two: {ways}"
-            yield RunFault(text, "several-commands", other.controller)
 
 
 def commanded_joints(
@@ -160,7 +152,7 @@ def commanded_joints(
             fault = RunFault(text, cause.kind or fault.kind, cause.prim, cause.reason)
         return None, (verdict("joints", [fault], play),)
     if robot.machine is None:
-        return robot, (replace(_unmoved(robot, play), name="joints"),)
+        return robot, (replace(unmoved(robot, play), name="joints"),)
     checks = arm_checks(play, scene, robot.machine, robot.controller)
     return robot, tuple(checks)
 
@@ -213,21 +205,6 @@ def published(trial: Trial) -> Iterator[RunFault]:
         else:
             kind = cause.kind or "silent-topic"
             yield RunFault(f"{path} sends nothing", kind, cause.prim, cause.reason)
-
-
-def hears_itself(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
-    """No joint states are published where joints are commanded: they would be commands."""
-    commands = {robot.commands: robot for robot in robots if robot.kind == JOINTS}
-    sent = {
-        (domain_of(message, trial), message.topic): message.node
-        for message in trial.recording.messages
-        if message.type == JOINTS
-    }
-    for endpoint, robot in commands.items():
-        node = sent.get((endpoint.domain, endpoint.topic))
-        if node is not None:
-            text = f"{node} publishes joint states on {endpoint.topic}, on which {robot.subscriber}"
-            yield RunFault(f"{text} takes them for commands", "extra-publisher", node)
 
 
 def _closed(trial: Trial) -> Iterator[RunFault]:
@@ -341,60 +318,10 @@ def _robot_checks(trial: Trial, robot: Robot) -> Iterator[Check]:
             yield verdict(name, list(check(trial)), trial)
 
 
-def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:
-    """The robot moves as commanded; if wheels slide in a turn, only its direction counts."""
-    if robot.has_rollers:
-        yield from _moved_as_commanded(trial)
-        return
-    turns = [stretch for stretch in trial.stretches("left", "right", "arc") if stretch.leg.turn]
-    is_right = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
-    for fault in follows(trial):
-        if not (trial.scrubs and is_right and fault.kind in {"wrong-turn", "wrong-arc"}):
-            yield fault
-
-
-def _moved_as_commanded(trial: Trial) -> Iterator[RunFault]:
-    """The robot moves in the commanded direction; its speed depends on the controller's gains."""
-    if trial.stands():
-        yield trial.motion_fault("does not move", "does-not-move")
-        return
-    for stretch in trial.stretches("ahead", "back", "aside", "left"):
-        leg, before, poses = stretch
-        ahead, left, _ = displacement(before, poses[-1])
-        x, y, _ = leg.command or (0.0, 0.0, 0.0)
-        size = math.hypot(x, y) * leg.seconds
-        along = (ahead * x + left * y) / math.hypot(x, y) if size else 0.0
-        off = math.hypot(ahead, left) - abs(along)
-        # Left is positive (REP 103), whatever the angles of its wheels are.
-        is_right = along > LEAST * size and off < 0.1 * along
-        is_right = is_right if size else stretch.turned * leg.turn > 0
-        if not is_right:
-            text = f"commanded to go {leg.name}, went {ahead:.2f} m ahead, {left:.2f} m to the left"
-            text += f" and turned {math.degrees(stretch.turned):.0f} degrees"
-            yield trial.motion_fault(text, "wrong-distance" if size else "wrong-turn")
-            return
-
-
-def follows_after_replay(trial: Trial, robot: Robot) -> Iterator[RunFault]:
-    """The robot drives again after Stop and Play; on rollers at full speed."""
-    leg = trial.drive[1].legs[-1]
-    poses = [pose for pose in trial.recording.path if pose.session == 1 and pose.leg == leg.name]
-    ahead = displacement(poses[0], poses[-1])[0] if poses else 0.0
-    if not (robot.has_rollers and ahead > LEAST * leg.forward * leg.seconds):
-        yield from again(trial)
-
-
-def _unmoved(robot: Robot, trial: Trial) -> Check:
-    """Return the failed check of a robot whose commands reach no joints."""
-    text = f"commands on {robot.commands.topic} move nothing"
-    reason = "there is no articulation at its target"
-    return verdict("follows", [RunFault(text, "no-articulation", robot.controller, reason)], trial)
-
-
 def moving(trial: Trial) -> Iterator[RunFault]:
     """TF moves the base as the robot moves."""
     wanted = trial.wanted
-    messages = trial.recording.topic(wanted.transforms, 0)
+    messages = _moving_messages(trial)
     for message in messages[len(messages) // 4 :: max(1, len(messages) // 4)]:
         base = Message("", message.stamp, wanted.base, at=message.at, session=message.session)
         place, pose = in_root(trial, base), trial.pose(message)
@@ -407,6 +334,26 @@ def moving(trial: Trial) -> Iterator[RunFault]:
             text = f"{wanted.root} -> {wanted.base} does not move with the robot"
             yield RunFault(text, "transform-unlike-odometry", message.node)
             return
+
+
+def _moving_messages(trial: Trial) -> list[Message]:
+    """Return the messages with the transform above the base that comes least often.
+
+    Between them that transform is older than the others, and the robot has moved on.
+    """
+    messages = trial.recording.topic(trial.wanted.transforms, 0)
+    with_frame: dict[str, list[Message]] = {}
+    up: dict[str, str] = {}
+    for message in messages:
+        for transform in message.transforms:
+            with_frame.setdefault(transform.child, []).append(message)
+            up[transform.child] = transform.parent
+    frame, found = trial.wanted.base, messages
+    for _ in up:
+        sent = with_frame.get(frame, [])
+        found = sent if REPEATED < len(sent) < len(found) else found
+        frame = up.get(frame, "")
+    return found
 
 
 def placed_scan(trial: Trial) -> Iterator[RunFault]:

@@ -107,26 +107,6 @@ def labels(robots: Sequence[Robot]) -> list[str]:
     return made
 
 
-def rival(robot: Robot, robots: Sequence[Robot]) -> Robot | None:
-    """Return the commands of another topic or domain that move the same joints over another node.
-
-    Each controller writes its targets at every update: what the other one wrote is lost
-    (isaacsim.core.nodes/python/nodes/OgnIsaacArticulationController.py:103-170).
-    """
-    for other in robots:
-        if robot.machine is None or other.machine is None:
-            continue
-        if (
-            robot.machine.base == other.machine.base
-            and other.commands != robot.commands
-            and (JOINTS in {robot.kind, other.kind}) == (robot.kind == other.kind == JOINTS)
-            and robot.moved & other.moved
-            and not robot.controllers & other.controllers
-        ):
-            return other
-    return None
-
-
 def listening_robots(scene: Scene, platform: Platform) -> list[Robot]:
     """Return a robot for each way from a subscriber of commands to a controller."""
     player = player_of(scene, platform, expected_of(None))
