@@ -607,3 +607,74 @@ def test_a_limit_of_0_keeps_a_robot_on_rollers_where_it_is(tmp_path: Path, limit
     check = by_name(played(stage, tmp_path))["follows"]
     assert (check.verdict, check.prim) == ("bad", "/World/Drive/holonomic")
     assert f"its {limit} is 0" in check.cause
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("semantic_segmentation", "sensor_msgs/msg/Image"),
+        ("bbox_2d_tight", "vision_msgs/msg/Detection2DArray"),
+        ("bbox_3d", "vision_msgs/msg/Detection3DArray"),
+    ],
+)
+def test_what_a_camera_cannot_show_here_is_a_row_and_no_fault(
+    tmp_path: Path, kind: str, message: str
+) -> None:
+    stage = rover()
+    helper = stage.GetPrimAtPath("/World/Camera/helper")
+    helper.CreateAttribute("inputs:type", Sdf.ValueTypeNames.Token).Set(kind)
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    assert bad(found) == set()
+    assert message in {topic.type for topic in found.topics}
+    assert f"what camera type {kind} shows" in {each.reason for each in found.not_simulated}
+
+
+def on_physics_steps(stage: Usd.Stage, rate: int) -> None:
+    """Let the clock of the rover run at each physics step."""
+    stage.GetPrimAtPath("/World/physicsScene").CreateAttribute(
+        "physxScene:timeStepsPerSecond", Sdf.ValueTypeNames.UInt
+    ).Set(rate)
+    graph = stage.GetPrimAtPath("/World/Clock")
+    graph.GetAttribute("pipelineStage").Set("pipelineStageOnDemand")
+    write_node(stage, "/World/Clock/step", "core.OnPhysicsStep", {})
+    signal = stage.GetAttributeAtPath("/World/Clock/clock.inputs:execIn")
+    signal.SetConnections(["/World/Clock/step.outputs:step"])
+
+
+@pytest.mark.parametrize("rate", [60, 240, 30])
+def test_a_graph_on_physics_steps_runs_at_each(tmp_path: Path, rate: int) -> None:
+    stage = rover()
+    on_physics_steps(stage, rate)
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    clock = next(topic for topic in found.topics if topic.name == "/clock")
+    assert clock.hz == pytest.approx(rate, rel=0.02)
+    assert bad(found) == set()
+
+
+def test_a_profile_from_a_node_is_that_of_the_publisher(tmp_path: Path) -> None:
+    stage = rover()
+    write_node(stage, "/World/Odometry/qos", "ros.ROS2QoSProfile", {"createProfile": "Sensor Data"})
+    odometry = stage.GetPrimAtPath("/World/Odometry/odometry")
+    port = odometry.CreateAttribute("inputs:qosProfile", Sdf.ValueTypeNames.String)
+    port.SetConnections(["/World/Odometry/qos.outputs:qosProfile"])
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    assert (bad(found), found.not_simulated) == (set(), ())
+    assert "/odom" in {topic.name for topic in found.topics}
+
+
+def test_odometry_and_its_transform_may_come_less_often(tmp_path: Path) -> None:
+    stage = rover()
+    write_node(stage, "/World/Odometry/gate", "core.IsaacSimulationGate", {"step": 6})
+    signals = {
+        "gate.inputs:execIn": "compute.outputs:execOut",
+        "odometry.inputs:execIn": "gate.outputs:execOut",
+        "transform.inputs:execIn": "gate.outputs:execOut",
+    }
+    for port, source in signals.items():
+        name, _, attribute = port.partition(".")
+        prim = stage.GetPrimAtPath(f"/World/Odometry/{name}")
+        made = prim.CreateAttribute(attribute, Sdf.ValueTypeNames.UInt)
+        made.SetConnections([f"/World/Odometry/{source}"])
+    found = played(stage, tmp_path)
+    odometry = next(topic for topic in found.topics if topic.name == "/odom")
+    assert (odometry.hz, bad(found)) == (pytest.approx(10, rel=0.05), set())
