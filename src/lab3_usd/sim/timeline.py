@@ -23,7 +23,7 @@ from lab3_usd.sim.execution.recording import (
 from lab3_usd.sim.execution.world import RosEndpoint, Twist, World, Writer, send, world_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
 from lab3_usd.sim.judge.expectations import SIZE, Expected, Trial
-from lab3_usd.sim.lidar import Beam, sweep
+from lab3_usd.sim.lidar import Beam, Ranges, sweep
 from lab3_usd.sim.nodes.sensors import IMAGES, UNSEEN
 from lab3_usd.sim.nodes.transforms import OPTICAL
 from lab3_usd.sim.robot.machine import Machine
@@ -80,23 +80,23 @@ def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
         seen_by.near / unit,
         seen_by.far / unit,
     )
-    surroundings, sensor = world.surroundings, writer.product.sensor
-    own = [
-        *surroundings.carried(sensor, world.machines),
-        *surroundings.beside(sensor, world.machines),
-    ]
-    seen = sweep(beam, (*surroundings.around(at), *own))
-    ranges = in_unit(seen, unit)
-    if writer.covered < 1.0:
-        first = int((writer.rendered - 1) * writer.covered * beam.count) % beam.count
-        shown = {(first + k) % beam.count for k in range(int(writer.covered * beam.count))}
-        ranges = tuple(distance if k in shown else -1.0 for k, distance in enumerate(ranges))
+    around = world.surroundings.seen(writer.product.sensor, world.machines)
+    first = int((writer.rendered - 1) * writer.covered * beam.count) % beam.count
+    shown = int(writer.covered * beam.count) if writer.covered < 1.0 else beam.count
+
+    def measure() -> tuple[float, ...]:
+        ranges = in_unit(sweep(beam, around()), unit)
+        if shown == beam.count:
+            return ranges
+        kept = {(first + k) % beam.count for k in range(shown)}
+        return tuple(distance if k in kept else -1.0 for k, distance in enumerate(ranges))
+
     return Scan(
         seen_by.start,
         seen_by.step,
         seen_by.near,
         seen_by.far,
-        ranges,
+        Ranges(beam.count, measure),
         in_metres(at, unit),
         1.0 / writer.turns if writer.turns else 0.0,
     )

@@ -199,6 +199,20 @@ class Machine(Struct):
         for joint in self.joints.values():
             joint.reset()
 
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether it stands on the ground, and nothing moves it."""
+        return (
+            self.grounded
+            and not any(self.velocity)
+            and all(
+                not (joint.velocity or joint.target_velocity or joint.effort)
+                and joint.target_position == joint.position
+                and joint.limits[0] <= joint.position <= joint.limits[1]
+                for joint in self.joints.values()
+            )
+        )
+
     def pose(self) -> Affine:
         """Return where the base is now."""
         spin = about(AXES[2], self.yaw)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
@@ -219,6 +219,7 @@ class Machines:
         self._local: dict[str, tuple[str, Affine]] = {}
         self._now: dict[str, Affine] = {}
         self._back: dict[str, Affine] = {}
+        self._places: dict[str, Affine] | None = None
         for machine in self.machines:
             self._set_down(machine)
         self.reset()
@@ -227,6 +228,7 @@ class Machines:
         """Put everything where playing starts."""
         self._now.clear()
         self._back.clear()
+        self._places = None
         for machine in self.machines:
             machine.reset()
 
@@ -264,6 +266,12 @@ class Machines:
             back = self._back[path] = self.place(path).inverse()
         return back
 
+    def places(self) -> Mapping[str, Affine]:
+        """Return where each body is now; what moves later does not change it."""
+        if self._places is None:
+            self._places = {body: self.place(body) for body in self.bodies}
+        return self._places
+
     def _place(self, path: str) -> Affine:
         if path not in self._local:
             body = self.body_of(path)
@@ -299,8 +307,9 @@ class Machines:
         """Move everything on."""
         self._now.clear()
         self._back.clear()
+        self._places = None
         for machine in self.machines:
-            if machine.joints or not machine.grounded:
+            if (machine.joints or not machine.grounded) and not machine.is_at_rest:
                 machine.step(dt)
 
     def _set_down(self, machine: Machine) -> None:
