@@ -30,6 +30,10 @@ from report_schema import dry_run_of
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Behaviour
+from lab3_usd.sim.lidar import sweep
+from lab3_usd.sim.robots import robots_of, scene_for
+from lab3_usd.spec.load.loader import load_platform
+from lab3_usd.stage.read.scene import read_scene
 
 NOWHERE = "https://nowhere.invalid/thing.usd"
 ROBOT, DRIVE = "/World/Rover", "/World/Drive"
@@ -678,3 +682,53 @@ def test_odometry_and_its_transform_may_come_less_often(tmp_path: Path) -> None:
     found = played(stage, tmp_path)
     odometry = next(topic for topic in found.topics if topic.name == "/odom")
     assert (odometry.hz, bad(found)) == (pytest.approx(10, rel=0.05), set())
+
+
+def test_rays_are_followed_only_for_scans_that_are_looked_at(tmp_path: Path) -> None:
+    sweep.cache_clear()
+    found = played(walled_rover(), tmp_path)
+    scans = next(topic for topic in found.topics if topic.name == "/scan")
+    assert scans.hz > 0
+    assert by_name(found)["scan"].verdict == "ok"
+    assert sweep.cache_info().misses <= 2  # of one scan, and of what TF lets expect
+
+
+def test_the_play_of_a_robot_is_without_the_graphs_of_others(tmp_path: Path) -> None:
+    stage = two_rovers()
+    stage.GetRootLayer().Export(str(tmp_path / "two.usda"))
+    scene = read_scene(Usd.Stage.Open(str(tmp_path / "two.usda")), load_platform())
+    robots = robots_of(scene, load_platform())
+    kept = [{graph.path for graph in scene_for(each, robots, scene).graphs} for each in robots]
+    assert kept[0] >= {DRIVE, "/World/Odometry", "/World/Clock"}
+    assert f"{DRIVE}2" not in kept[0]
+    assert kept[1] == {f"{DRIVE}2", "/World/Clock"}
+
+
+def test_what_a_robot_publishes_is_its_own(tmp_path: Path) -> None:
+    stage = two_rovers()
+    layer = stage.GetRootLayer()
+    Sdf.CopySpec(layer, "/World/Odometry", layer, "/World/Odometry2")
+    for name in ("odometry", "transform", "tree", "joints"):
+        prim = stage.GetPrimAtPath(f"/World/Odometry2/{name}")
+        if prim:
+            kind = Sdf.ValueTypeNames.String
+            prim.CreateAttribute("inputs:nodeNamespace", kind).Set("other")
+    found = by_name(played(stage, tmp_path, drive=BRIEFLY))["topics"]
+    assert (found.verdict, found.kind) == ("bad", "wrong-topic")
+    assert (
+        f"/other/odom shows {ROBOT}/chassis, which is no part of {ROBOT}2/chassis" in found.message
+    )
+    for prim in stage.GetPrimAtPath("/World/Odometry2").GetChildren():
+        for target in prim.GetRelationships():
+            paths = [str(path).replace(ROBOT, f"{ROBOT}2") for path in target.GetTargets()]
+            target.SetTargets(paths)
+    assert by_name(played(stage, tmp_path, drive=BRIEFLY))["topics"].verdict == "ok"
+
+
+def test_a_clock_in_a_namespace_is_none(tmp_path: Path) -> None:
+    stage = rover()
+    node = stage.GetPrimAtPath("/World/Clock/clock")
+    node.CreateAttribute("inputs:nodeNamespace", Sdf.ValueTypeNames.String).Set("alpha")
+    check = by_name(played(stage, tmp_path, drive=BRIEFLY))["clock"]
+    assert (check.verdict, check.kind, check.prim) == ("bad", "wrong-topic", "/World/Clock/clock")
+    assert "the clock is on /alpha/clock" in check.message

@@ -5,7 +5,7 @@ Nothing of a lab is asked. Each robot is driven by its own commands, in a play o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from itertools import pairwise
 
 from msgspec import Struct
@@ -19,6 +19,7 @@ from lab3_usd.sim.commands import (
     follows_after_replay,
     follows_command,
     hears_itself,
+    of_another,
     rival,
     unmoved,
 )
@@ -50,6 +51,7 @@ from lab3_usd.sim.robots import (
     labels,
     listening_robots,
     robots_of,
+    scene_for,
 )
 from lab3_usd.sim.timeline import record
 
@@ -89,11 +91,13 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
     known = robots_of(scene, platform, topic)
     robots = tuple(robot for robot in known if topic in ("", robot.commands.topic))
     plays = []
-    for robot in robots or (None,):
+    for number, robot in enumerate(robots or (None,)):
         legs = drive_for(robot, scene.meters_per_unit)
         if drive is not None and (robot is None or robot.kind == TWIST):
             legs = drive_of(drive, NO_LIMITS)
-        plays.append(record(scene, platform, legs, expected_of(robot)))
+        # The first play shows all topics; the others, what concerns their robot.
+        shown = scene_for(robot, known, scene) if robot is not None and number else scene
+        plays.append(record(shown, platform, legs, expected_of(robot)))
     checks = [*_stage_checks(plays[0], robots)]
     if any(rival(robot, known) for robot in robots):
         checks.append(verdict("commands", list(commanded_once(known)), plays[0]))
@@ -164,6 +168,7 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
         yield verdict("graphs", list(graphs(trial)), trial)
     if any(_publishers(trial)) or any(_closed(trial)):
         faults = [*published(trial), *_closed(trial), *hears_itself(trial, robots)]
+        faults += of_another(trial, robots)
         yield verdict("topics", faults, trial)
     if any(_stamped(trial)):
         yield verdict("stamps", list(advancing(trial)), trial)
@@ -175,12 +180,28 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
     for kind, domain, topic in sorted(topics):
         seen = _alone(trial, domain, topic)
         if kind == CLOCK:
-            check = verdict("clock", list(clock(seen)), seen)
+            check = verdict("clock", [*clock(seen), *unheard_clock(seen, topics)], seen)
         else:
             count = sum(robot.commands.domain == domain for robot in robots)
             check = verdict("tree", list(one_tree(seen, count)), seen)
         several = sum(topic[0] == kind for topic in topics) > 1
         yield replace(check, of=f"{topic} in domain {domain}" if several else "")
+
+
+def unheard_clock(seen: Trial, topics: Collection[tuple[str, int, str]]) -> Iterator[RunFault]:
+    """Yield the clock of a domain that is not where programs listen: where its node has it.
+
+    rclcpp subscribes to /clock in no namespace (rclcpp/src/rclcpp/time_source.cpp, humble).
+    """
+    message = seen.recording.messages[0]
+    node = (
+        seen.causes.program.nodes.get(message.node) if isinstance(seen.causes, RunCauses) else None
+    )
+    usual = node.type.input("topicName") if node is not None else None
+    heard = f"/{usual.default}" if usual is not None else message.topic
+    if message.topic != heard and (CLOCK, seen.wanted.domain, heard) not in topics:
+        text = f"the clock is on {message.topic}, and programs with use_sim_time listen to {heard}"
+        yield RunFault(text, "wrong-topic", message.node)
 
 
 def _publishers(trial: Trial) -> Iterator[tuple[str, Cause | None]]:

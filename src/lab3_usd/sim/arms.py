@@ -273,17 +273,22 @@ def _stopped(trial: Trial, controller: str) -> Cause | None:
     return trial.causes.broken(node) or Cause(controller, "", None)
 
 
-def concerns(trial: Trial, node: str, machine: Machine) -> bool:
-    """Whether what a node publishes comes from a robot, or from nothing that names one."""
+def shown_prims(trial: Trial, node: str) -> set[str]:
+    """Return the prims that a node publishes about, without those that they are relative to."""
     causes = trial.causes
     running = causes.program.nodes.get(node) if isinstance(causes, RunCauses) else None
-    prims = {
+    return {
         prim
         for feeding in (running.feeding if running is not None else ())
         for port, found in feeding.node.targets.items()
         if feeding.type.tf is None or port not in feeding.type.tf.prims[:1]
         for prim in found
     }
+
+
+def concerns(trial: Trial, node: str, machine: Machine) -> bool:
+    """Whether what a node publishes comes from a robot, or from nothing that names one."""
+    prims = shown_prims(trial, node)
     return not prims or any(
         is_within(body, prims) or any(is_within(prim, (body,)) for prim in prims)
         for body in machine.rest

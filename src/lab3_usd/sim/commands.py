@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 
 from lab3_usd.model.dry_run import Check
-from lab3_usd.sim.arms import JOINTS
+from lab3_usd.sim.arms import JOINTS, shown_prims
 from lab3_usd.sim.judge.checks import verdict
 from lab3_usd.sim.judge.expectations import RunFault, Trial, displacement
 from lab3_usd.sim.judge.motion import again, follows
-from lab3_usd.sim.robots import Robot
+from lab3_usd.sim.robots import Robot, owners_of
 
 LEAST = 0.1  # part of a command that a robot on rollers does at least
 
@@ -61,6 +61,38 @@ def hears_itself(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
         if node is not None:
             text = f"{node} publishes joint states on {endpoint.topic}, on which {robot.subscriber}"
             yield RunFault(f"{text} takes them for commands", "extra-publisher", node)
+
+
+def of_another(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
+    """In the namespace of a robot nothing is published of another robot alone.
+
+    A namespace is that of a robot if its commands, and those of no other, come there or below.
+    """
+    spaces: dict[tuple[int, str], set[str]] = {}
+    for robot in robots:
+        space = robot.commands.topic.rpartition("/")[0]
+        while space and robot.machine is not None:
+            spaces.setdefault((robot.commands.domain, space), set()).add(robot.machine.base)
+            space = space.rpartition("/")[0]
+    owners = owners_of(robots)
+    seen: set[tuple[str, str]] = set()
+    for message in trial.recording.messages:
+        if (message.node, message.topic) in seen:
+            continue
+        seen.add((message.node, message.topic))
+        domain = trial.wanted.domain if message.away is None else message.away
+        space = message.topic
+        while space and (domain, space) not in spaces:
+            space = space.rpartition("/")[0]
+        expected = spaces.get((domain, space), set())
+        if len(expected) != 1:
+            continue
+        for prim in sorted(shown_prims(trial, message.node)):
+            found = owners(prim)
+            if len(found) == 1 and not found & expected:
+                text = f"{message.topic} shows {prim}, which is no part of {min(expected)}"
+                yield RunFault(text, "wrong-topic", message.node)
+                break
 
 
 def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -105,6 +105,50 @@ def labels(robots: Sequence[Robot]) -> list[str]:
             label += f" in domain {robot.commands.domain}"
         made.append(label)
     return made
+
+
+def owners_of(robots: Sequence[Robot]) -> Callable[[str], frozenset[str]]:
+    """Return what gives the bases of the robots to which a prim belongs, or that are below it."""
+    below: dict[str, set[str]] = {}
+    bodies: dict[str, str] = {}
+    for robot in robots:
+        for body in robot.machine.rest if robot.machine is not None else ():
+            base = robot.machine.base if robot.machine is not None else ""
+            bodies[body] = base
+            path = body
+            while path:
+                below.setdefault(path, set()).add(base)
+                path = path.rpartition("/")[0]
+
+    def owners(path: str) -> frozenset[str]:
+        if path in below:
+            return frozenset(below[path])
+        while path and path not in bodies:
+            path = path.rpartition("/")[0]
+        return frozenset({bodies[path]} if path else ())
+
+    return owners
+
+
+def scene_for(robot: Robot, robots: Sequence[Robot], scene: Scene) -> Scene:
+    """Return a scene without the graphs that name only prims of other robots."""
+    if robot.machine is None:
+        return scene
+    owners, base = owners_of(robots), robot.machine.base
+    own = {robot.subscriber, robot.odometry, robot.scan, *robot.controllers}
+    kept = []
+    for graph in scene.graphs:
+        named = [path for node in graph.nodes for paths in node.targets.values() for path in paths]
+        named += [
+            state.value
+            for node in graph.nodes
+            for state in node.inputs.values()
+            if isinstance(state.value, str) and state.value.startswith("/")
+        ]
+        found = {owner for path in named for owner in owners(path)}
+        if not found or base in found or own & {node.path for node in graph.nodes}:
+            kept.append(graph)
+    return replace(scene, graphs=tuple(kept))
 
 
 def listening_robots(scene: Scene, platform: Platform) -> list[Robot]:
