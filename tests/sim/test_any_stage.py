@@ -30,6 +30,10 @@ from report_schema import dry_run_of
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Behaviour
+from lab3_usd.sim.lidar import sweep
+from lab3_usd.sim.robots import robots_of, scene_for
+from lab3_usd.spec.load.loader import load_platform
+from lab3_usd.stage.read.scene import read_scene
 
 NOWHERE = "https://nowhere.invalid/thing.usd"
 ROBOT, DRIVE = "/World/Rover", "/World/Drive"
@@ -279,27 +283,69 @@ def test_of_several_robots_one_is_held_against_its_transforms(tmp_path: Path) ->
     assert frames_of(found) == {f"{ROBOT}/chassis": "bad"}
 
 
-def test_of_two_topics_that_move_one_robot_one_is_to_be_named(tmp_path: Path) -> None:
+def two_drives(*, domain: int = 0) -> Usd.Stage:
+    """The rover, and a copy of its drive that listens to another topic, or in another domain."""
     stage = rover()
-    write_node(stage, f"{DRIVE}/joystick", "ros.ROS2SubscribeTwist", {"topicName": "joy_vel"})
-    for port, source in (
-        ("joystick.inputs:execIn", "tick.outputs:tick"),
-        ("turn_of_it.inputs:tuple", "joystick.outputs:angularVelocity"),
-    ):
-        if port.startswith("turn"):
-            write_node(stage, f"{DRIVE}/turn_of_it", "nodes.BreakVector3", {})
-        kind = Sdf.ValueTypeNames.UInt if "exec" in port else Sdf.ValueTypeNames.Vector3d
-        stage.GetPrimAtPath(f"{DRIVE}/{port.partition('.')[0]}").CreateAttribute(
-            port.partition(".")[2], kind
-        ).AddConnection(f"{DRIVE}/{source}")
-    stage.GetAttributeAtPath(f"{DRIVE}/drive.inputs:angularVelocity").SetConnections(
-        [f"{DRIVE}/turn_of_it.outputs:z"]
-    )
-    with pytest.raises(UsageError, match="name one with --topic"):
-        played(stage, tmp_path)
+    layer = stage.GetRootLayer()
+    Sdf.CopySpec(layer, DRIVE, layer, f"{DRIVE}2")
+    if domain:
+        context = stage.GetPrimAtPath(f"{DRIVE}2/context")
+        context.CreateAttribute("inputs:domain_id", Sdf.ValueTypeNames.UChar).Set(domain)
+        context.CreateAttribute("inputs:useDomainIDEnvVar", Sdf.ValueTypeNames.Bool).Set(False)  # noqa: FBT003
+    else:
+        set_value(stage, f"{DRIVE}2/twist.inputs:topicName", "joy_vel")
+    return stage
+
+
+@pytest.mark.parametrize(
+    ("domain", "other"), [(0, "/joy_vel in domain 0"), (5, "/cmd_vel in domain 5")]
+)
+def test_two_graphs_that_drive_one_robot_are_a_fault_of_the_stage(
+    tmp_path: Path, domain: int, other: str
+) -> None:
+    found = played(two_drives(domain=domain), tmp_path, drive=BRIEFLY)
+    check = by_name(found)["commands"]
+    assert (check.verdict, check.kind) == ("bad", "several-commands")
+    assert f"{DRIVE}/twist (/cmd_vel in domain 0)" in check.message
+    assert f"{DRIVE}2/twist ({other})" in check.message
+    # everything else is judged
+    judged = {check.name for check in found.checks if check.verdict == "ok"}
+    assert {"graphs", "topics", "stamps", "clock"} <= judged
+    assert len({(robot.topic, robot.domain) for robot in found.robots}) == 2
+
+
+def test_a_topic_that_moves_no_robot_is_no_topic_of_commands(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="moves no robot"):
-        played(stage, tmp_path, "/nowhere")
-    assert played(stage, tmp_path, "/cmd_vel").robots[0].topic == "/cmd_vel"
+        played(two_drives(), tmp_path, "/nowhere")
+    found = played(two_drives(), tmp_path, "/cmd_vel", drive=BRIEFLY)
+    assert [robot.topic for robot in found.robots] == ["/cmd_vel"]
+    assert by_name(found)["commands"].verdict == "bad"
+
+
+def test_a_robot_that_drives_by_one_topic_and_turns_by_another_follows_neither(
+    tmp_path: Path,
+) -> None:
+    stage = rover()
+    for name, node in (("joystick", "ros.ROS2SubscribeTwist"), ("turning", "nodes.BreakVector3")):
+        write_node(stage, f"{DRIVE}/{name}", node, {})
+    topic = stage.GetPrimAtPath(f"{DRIVE}/joystick").CreateAttribute(
+        "inputs:topicName", Sdf.ValueTypeNames.String
+    )
+    topic.Set("joy_vel")
+    for port, source, kind in (
+        ("joystick.inputs:execIn", "tick.outputs:tick", Sdf.ValueTypeNames.UInt),
+        ("turning.inputs:tuple", "joystick.outputs:angularVelocity", Sdf.ValueTypeNames.Vector3d),
+    ):
+        name, _, attribute = port.partition(".")
+        made = stage.GetPrimAtPath(f"{DRIVE}/{name}").CreateAttribute(attribute, kind)
+        made.AddConnection(f"{DRIVE}/{source}")
+    stage.GetAttributeAtPath(f"{DRIVE}/drive.inputs:angularVelocity").SetConnections(
+        [f"{DRIVE}/turning.outputs:z"]
+    )
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    follows = {check.of: check.text for check in found.checks if check.name == "follows"}
+    assert "degrees left, turned 0.0" in follows[f"{ROBOT}/chassis on /cmd_vel"]
+    assert "commanded to go 0.15 m, went 0.00" in follows[f"{ROBOT}/chassis on /joy_vel"]
 
 
 def test_without_a_robot_nothing_is_all_right(tmp_path: Path) -> None:
@@ -521,7 +567,8 @@ def rollers() -> Usd.Stage:
             "angular": ("nodes.BreakVector3", {}),
             "told": ("nodes.MakeVector3", {}),
             "setup": ("wheeled.HolonomicRobotUsdSetup", {"robotPrim": robot, "comPrim": base}),
-            "holonomic": ("wheeled.HolonomicController", {}),
+            # It turns against what it is told (holonomic_controller.py:151, cross(V, place)).
+            "holonomic": ("wheeled.HolonomicController", {"angularGain": -1.0}),
             "move": ("core.IsaacArticulationController", {"targetPrim": robot}),
         },
         [
@@ -553,3 +600,142 @@ def test_a_robot_on_rollers_goes_to_any_side(tmp_path: Path) -> None:
     ends = ("front_right", "front_left", "rear_left", "rear_right")  # two are swapped
     names.Set([f"{end}_joint" for end in ends])
     assert by_name(played(stage, tmp_path))["follows"].verdict == "bad"
+
+
+def test_a_turn_to_the_right_for_one_to_the_left_is_wrong(tmp_path: Path) -> None:
+    stage = rollers()
+    set_value(stage, "/World/Drive/holonomic.inputs:angularGain", 1.0)
+    assert by_name(played(stage, tmp_path))["follows"].kind == "wrong-turn"
+
+
+@pytest.mark.parametrize("limit", ["maxWheelSpeed", "maxLinearSpeed"])
+def test_a_limit_of_0_keeps_a_robot_on_rollers_where_it_is(tmp_path: Path, limit: str) -> None:
+    stage = rollers()
+    port = stage.GetPrimAtPath("/World/Drive/holonomic").CreateAttribute(
+        f"inputs:{limit}", Sdf.ValueTypeNames.Float
+    )
+    port.Set(0.0)
+    check = by_name(played(stage, tmp_path))["follows"]
+    assert (check.verdict, check.prim) == ("bad", "/World/Drive/holonomic")
+    assert f"its {limit} is 0" in check.cause
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("semantic_segmentation", "sensor_msgs/msg/Image"),
+        ("bbox_2d_tight", "vision_msgs/msg/Detection2DArray"),
+        ("bbox_3d", "vision_msgs/msg/Detection3DArray"),
+    ],
+)
+def test_what_a_camera_cannot_show_here_is_a_row_and_no_fault(
+    tmp_path: Path, kind: str, message: str
+) -> None:
+    stage = rover()
+    helper = stage.GetPrimAtPath("/World/Camera/helper")
+    helper.CreateAttribute("inputs:type", Sdf.ValueTypeNames.Token).Set(kind)
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    assert bad(found) == set()
+    assert message in {topic.type for topic in found.topics}
+    assert f"what camera type {kind} shows" in {each.reason for each in found.not_simulated}
+
+
+def on_physics_steps(stage: Usd.Stage, rate: int) -> None:
+    """Let the clock of the rover run at each physics step."""
+    stage.GetPrimAtPath("/World/physicsScene").CreateAttribute(
+        "physxScene:timeStepsPerSecond", Sdf.ValueTypeNames.UInt
+    ).Set(rate)
+    graph = stage.GetPrimAtPath("/World/Clock")
+    graph.GetAttribute("pipelineStage").Set("pipelineStageOnDemand")
+    write_node(stage, "/World/Clock/step", "core.OnPhysicsStep", {})
+    signal = stage.GetAttributeAtPath("/World/Clock/clock.inputs:execIn")
+    signal.SetConnections(["/World/Clock/step.outputs:step"])
+
+
+@pytest.mark.parametrize("rate", [60, 240, 30])
+def test_a_graph_on_physics_steps_runs_at_each(tmp_path: Path, rate: int) -> None:
+    stage = rover()
+    on_physics_steps(stage, rate)
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    clock = next(topic for topic in found.topics if topic.name == "/clock")
+    assert clock.hz == pytest.approx(rate, rel=0.02)
+    assert bad(found) == set()
+
+
+def test_a_profile_from_a_node_is_that_of_the_publisher(tmp_path: Path) -> None:
+    stage = rover()
+    write_node(stage, "/World/Odometry/qos", "ros.ROS2QoSProfile", {"createProfile": "Sensor Data"})
+    odometry = stage.GetPrimAtPath("/World/Odometry/odometry")
+    port = odometry.CreateAttribute("inputs:qosProfile", Sdf.ValueTypeNames.String)
+    port.SetConnections(["/World/Odometry/qos.outputs:qosProfile"])
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    assert (bad(found), found.not_simulated) == (set(), ())
+    assert "/odom" in {topic.name for topic in found.topics}
+
+
+def test_odometry_and_its_transform_may_come_less_often(tmp_path: Path) -> None:
+    stage = rover()
+    write_node(stage, "/World/Odometry/gate", "core.IsaacSimulationGate", {"step": 6})
+    signals = {
+        "gate.inputs:execIn": "compute.outputs:execOut",
+        "odometry.inputs:execIn": "gate.outputs:execOut",
+        "transform.inputs:execIn": "gate.outputs:execOut",
+    }
+    for port, source in signals.items():
+        name, _, attribute = port.partition(".")
+        prim = stage.GetPrimAtPath(f"/World/Odometry/{name}")
+        made = prim.CreateAttribute(attribute, Sdf.ValueTypeNames.UInt)
+        made.SetConnections([f"/World/Odometry/{source}"])
+    found = played(stage, tmp_path)
+    odometry = next(topic for topic in found.topics if topic.name == "/odom")
+    assert (odometry.hz, bad(found)) == (pytest.approx(10, rel=0.05), set())
+
+
+def test_rays_are_followed_only_for_scans_that_are_looked_at(tmp_path: Path) -> None:
+    sweep.cache_clear()
+    found = played(walled_rover(), tmp_path)
+    scans = next(topic for topic in found.topics if topic.name == "/scan")
+    assert scans.hz > 0
+    assert by_name(found)["scan"].verdict == "ok"
+    assert sweep.cache_info().misses <= 2  # of one scan, and of what TF lets expect
+
+
+def test_the_play_of_a_robot_is_without_the_graphs_of_others(tmp_path: Path) -> None:
+    stage = two_rovers()
+    stage.GetRootLayer().Export(str(tmp_path / "two.usda"))
+    scene = read_scene(Usd.Stage.Open(str(tmp_path / "two.usda")), load_platform())
+    robots = robots_of(scene, load_platform())
+    kept = [{graph.path for graph in scene_for(each, robots, scene).graphs} for each in robots]
+    assert kept[0] >= {DRIVE, "/World/Odometry", "/World/Clock"}
+    assert f"{DRIVE}2" not in kept[0]
+    assert kept[1] == {f"{DRIVE}2", "/World/Clock"}
+
+
+def test_what_a_robot_publishes_is_its_own(tmp_path: Path) -> None:
+    stage = two_rovers()
+    layer = stage.GetRootLayer()
+    Sdf.CopySpec(layer, "/World/Odometry", layer, "/World/Odometry2")
+    for name in ("odometry", "transform", "tree", "joints"):
+        prim = stage.GetPrimAtPath(f"/World/Odometry2/{name}")
+        if prim:
+            kind = Sdf.ValueTypeNames.String
+            prim.CreateAttribute("inputs:nodeNamespace", kind).Set("other")
+    found = by_name(played(stage, tmp_path, drive=BRIEFLY))["topics"]
+    assert (found.verdict, found.kind) == ("bad", "wrong-topic")
+    assert (
+        f"/other/odom shows {ROBOT}/chassis, which is no part of {ROBOT}2/chassis" in found.message
+    )
+    for prim in stage.GetPrimAtPath("/World/Odometry2").GetChildren():
+        for target in prim.GetRelationships():
+            paths = [str(path).replace(ROBOT, f"{ROBOT}2") for path in target.GetTargets()]
+            target.SetTargets(paths)
+    assert by_name(played(stage, tmp_path, drive=BRIEFLY))["topics"].verdict == "ok"
+
+
+def test_a_clock_in_a_namespace_is_none(tmp_path: Path) -> None:
+    stage = rover()
+    node = stage.GetPrimAtPath("/World/Clock/clock")
+    node.CreateAttribute("inputs:nodeNamespace", Sdf.ValueTypeNames.String).Set("alpha")
+    check = by_name(played(stage, tmp_path, drive=BRIEFLY))["clock"]
+    assert (check.verdict, check.kind, check.prim) == ("bad", "wrong-topic", "/World/Clock/clock")
+    assert "the clock is on /alpha/clock" in check.message

@@ -4,15 +4,25 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from any_stages import bad, by_name, played
-from foreign_robots import arm, body, empty_stage, revolute
+from any_stages import BRIEFLY, bad, by_name, played
+from foreign_robots import (
+    CONTEXT,
+    TICK,
+    arm,
+    body,
+    empty_stage,
+    revolute,
+    rover,
+    write_graph,
+)
 from invoking import invoke
 from lone_nodes import node
-from pxr import Sdf, Usd, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.sim.execution.recording import JointStates
 from lab3_usd.sim.execution.world import RosEndpoint, World, world_of
@@ -244,6 +254,222 @@ def test_joints_stay_within_their_limits(tmp_path: Path) -> None:
     joint.CreateUpperLimitAttr(math.degrees(0.1))
     found = played(stage, tmp_path)
     assert found.verdict == "ok"
-    joint.CreateUpperLimitAttr(90.0)
-    UsdPhysics.DriveAPI(joint.GetPrim(), "angular").GetStiffnessAttr().Set(0.0)
-    assert played(stage, tmp_path).verdict == "ok"  # without a spring it is left alone
+
+
+ELBOW = "/arm/elbow_joint"
+
+
+def joint_of(stage: Usd.Stage) -> Usd.Prim:
+    return stage.GetPrimAtPath(ELBOW)
+
+
+def without_spring(stage: Usd.Stage) -> None:
+    UsdPhysics.DriveAPI(joint_of(stage), "angular").GetStiffnessAttr().Set(0.0)
+
+
+def without_drive(stage: Usd.Stage) -> None:
+    joint_of(stage).RemoveAPI(UsdPhysics.DriveAPI, "angular")
+
+
+def without_force(stage: Usd.Stage) -> None:
+    UsdPhysics.DriveAPI(joint_of(stage), "angular").CreateMaxForceAttr(0.0)
+
+
+def with_a_linear_drive(stage: Usd.Stage) -> None:
+    without_drive(stage)
+    UsdPhysics.DriveAPI.Apply(joint_of(stage), "linear").CreateStiffnessAttr(800.0)
+
+
+def without_way(stage: Usd.Stage) -> None:
+    joint = UsdPhysics.RevoluteJoint(joint_of(stage))
+    joint.CreateLowerLimitAttr(0.0)
+    joint.CreateUpperLimitAttr(0.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "cause"),
+    [
+        (without_spring, "no-position-drive", "it has a drive without stiffness"),
+        (without_drive, "no-position-drive", "it has no drive"),
+        (without_force, "no-position-drive", "it has a drive without force"),
+        (with_a_linear_drive, "no-position-drive", "it has a drive of kind linear"),
+        (without_way, "limited-joint", "it has limits that leave it no way: 0 to 0"),
+    ],
+)
+def test_a_joint_that_cannot_follow_is_named(
+    tmp_path: Path, change: Callable[[Usd.Stage], None], kind: str, cause: str
+) -> None:
+    stage = arm()
+    change(stage)
+    check = by_name(played(stage, tmp_path))["joints"]
+    assert (check.verdict, check.kind, check.prim) == ("bad", kind, ELBOW)
+    assert check.message == "elbow_joint does not follow its commands"
+    assert check.cause.startswith(cause)
+
+
+def test_each_joint_that_cannot_follow_is_named(tmp_path: Path) -> None:
+    stage = arm()
+    without_spring(stage)
+    UsdPhysics.DriveAPI(stage.GetPrimAtPath("/arm/tool_joint"), "angular").CreateMaxForceAttr(0.0)
+    message = by_name(played(stage, tmp_path))["joints"].message
+    assert message.count("does not follow its commands") == 2
+
+
+def test_a_joint_that_another_one_holds_is_named(tmp_path: Path) -> None:
+    stage = arm()
+    lock = UsdPhysics.FixedJoint.Define(stage, "/arm/lock")
+    lock.CreateBody0Rel().SetTargets(["/arm/shoulder"])
+    lock.CreateBody1Rel().SetTargets(["/arm/elbow"])
+    check = by_name(played(stage, tmp_path))["joints"]
+    assert (check.verdict, check.kind, check.prim) == ("bad", "locked-joint", ELBOW)
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "kind"),
+    [
+        ("physics:excludeFromArticulation", True, "excluded-joint"),
+        ("physics:jointEnabled", False, "unknown-joint"),
+    ],
+)
+def test_a_joint_that_the_articulation_lacks_stops_all_joints(
+    tmp_path: Path,
+    attribute: str,
+    value: bool,  # noqa: FBT001
+    kind: str,
+) -> None:
+    stage = arm()
+    joint_of(stage).CreateAttribute(attribute, Sdf.ValueTypeNames.Bool).Set(value)
+    check = by_name(played(stage, tmp_path))["joints"]
+    assert (check.verdict, check.kind) == ("bad", kind)
+    assert "'elbow_joint'" in check.cause
+    assert check.message.startswith("shoulder_joint is commanded")
+
+
+def test_a_joint_whose_limits_leave_out_0_goes_to_places_inside_them(tmp_path: Path) -> None:
+    stage = arm()
+    joint = UsdPhysics.RevoluteJoint(joint_of(stage))
+    joint.CreateLowerLimitAttr(-176.0)
+    joint.CreateUpperLimitAttr(-4.0)
+    found = played(stage, tmp_path)
+    assert (found.verdict, bad(found)) == ("ok", set())
+
+
+@pytest.mark.parametrize(
+    ("names", "verdict"), [(NAMES, "ok"), (NAMES[::-1], "bad"), (NAMES[1:], "ok")]
+)
+def test_joints_that_are_named_in_another_order_go_where_others_should(
+    tmp_path: Path, names: tuple[str, ...], verdict: str
+) -> None:
+    stage = arm()
+    port = stage.GetAttributeAtPath("/ActionGraph/controller.inputs:jointNames")
+    port.ClearConnections()
+    port.Set(names)
+    check = by_name(played(stage, tmp_path))["joints"]
+    assert (check.verdict, check.kind) == (
+        verdict,
+        "joint-off-target" if verdict == "bad" else None,
+    )
+
+
+def two_arms() -> Usd.Stage:
+    """Two arms, 2 m apart, each with its own graph and topics."""
+    stage = arm()
+    layer = stage.GetRootLayer()
+    for path in ("/arm", "/ActionGraph"):
+        Sdf.CopySpec(layer, path, layer, f"{path}2")
+    UsdGeom.Xformable(stage.GetPrimAtPath("/arm2")).AddTranslateOp().Set(Gf.Vec3d(2, 0, 0))
+    for prim in stage.GetPrimAtPath("/ActionGraph2").GetChildren():
+        for target in prim.GetRelationships():
+            paths = [str(path) for path in target.GetTargets()]
+            target.SetTargets([path.replace("/arm/", "/arm2/") for path in paths])
+            if paths == ["/arm"]:
+                target.SetTargets(["/arm2"])
+        for port in prim.GetAttributes():
+            if port.HasAuthoredConnections():
+                port.SetConnections(
+                    [
+                        str(path).replace("/ActionGraph/", "/ActionGraph2/")
+                        for path in port.GetConnections()
+                    ]
+                )
+        if prim.GetAttribute("node:type").Get().startswith("isaacsim.ros2"):
+            prim.CreateAttribute("inputs:nodeNamespace", Sdf.ValueTypeNames.String).Set("second")
+    return stage
+
+
+def test_the_states_of_one_arm_are_not_held_against_another(tmp_path: Path) -> None:
+    found = played(two_arms(), tmp_path)
+    assert [robot.topic for robot in found.robots] == ["/joint_command", "/second/joint_command"]
+    assert bad(found) == set()
+    judged = [check.of for check in found.checks if check.name == "joint states"]
+    assert judged == ["/arm/base", "/arm2/base"]
+
+
+def test_the_arm_on_a_base_is_commanded_beside_it(tmp_path: Path) -> None:
+    stage = rover()
+    chassis, root = "/World/Rover/chassis", "/World/Rover"
+    for number, name in enumerate(("upper", "lower")):
+        body(stage, f"{root}/{name}", (0, 0, 30.0 + 20 * number))
+    for name, below, height in (("upper", chassis, 20.0), ("lower", f"{root}/upper", 20.0)):
+        joint = revolute(
+            stage, f"{root}/{name}_joint", below, f"{root}/{name}", (0, 0, height), "Z"
+        )
+        UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(800.0)
+    write_graph(
+        stage,
+        "/World/Arm",
+        {
+            "tick": TICK,
+            "context": CONTEXT,
+            "command": ("ros.ROS2SubscribeJointState", {}),
+            "controller": ("core.IsaacArticulationController", {"targetPrim": root}),
+        },
+        [
+            *(f"tick.tick -> {each}.execIn" for each in ("command", "controller")),
+            "context.context -> command.context",
+            "command.positionCommand -> controller.positionCommand",
+            "command.jointNames -> controller.jointNames",
+        ],
+    )
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    assert bad(found) == set()
+    assert [robot.topic for robot in found.robots] == ["/cmd_vel", "/joint_command"]
+    joints = next(check for check in found.checks if check.name == "joints")
+    assert joints.verdict == "ok"
+    assert any("left_wheel_joint (another controller names it)" in text for text in found.remarks)
+    lower = stage.GetPrimAtPath(f"{root}/lower_joint")
+    UsdPhysics.DriveAPI(lower, "angular").GetStiffnessAttr().Set(0.0)
+    assert bad(played(stage, tmp_path, drive=BRIEFLY)) == {"joints", "again"}
+
+
+def test_an_arm_whose_states_come_as_commands_hears_itself(tmp_path: Path) -> None:
+    stage = arm()
+    states = stage.GetPrimAtPath("/ActionGraph/joint_states")
+    states.CreateAttribute("inputs:topicName", Sdf.ValueTypeNames.String).Set("joint_command")
+    check = by_name(played(stage, tmp_path))["topics"]
+    assert (check.verdict, check.prim) == ("bad", "/ActionGraph/joint_states")
+    assert "on which /ActionGraph/command takes them for commands" in check.message
+
+
+def test_legs_are_no_wheels() -> None:
+    stage = empty_stage("Z", 1.0)
+    body(stage, "/dog/trunk", (0, 0, 0.5)).AddAppliedSchema("PhysicsArticulationRootAPI")
+    for number, (x, y) in enumerate(((0.3, 0.2), (0.3, -0.2), (-0.3, 0.2), (-0.3, -0.2))):
+        leg = f"/dog/leg_{number}"
+        body(stage, leg, (x, y, 0.1))
+        foot = UsdGeom.Sphere.Define(stage, f"{leg}/foot")
+        foot.CreateRadiusAttr(0.1)
+        UsdPhysics.CollisionAPI.Apply(foot.GetPrim())
+        joint = revolute(stage, f"/dog/knee_{number}", "/dog/trunk", leg, (x, y, -0.2), "Y")
+        UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(800.0)
+        UsdPhysics.RevoluteJoint(joint).CreateLowerLimitAttr(-60.0)
+        UsdPhysics.RevoluteJoint(joint).CreateUpperLimitAttr(60.0)
+    machines = world_of(read_scene(stage, load_platform()), has_ground=True).machines
+    dog = machines.member["/dog/trunk"]
+    assert dog.wheels == []
+    for joint in dog.joints.values():
+        joint.target_position = 0.3
+    for _ in range(300):
+        machines.step(1 / 60)
+    assert all(joint.position > 0.2 for joint in dog.joints.values())
+    assert (dog.x, dog.y) == (0.0, 0.0)

@@ -6,13 +6,14 @@ import math
 from pathlib import Path
 
 import pytest
-from any_stages import by_name, played
+from any_stages import BRIEFLY, by_name, played
 from foreign_robots import arm, connect, rover, write_node
 from lone_nodes import node
 from pxr import Sdf
 
 from lab3_usd.sim.execution.recording import Fields, Inertia
 from lab3_usd.sim.execution.world import World, world_of
+from lab3_usd.sim.nodes.messages import why_no_message
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
@@ -87,3 +88,29 @@ def test_a_message_of_any_type_is_published_from_the_third_signal_on(tmp_path: P
     (message,) = here.network.sent
     assert message.data == Fields({})
     assert not node(f"{ROS}ROS2Publisher", {"messagePackage": "std_msgs"}).compute(here)
+
+
+@pytest.mark.parametrize(
+    ("package", "folder", "name", "reason"),
+    [
+        ("std_msgs", "msg", "Float32.msg", "Float32.msg is no name of a message"),
+        ("geometry_msg", "msg", "Pose", "there is no package geometry_msg, but geometry_msgs"),
+        ("std_msgs", "srv", "Empty", "messages are in msg, not in srv"),
+        ("geometry_msgs", "msg", "Poses", "geometry_msgs has no Poses"),
+    ],
+)
+def test_a_message_that_cannot_exist_is_not_sent(
+    tmp_path: Path, package: str, folder: str, name: str, reason: str
+) -> None:
+    stage = rover()
+    values = {"messagePackage": package, "messageSubfolder": folder, "messageName": name}
+    write_node(stage, "/World/Clock/any", "ros.ROS2Publisher", values)
+    connect(stage, "/World/Clock", "tick.tick", "any.execIn")
+    check = by_name(played(stage, tmp_path, drive=BRIEFLY))["topics"]
+    assert (check.verdict, check.prim) == ("bad", "/World/Clock/any")
+    assert reason in check.cause
+
+
+def test_a_message_of_a_package_of_ones_own_may_exist() -> None:
+    assert not why_no_message("our_msgs", "msg", "Level")
+    assert not why_no_message("std_msgs", "msg", "Float32")

@@ -592,6 +592,27 @@ def test_links_stand_where_their_joints_put_them() -> None:
     assert machines.articulation(f"{ROBOT}/base_link") is None
 
 
+@pytest.mark.parametrize(
+    ("values", "depth", "is_reliable"),
+    [
+        ({}, 10, True),
+        ({"createProfile": "Custom", "depth": 3, "reliability": "bestEffort"}, 3, False),
+        ({"createProfile": "Sensor Data", "depth": 3}, 5, False),
+        ({"createProfile": "System Default"}, 1, True),
+    ],
+)
+def test_a_node_makes_a_profile_of_its_preset_or_its_policies(
+    values: dict[str, Any],
+    depth: int,
+    is_reliable: bool,  # noqa: FBT001
+) -> None:
+    made = node("isaacsim.ros2.bridge.ROS2QoSProfile", values)
+    assert made.compute(world())
+    profile = profile_of(made.outputs["qosProfile"], 7)
+    assert profile is not None
+    assert (profile.depth, profile.is_reliable) == (depth, is_reliable)
+
+
 def test_every_function_has_a_test() -> None:
     """Each type stands in a call of `node`, with its whole name or with its last part."""
     tests = sorted(Path(__file__).parent.glob("test_*_nodes.py"))

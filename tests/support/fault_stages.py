@@ -318,6 +318,8 @@ BY_HAND: frozenset[FaultKind] = frozenset(
         "link-off-frame",
         "wrong-joint-state",
         "no-inertial-sensor",
+        "several-commands",
+        "no-position-drive",
     }
 )
 MOTION = ("rest", "follows", "limits", "again")  # shown by a stage that only drives, too

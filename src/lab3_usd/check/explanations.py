@@ -42,6 +42,8 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "empty-joint-name": ("W01", "K11"),
     "wrong-command-count": ("P01", "K68"),
     "non-numeric-command": ("W02", ""),
+    "several-commands": ("Q01", "K65"),
+    "no-position-drive": ("S10", "K86"),
     "no-chassis-body": ("R02", "K67"),
     "unequal-joint-arrays": ("W01", ""),
     "joint-off-target": ("S10", ""),

@@ -95,6 +95,7 @@ MODULES = {
         "lint_topics",
         "lint_frames",
         "lint_robots",
+        "lint_drives",
         "lint_motion",
         "lint_sensors",
     ),

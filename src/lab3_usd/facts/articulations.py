@@ -14,9 +14,11 @@ from lab3_usd.isaac.node_types import INPUT, OUTPUT, DrivePorts
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.joint_drives import DRIVEN_AXES
 from lab3_usd.model.physics import (
     BODIES,
     BODY_API,
+    FAR,
     FIXED,
     JOINT_ENABLED,
     REVOLUTE,
@@ -31,7 +33,6 @@ from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
 
 _DRIVE = "PhysicsDriveAPI"
-AXES = {REVOLUTE: "angular", "PhysicsPrismaticJoint": "linear"}  # others have several drives
 _MIMIC = "Mimic"
 _PAIR = 2
 POSITION, EFFORT = "inputs:positionCommand", "inputs:effortCommand"
@@ -141,7 +142,7 @@ def has_joint(joints: Mapping[str, Prim], name: str) -> bool:
     """
     stem, colon, axis = name.rpartition(":")
     is_axis = bool(colon) and axis.isdecimal() and stem in joints
-    return name in joints or (is_axis and joints[stem].type not in AXES)
+    return name in joints or (is_axis and joints[stem].type not in DRIVEN_AXES)
 
 
 def ends(joint: Prim) -> tuple[str, ...]:
@@ -183,6 +184,61 @@ def named_joints(command: Command, stage: StageModel, platform: Platform) -> lis
     return axes if axes and is_whole else None
 
 
+def reached_joints(command: Command, stage: StageModel, platform: Platform) -> list[Prim]:
+    """Return the joints of a robot that messages can name, as far as they are to be commanded.
+
+    Left out are joints that another controller names, that follow another joint, that roll freely
+    (as wheels and casters do), and what has no drive in a closed chain. One with a drive that the
+    articulation lacks is there, unless it closes a chain.
+    """
+    links = {
+        path
+        for root in command.roots
+        for prim in [stage.prim(root)]
+        for path in (None if prim is None else articulation_links(prim, stage)) or {}
+    }
+    joints = [
+        joint
+        for joint in stage.of_type(is_joint_type)
+        if joint.present and set(ends(joint)) & links
+    ]
+    tied = [joint for joint in joints if len(ends(joint)) == len(BODIES)]
+    pairs = {frozenset(ends(joint)) for joint in tied if not is_switched_off(joint, JOINT_ENABLED)}
+    is_fixed = any(len(ends(joint)) < len(BODIES) for joint in joints)  # to the world
+    is_chain = len(pairs) < len({path for pair in pairs for path in pair})
+    others = {
+        name
+        for other in commands(stage, platform)
+        if other is not command and set(other.roots) & set(command.roots)
+        for name in other.names or ()
+    }
+    return [
+        joint
+        for joint in joints
+        if joint.type in DRIVEN_AXES
+        and joint.name not in others
+        and not any(_MIMIC in api for api in joint.apis)
+        and (is_fixed or not _rolls(joint, joints))
+        and (is_chain or (_has_drive(joint) and not is_excluded(joint)))
+        and (_has_drive(joint) or not (is_excluded(joint) or is_switched_off(joint, JOINT_ENABLED)))
+    ]
+
+
+def _has_drive(joint: Prim) -> bool:
+    return any(api.startswith(f"{_DRIVE}:") for api in joint.apis)
+
+
+def _rolls(joint: Prim, joints: Iterable[Prim]) -> bool:
+    """Whether a joint turns freely, and carries no other joint or has no drive: wheels, casters."""
+    link = next(iter(joint.relationships.get(BODIES[1], ())), "")
+    carries = any(other is not joint and link in ends(other) for other in joints)
+    if carries and _has_drive(joint):
+        return False
+    low, high = limits(joint.attributes)
+    stiffness = number(joint.attributes.get(f"{drive_of(joint) or ''}stiffness")) or 0.0
+    return joint.type == REVOLUTE and high - low > FAR and stiffness <= 0.0
+
+
 def _axes(command: Command, stage: StageModel) -> list[Prim]:
     """Return the joints of the one robot of a command, none where they are not all plain axes."""
     root = stage.prim(command.roots[0]) if len(command.roots) == 1 else None
@@ -192,7 +248,7 @@ def _axes(command: Command, stage: StageModel) -> list[Prim]:
     ]
     # A plain axis moves by itself, and not as another joint does.
     are_plain = all(
-        joint.type in AXES
+        joint.type in DRIVEN_AXES
         and not any(_MIMIC in api for api in joint.apis)
         and not is_switched_off(joint, JOINT_ENABLED)
         for joint in joints
@@ -234,7 +290,9 @@ def wired_commands(command: Command) -> list[str]:
 
 def drive_of(joint: Prim) -> str | None:
     """Return what the attributes of a joint's drive begin with, None for a joint without one."""
-    kinds = (api for api in joint.apis if api.startswith(f"{_DRIVE}:{AXES.get(joint.type, '')}"))
+    kinds = (
+        api for api in joint.apis if api.startswith(f"{_DRIVE}:{DRIVEN_AXES.get(joint.type, '')}")
+    )
     kind = next(kinds, None)
     return None if kind is None else f"drive:{kind.partition(':')[2]}:physics:"
 

@@ -13,8 +13,9 @@ FaultKind = Literal[
     # commands and the drive
     "ramp-without-time-step", "invalid-wheel-size", "no-joint-controller", "no-articulation",
     "excluded-joint", "unknown-joint", "empty-joint-name", "wrong-command-count",
-    "non-numeric-command", "no-chassis-body", "unequal-joint-arrays", "joint-off-target",
-    "wrong-joint-state", "link-off-frame", "no-inertial-sensor",
+    "non-numeric-command", "several-commands", "no-position-drive", "no-chassis-body",
+    "unequal-joint-arrays", "joint-off-target", "wrong-joint-state", "link-off-frame",
+    "no-inertial-sensor",
     # the robot
     "no-driven-robot", "kinematic-link", "base-fixed-to-world", "no-gravity", "no-ground",
     "no-wheel-contact", "no-grip", "locked-joint", "no-velocity-drive", "weak-drive",

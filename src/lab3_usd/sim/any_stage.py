@@ -5,8 +5,7 @@ Nothing of a lab is asked. Each robot is driven by its own commands, in a play o
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from itertools import pairwise
 
 from msgspec import Struct
@@ -17,12 +16,21 @@ from lab3_usd.facts.tree import tree as build_tree
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, arm_checks
+from lab3_usd.sim.commands import (
+    commanded_once,
+    follows_after_replay,
+    follows_command,
+    hears_itself,
+    of_another,
+    rival,
+    unmoved,
+)
 from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Message, Recording, Scan, Transform
 from lab3_usd.sim.execution.world import NOT_OPENED
-from lab3_usd.sim.judge.causes import SUBSCRIBER, RunCauses
+from lab3_usd.sim.judge.causes import DRIVEN, SUBSCRIBER, RunCauses
 from lab3_usd.sim.judge.checks import graphs, verdict
 from lab3_usd.sim.judge.expectations import (
     Cause,
@@ -30,10 +38,9 @@ from lab3_usd.sim.judge.expectations import (
     RunFault,
     Trial,
     agree,
-    displacement,
     in_root,
 )
-from lab3_usd.sim.judge.motion import again, follows, odometry, rest
+from lab3_usd.sim.judge.motion import odometry, rest
 from lab3_usd.sim.judge.sensors import MISSED, WALL, mounted
 from lab3_usd.sim.judge.topics import clock, heard_transforms, tree
 from lab3_usd.sim.nodes.transforms import frame_name
@@ -43,15 +50,17 @@ from lab3_usd.sim.robots import (
     Robot,
     drive_for,
     expected_of,
+    labels,
     listening_robots,
     robots_of,
+    scene_for,
 )
 from lab3_usd.sim.timeline import record
 
 CLOCK, TRANSFORMS = "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage"
 THROUGH = 0.02  # part of a range by which a ray may be longer
 STUCK = 0.5  # part of the stamps of a node that may be no later than the ones before
-LEAST = 0.1  # part of a command that a robot on rollers does at least
+REPEATED = 4  # times that a transform comes which is no static one
 PUBLISHING = ("publisher", "helper")
 
 CheckFunction = Callable[[Trial], Iterator[RunFault]]
@@ -81,23 +90,45 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
     Raises:
         UsageError: the drive is none, or the topic is not that of a robot.
     """
-    robots = robots_of(scene, platform, topic)
+    known = robots_of(scene, platform, topic)
+    robots = tuple(robot for robot in known if topic in ("", robot.commands.topic))
     plays = []
-    for robot in robots or (None,):
+    for number, robot in enumerate(robots or (None,)):
         legs = drive_for(robot, scene.meters_per_unit)
         if drive is not None and (robot is None or robot.kind == TWIST):
             legs = drive_of(drive, NO_LIMITS)
-        plays.append(record(scene, platform, legs, expected_of(robot)))
+        # The first play shows all topics; the others, what concerns their robot.
+        shown = scene_for(robot, known, scene) if robot is not None and number else scene
+        plays.append(record(shown, platform, legs, expected_of(robot)))
     checks = [*_stage_checks(plays[0], robots)]
-    for robot, play in zip(robots, plays, strict=False):
-        name = robot.name if len(robots) > 1 else ""
-        own = _own(robot, robots, play, scene) if robot.machine is not None else play
-        if robot.machine is None:
-            found = iter([_unmoved(robot, own)])
-        else:
-            found = arm_checks(play, scene) if robot.kind == JOINTS else _robot_checks(own, robot)
-        checks += [replace(check, of=name) for check in found]
+    if any(rival(robot, known) for robot in robots):
+        checks.append(verdict("commands", list(commanded_once(known)), plays[0]))
+    for robot, name, play in zip(robots, labels(robots), plays, strict=False):
+        of = name if len(robots) > 1 else ""
+        found = _checks_of(robot, known, play, scene)
+        checks.extend(replace(check, of=of) for check in found)
     return Played(robots, tuple(plays), tuple(checks))
+
+
+def _checks_of(robot: Robot, robots: Sequence[Robot], play: Trial, scene: Scene) -> Iterator[Check]:
+    """Yield the checks of a robot; what another command undoes is that one's fault."""
+    if robot.machine is None:
+        yield unmoved(robot, play)
+        return
+    if robot.reach.untold:
+        named = ", ".join(f"{name} ({why})" for name, why in robot.reach.untold.items())
+        play.recording.remarks.append(f"{robot.name}: not commanded on its topic: {named}")
+    if robot.kind == JOINTS:
+        checks = arm_checks(play, scene, robot.machine, robot.controller)
+    else:
+        checks = _robot_checks(_own(robot, robots, play, scene), robot)
+    other = rival(robot, robots)
+    for check in checks:
+        if other is not None and check.verdict == "bad" and check.name in DRIVEN:
+            cause = f"it moves the same joints by what comes on {other.commands.topic}"
+            yield replace(check, prim=other.controller, kind="several-commands", cause=cause)
+        else:
+            yield check
 
 
 def commanded_joints(
@@ -127,8 +158,9 @@ def commanded_joints(
             fault = RunFault(text, cause.kind or fault.kind, cause.prim, cause.reason)
         return None, (verdict("joints", [fault], play),)
     if robot.machine is None:
-        return robot, (replace(_unmoved(robot, play), name="joints"),)
-    return robot, tuple(arm_checks(play, scene))
+        return robot, (replace(unmoved(robot, play), name="joints"),)
+    checks = arm_checks(play, scene, robot.machine, robot.controller)
+    return robot, tuple(checks)
 
 
 def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
@@ -137,7 +169,9 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
     if recording.fired or any(trial.causes.of_graphs() if trial.causes is not None else ()):
         yield verdict("graphs", list(graphs(trial)), trial)
     if any(_publishers(trial)) or any(_closed(trial)):
-        yield verdict("topics", [*published(trial), *_closed(trial)], trial)
+        faults = [*published(trial), *_closed(trial), *hears_itself(trial, robots)]
+        faults += of_another(trial, robots)
+        yield verdict("topics", faults, trial)
     if any(_stamped(trial)):
         yield verdict("stamps", list(advancing(trial)), trial)
     topics = dict.fromkeys(
@@ -148,12 +182,28 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
     for kind, domain, topic in sorted(topics):
         seen = _alone(trial, domain, topic)
         if kind == CLOCK:
-            check = verdict("clock", list(running_clock(seen)), seen)
+            check = verdict("clock", [*running_clock(seen), *unheard_clock(seen, topics)], seen)
         else:
             count = sum(robot.commands.domain == domain for robot in robots)
             check = verdict("tree", list(one_tree(seen, count)), seen)
         several = sum(topic[0] == kind for topic in topics) > 1
         yield replace(check, of=f"{topic} in domain {domain}" if several else "")
+
+
+def unheard_clock(seen: Trial, topics: Collection[tuple[str, int, str]]) -> Iterator[RunFault]:
+    """Yield the clock of a domain that is not where programs listen: where its node has it.
+
+    rclcpp subscribes to /clock in no namespace (rclcpp/src/rclcpp/time_source.cpp, humble).
+    """
+    message = seen.recording.messages[0]
+    node = (
+        seen.causes.program.nodes.get(message.node) if isinstance(seen.causes, RunCauses) else None
+    )
+    usual = node.type.input("topicName") if node is not None else None
+    heard = f"/{usual.default}" if usual is not None else message.topic
+    if message.topic != heard and (CLOCK, seen.wanted.domain, heard) not in topics:
+        text = f"the clock is on {message.topic}, and programs with use_sim_time listen to {heard}"
+        yield RunFault(text, "wrong-topic", message.node)
 
 
 def _publishers(trial: Trial) -> Iterator[tuple[str, Cause | None]]:
@@ -282,59 +332,10 @@ def _robot_checks(trial: Trial, robot: Robot) -> Iterator[Check]:
             yield verdict(name, list(check(trial)), trial)
 
 
-def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:
-    """The robot moves as commanded; if wheels slide in a turn, only its direction counts."""
-    if robot.has_rollers:
-        yield from _moved_as_commanded(trial)
-        return
-    turns = [stretch for stretch in trial.stretches("left", "right", "arc") if stretch.leg.turn]
-    is_right = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
-    for fault in follows(trial):
-        if not (trial.scrubs and is_right and fault.kind in {"wrong-turn", "wrong-arc"}):
-            yield fault
-
-
-def _moved_as_commanded(trial: Trial) -> Iterator[RunFault]:
-    """The robot moves in the commanded direction; its speed depends on the controller's gains."""
-    if trial.stands():
-        yield trial.motion_fault("does not move", "does-not-move")
-        return
-    for stretch in trial.stretches("ahead", "back", "aside", "left"):
-        leg, before, poses = stretch
-        ahead, left, _ = displacement(before, poses[-1])
-        x, y, _ = leg.command or (0.0, 0.0, 0.0)
-        size = math.hypot(x, y) * leg.seconds
-        along = (ahead * x + left * y) / math.hypot(x, y) if size else 0.0
-        off = math.hypot(ahead, left) - abs(along)
-        # To which side it turns, is up to the angles that its wheels are given.
-        is_right = along > LEAST * size and off < 0.1 * along if size else bool(stretch.turned)
-        if not is_right:
-            text = f"commanded to go {leg.name}, went {ahead:.2f} m ahead, {left:.2f} m to the left"
-            text += f" and turned {math.degrees(stretch.turned):.0f} degrees"
-            yield trial.motion_fault(text, "wrong-distance" if size else "wrong-turn")
-            return
-
-
-def follows_after_replay(trial: Trial, robot: Robot) -> Iterator[RunFault]:
-    """The robot drives again after Stop and Play; on rollers at full speed."""
-    leg = trial.drive[1].legs[-1]
-    poses = [pose for pose in trial.recording.path if pose.session == 1 and pose.leg == leg.name]
-    ahead = displacement(poses[0], poses[-1])[0] if poses else 0.0
-    if not (robot.has_rollers and ahead > LEAST * leg.forward * leg.seconds):
-        yield from again(trial)
-
-
-def _unmoved(robot: Robot, trial: Trial) -> Check:
-    """Return the failed check of a robot whose commands reach no joints."""
-    text = f"commands on {robot.commands.topic} move nothing"
-    reason = "there is no articulation at its target"
-    return verdict("follows", [RunFault(text, "no-articulation", robot.controller, reason)], trial)
-
-
 def moving(trial: Trial) -> Iterator[RunFault]:
     """TF moves the base as the robot moves."""
     wanted = trial.wanted
-    messages = trial.recording.topic(wanted.transforms, 0)
+    messages = _moving_messages(trial)
     for message in messages[len(messages) // 4 :: max(1, len(messages) // 4)]:
         base = Message("", message.stamp, wanted.base, at=message.at, session=message.session)
         place, pose = in_root(trial, base), trial.pose(message)
@@ -352,7 +353,27 @@ def moving(trial: Trial) -> Iterator[RunFault]:
 def _scans(trial: Trial) -> list[tuple[Message, Scan]]:
     """Return the scans of the first session, whatever else comes on their topic."""
     messages = trial.recording.topic(trial.wanted.scan, 0)
-    return [(each, each.data) for each in messages if isinstance(each.data, Scan)]
+    return [(message, message.data) for message in messages if isinstance(message.data, Scan)]
+
+
+def _moving_messages(trial: Trial) -> list[Message]:
+    """Return the messages with the transform above the base that comes least often.
+
+    Between them that transform is older than the others, and the robot has moved on.
+    """
+    messages = trial.recording.topic(trial.wanted.transforms, 0)
+    with_frame: dict[str, list[Message]] = {}
+    up: dict[str, str] = {}
+    for message in messages:
+        for transform in message.transforms:
+            with_frame.setdefault(transform.child, []).append(message)
+            up[transform.child] = transform.parent
+    frame, found = trial.wanted.base, messages
+    for _ in up:
+        sent = with_frame.get(frame, [])
+        found = sent if REPEATED < len(sent) < len(found) else found
+        frame = up.get(frame, "")
+    return found
 
 
 def placed_scan(trial: Trial) -> Iterator[RunFault]:

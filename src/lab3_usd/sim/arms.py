@@ -1,68 +1,218 @@
 """Drives the joints of a robot by joint states, and judges their positions.
 
-Positions are sent to joints that a spring drives, as an arm has them; others are left alone.
+Every joint that the commands reach is sent to a place of its own inside its limits, and back.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import Affine, Check, Scene
+from lab3_usd.model.fault import FaultKind
+from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES
+from lab3_usd.model.physics import JOINT_ENABLED
 from lab3_usd.sim.execution.drive import Leg, Session
+from lab3_usd.sim.execution.node_instance import NodeInstance
+from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Held, JointStates, Message
+from lab3_usd.sim.execution.world import World
 from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
-from lab3_usd.sim.judge.expectations import RunFault, Trial, agree, in_root
+from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial, agree, in_root
 from lab3_usd.sim.nodes.transforms import frame_name
-from lab3_usd.sim.robot.machine import SLIDER, Joint, Machine
+from lab3_usd.sim.robot.machine import FIXED, SLIDER, Joint, Machine
+from lab3_usd.sim.robot.machine import JOINTS as JOINT_TYPES
 
 JOINTS, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
-TURN, WAY = 0.2, 0.05  # radians and metres that a joint is commanded to go
-SETTLED, LEAST, LONGEST = 5.0, 1.0, 20.0  # times as long as a drive takes; seconds
+TURN, WAY = 0.3, 0.05  # radians and metres that the last joint is commanded to go
+LEAST_SHARE = 1 / 3  # of that for the first joint; each goes further than the one before
+MARGIN = 0.1  # part of its limits by which a joint that cannot stand at 0 keeps from them
+SETTLED, LEAST, LONGEST = 5.0, 2.0, 20.0  # times as long as a drive takes; seconds
 OFF = (0.05, 2e-3)  # part of the way, and radians or metres, by which a joint may be off
+_NAMES, _INDICES = "jointNames", "jointIndices"
+_POSITION, _VELOCITY = "positionCommand", "velocityCommand"
+_MIMIC = "Mimic"
 
 
-def joint_drive(machine: Machine, unit: float) -> tuple[Session, ...]:
+class Reach(Struct, frozen=True):
+    """The joints that messages of one topic reach.
+
+    `names` are those of a message in its order; the joints of `told` are commanded and judged,
+    those of `untold` not, for the reasons given.
+    """
+
+    names: tuple[str, ...] = ()
+    told: tuple[str, ...] = ()
+    untold: dict[str, str] = {}
+
+
+def reach_of(
+    controller: NodeInstance, machine: Machine, world: World, others: Collection[str]
+) -> Reach:
+    """Return the joints that messages move over a controller, before one came.
+
+    `others` are the joints that other controllers name. Names that come with the messages may be
+    those of any joint of the robot; what is not meant to be commanded is left alone.
+    """
+    articulated = machine.articulated
+    fixed = [str(name) for name in controller.items(_NAMES, world)]
+    indices = controller.numbers(_INDICES, world)
+    if any(indices) and not fixed:
+        every = [*articulated]
+        fixed = [every[int(index)] for index in indices if 0 <= index < len(every)]
+    elif not _is_outward(fixed, machine):
+        # A message gives them from the base outwards, as joint states do.
+        fixed = [name for name in articulated if name in fixed]
+    if fixed:
+        has_springs = _have_springs(machine, fixed, controller)
+        return Reach(tuple(fixed), tuple(fixed)) if has_springs else Reach()
+    untold = dict(_left_alone(machine, world, others))
+    is_by_message = _NAMES in controller.fed
+    missing = _missing(machine, world) if is_by_message else ()
+    told = tuple(name for name in (*articulated, *missing) if name not in untold)
+    if not _have_springs(machine, told, controller):
+        return Reach()
+    return Reach(told if is_by_message else tuple(articulated), told, untold)
+
+
+def _is_outward(names: Sequence[str], machine: Machine) -> bool:
+    """Whether no joint is named before one that it hangs on."""
+    for number, name in enumerate(names):
+        joint = machine.articulated.get(name)
+        if joint is not None:
+            above = {each.name for each in machine.above(machine.link_of(joint))} - {name}
+            if above & {*names[number + 1 :]}:
+                return False
+    return True
+
+
+def _left_alone(
+    machine: Machine, world: World, others: Collection[str]
+) -> Iterator[tuple[str, str]]:
+    """Yield the joints that are not meant to be commanded, each with the reason."""
+    prims, is_chain = world.scene.prims, not _has_loop(machine, world)
+    wheels = () if machine.held else machine.wheels
+    rolling = {wheel.joint.name for wheel in wheels}
+    rolling |= {joint.name for wheel in wheels for joint in machine.above(wheel.carrier)}
+    for name, joint in machine.articulated.items():
+        prim = prims[joint.path]
+        if name in others:
+            yield name, "another controller names it"
+        elif joint.kind not in DRIVEN_AXES:
+            yield name, "it has several axes"
+        elif name in rolling:
+            yield name, "the robot rolls on it"
+        elif any(_MIMIC in api for api in prim.apis):
+            yield name, "it follows another joint"
+        elif not is_chain and not _has_drive(prim.apis):
+            yield name, "a closed chain moves it"
+
+
+def _has_drive(apis: Collection[str]) -> bool:
+    return any(api.startswith(f"{DRIVE}:") for api in apis)
+
+
+def _ends(path: str, world: World) -> list[str]:
+    """Return the bodies that a joint ties, '' for the world."""
+    targets = world.scene.prims[path].targets
+    ends = (targets.get(f"physics:body{number}", ()) for number in (0, 1))
+    return [world.machines.body_of(end[0]) if end else "" for end in ends]
+
+
+def _has_loop(machine: Machine, world: World) -> bool:
+    """Whether joints of a robot close a chain; a second one of two bodies only locks them."""
+    pairs = set()
+    for path, prim in world.scene.prims.items():
+        if prim.type in JOINT_TYPES and prim.type != FIXED:
+            ends = frozenset(_ends(path, world))
+            if prim.values.get(JOINT_ENABLED) is not False and ends <= machine.rest.keys():
+                pairs.add(ends)
+    tree = {frozenset(joint.bodies) for joint in machine.parents.values()}
+    return bool(pairs - tree)
+
+
+def _missing(machine: Machine, world: World) -> Iterator[str]:
+    """Yield the joints with a drive that the articulation lacks: excluded or switched off.
+
+    One that closes a chain is no part of an articulation (PhysX), so that nobody commands it.
+    """
+    if _has_loop(machine, world):
+        return
+    for path, prim in world.scene.prims.items():
+        name = path.rpartition("/")[2]
+        if prim.type not in DRIVEN_AXES or name in machine.articulated:
+            continue
+        ends = _ends(path, world)
+        is_off = prim.values.get(JOINT_ENABLED) is False and not {*ends} <= machine.rest.keys()
+        is_excluded = name in machine.joints and machine.joints[name].path == path
+        is_own = any(end in machine.rest for end in ends)
+        if is_own and _has_drive(prim.apis) and (is_off or is_excluded):
+            yield name
+
+
+def _have_springs(machine: Machine, told: Sequence[str], controller: NodeInstance) -> bool:
+    """Whether joints are moved to positions; those of a robot on wheels may have speeds alone."""
+    joints = [machine.joints[name] for name in told if name in machine.joints]
+    if any(joint.stiffness > 0 for joint in joints):
+        return True
+    has_speeds = _VELOCITY in controller.fed and any(joint.damping > 0 for joint in joints)
+    return bool(told) and _POSITION in controller.fed and not has_speeds
+
+
+def joint_drive(machine: Machine, reach: Reach, unit: float) -> tuple[Session, ...]:
     """Return the drive of joints: there and back, and there again after Stop and Play."""
-    joints = machine.articulated.values()
-    driven = [joint for joint in joints if joint.stiffness > 0 and not joint.locked]
-    if not driven:
+    joints = {name: machine.joints[name] for name in reach.told if name in machine.joints}
+    if not reach.told:
         return (Session((Leg("idle", LEAST),)),)
-    slowest = max(joint.damping / joint.stiffness for joint in driven)
-    seconds = min(LONGEST, max(LEAST, SETTLED * slowest))
-    there = tuple(
-        (joint.name, _target(joint, unit) if joint in driven else math.nan) for joint in joints
+    slow = [j.damping / j.stiffness for j in joints.values() if j.stiffness > 0 and not j.locked]
+    seconds = min(LONGEST, max(LEAST, SETTLED * max(slow, default=0.0)))
+    step = (1.0 - LEAST_SHARE) / max(1, len(reach.told) - 1)
+    ways = {
+        name: _way(joints.get(name), LEAST_SHARE + step * reach.told.index(name), unit)
+        for name in reach.told
+    }
+    stay = (math.nan, math.nan)
+    there = tuple((name, ways.get(name, stay)[1]) for name in reach.names)
+    home = tuple((name, ways.get(name, stay)[0]) for name in reach.names)
+    legs = (
+        Leg("idle", 0.5),
+        Leg("there", seconds, joints=there),
+        Leg("back", seconds, joints=home),
     )
-    back = tuple((name, place if math.isnan(place) else 0.0) for name, place in there)
-    idle = Leg("idle", 0.5)
-    legs = (idle, Leg("there", seconds, joints=there), Leg("back", seconds, joints=back))
     return (Session(legs), Session(legs[:2]))
 
 
-def _target(joint: Joint, unit: float) -> float:
-    """Return where a joint is commanded to go, within its limits."""
-    low, high = joint.limits
-    far = WAY / unit if joint.kind == SLIDER else TURN
-    return min(far, high / 2) if high > 0 else max(-far, low / 2)
+def _way(joint: Joint | None, share: float, unit: float) -> tuple[float, float]:
+    """Return two places of a joint inside its limits: where it stands, and away from there."""
+    low, high = joint.limits if joint is not None else (-math.inf, math.inf)
+    far = share * (WAY / unit if joint is not None and joint.kind == SLIDER else TURN)
+    keep = MARGIN * (high - low) if low > 0 or high < 0 else 0.0
+    keep = min(keep, far)
+    home = min(max(0.0, low + keep), high - keep)
+    if high - home >= home - low:
+        return home, home + min(far, share * (high - home))
+    return home, home - min(far, share * (home - low))
 
 
-def arm_checks(trial: Trial, scene: Scene) -> Iterator[Check]:
+def arm_checks(trial: Trial, scene: Scene, machine: Machine, controller: str) -> Iterator[Check]:
     """Yield what joints show: whether they follow their commands, and what TF and states say."""
     if not trial.recording.held:
         text = "no joint of the robot is driven to a position"
         yield Check("joints", "not judged", text)
         return
-    yield verdict("joints", list(joints(trial, 0)), trial)
-    seen = _with_frames(trial, scene)
+    yield verdict("joints", list(joints(trial, 0, machine, controller)), trial)
+    seen = _with_frames(trial, scene, machine)
     if seen.wanted.transforms:
         yield verdict("links", list(links(seen, scene)), seen)
-    if any(isinstance(message.data, JointStates) for message in trial.recording.messages):
-        yield verdict("joint states", list(joint_states(trial, scene)), trial)
+    if any(_own_states(trial, machine)):
+        yield verdict("joint states", list(joint_states(trial, scene, machine)), trial)
     if _moves(trial):
-        yield replace(verdict("joints", list(joints(trial, 1)), trial), name="again")
+        again = verdict("joints", list(joints(trial, 1, machine, controller)), trial)
+        yield replace(again, name="again")
     else:
         yield Check("again", "not judged", "the robot never moved")
 
@@ -75,29 +225,83 @@ def _held(trial: Trial, session: int) -> list[Held]:
     return [held for held in trial.recording.held if held.session == session]
 
 
-def joints(trial: Trial, session: int) -> Iterator[RunFault]:
+def joints(trial: Trial, session: int, machine: Machine, controller: str) -> Iterator[RunFault]:
     """Each joint goes where it is commanded to."""
-    for held in _held(trial, session):
-        for name, commanded in held.commanded.items():
-            stands = held.positions.get(name, math.nan)
-            most = max(abs(other.commanded[name]) for other in trial.recording.held)
-            if not math.isnan(commanded) and not abs(stands - commanded) <= OFF[0] * most + OFF[1]:
-                cause = trial.causes.of_joints() if isinstance(trial.causes, RunCauses) else None
-                text = f"{name} is commanded to {commanded:.3f} and is at {stands:.3f}"
-                text += trial.when([session])
-                if cause is None:
-                    yield RunFault(text, "joint-off-target")
-                else:
-                    kind = cause.kind or "joint-off-target"
-                    yield RunFault(text, kind, cause.prim, cause.reason)
-                return
+    held = _held(trial, session)
+    stopped = _stopped(trial, controller)
+    for name in dict.fromkeys(name for each in held for name in each.commanded):
+        joint = machine.articulated.get(name)
+        off = _off_target(name, held)
+        if joint is not None and joint.hindrance and not math.isnan(held[0].commanded[name]):
+            kind: FaultKind = "limited-joint" if _stands_still(joint) else "no-position-drive"
+            text = f"{name} does not follow its commands{trial.when([session])}"
+            yield RunFault(text, kind, joint.path, f"it {joint.hindrance}")
+        elif off and joint is not None and joint.locked:
+            yield RunFault(off, "locked-joint", joint.path, "another joint holds it")
+        elif off:
+            text, cause = off + trial.when([session]), stopped
+            if cause is None:
+                yield RunFault(text, "joint-off-target")
+                continue
+            yield RunFault(text, cause.kind or "joint-off-target", cause.prim, cause.reason)
+            if cause.kind is not None:
+                return  # which keeps all joints
 
 
-def _with_frames(trial: Trial, scene: Scene) -> Trial:
+def _stands_still(joint: Joint) -> bool:
+    return joint.limits[0] == joint.limits[1]
+
+
+def _off_target(name: str, held: Sequence[Held]) -> str:
+    """Say where a joint is when it is not where it was commanded to, '' where it is there."""
+    places = [each.commanded[name] for each in held]
+    way = max(places) - min(places) or max(map(abs, places))
+    for each in held:
+        commanded, stands = each.commanded[name], each.positions.get(name, math.nan)
+        if not math.isnan(commanded) and not abs(stands - commanded) <= OFF[0] * way + OFF[1]:
+            return f"{name} is commanded to {commanded:.3f} and is at {stands:.3f}"
+    return ""
+
+
+def _stopped(trial: Trial, controller: str) -> Cause | None:
+    """Return what keeps commands from the joints, at least the node that gives them."""
+    if not isinstance(trial.causes, RunCauses):
+        return None
+    node = trial.causes.program.nodes.get(controller)
+    if node is None:
+        return trial.causes.of_joints()
+    return trial.causes.broken(node) or Cause(controller, "", None)
+
+
+def shown_prims(trial: Trial, node: str) -> set[str]:
+    """Return the prims that a node publishes about, without those that they are relative to."""
+    causes = trial.causes
+    running = causes.program.nodes.get(node) if isinstance(causes, RunCauses) else None
+    return {
+        prim
+        for feeding in (running.feeding if running is not None else ())
+        for port, found in feeding.node.targets.items()
+        if feeding.type.tf is None or port not in feeding.type.tf.prims[:1]
+        for prim in found
+    }
+
+
+def concerns(trial: Trial, node: str, machine: Machine) -> bool:
+    """Whether what a node publishes comes from a robot, or from nothing that names one."""
+    prims = shown_prims(trial, node)
+    return not prims or any(
+        is_within(body, prims) or any(is_within(prim, (body,)) for prim in prims)
+        for body in machine.rest
+    )
+
+
+def _with_frames(trial: Trial, scene: Scene, machine: Machine) -> Trial:
     """Return a trial with the topic of TF that has links of the robot, and the frame at its top."""
     names = {frame_name(scene.prims[link]) for link in trial.recording.held[0].links}
     for message in trial.recording.messages:
         if message.type != TRANSFORMS or message.away is not None:
+            continue
+        if not concerns(trial, message.node, machine):
             continue
         if names & {transform.child for transform in message.transforms}:
             up = {frame.child: frame.parent for frame in message.transforms}
@@ -125,14 +329,25 @@ def links(trial: Trial, scene: Scene) -> Iterator[RunFault]:
                 return
 
 
-def joint_states(trial: Trial, scene: Scene) -> Iterator[RunFault]:
+def _own_states(trial: Trial, machine: Machine) -> Iterator[Message]:
+    """Yield the joint states of the first session that are those of a robot."""
+    nodes: dict[str, bool] = {}
+    for message in trial.recording.messages:
+        if isinstance(message.data, JointStates) and not message.session:
+            if message.node not in nodes:
+                nodes[message.node] = concerns(trial, message.node, machine)
+            if nodes[message.node]:
+                yield message
+
+
+def joint_states(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFault]:
     """Joint states are those of the joints."""
     unit = 1.0 / scene.meters_per_unit
     for held in _held(trial, 0):
         last: dict[str, tuple[float, str]] = {}
-        for message in trial.recording.messages:
+        for message in _own_states(trial, machine):
             data = message.data
-            if isinstance(data, JointStates) and not message.session and message.at <= held.at:
+            if message.at <= held.at:
                 pairs = zip(data.names, data.positions, strict=False)
                 last.update((name, (place, message.node)) for name, place in pairs)
         for name, (published, node) in last.items():

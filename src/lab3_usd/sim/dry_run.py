@@ -38,7 +38,7 @@ from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.motion import leg_fault
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.judge.topics import expected_at
-from lab3_usd.sim.robots import expected_of
+from lab3_usd.sim.robots import expected_of, labels
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
 
@@ -78,8 +78,8 @@ def outcome_of_any(stage: str, played: Played) -> Behaviour:
     reasons = {**recording.not_simulated, **recording.assumed}
     several = len(played.robots) > 1
     legs = (
-        replace(leg, name=f"{robot.name}: {leg.name}" if several else leg.name)
-        for robot, play in zip(played.robots, played.plays, strict=False)
+        replace(leg, name=f"{label}: {leg.name}" if several else leg.name)
+        for label, play in zip(labels(played.robots), played.plays, strict=False)
         for leg in driven_legs(play, played.checks)
     )
     everywhere = replace(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache, lru_cache
+from typing import overload
 
 from msgspec import Struct, field
 
@@ -58,6 +59,33 @@ def sweep(beam: Beam, segments: tuple[Segment, ...]) -> tuple[float, ...]:
                 if across > 0 and near <= area / across < ranges[ray]:
                     ranges[ray] = area / across
     return tuple(distance if distance <= beam.far else NOTHING for distance in ranges)
+
+
+class Ranges(Sequence[float]):
+    """The ranges of a scan, which are not computed before one looks at them."""
+
+    def __init__(self, count: int, measure: Callable[[], tuple[float, ...]]) -> None:
+        self._count = count
+        self._measure = measure
+        self._known: tuple[float, ...] | None = None
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, at: int) -> float: ...
+    @overload
+    def __getitem__(self, at: slice) -> tuple[float, ...]: ...
+    def __getitem__(self, at: int | slice) -> float | tuple[float, ...]:
+        return self._all()[at]
+
+    def __iter__(self) -> Iterator[float]:
+        return iter(self._all())
+
+    def _all(self) -> tuple[float, ...]:
+        if self._known is None:
+            self._known = self._measure()
+        return self._known
 
 
 def _touched(beam: Beam, segment: Segment) -> tuple[range, float, float, float]:
@@ -122,15 +150,24 @@ class Surroundings(Struct):
             self.cuts[height] = joined(cut(self.still, height))
         return self.cuts[height]
 
-    def beside(self, sensor: str, machines: Machines) -> list[Segment]:
-        """Return what the plane of a sensor cuts out of bodies that do not carry it."""
-        own = machines.member.get(machines.body_of(sensor))
-        back = machines.inverse(sensor)
-        shapes: list[Triangle] = []
-        for body, surfaces in self.moving.items():
-            if machines.member[body] is not own:
-                shapes += _straddling(surfaces, back.then(machines.place(body)))
-        return joined(sections(shapes, 0.0)) if shapes else []
+    def seen(self, sensor: str, machines: Machines) -> Callable[[], tuple[Segment, ...]]:
+        """Return what gives all that is around a sensor as it stands now, whenever it is called."""
+        at, places = machines.place(sensor), machines.places()
+        machine = machines.member.get(machines.body_of(sensor))
+        carried = self.carried(sensor, machines)
+        others = [body for body in self.moving if machines.member[body] is not machine]
+
+        def segments() -> tuple[Segment, ...]:
+            back = at.inverse()
+            shapes = [
+                shape
+                for body in others
+                for shape in _straddling(self.moving[body], back.then(places[body]))
+            ]
+            beside = joined(sections(shapes, 0.0)) if shapes else []
+            return (*self.around(at), *carried, *beside)
+
+        return segments
 
     def carried(self, sensor: str, machines: Machines) -> list[Segment]:
         """Return what the plane of a sensor cuts out of the machine that carries it."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -11,7 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.errors import UsageError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
-from lab3_usd.sim.arms import JOINTS, joint_drive
+from lab3_usd.sim.arms import JOINTS, Reach, joint_drive, reach_of
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.world import RosEndpoint, World, open_endpoint
@@ -39,7 +40,9 @@ class Robot(Struct, frozen=True):
 
     `body` is the link by which it is watched, `start` where that is when playing starts, and
     `centre` the point between its driven wheels in the frame of that link, about which it turns.
-    `odometry` and `scan` are the nodes that publish them, '' where none does.
+    `odometry` and `scan` are the nodes that publish them, '' where none does. `moved` are the
+    joints that its controllers name, none where the messages do; `reach` those that joint commands
+    reach.
     """
 
     machine: Machine | None  # None where its controller finds no articulation
@@ -56,6 +59,10 @@ class Robot(Struct, frozen=True):
     has_rollers: bool = False  # on its wheels, which let it go to any side
     odometry: str = ""
     scan: str = ""
+    subscriber: str = ""
+    controllers: frozenset[str] = frozenset()
+    moved: frozenset[str] = frozenset()
+    reach: Reach = Reach()
 
     @property
     def name(self) -> str:
@@ -64,24 +71,84 @@ class Robot(Struct, frozen=True):
 
 
 def robots_of(scene: Scene, platform: Platform, topic: str = "") -> tuple[Robot, ...]:
-    """Return the robots that listen to commands, or to those of one topic.
+    """Return the robots that listen to commands; one of several topics is there for each.
 
     Raises:
-        UsageError: nothing listens to the topic, or one robot listens to several.
+        UsageError: a topic is asked for, and no robot listens to it.
     """
     found = listening_robots(scene, platform)
     known = sorted({robot.commands.topic for robot in found})
     if topic and topic not in known:
         raise UsageError(f"--topic {topic}: moves no robot; robots listen to {known or 'nothing'}")
-    robots: dict[str, Robot] = {}
+    robots: dict[tuple[str, str, int], Robot] = {}
     for robot in sorted(found, key=lambda robot: robot.kind != TWIST):
-        if topic not in ("", robot.commands.topic):
-            continue
-        other = robots.setdefault(robot.name, robot).commands
-        if other != robot.commands and robots[robot.name].kind == robot.kind:
-            topics = f"{other.topic} and {robot.commands.topic}"
-            raise UsageError(f"{robot.name} listens to {topics}: name one with --topic")
+        key = (robot.name, robot.commands.topic, robot.commands.domain)
+        first = robots.setdefault(key, robot)
+        robots[key] = replace(
+            first,
+            controllers=first.controllers | robot.controllers,
+            moved=first.moved | robot.moved,
+        )
     return tuple(robots.values())
+
+
+def labels(robots: Sequence[Robot]) -> list[str]:
+    """Return a name for each robot, with its topic and domain where several have one name."""
+    names = Counter(robot.name for robot in robots)
+    topics = Counter((robot.name, robot.commands.topic) for robot in robots)
+    made = []
+    for robot in robots:
+        label = robot.name
+        if names[robot.name] > 1:
+            label += f" on {robot.commands.topic}"
+        if topics[robot.name, robot.commands.topic] > 1:
+            label += f" in domain {robot.commands.domain}"
+        made.append(label)
+    return made
+
+
+def owners_of(robots: Sequence[Robot]) -> Callable[[str], frozenset[str]]:
+    """Return what gives the bases of the robots to which a prim belongs, or that are below it."""
+    below: dict[str, set[str]] = {}
+    bodies: dict[str, str] = {}
+    for robot in robots:
+        for body in robot.machine.rest if robot.machine is not None else ():
+            base = robot.machine.base if robot.machine is not None else ""
+            bodies[body] = base
+            path = body
+            while path:
+                below.setdefault(path, set()).add(base)
+                path = path.rpartition("/")[0]
+
+    def owners(path: str) -> frozenset[str]:
+        if path in below:
+            return frozenset(below[path])
+        while path and path not in bodies:
+            path = path.rpartition("/")[0]
+        return frozenset({bodies[path]} if path else ())
+
+    return owners
+
+
+def scene_for(robot: Robot, robots: Sequence[Robot], scene: Scene) -> Scene:
+    """Return a scene without the graphs that name only prims of other robots."""
+    if robot.machine is None:
+        return scene
+    owners, base = owners_of(robots), robot.machine.base
+    own = {robot.subscriber, robot.odometry, robot.scan, *robot.controllers}
+    kept = []
+    for graph in scene.graphs:
+        named = [path for node in graph.nodes for paths in node.targets.values() for path in paths]
+        named += [
+            state.value
+            for node in graph.nodes
+            for state in node.inputs.values()
+            if isinstance(state.value, str) and state.value.startswith("/")
+        ]
+        found = {owner for path in named for owner in owners(path)}
+        if not found or base in found or own & {node.path for node in graph.nodes}:
+            kept.append(graph)
+    return replace(scene, graphs=tuple(kept))
 
 
 def listening_robots(scene: Scene, platform: Platform) -> list[Robot]:
@@ -107,6 +174,7 @@ def _listening(player: Player) -> Iterator[Robot]:
             if controller.type.drives is not None:
                 machine = articulated(controller, world)
                 speeds, ramp = _allowed(behind, world)
+                reach = _reach(controller, machine, player) if kind == JOINTS else Reach()
                 robot = Robot(
                     machine,
                     controller.path,
@@ -117,8 +185,39 @@ def _listening(player: Player) -> Iterator[Robot]:
                     wheel_base=_stated_size(WHEEL_BASE, behind, world),
                     wheel_radius=_stated_size(WHEEL_RADIUS, behind, world),
                     has_rollers=any(ROLLERS in node.values for node in behind),
+                    subscriber=node.path,
+                    controllers=frozenset({controller.path}),
+                    moved=frozenset(names_of(controller, machine, world)),
+                    reach=reach,
                 )
                 yield robot if machine is None else _watched(robot, machine, player)
+
+
+def names_of(controller: NodeInstance, machine: Machine | None, world: World) -> tuple[str, ...]:
+    """Return the joints that a controller moves, none where they come with the commands."""
+    names = tuple(str(name) for name in controller.items("jointNames", world))
+    if names or machine is None or "jointNames" in controller.fed:
+        return names
+    indices = controller.numbers("jointIndices", world)
+    every = tuple(machine.articulated)
+    if any(indices):
+        return tuple(every[int(i)] for i in indices if 0 <= i < len(every))
+    return every
+
+
+def _reach(controller: NodeInstance, machine: Machine | None, player: Player) -> Reach:
+    """Return the joints that commands reach over a controller, but for those of others."""
+    if machine is None:
+        return Reach()
+    world = player.world
+    others = {
+        name
+        for node in player.program.nodes.values()
+        if node.type.drives is not None and node is not controller
+        for name in node.items("jointNames", world)
+        if articulated(node, world) is machine
+    }
+    return reach_of(controller, machine, world, others)
 
 
 def _behind(scene: Scene, start: str) -> list[str]:
@@ -241,7 +340,7 @@ def drive_for(robot: Robot | None, unit: float) -> tuple[Session, ...]:
     if robot is None:
         return (Session((Leg("idle", LEG),)),)
     if robot.kind == JOINTS and robot.machine is not None:
-        return joint_drive(robot.machine, unit)
+        return joint_drive(robot.machine, robot.reach, unit)
     ahead, turn = robot.speeds
     seconds = min(LONGEST, max(LEG, RAMPS * robot.ramp))
     # A robot that slows down in its own time is not asked to stop at once.

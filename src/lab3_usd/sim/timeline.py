@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
+from lab3_usd.model.physics import SCENE, number
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
 from lab3_usd.sim.execution.node_instance import FRAME, STEP
 from lab3_usd.sim.execution.program import Program, compile_graphs, depending
@@ -22,8 +23,8 @@ from lab3_usd.sim.execution.recording import (
 from lab3_usd.sim.execution.world import RosEndpoint, Twist, World, Writer, send, world_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
 from lab3_usd.sim.judge.expectations import SIZE, Expected, Trial
-from lab3_usd.sim.lidar import Beam, sweep
-from lab3_usd.sim.nodes.sensors import IMAGES
+from lab3_usd.sim.lidar import Beam, Ranges, sweep
+from lab3_usd.sim.nodes.sensors import IMAGES, UNSEEN
 from lab3_usd.sim.nodes.transforms import OPTICAL
 from lab3_usd.sim.robot.machine import Machine
 from lab3_usd.sim.robot.unmodelled import unmodelled
@@ -57,6 +58,8 @@ def _picture(writer: Writer, world: World, stamp: float) -> Message | None:
     if writer.beam is None:
         if world.scene.prims[product.sensor].type != "Camera":
             return None
+        if writer.kind in UNSEEN:
+            return Message(IMAGES[writer.kind], stamp, writer.frame_id)
         place = world.machines.place(product.sensor).then(OPTICAL)
         view = View(
             product.width, product.height, place=in_metres(place, world.scene.meters_per_unit)
@@ -77,28 +80,29 @@ def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
         seen_by.near / unit,
         seen_by.far / unit,
     )
-    surroundings, sensor = world.surroundings, writer.product.sensor
-    own = [
-        *surroundings.carried(sensor, world.machines),
-        *surroundings.beside(sensor, world.machines),
-    ]
-    seen = sweep(beam, (*surroundings.around(at), *own))
-    ranges = in_unit(seen, unit)
-    if writer.covered < 1.0:
-        first = int((writer.rendered - 1) * writer.covered * beam.count) % beam.count
-        shown = {(first + k) % beam.count for k in range(int(writer.covered * beam.count))}
-        ranges = tuple(distance if k in shown else -1.0 for k, distance in enumerate(ranges))
+    around = world.surroundings.seen(writer.product.sensor, world.machines)
+    first = int((writer.rendered - 1) * writer.covered * beam.count) % beam.count
+    shown = int(writer.covered * beam.count) if writer.covered < 1.0 else beam.count
+
+    def measure() -> tuple[float, ...]:
+        ranges = in_unit(sweep(beam, around()), unit)
+        if shown == beam.count:
+            return ranges
+        kept = {(first + k) % beam.count for k in range(shown)}
+        return tuple(distance if k in kept else -1.0 for k, distance in enumerate(ranges))
+
     return Scan(
         seen_by.start,
         seen_by.step,
         seen_by.near,
         seen_by.far,
-        ranges,
+        Ranges(beam.count, measure),
         in_metres(at, unit),
         1.0 / writer.turns if writer.turns else 0.0,
     )
 
 
+FASTEST = 1000.0  # physics steps a second that are played
 EYES = 0.15  # metres above the robot at which a room without a lidar is drawn
 
 
@@ -112,6 +116,7 @@ class Player:
         self.body = body or (self.robot.base if self.robot is not None else "")
         self.recording = Recording()
         self.commands = 0
+        self.rate = physics_rate(world.scene) if self.program.events.get(STEP) else RATE
 
     def play(self, session: Session) -> None:
         """Play a session and stop."""
@@ -161,12 +166,18 @@ class Player:
     def step(self) -> None:
         """Play one frame."""
         world = self.world
+        frame = world.dt
+        steps = int((world.frame + 1) * self.rate / RATE) - int(world.frame * self.rate / RATE)
         world.frame += 1
-        world.since_play += world.dt
-        world.simulated += world.dt
-        self.program.run(STEP, world)
-        world.machines.step(world.dt)
-        self.program.run(FRAME, world)
+        world.dt = frame / max(1, steps)
+        for count in range(max(1, steps)):
+            world.since_play += world.dt
+            world.simulated += world.dt
+            if steps:
+                self.program.run(STEP, world, again=count > 0)
+            world.machines.step(world.dt)
+        world.dt = frame
+        self.program.run(FRAME, world, again=steps > 1)
         render(world)
 
     def _pose(self, leg: Leg) -> Pose:
@@ -179,6 +190,16 @@ class Player:
         return Pose(
             world.session, world.since_play, leg.name, x, y, turned, z, blocked=robot.blocked
         )
+
+
+def physics_rate(scene: Scene) -> float:
+    """Return how many physics steps the first physics scene makes a second.
+
+    On Physics Step runs its graph at each (OgnOnPhysicsStep.cpp:72-149 of core nodes).
+    """
+    scenes = (prim.values for prim in scene.prims.values() if prim.type == SCENE)
+    steps = number(next(scenes, {}).get("physxScene:timeStepsPerSecond"))
+    return min(steps, FASTEST) if steps is not None and steps > 0 else RATE
 
 
 def driven(world: World) -> Machine | None:

@@ -17,7 +17,6 @@ from lab3_usd.facts.articulations import (
     Command,
     Followed,
     commands,
-    drive_of,
     driven_pairs,
     followed_bodies,
     has_joint,
@@ -25,7 +24,6 @@ from lab3_usd.facts.articulations import (
     named_joints,
     number_of_axes,
     number_of_commands,
-    told_joints,
     unused_indices,
     wired_commands,
 )
@@ -40,8 +38,6 @@ from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel, UnresolvedAsset
 from lab3_usd.model.transforms import Vector, distance, transform_point
-
-_VELOCITY = "inputs:velocityCommand"
 
 
 @rule("K60", "no-articulation", scope="lint")
@@ -140,53 +136,6 @@ def _unknown_joint(name: str, known: Iterable[Prim], stage: StageModel) -> Unres
     """Return the missing asset that could hold a joint, at a prim of its name or beside others."""
     places = [prim.path for prim in stage.named(name)]
     return stage.unknown(*places, *(f"{joint.parent}/{name}" for joint in known))
-
-
-@rule("K62", "drive-ignores-velocity", scope="lint")
-def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
-    """The drive of a joint ignores its velocity commands.
-
-    Why: a drive without damping exerts no force towards a velocity. A drive with stiffness pulls
-    the joint back to a position: the wheel trembles or stands still. A drive with a maximum force
-    of 0 has no effect.
-
-    Fix: in the drive of the joint, set stiffness to 0, and damping and maximum force above 0.
-
-    Example: an importer left `stiffness = 10000` on the wheel joints.
-    """
-    judged: set[str] = set()
-    for command in commands(subject.stage, subject.platform):
-        given = wired_commands(command)
-        if given != [_VELOCITY] or not command.roots:
-            continue
-        for joint in told_joints(command, _VELOCITY, subject.stage, subject.platform):
-            if joint.path not in judged:
-                judged |= set() if command.unknown else {joint.path}
-                yield from _drive_problems(command, joint)
-
-
-def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
-    wrong = _wrong_value(joint, drive_of(joint))
-    if wrong is not None:
-        message = f"{wrong[0]}, but {command.node.path} commands a velocity"
-        yield Problem(
-            joint.path, message, *wrong[1:], related=(command.node.path,), rests_on=command.unknown
-        )
-
-
-def _wrong_value(joint: Prim, drive: str | None) -> tuple[str, str | None, str, str | None] | None:
-    """Return why a joint ignores a velocity: the property, what it should be, and what it is."""
-    names = [f"{drive}{word}" for word in ("damping", "stiffness", "maxForce")]
-    damping, stiffness, force = (number(joint.attributes.get(name)) for name in names)
-    if drive is None:
-        return "has no drive", None, "damping above 0", None
-    if damping is None or damping <= 0.0:
-        return "has a drive without damping", names[0], "damping above 0", None
-    if stiffness is not None and stiffness > 0.0:
-        return f"has a drive with stiffness {stiffness:g}", names[1], "0", f"{stiffness:g}"
-    if force is not None and force <= 0.0:
-        return "has a drive without force", names[2], "above 0", f"{force:g}"
-    return None
 
 
 @rule("K67", "odometry-without-body", scope="lint", formerly="no-body-to-follow")

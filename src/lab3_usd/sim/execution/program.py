@@ -57,8 +57,13 @@ class Program(Struct):
     unwritten: dict[str, NodeType | None]
     dead: list[tuple[str, Failure]] = field(default_factory=list)
 
-    def run(self, what: str, world: World) -> None:
-        """Run what an event starts; push graphs run with each frame."""
+    def run(self, what: str, world: World, *, again: bool = False) -> None:
+        """Run what an event starts; push graphs run with each frame.
+
+        What was read before is read `again` where time went on within a frame.
+        """
+        for node in self.nodes.values() if again else ():
+            node.computed = -1
         for running in self.events.get(what, ()):
             push(running, world, len(self.nodes))
         if what == FRAME:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from typing import Any
 
 from msgspec import Struct, field
@@ -70,7 +71,7 @@ class Scan(Struct, frozen=True):
     angle_increment: float
     range_min: float
     range_max: float
-    ranges: tuple[float, ...]
+    ranges: Sequence[float]
     place: Affine | None = None  # of the lidar, where it is known; metres
     scan_time: float = 0.0
     whole: bool = True  # whether `ranges` are those of all directions

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.dry_run import Affine, Quaternion
 from lab3_usd.sim.execution.node_instance import (
@@ -89,6 +91,37 @@ def context(node: NodeInstance, world: World) -> bool:
         world.network.contexts[handle] = domain
         node.memory["handle"] = handle
     node.outputs["context"] = node.memory["handle"]
+    return True
+
+
+_PUBLISHERS = ("keepLast", 10, "reliable", "volatile", "systemDefault")
+_PRESETS = {  # RN/nodes/OgnROS2QoSProfile.cpp:135-192
+    "Default for publishers/subscribers": _PUBLISHERS,
+    "Services": _PUBLISHERS,
+    "System Default": ("systemDefault", 0, "systemDefault", "systemDefault", "systemDefault"),
+    "Sensor Data": ("keepLast", 5, "bestEffort", "volatile", "systemDefault"),
+}
+_POLICIES = ("history", "depth", "reliability", "durability", "liveliness")
+_TIMES = ("deadline", "lifespan", "leaseDuration")
+
+
+@computes("ROS2QoSProfile")
+def qos_profile(node: NodeInstance, world: World) -> bool:
+    """RN/nodes/OgnROS2QoSProfile.cpp:58-79: a profile in JSON, made once after Play.
+
+    A preset that the file names is applied when the node is made; its saved policies do not count.
+    """
+    if "profile" not in node.memory:
+        preset = _PRESETS.get(node.text("createProfile", world))
+        policies: dict[str, object] = {
+            name: node.whole(name, world) if name == "depth" else node.text(name, world)
+            for name in _POLICIES
+        }
+        times = {name: node.number(name, world) for name in _TIMES}
+        if preset is not None:
+            policies, times = dict(zip(_POLICIES, preset, strict=True)), dict.fromkeys(_TIMES, 0.0)
+        node.memory["profile"] = json.dumps(policies | times)
+    node.outputs["qosProfile"] = node.memory["profile"]
     return True
 
 

@@ -105,11 +105,14 @@ IMAGES = {
     "depth": "sensor_msgs/msg/Image",
     "rgb_h264": "sensor_msgs/msg/CompressedImage",
     "depth_pcl": "sensor_msgs/msg/PointCloud2",
+    "instance_segmentation": "sensor_msgs/msg/Image",
+    "semantic_segmentation": "sensor_msgs/msg/Image",
+    "bbox_2d_tight": "vision_msgs/msg/Detection2DArray",
+    "bbox_2d_loose": "vision_msgs/msg/Detection2DArray",
+    "bbox_3d": "vision_msgs/msg/Detection3DArray",
 }
-SEMANTIC = (
-    "instance_segmentation", "semantic_segmentation",
-    "bbox_2d_tight", "bbox_2d_loose", "bbox_3d",
-)  # fmt: skip
+UNSEEN = ("instance_segmentation", "semantic_segmentation", "bbox_2d_tight", "bbox_2d_loose",
+          "bbox_3d")  # fmt: skip
 
 
 @computes("ROS2CameraHelper")
@@ -120,9 +123,9 @@ def camera_helper(node: NodeInstance, world: World) -> bool:
         return bool(node.memory)
     kind = node.text("type", world)
     if kind not in IMAGES:
-        if kind in SEMANTIC:
-            world.not_simulated[node.path] = f"camera type {kind}"
         return node.fails(f"it publishes no {kind or 'type'}", "unknown-output")
+    if kind in UNSEEN:
+        world.not_simulated[node.path] = f"what camera type {kind} shows"
     writer = attach(node, world, product, kind, _camera_rate(world, product))
     return writer is not None
 

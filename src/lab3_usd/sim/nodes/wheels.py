@@ -122,9 +122,11 @@ def _wheels(
 
 @computes("HolonomicController")
 def holonomic_controller(node: NodeInstance, world: World) -> bool:
-    """WC/controllers/holonomic_controller.py:58-190: the least speeds that add up to a command.
+    """WC/controllers/holonomic_controller.py:52-190: the least speeds that add up to a command.
 
-    Its program is solved in closed form, as it has equations alone.
+    Its program is solved in closed form, as it has equations alone. A limit of 0 is one: wheels
+    stand still, and with a maxLinearSpeed of 0 the speeds are no numbers (:172-190), which leave
+    the joints as they are.
     """
     columns: list[tuple[Vector, float]] | None = node.memory.get("columns")
     if columns is None:
@@ -132,13 +134,16 @@ def holonomic_controller(node: NodeInstance, world: World) -> bool:
         if columns is None:
             return False
         node.memory["columns"] = columns
-    limits = [
-        node.number(f"max{n}Speed", world) or _NO_LIMIT for n in ("Linear", "Angular", "Wheel")
-    ]
+    names = [f"max{n}Speed" for n in ("Linear", "Angular", "Wheel")]
+    limits = [node.number(name, world) for name in names]
     x, y, turn = node.vector("inputVelocity", world)
     x, y = (k * node.number("linearGain", world) for k in (x, y))
     turn *= node.number("angularGain", world)
     size = math.hypot(x, y)
+    stopped = next((names[k] for k in (0, 2) if (size or turn) and limits[k] <= 0), "")
+    if stopped:
+        node.outputs["jointVelocityCommand"] = (0.0,) * len(columns)
+        return node.fails(f"its {stopped} is 0, with which no wheel turns", "wrong-speed-limit")
     if size > limits[0]:
         x, y = x / size * limits[0], y / size * limits[0]
     command = (x, y, _within(limits[1], turn))

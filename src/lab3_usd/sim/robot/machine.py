@@ -46,6 +46,8 @@ class Joint(Struct, eq=False):
     force: float = math.inf  # the drive's largest
     is_acceleration: bool = False  # whether the drive's damping is for a unit of inertia
     rollers: tuple[float, float] | None = None  # of its wheel: their angle to the axle, the radius
+    path: str = ""
+    hindrance: str = ""  # why it cannot follow a command to a position
 
     @property
     def holds(self) -> bool:
@@ -196,6 +198,20 @@ class Machine(Struct):
         self.drop, self.velocity, self.blocked = self.home, (0.0, 0.0, 0.0), False
         for joint in self.joints.values():
             joint.reset()
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether it stands on the ground, and nothing moves it."""
+        return (
+            self.grounded
+            and not any(self.velocity)
+            and all(
+                not (joint.velocity or joint.target_velocity or joint.effort)
+                and joint.target_position == joint.position
+                and joint.limits[0] <= joint.position <= joint.limits[1]
+                for joint in self.joints.values()
+            )
+        )
 
     def pose(self) -> Affine:
         """Return where the base is now."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, ScenePrim, rotation
-from lab3_usd.model.physics import EXCLUDED, MASS, SCENE, is_down, is_felt, limits, number
+from lab3_usd.model.joint_drives import DRIVEN_AXES, hindrance
+from lab3_usd.model.physics import EXCLUDED, FAR, MASS, SCENE, is_down, is_felt, limits, number
 from lab3_usd.model.traction import (
     MATERIAL_API,
     Load,
@@ -91,6 +92,7 @@ class Bodies:
 
         unit = math.radians(1.0) if prim.type == HINGE else 1.0
         low, high = limits(prim.values)
+        why = hindrance(prim.type, prim.apis, prim.values) if prim.type in DRIVEN_AXES else None
         return Joint(
             prim.path.rpartition("/")[2],
             prim.type,
@@ -107,6 +109,8 @@ class Bodies:
             is_acceleration=prim.values.get(f"{drive}type") == "acceleration",
             limits=(low * unit, high * unit),
             rollers=_rollers(prim),
+            path=prim.path,
+            hindrance=why.text if why is not None else "",
         )
 
     def _kinematic(self, path: str) -> str:
@@ -177,11 +181,12 @@ def _machine(base: str, bodies: dict[str, ScenePrim], ends: dict[str, list[Joint
             waiting.append(neighbour)
             if joint.kind != FIXED:
                 moving[joint.name] = joint
-    for joint in closing:  # which holds these bodies as well, so that their own is locked
-        for body in joint.bodies:
-            if body in parents and parents[body] is not joint:
-                parents[body].locked = True
-    return Machine(base, bodies[base].world.rigid(), rest, parents, moving, held, kinematic)
+    machine = Machine(base, bodies[base].world.rigid(), rest, parents, moving, held, kinematic)
+    for joint in closing:  # which holds its bodies together, so that none between them moves
+        first, second = ({id(j): j for j in machine.above(body)} for body in joint.bodies)
+        for number in first.keys() ^ second.keys():
+            (first | second)[number].locked = True
+    return machine
 
 
 _UPRIGHT = 0.5  # an axle that stands steeper rolls nowhere
@@ -214,6 +219,7 @@ class Machines:
         self._local: dict[str, tuple[str, Affine]] = {}
         self._now: dict[str, Affine] = {}
         self._back: dict[str, Affine] = {}
+        self._places: dict[str, Affine] | None = None
         for machine in self.machines:
             self._set_down(machine)
         self.reset()
@@ -222,6 +228,7 @@ class Machines:
         """Put everything where playing starts."""
         self._now.clear()
         self._back.clear()
+        self._places = None
         for machine in self.machines:
             machine.reset()
 
@@ -259,6 +266,12 @@ class Machines:
             back = self._back[path] = self.place(path).inverse()
         return back
 
+    def places(self) -> Mapping[str, Affine]:
+        """Return where each body is now; what moves later does not change it."""
+        if self._places is None:
+            self._places = {body: self.place(body) for body in self.bodies}
+        return self._places
+
     def _place(self, path: str) -> Affine:
         if path not in self._local:
             body = self.body_of(path)
@@ -294,8 +307,9 @@ class Machines:
         """Move everything on."""
         self._now.clear()
         self._back.clear()
+        self._places = None
         for machine in self.machines:
-            if machine.joints or not machine.grounded:
+            if (machine.joints or not machine.grounded) and not machine.is_at_rest:
                 machine.step(dt)
 
     def _set_down(self, machine: Machine) -> None:
@@ -426,6 +440,8 @@ def _wheel_at(
     rollers = joint.rollers
     if joint.kind != HINGE or (rollers is None and low > touch):
         return None
+    if joint.stiffness > 0 and joint.reach < math.radians(FAR):
+        return None  # a spring holds it between limits: the knee of a leg
     inner = joint.bodies.index(body)
     carrier = joint.bodies[1 - inner]
     if any(above.rollers is not None for above in machine.above(carrier)):

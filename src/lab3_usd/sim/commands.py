@@ -1,0 +1,145 @@
+"""Who commands the robots of any stage, and whether they follow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from lab3_usd.model.dry_run import Check
+from lab3_usd.sim.arms import JOINTS, shown_prims
+from lab3_usd.sim.judge.checks import verdict
+from lab3_usd.sim.judge.expectations import RunFault, Trial, displacement
+from lab3_usd.sim.judge.motion import again, follows
+from lab3_usd.sim.robots import Robot, owners_of
+
+LEAST = 0.1  # part of a command that a robot on rollers does at least
+
+
+def rival(robot: Robot, robots: Sequence[Robot]) -> Robot | None:
+    """Return the commands of another topic or domain that move the same joints over another node.
+
+    Each controller writes its targets at every update: what the other one wrote is lost
+    (OgnIsaacArticulationController.py:103-170 of core nodes).
+    """
+    for other in robots:
+        if robot.machine is None or other.machine is None:
+            continue
+        if (
+            robot.machine.base == other.machine.base
+            and other.commands != robot.commands
+            and (JOINTS in {robot.kind, other.kind}) == (robot.kind == other.kind == JOINTS)
+            and robot.moved & other.moved
+            and not robot.controllers & other.controllers
+        ):
+            return other
+    return None
+
+
+def commanded_once(robots: Sequence[Robot]) -> Iterator[RunFault]:
+    """The joints of a robot are moved by the commands of one topic in one domain."""
+    for number, robot in enumerate(robots):
+        other = rival(robot, robots[number:])
+        if other is not None:
+            ways = " and ".join(
+                f"{each.subscriber} ({each.commands.topic} in domain {each.commands.domain})"
+                for each in (robot, other)
+            )
+            text = f"{robot.name} is driven by two: {ways}"
+            yield RunFault(text, "several-commands", other.controller)
+
+
+def hears_itself(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
+    """No joint states are published where joints are commanded: they would be commands."""
+    commands = {robot.commands: robot for robot in robots if robot.kind == JOINTS}
+    sent = {
+        (trial.wanted.domain if message.away is None else message.away, message.topic): message.node
+        for message in trial.recording.messages
+        if message.type == JOINTS
+    }
+    for endpoint, robot in commands.items():
+        node = sent.get((endpoint.domain, endpoint.topic))
+        if node is not None:
+            text = f"{node} publishes joint states on {endpoint.topic}, on which {robot.subscriber}"
+            yield RunFault(f"{text} takes them for commands", "extra-publisher", node)
+
+
+def of_another(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
+    """In the namespace of a robot nothing is published of another robot alone.
+
+    A namespace is that of a robot if its commands, and those of no other, come there or below.
+    """
+    spaces: dict[tuple[int, str], set[str]] = {}
+    for robot in robots:
+        space = robot.commands.topic.rpartition("/")[0]
+        while space and robot.machine is not None:
+            spaces.setdefault((robot.commands.domain, space), set()).add(robot.machine.base)
+            space = space.rpartition("/")[0]
+    owners = owners_of(robots)
+    seen: set[tuple[str, str]] = set()
+    for message in trial.recording.messages:
+        if (message.node, message.topic) in seen:
+            continue
+        seen.add((message.node, message.topic))
+        domain = trial.wanted.domain if message.away is None else message.away
+        space = message.topic
+        while space and (domain, space) not in spaces:
+            space = space.rpartition("/")[0]
+        expected = spaces.get((domain, space), set())
+        if len(expected) != 1:
+            continue
+        for prim in sorted(shown_prims(trial, message.node)):
+            found = owners(prim)
+            if len(found) == 1 and not found & expected:
+                text = f"{message.topic} shows {prim}, which is no part of {min(expected)}"
+                yield RunFault(text, "wrong-topic", message.node)
+                break
+
+
+def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:
+    """The robot moves as commanded; if wheels slide in a turn, only its direction counts."""
+    if robot.has_rollers:
+        yield from _moved_as_commanded(trial)
+        return
+    turns = [stretch for stretch in trial.stretches("left", "right", "arc") if stretch.leg.turn]
+    is_right = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
+    for fault in follows(trial):
+        if not (trial.scrubs and is_right and fault.kind in {"wrong-turn", "wrong-arc"}):
+            yield fault
+
+
+def _moved_as_commanded(trial: Trial) -> Iterator[RunFault]:
+    """The robot moves in the commanded direction; its speed depends on the controller's gains."""
+    if trial.stands():
+        yield trial.motion_fault("does not move", "does-not-move")
+        return
+    for stretch in trial.stretches("ahead", "back", "aside", "left"):
+        leg, before, poses = stretch
+        ahead, left, _ = displacement(before, poses[-1])
+        x, y, _ = leg.command or (0.0, 0.0, 0.0)
+        size = math.hypot(x, y) * leg.seconds
+        along = (ahead * x + left * y) / math.hypot(x, y) if size else 0.0
+        off = math.hypot(ahead, left) - abs(along)
+        # Left is positive (REP 103), whatever the angles of its wheels are.
+        is_right = along > LEAST * size and off < 0.1 * along
+        is_right = is_right if size else stretch.turned * leg.turn > 0
+        if not is_right:
+            text = f"commanded to go {leg.name}, went {ahead:.2f} m ahead, {left:.2f} m to the left"
+            text += f" and turned {math.degrees(stretch.turned):.0f} degrees"
+            yield trial.motion_fault(text, "wrong-distance" if size else "wrong-turn")
+            return
+
+
+def follows_after_replay(trial: Trial, robot: Robot) -> Iterator[RunFault]:
+    """The robot drives again after Stop and Play; on rollers at full speed."""
+    leg = trial.drive[1].legs[-1]
+    poses = [pose for pose in trial.recording.path if pose.session == 1 and pose.leg == leg.name]
+    ahead = displacement(poses[0], poses[-1])[0] if poses else 0.0
+    if not (robot.has_rollers and ahead > LEAST * leg.forward * leg.seconds):
+        yield from again(trial)
+
+
+def unmoved(robot: Robot, trial: Trial) -> Check:
+    """Return the failed check of a robot whose commands reach no joints."""
+    text = f"commands on {robot.commands.topic} move nothing"
+    reason = "there is no articulation at its target"
+    return verdict("follows", [RunFault(text, "no-articulation", robot.controller, reason)], trial)
