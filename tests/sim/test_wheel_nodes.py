@@ -149,8 +149,8 @@ def test_the_wheels_of_a_robot_are_read_from_its_joints() -> None:
         ({"maxWheelSpeed": 2.0, "wheelRadius": 0.05, "wheelDistance": 0.4}, (0.09, 0.45), 0.0),
         (
             {"maxLinearSpeed": 0.1, "maxAcceleration": 0.05, "maxDeceleration": 0.1},
-            (0.09, TURN),
-            1.8,
+            (0.09 / 1.08, TURN / 1.08),  # so that it gets going in 20 s / 12
+            20 / 12,
         ),
         ({"maxAngularSpeed": 0.5, "maxAngularAcceleration": 0.9}, (AHEAD, 0.45), 0.5),
     ],

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from lab3_usd.sim.execution.node_instance import NodeInstance, computes
+from lab3_usd.sim.execution.node_instance import NodeInstance, are_numbers, computes
 from lab3_usd.sim.execution.world import World
 
 
@@ -61,7 +61,8 @@ _FUNCTIONS: dict[str, tuple[str, str, Callable[[Any], Any]]] = {
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, (int, float, tuple))
+    """Whether a value is a number, or a vector or array of nothing else."""
+    return all(map(_is_number, value)) if isinstance(value, tuple) else are_numbers((value,))
 
 
 @computes(*_FUNCTIONS)
@@ -82,9 +83,9 @@ def function(node: NodeInstance, world: World) -> bool:
 _FUNCTIONS_OF_TWO: dict[str, tuple[str, str, str, Callable[[Any, Any], Any]]] = {
     "ATan2": ("a", "b", "result", lambda a, b: math.degrees(math.atan2(a, b))),
     "Modulo": ("a", "b", "result", math.fmod),
-    "Exponent": ("base", "exponent", "result", lambda a, b: a**b),
+    "Exponent": ("base", "exponent", "result", math.pow),
     "Increment": ("value", "increment", "result", lambda a, b: a + b),
-    "NthRoot": ("value", "nthRoot", "result", lambda a, b: a ** (1.0 / b)),
+    "NthRoot": ("value", "nthRoot", "result", lambda a, b: math.pow(a, 1.0 / b)),
     "Round": ("input", "decimals", "output", lambda a, b: round(a, int(b))),
 }
 
@@ -122,7 +123,10 @@ def pi(node: NodeInstance, world: World) -> bool:
 @computes("ConstantE")
 def euler(node: NodeInstance, world: World) -> bool:
     """OgnConstantE.html: Euler's number to the power of an exponent."""
-    node.outputs["value"] = math.exp(node.number("exponent", world))
+    try:
+        node.outputs["value"] = math.exp(node.number("exponent", world))
+    except OverflowError:
+        return node.fails("its function has no value there", "no-number-input")
     return True
 
 
@@ -154,9 +158,10 @@ def make_vector(node: NodeInstance, world: World) -> bool:
 def magnitude(node: NodeInstance, world: World) -> bool:
     """OgnMagnitude.html: the length of a vector; of a number, that without its sign."""
     value = node.get("input", world)
-    if not _is_number(value):
+    parts = value if isinstance(value, tuple) else (value,)
+    if not are_numbers(parts):
         return node.fails("no number reaches it", "no-number-input")
-    node.outputs["magnitude"] = math.hypot(*value) if isinstance(value, tuple) else abs(value)  # type: ignore[arg-type]
+    node.outputs["magnitude"] = math.hypot(*parts)
     return True
 
 
@@ -164,7 +169,7 @@ def magnitude(node: NodeInstance, world: World) -> bool:
 def normalize(node: NodeInstance, world: World) -> bool:
     """OgnNormalize.html: a vector of the same direction and the length 1; zeros stay."""
     value = node.get("vector", world)
-    if not isinstance(value, tuple):
+    if not isinstance(value, tuple) or not are_numbers(value):
         return node.fails("no vector reaches it", "no-vector-input")
     length = math.hypot(*value)
     node.outputs["result"] = tuple(part / length for part in value) if length else value
@@ -177,6 +182,8 @@ def dot_product(node: NodeInstance, world: World) -> bool:
     one, other = node.get("a", world), node.get("b", world)
     if not isinstance(one, tuple) or not isinstance(other, tuple):
         return node.fails("no vector reaches it", "no-vector-input")
+    if not are_numbers((*one, *other)):
+        return node.fails("no vector reaches it", "no-vector-input")
     node.outputs["product"] = math.fsum(a * b for a, b in zip(one, other, strict=False))
     return True
 
@@ -185,7 +192,7 @@ def dot_product(node: NodeInstance, world: World) -> bool:
 def cross_product(node: NodeInstance, world: World) -> bool:
     """OgnCrossProduct.html: the vector upright on both."""
     one, other = (node.items(name, world) for name in "ab")
-    if (len(one), len(other)) != (3, 3):
+    if (len(one), len(other)) != (3, 3) or not are_numbers((*one, *other)):
         return node.fails("no vector reaches it", "no-vector-input")
     pairs = ((1, 2), (2, 0), (0, 1))
     node.outputs["product"] = tuple(one[i] * other[j] - one[j] * other[i] for i, j in pairs)
@@ -195,7 +202,7 @@ def cross_product(node: NodeInstance, world: World) -> bool:
 @computes("ArrayIndex")
 def array_index(node: NodeInstance, world: World) -> bool:
     """OgnArrayIndex.html: an element, counted from the end where the index is negative."""
-    array, index = node.get("array", world), int(node.number("index", world))
+    array, index = node.get("array", world), node.whole("index", world)
     if not isinstance(array, (tuple, str)) or not -len(array) <= index < len(array):
         return node.fails("the array that reaches it has no such element", "no-number-input")
     node.outputs["value"] = array[index]
@@ -213,7 +220,7 @@ def array_size(node: NodeInstance, world: World) -> bool:
 @computes("ArraySetIndex")
 def array_set_index(node: NodeInstance, world: World) -> bool:
     """OgnArraySetIndex.html: a copy with one element changed; it grows where that is asked for."""
-    array, index = node.items("array", world), int(node.number("index", world))
+    array, index = node.items("array", world), node.whole("index", world)
     if index >= len(array) and node.flag("resizeToFit", world):
         array = (*array, *[0] * (index + 1 - len(array)))
     if not -len(array) <= index < len(array):
