@@ -195,8 +195,8 @@ def role(given: StageModel, name: str, graph_name: str = ODOM_TF) -> Node:
 def left_beside(
     blamed: Iterable[str], found: Mapping[str, Iterable[Problem]]
 ) -> list[tuple[str, str, str | None]]:
-    """Rule, prim and property of the problems that are left beside errors at the blamed prims."""
-    errors = [Finding("", "", "error", prim, "") for prim in blamed]
+    """Rule, prim and property of the problems that are left where the blamed nodes are wrong."""
+    errors = [Finding("", "", "error", prim, "", "node:type") for prim in blamed]
     findings = [
         finding_of(all_rules()[rule_id], problem, None)
         for rule_id, problems in found.items()

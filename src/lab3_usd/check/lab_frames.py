@@ -146,9 +146,9 @@ class TfView(Struct, frozen=True, eq=False):
         return node.path in self.role_specs
 
     def assumed(self, edges: Iterable[Edge]) -> tuple[Place, ...]:
-        """Return the nodes without a role that send transforms: whether they are right at all."""
+        """Return the types of nodes without a role that send transforms: another may be meant."""
         paths = dict.fromkeys(path for edge in edges for path in (edge.cause, edge.publisher))
-        return tuple((path, None) for path in paths if path not in self.role_specs)
+        return tuple((path, "node:type") for path in paths if path not in self.role_specs)
 
 
 @once_per_stage

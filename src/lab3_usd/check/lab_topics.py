@@ -108,5 +108,13 @@ def plays_role(endpoint: Endpoint, subject: TopicsSubject) -> bool:
 
 
 def assumed(endpoint: Endpoint, subject: TopicsSubject) -> tuple[Place, ...]:
-    """Return what a problem of an endpoint rests on: with a lab, that its node is to be there."""
-    return ((endpoint.node.path, None),) if isinstance(subject, StageSubject) else ()
+    """Return what a problem of an endpoint rests on: with a lab, the node's type and its topic."""
+    if not isinstance(subject, StageSubject):
+        return ()
+    path = endpoint.node.path
+    return ((path, "node:type"), (path, endpoint.port), once_there(path))
+
+
+def once_there(node: str) -> Place:
+    """Return the place that stands for the graph of a node: it repeats none of the lab's."""
+    return node.rpartition("/")[0], "(repeated)"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from lab3_usd.check.lab_topics import once_there
 from lab3_usd.check.match.rule_inputs import TransformsSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.frames import Edge
@@ -105,7 +106,7 @@ def duplicate_transform(subject: TransformsSubject) -> Iterator[Problem]:
                 actual=sites,
                 related=_others(rivals, pairs[0][0]),
                 severity=_severity(pairs, subject),
-                assumes=subject.assumed(edge for edge, _ in pairs),
+                assumes=(*subject.assumed(edge for edge, _ in pairs), once_there(publisher)),
             )
         for same in _of_several_prims(heard.tree):
             prims = " and ".join(dict.fromkeys(str(edge.prim) for edge in same))

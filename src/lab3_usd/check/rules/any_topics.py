@@ -12,6 +12,7 @@ from lab3_usd.check.lab_topics import (
     assumed,
     domain_name,
     graph_of,
+    once_there,
     plays_role,
     publishers,
     role_specs,
@@ -26,7 +27,7 @@ from lab3_usd.facts.domains import are_surely_one
 from lab3_usd.facts.endpoints import Endpoint, Qos, endpoints, running_endpoints
 from lab3_usd.facts.execution_order import effective_value, live_nodes
 from lab3_usd.model.changes import Edit, RemovePrim
-from lab3_usd.model.finding import Place, Problem, Severity
+from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.prims import is_at_or_below
 
 
@@ -95,21 +96,9 @@ def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
             related=tuple(dict.fromkeys(path for path in paths if path != first.node.path)),
             severity=severity,
             fix=tuple(_without(repeats, subject)) if severity is None else (),
-            assumes=assumed(first, subject),
-            covers=_graph_mates(first, subject),
+            assumes=assumed(first, subject)[:2],
+            covers=(once_there(first.node.path),),
         )
-
-
-def _graph_mates(endpoint: Endpoint, subject: TopicsSubject) -> tuple[Place, ...]:
-    """Return the other nodes of a graph beside those of a lab: what they send and receive again."""
-    if not isinstance(subject, StageSubject):
-        return ()
-    graph = graph_of(endpoint)
-    if any(path.rpartition("/")[0] == graph for path in role_specs(subject)):
-        return ()
-    every_endpoint = endpoints(subject.stage, subject.platform)
-    mates = (other.node.path for other in every_endpoint if graph_of(other) == graph)
-    return tuple((path, None) for path in dict.fromkeys(mates) if path != endpoint.node.path)
 
 
 def _is_of_second_lidar(endpoint: Endpoint, subject: TopicsSubject) -> bool:

@@ -250,5 +250,5 @@ def unknown_frames(view: TfView) -> Iterator[Problem]:
             path,
             "publishes transforms between frames that the stage does not define",
             handout=subject.lab.frames.handout,
-            assumes=((path, None),),
+            assumes=((path, "node:type"),),
         )

@@ -306,6 +306,7 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the robot has a key at time 50 that puts it at (9, 9, 9).
     """
+    nodes = live_nodes(subject.stage, subject.lab.platform)
     for attribute in subject.stage.moving:
         severity = _severity(attribute, subject)
         if severity is not None:
@@ -318,7 +319,7 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
                 actual=attribute.then,
                 severity=severity,
                 fix=(Restore(attribute.prim, attribute.property),),
-                assumes=((attribute.prim, attribute.property),),
+                assumes=((attribute.prim, None),) if attribute.prim in nodes else (),
             )
 
 
