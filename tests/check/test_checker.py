@@ -61,7 +61,7 @@ def test_a_checkpoint_that_does_not_exist_is_wrong_use(tmp_path: Path) -> None:
         check_stage(path, "11")
 
 
-@pytest.mark.parametrize("checkpoint", ["00", "01", "02", "03", "04", "05", "06", "07", "08"])
+@pytest.mark.parametrize("checkpoint", the_lab().checkpoints)
 def test_what_is_built_passes_with_every_requirement_met(tmp_path: Path, checkpoint: str) -> None:
     result = check_stage(build_checkpoint(None, checkpoint, tmp_path / "stage.usd"), checkpoint)
     assert result.verdict == "pass"

@@ -22,6 +22,7 @@ from browser import Browser
 from click.testing import Result
 from invoking import invoke
 from pxr import Sdf
+from waiting import eventually
 
 from lab3_usd.commands.shared import watching
 from lab3_usd.commands.shared.watching import changes_between
@@ -280,6 +281,13 @@ def test_lint_watches_too(watch: Callable[..., Result], stage: Path) -> None:
 # ---- how saves are understood
 
 
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wait as long as a busy machine takes for the other half of a save."""
+    monkeypatch.setattr(watching, "PATIENCE", 60.0)
+
+
+@pytest.mark.usefixtures("patient")
 def test_a_file_that_is_gone_for_a_moment_is_no_fault(
     watch: Callable[..., Result], stage: Path
 ) -> None:
@@ -291,6 +299,7 @@ def test_a_file_that_is_gone_for_a_moment_is_no_fault(
     assert news(watch([replaced], stage)) == ["0 repaired, 1 new; 1 error"]
 
 
+@pytest.mark.usefixtures("patient")
 def test_a_stage_of_a_folder_that_is_moved_away_while_it_is_saved_is_one_change(
     watch: Callable[..., Result], stage: Path
 ) -> None:
@@ -317,6 +326,7 @@ def test_a_stage_that_becomes_a_link_is_one_change(
     assert news(watch([link, nothing, nothing], stage)) == ["0 repaired, 1 new; 1 error"]
 
 
+@pytest.mark.usefixtures("patient")
 def test_a_text_that_is_half_written_is_waited_for(
     watch: Callable[..., Result], stage: Path
 ) -> None:
@@ -515,14 +525,14 @@ def test_saves_of_every_kind_are_noticed_and_ctrl_c_leaves_cleanly(
 ) -> None:
     running = watcher(stage)
     stage.write_bytes(WRONG)
-    assert "0 repaired, 1 new" in running.wait_for("repaired,")
+    running.wait_for("1 error left")
     temporary = stage.with_name(f".{NAME}.tmp")
     temporary.write_bytes(WORSE)
     temporary.replace(stage)
-    assert "0 repaired, 1 new" in running.wait_for("repaired,")
+    running.wait_for("2 errors left")
     stage.rename(stage.with_name(f"{NAME}.bak"))
     stage.write_bytes(RIGHT)
-    assert "2 repaired, 0 new" in running.wait_for("repaired,")
+    running.wait_for("nothing left")
     assert running.end() == (0, "")
 
 
@@ -540,8 +550,7 @@ def test_a_binary_stage_that_is_written_slowly_in_place_is_judged_when_it_is_who
                 file.write(data[start : start + len(data) // 4])
                 file.flush()
                 time.sleep(0.05)
-        expected = ("0 repaired, 1 new", "1 repaired, 0 new")[number % 2]
-        assert expected in running.wait_for("repaired,")
+        running.wait_for(("new       error P01", "nothing left")[number % 2])
     assert running.end() == (0, "")
 
 
@@ -555,12 +564,9 @@ def test_an_open_page_reloads_itself(
     assert chromium.logs() == []
     stage.write_bytes(WRONG)
     running.wait_for("1 new")
-    until = time.monotonic() + 20
     # Asked in one step: an element may go between finding it and reading it.
     read = "return document.body ? document.body.innerText : ''"
-    while "wheelRadius is 0.033" not in chromium.run(read):
-        assert time.monotonic() < until, "the page did not reload"
-        time.sleep(0.1)
+    assert eventually(lambda: "wheelRadius is 0.033" in chromium.run(read))
     assert running.end() == (0, "")
 
 
@@ -598,9 +604,8 @@ def test_a_folder_that_goes_and_comes_back_is_heard_again(
     stage.parent.mkdir()
     stage.write_bytes(WRONG)
     running.wait_for("P01")
-    time.sleep(0.1)
     stage.write_bytes(RIGHT)
-    assert "1 repaired, 0 new" in running.wait_for("repaired,")
+    running.wait_for("nothing left")
 
 
 def test_a_save_in_place_of_a_link_is_noticed(
@@ -613,7 +618,7 @@ def test_a_save_in_place_of_a_link_is_noticed(
     temporary = link.with_name("saved")
     temporary.write_bytes(WRONG)
     temporary.replace(link)
-    assert "0 repaired, 1 new" in running.wait_for("repaired,")
+    running.wait_for("1 error left")
 
 
 def test_a_folder_that_is_gone_before_it_is_watched_ends_nothing(tmp_path: Path) -> None:

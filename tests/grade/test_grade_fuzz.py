@@ -41,7 +41,7 @@ def test_every_input_is_answered_where_workers_misbehave(
     fuzz: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(worker_process, "_MAIN", fuzz.ODD.replace("SHARE", "0.4"))
-    counts = fuzz.fuzz(14, seed=4, seconds=1.5)
+    counts = fuzz.fuzz(14, seed=4, seconds=6)  # on a busy machine one takes more than a second
     assert counts.total() == 14
     assert counts["crashed"] + counts["timeout"] + counts["too large"] > 0
     assert counts["unreadable"] + counts["fail"] > 0

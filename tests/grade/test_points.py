@@ -157,9 +157,9 @@ def test_an_empty_stage_earns_no_more_than_a_missing_one(tmp_path: Path) -> None
     assert (empty.earned, empty.percent) == (70, 70)  # it lacks the robot of the starter
 
 
-@pytest.mark.parametrize("number", range(9))
-def test_one_mistake_more_never_earns_more(number: int) -> None:
-    assert drops(number, [*LAB.checkpoints][number]) == []
+@pytest.mark.parametrize("checkpoint", LAB.checkpoints)
+def test_one_mistake_more_never_earns_more(checkpoint: str) -> None:
+    assert drops([*LAB.checkpoints].index(checkpoint), checkpoint) == []
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def test_a_list_of_names_that_is_nested_deeply_crashes_nothing() -> None:
     )
     # In a process of its own, which is the only one that a crash of the loader ends.
     done = forking.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    assert "nested" in done.stdout
+    assert done.stdout.startswith("line 1: ")  # libyaml may refuse it first, in its own words
 
 
 @pytest.mark.parametrize(
