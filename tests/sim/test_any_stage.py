@@ -63,6 +63,13 @@ def test_a_rover_is_judged_by_its_own_topics(tmp_path: Path) -> None:
     assert any("a ground plane is supplied" in remark for remark in found.remarks)
 
 
+def test_images_on_the_topic_of_the_scan_are_no_scans(tmp_path: Path) -> None:
+    stage = walled_rover()
+    set_value(stage, "/World/Lidar/helper.inputs:topicName", "rgb")
+    found = by_name(played(stage, tmp_path))
+    assert found["scan"].verdict == "ok"
+
+
 def test_no_text_speaks_of_a_checkpoint(tmp_path: Path) -> None:
     path = tmp_path / "stage.usda"
     rover_stage = rover()

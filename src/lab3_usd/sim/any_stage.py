@@ -20,7 +20,7 @@ from lab3_usd.sim.arms import JOINTS, arm_checks
 from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import is_within
-from lab3_usd.sim.execution.recording import Message, Recording, Transform
+from lab3_usd.sim.execution.recording import Message, Recording, Scan, Transform
 from lab3_usd.sim.execution.world import NOT_OPENED
 from lab3_usd.sim.judge.causes import SUBSCRIBER, RunCauses
 from lab3_usd.sim.judge.checks import graphs, verdict
@@ -254,7 +254,7 @@ def _robot_checks(trial: Trial, robot: Robot) -> Iterator[Check]:
     """Yield the checks of a robot: its motion, odometry, TF and lidar."""
     wanted, legs = trial.wanted, trial.drive[0].legs
     odometry_came = trial.recording.topic(wanted.odometry, 0)
-    scan_came = trial.recording.topic(wanted.scan, 0)
+    scan_came = _scans(trial)
     has_base = trial.recording.topic(wanted.transforms, 0)
     asked: dict[str, tuple[CheckFunction, object]] = {
         "rest": (rest, True),
@@ -340,10 +340,16 @@ def moving(trial: Trial) -> Iterator[RunFault]:
             return
 
 
+def _scans(trial: Trial) -> list[tuple[Message, Scan]]:
+    """Return the scans of the first session, whatever else comes on their topic."""
+    messages = trial.recording.topic(trial.wanted.scan, 0)
+    return [(each, each.data) for each in messages if isinstance(each.data, Scan)]
+
+
 def placed_scan(trial: Trial) -> Iterator[RunFault]:
     """Scans end before walls where TF puts the lidar; what stands nearer may be the robot."""
-    message = trial.recording.topic(trial.wanted.scan, 0)[-1]
-    place, seen = in_root(trial, message), message.data
+    message, seen = _scans(trial)[-1]
+    place = in_root(trial, message)
     if place is None or trial.walls is None:
         text = f"TF does not have {message.frame} below {trial.wanted.root or 'any frame'}"
         yield RunFault(text, "unknown-frame", message.node, sure=False)
