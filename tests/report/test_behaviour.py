@@ -22,6 +22,7 @@ from lab3_usd.model.dry_run import (
     Topic,
     Unknown,
 )
+from lab3_usd.model.finding import Finding
 from lab3_usd.model.occupancy import MapFit, OccupancyMap
 from lab3_usd.report.behaviour import page, text
 from lab3_usd.report.options import tool_version
@@ -86,6 +87,7 @@ RECORDED = replace(
     legs=(),
     differences=(Difference(SCAN, "comes at 5 Hz, not 10"),),
 )
+FINDINGS = (Finding("W01", "missing-wire", "error", STUB, "not connected", hint="connect it"),)
 BEHAVIOURS = {
     "played": PLAYED,
     "any-stage": ANY,
@@ -111,17 +113,16 @@ REPLAY = Replay(
 @pytest.mark.parametrize("name", BEHAVIOURS)
 def test_a_behaviour_is_told_as_it_was(name: str) -> None:
     behaviour = BEHAVIOURS[name]
-    document = text.render_json(behaviour).replace(tool_version(), "VERSION")
-    shown = "\n".join(
-        (text.render(behaviour, 80, color=False), text.render(behaviour, 48, color=True), document)
-    )
+    document = text.render_json(behaviour, FINDINGS).replace(tool_version(), "VERSION")
+    wide = text.render(behaviour, 80, FINDINGS, color=False)
+    shown = "\n".join((wide, text.render(behaviour, 48, color=True), document))
     assert_golden_text(f"behaviour/{name}.txt", shown)
 
 
 def test_a_page_of_a_dry_run_is_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
     stage = mini_lab.stage("01")
     monkeypatch.chdir(stage.parent)
-    shown = page.render(replace(PLAYED, stage=stage.name), REPLAY, mini_lab.LAB)
+    shown = page.render(replace(PLAYED, stage=stage.name), REPLAY, mini_lab.LAB, FINDINGS)
     assert_golden_text("behaviour/page.html", in_lines(shown))
 
 

@@ -12,6 +12,7 @@ from browser import CONTRASTS, DESKTOP, PHONE, Browser
 from invoking import invoke
 
 from lab3_usd.errors import UsageError
+from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.dry_run import Frame
 from lab3_usd.report.behaviour.maps import first_moment
 from lab3_usd.report.behaviour.page import render, tree_lines
@@ -92,7 +93,8 @@ def test_a_failing_check_comes_first_and_leads_to_its_node(
     found = run_of(tmp_path, "05", {"set": [port, "base_link"]}, drive=BRIEF)
     failing = next(check for check in found.behaviour.checks if check.verdict == "bad")
     path = tmp_path / "sim.html"
-    path.write_text(render(found.behaviour, found.replay, the_lab()), encoding="utf-8")
+    judged = check_stage(tmp_path / "Lab3_05.usda").findings
+    path.write_text(render(found.behaviour, found.replay, the_lab(), judged), encoding="utf-8")
     chromium.open(path)
     first = chromium.one(".checks li")
     assert first.get_attribute("class") == "bad"

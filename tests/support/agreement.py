@@ -287,12 +287,12 @@ def _unreported(
 
 
 def unnamed_rules(said: Answers) -> Iterator[str]:
-    """Does a failed dry run name the rule that lint reports of it?"""
-    for fact, same in (*SAME_OF_A_STAGE.items(), ("there are several trees", APART)):
-        rules = {e["rule"] for e in found(said.lint)} & same
-        trees = [e for e in failed(said.play) if e["name"] == "tree" and not e["rule"]]
-        if rules and trees:
-            yield f"lint reports {min(rules)} ({fact}), sim fails by it and names no rule"
+    """Does a failed dry run name a rule, where the rules find an error as well?"""
+    for run, (command, report) in zip((said.play, said.drive), reports(said), strict=False):
+        errors = sorted({each["rule"] for each in found(report, "error")})
+        for check in failed(run):
+            if errors and not check["rule"]:
+                yield f"{command} has error {errors[0]}, sim fails ({check['name']}) by no rule"
 
 
 def runs(said: Answers) -> Iterator[str]:

@@ -54,6 +54,14 @@ INFO = "ROS_Camera/ros2_camera_info_helper"
 
 STAGES: dict[FaultKind, tuple[Change, str]] = {
     "graph-not-evaluated": (value("ROS_Clock.pipelineStage", "pipelineStageOnDemand"), "topics"),
+    "unknown-type": (
+        value("ROS_Clock/ros2_context.node:type", "isaacsim.ros2.nodes.ROS2Context"),
+        "graphs",
+    ),
+    "refused-wire": (
+        steps({"connect": [f"{CLOCK}.inputs:topicName", f"{READ_TIME}.outputs:simulationTime"]}),
+        "graphs",
+    ),
     "unknown-port": (
         steps({"connect": [f"{CLOCK}.inputs:timeStamp", f"{READ_TIME}.outputs:time"]}),
         "graphs",

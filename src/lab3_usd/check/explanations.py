@@ -1,20 +1,27 @@
-"""The rule that explains each kind of fault of a dry run or a recording."""
+"""What explains a fault of a dry run: a finding that the rules really have about the stage.
+
+A recording has no stage beside it: there each kind of fault has a rule whose manual explains it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
-from lab3_usd.model.dry_run import Check
+from lab3_usd.model.dry_run import Behaviour, Check
 from lab3_usd.model.fault import FaultKind
-from lab3_usd.model.finding import Finding, ordered
-from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.finding import SEVERITIES, Finding
 
-# Of the lab, and of lint for stages without a checkpoint: '' where several causes are possible, or
-# no rule of lint looks for it.
+ONLY_IN_A_DRY_RUN = "F07"  # the rule of a fault that no other rule finds
+
+# The rules that most often find what shows itself as a fault of each kind: of the lab, and of lint
+# ('' where none does). They choose among findings, and explain the faults of recordings.
 EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     # nodes and their graphs
     "graph-not-evaluated": ("G03", "K03"),
+    "unknown-type": ("N03", "K30"),
     "unknown-port": ("W03", "K21"),
+    "refused-wire": ("W09", "K22"),
     "not-executed": ("W01", "K01"),
     "switched-off": ("P01", ""),
     "zero-gate-step": ("P01", "K06"),
@@ -136,27 +143,53 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
 
 
 def explaining_rule(check: Check) -> str:
-    """Return the id of the rule that explains what a check shows, '' where it shows no fault."""
+    """Return the id of the rule of the lab that explains faults of this kind; '' for no fault."""
     return EXPLAINED_BY[check.kind][0] if check.kind is not None else ""
 
 
-def explaining_rule_of_lint(check: Check) -> str:
-    """Return the id of the rule of lint that explains what a check shows, '' where none does."""
-    return EXPLAINED_BY[check.kind][1] if check.kind is not None else ""
+def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | None:
+    """Return what the rules found about what a failed check rests on; None if only it shows that.
 
-
-def reported_rule(check: Check, usual: str, findings: Sequence[Finding]) -> str:
-    """Return the rule that explains what a check shows, of those that found something.
-
-    That is the usual one, else the gravest at the prim at fault, else in its graph, else the only
-    error; '' where none speaks of it.
+    Errors count before warnings, then the rules that most often find such faults, then what is
+    nearest to the prim at fault. Of such a rule a finding anywhere in the stage counts, and of
+    every rule where nothing is known to be at fault, as the node itself is missing.
     """
-    if any(finding.rule == usual for finding in findings):
-        return usual
-    graph = check.prim.rpartition("/")[0] or check.prim
-    at_fault = [finding for finding in ordered(findings) if is_at_or_below(finding.prim, graph)]
-    at_fault.sort(key=lambda finding: finding.prim != check.prim)
-    if at_fault and check.prim:
-        return at_fault[0].rule
-    errors = [finding.rule for finding in findings if finding.severity == "error"]
-    return errors[0] if len(errors) == 1 else ""
+    if check.kind is None:
+        return None
+    usual = EXPLAINED_BY[check.kind]
+    sites = {prim: number for number, prim in enumerate(check.rests_on)}
+
+    far = 2 * len(sites) + 1
+
+    def distance(finding: Finding) -> int:
+        prims = {finding.prim, *(path.partition(".")[0] for path in finding.related)}
+        if check.prim in prims:
+            return 0
+        # What is missing or switched off is no part of the scene, but what it stands in is.
+        above = sites.get(finding.prim.rpartition("/")[0], far)
+        return sites.get(finding.prim, min(far, above + len(sites)))
+
+    def rank(finding: Finding) -> tuple[int, bool, int]:
+        is_usual = finding.rule in usual
+        return SEVERITIES.index(finding.severity), not is_usual, distance(finding)
+
+    found = [
+        finding
+        for finding in findings
+        if finding.severity != "note"
+        and (finding.rule in usual or not check.prim or distance(finding) < far)
+    ]
+    return min(found, key=rank, default=None)
+
+
+def rules_named(behaviour: Behaviour, findings: Sequence[Finding]) -> Callable[[Check], str]:
+    """Return what names the rule that explains a check, '' where none does.
+
+    `findings` are those about the stage of a dry run.
+    """
+    return explaining_rule if behaviour.recording else partial(_rule_found, findings)
+
+
+def _rule_found(findings: Sequence[Finding], check: Check) -> str:
+    finding = explaining_finding(check, findings) if check.verdict != "ok" else None
+    return finding.rule if finding is not None else ""

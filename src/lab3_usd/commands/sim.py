@@ -203,15 +203,15 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
 
     run = dry_run(stage, lab, checkpoint, options["drive"], options["topic"] or "", options["maps"])
     behaviour = run.behaviour
-    page, bag = options["page"], options["bag"]
     findings: tuple[Finding, ...] = ()
-    if any(check.verdict == "bad" for check in behaviour.checks):
+    if any(check.verdict != "ok" for check in behaviour.checks):
         from lab3_usd.judge.lint import lint_stage
         from lab3_usd.judge.stage import check_stage
 
-        # What fails in the dry run, the rules explain and know to repair.
+        # What fails in the dry run, the rules know to explain and to repair.
         judged = check_stage(stage, checkpoint, lab) if checkpoint else lint_stage(stage)
         findings = judged.findings
+    page, bag = options["page"], options["bag"]
     if page is not None:
         from lab3_usd.files import write_whole
         from lab3_usd.report.behaviour.page import render
@@ -226,7 +226,7 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
     if options["form"] == "json":
         click.echo(text.render_json(behaviour, findings), nl=False)
     else:
-        shown = text.render(behaviour, width(), color=wants_color(), findings=findings)
+        shown = text.render(behaviour, width(), findings, color=wants_color())
         click.echo(shown, nl=False, color=True)
     exits = {"bad": EXIT_FOUND, "not judged": EXIT_FOUND, "unreadable": EXIT_USAGE}
     return 0 if behaviour.is_early else exits.get(behaviour.verdict, 0)
@@ -237,10 +237,12 @@ def with_dry_run(result: StageResult, shown: dict[str, object]) -> StageResult:
 
     `lab3 check --sim` calls it. What the HTML page shows of the run is added to `shown`.
     """
-    from lab3_usd.check.explanations import explaining_rule, reported_rule
+    from msgspec.structs import replace
+
+    from lab3_usd.check.explanations import ONLY_IN_A_DRY_RUN, explaining_finding
     from lab3_usd.check.registry import all_rules
+    from lab3_usd.check.rule_runs import run_rule
     from lab3_usd.judge.results import unreadable, with_findings
-    from lab3_usd.model.finding import Finding
     from lab3_usd.report.behaviour.page import dry_run_summary
     from lab3_usd.sim.dry_run import dry_run
     from lab3_usd.spec.load.loader import load_lab
@@ -253,20 +255,11 @@ def with_dry_run(result: StageResult, shown: dict[str, object]) -> StageResult:
     drawn = dry_run_summary(run.behaviour, run.replay)
     if drawn is not None:
         shown[result.path] = drawn
-    rules = all_rules()
-    wrong = [check for check in run.behaviour.checks if check.verdict == "bad"]
-    notes = (
-        Finding(
-            rule,
-            rules[rule].name,
-            "note",
-            check.prim or "/",
-            f"in a dry run ({check.name}): {check.text}",
-            hint=f"{program()} sim plays the stage and shows what it does",
-        )
-        for check in wrong
-        for rule in [
-            reported_rule(check, explaining_rule(check), result.findings) or explaining_rule(check)
-        ]
-    )
+    hint = f"{program()} sim plays the stage and shows what it does"
+    notes = []
+    for check in (check for check in run.behaviour.checks if check.verdict == "bad"):
+        (note,) = run_rule(all_rules()[ONLY_IN_A_DRY_RUN], check, None).findings
+        cause = explaining_finding(check, result.findings)
+        rule, name = (note.rule, note.name) if cause is None else (cause.rule, cause.name)
+        notes.append(replace(note, rule=rule, name=name, hint=hint))
     return with_findings(result, (*result.findings, *notes))

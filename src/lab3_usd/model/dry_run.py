@@ -237,6 +237,7 @@ class Check(Struct, frozen=True):
 
     The message of a check that is not judged says what did not happen. `cause` is what the prim at
     fault does or does not do, where that is known; `of` names one of several robots or topics.
+    A failed check also has what it `rests_on`: the prims that could be why, nearest first.
     """
 
     name: str
@@ -246,6 +247,7 @@ class Check(Struct, frozen=True):
     kind: FaultKind | None = None
     cause: str = ""
     of: str = ""
+    rests_on: tuple[str, ...] = ()
 
     @property
     def text(self) -> str:

@@ -7,9 +7,9 @@ from typing import Literal, get_args
 # fmt: off
 FaultKind = Literal[
     # nodes and their graphs
-    "graph-not-evaluated", "unknown-port", "not-executed", "switched-off", "zero-gate-step",
-    "invalid-conversion", "no-number-input", "no-vector-input", "wrong-array-type",
-    "invalid-context", "invalid-qos-profile", "invalid-topic-name",
+    "graph-not-evaluated", "unknown-type", "unknown-port", "refused-wire", "not-executed",
+    "switched-off", "zero-gate-step", "invalid-conversion", "no-number-input", "no-vector-input",
+    "wrong-array-type", "invalid-context", "invalid-qos-profile", "invalid-topic-name",
     # commands and the drive
     "ramp-without-time-step", "invalid-wheel-size", "no-joint-controller", "no-articulation",
     "excluded-joint", "unknown-joint", "empty-joint-name", "wrong-command-count",

@@ -161,7 +161,8 @@ def _allowed(nodes: Sequence[NodeInstance], world: World) -> tuple[tuple[float, 
             ramp = max(ramp, ahead / least)
         if value.get("maxAngularAcceleration"):
             ramp = max(ramp, turn / value["maxAngularAcceleration"])
-    return (ahead, turn), ramp
+    slow = min(1.0, LONGEST / RAMPS / ramp) if ramp else 1.0  # to get going within a leg
+    return (slow * ahead, slow * turn), slow * ramp
 
 
 def _watched(robot: Robot, machine: Machine, player: Player) -> Robot:

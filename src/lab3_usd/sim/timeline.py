@@ -244,6 +244,7 @@ def record(
 
     missing = scene.missing.keys() - world.assumed.keys()
     causes = RunCauses(
+        scene,
         player.program,
         recording.messages,
         robot,

@@ -9,6 +9,7 @@ from pathlib import PurePath
 
 from lab3_usd.check.match.rule_inputs import ModelSubject, StageSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.model.dry_run import Check
 from lab3_usd.model.finding import MOST_ITEMS, MOST_LETTERS, IgnoreNote, Problem
 from lab3_usd.model.prims import is_at_or_below
 
@@ -129,6 +130,21 @@ def _lab_parts(subject: StageSubject, prims: Iterable[str]) -> tuple[str, ...]:
     parts += [roles.graph.path for roles in subject.roles.values() if roles.graph is not None]
     owners = (max((p for p in parts if is_at_or_below(prim, p)), default="") for prim in prims)
     return tuple(sorted({owner for owner in owners if owner}))
+
+
+@rule("F07", "only-in-a-dry-run", scope="file", severity="note")
+def only_in_a_dry_run(fault: Check) -> Iterator[Problem]:
+    """A dry run shows a fault that no rule finds.
+
+    Why: rules compare what is saved, a dry run drives the robot. Some faults come from several
+    values that are each allowed, or from numbers that the handout leaves open.
+
+    Fix: run `lab3 sim` on the stage. It names the prim at fault, and its page draws what the robot
+    does.
+
+    Example: the robot drifts to the side, as its wheels do not stand on one axle.
+    """
+    yield Problem(fault.prim or "/", f"in a dry run ({fault.name}): {fault.text}")
 
 
 @rule("Z01", "file-left-out", scope="file")

@@ -104,8 +104,8 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
     Example: `left_wheel` instead of `left_wheel_joint`.
     """
     for command in commands(subject.stage, subject.platform):
-        known = joints_of(command, subject.stage) if command.roots else {}
-        for name in command.names or () if known else ():
+        known = joints_of(command, subject.stage)
+        for name in command.names or () if command.roots else ():
             overrides = [joint.attributes.get("isaac:nameOverride") for joint in known.values()]
             if name and not has_joint(known, name) and name not in overrides:
                 yield Problem(

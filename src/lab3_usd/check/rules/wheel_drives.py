@@ -88,14 +88,17 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
                 unmet=(f"Scene/stiffness/{joint.name}",),
             )
         for name, unset in ((DAMPING, 0.0), (MAX_FORCE, None)):
-            value = number(prim.attributes.get(name, unset))
-            if value is not None and not value > 0:
+            set_to = prim.attributes.get(name, unset)
+            value = number(set_to)
+            is_unread = value is None and set_to is not None and unset is not None
+            if is_unread or (value is not None and not value > 0):
+                actual = "no number" if value is None else f"{value:g}"
                 yield Problem(
                     prim.path,
-                    f"{_WORDS[name]} is {value:g}, expected more than 0",
+                    f"{_WORDS[name]} is {actual}, expected more than 0",
                     name,
                     "above 0",
-                    f"{value:g}",
+                    actual,
                     handout,
                     joint.related,
                     fix=(Restore(prim.path, name),),

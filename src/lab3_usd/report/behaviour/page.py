@@ -5,23 +5,23 @@ Each graph is drawn with how often its nodes computed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 
 from markupsafe import Markup
 from msgspec import Struct
 
-from lab3_usd.check.registry import all_rules
+from lab3_usd.check.explanations import explaining_finding, rules_named
 from lab3_usd.errors import Lab3Error
 from lab3_usd.model.dry_run import Behaviour, Check, Frame, Replay
 from lab3_usd.model.finding import Finding
 from lab3_usd.report.behaviour.maps import chart_svg, first_moment, map_svg, near_svg, room_svg
 from lab3_usd.report.behaviour.text import (
+    ONLY_SHOWN,
     WHAT_IT_IS,
     leg_text,
     passed_texts,
     rate,
-    rules_of,
     sum_text,
 )
 from lab3_usd.report.html.templates import (
@@ -99,10 +99,7 @@ class GraphDrawing(Struct, frozen=True):
 
 
 def render(
-    behaviour: Behaviour,
-    replay: Replay | None,
-    lab: Lab,
-    findings: Sequence[Finding] | None = None,
+    behaviour: Behaviour, replay: Replay | None, lab: Lab, findings: Sequence[Finding] = ()
 ) -> str:
     """Return the page; without a replay it says why there is none.
 
@@ -114,8 +111,8 @@ def render(
     computed = replay.computed if replay is not None else {}
     replay = replay if replay is not None and replay.moments else None
     checks = sorted(behaviour.checks, key=lambda check: list(VERDICTS).index(check.verdict))
-    rule_of = rules_of(behaviour, findings)
-    failing = list(_failed_checks(checks, findings or (), rule_of))
+    rule_of = rules_named(behaviour, findings)
+    failing = list(_failed_checks(checks, findings))
     graphs = list(_graph_drawings(Path(behaviour.stage), lab, computed, failing))
     fit = replay.fit if replay is not None else None
     shown = first_moment(behaviour, replay) if replay is not None else 0
@@ -140,6 +137,7 @@ def render(
                 if any(failed.check.prim in graph.nodes for failed in failing)
             ],
             rule_of=rule_of,
+            only_shown=ONLY_SHOWN,
             rate=rate,
             legs=list(_leg_marks(behaviour)),
             summary=sum_text(behaviour),
@@ -158,21 +156,16 @@ def render(
     )
 
 
-def _failed_checks(
-    checks: Sequence[Check], findings: Sequence[Finding], rule_of: Callable[[Check], str]
-) -> Iterator[FailedCheck]:
-    """Yield the failed checks with their repairs: of the errors at the prim, else of any such."""
+def _failed_checks(checks: Sequence[Check], findings: Sequence[Finding]) -> Iterator[FailedCheck]:
+    """Yield the failed checks with their repairs: of errors at the prim, else of what explains."""
     failing = [check for check in checks if check.verdict == "bad"]
-    rules = all_rules() if failing else {}
     for number, check in enumerate(failing):
-        hints = [
-            finding.hint
-            for finding in findings
-            if finding.prim == check.prim and finding.severity == "error" and finding.hint
-        ]
-        rule = rules.get(rule_of(check))
-        repairs = hints or ([rule.section("Fix")] if rule is not None else [])
-        yield FailedCheck(check, f"check-{number}", tuple(filter(None, dict.fromkeys(repairs))))
+        there = [each for each in findings if each.prim == check.prim and each.severity == "error"]
+        explained = explaining_finding(check, findings)
+        if not there and explained is not None:
+            there = [explained]
+        repairs = dict.fromkeys(finding.hint for finding in there if finding.hint)
+        yield FailedCheck(check, f"check-{number}", tuple(repairs))
 
 
 def tree_lines(frames: Sequence[Frame]) -> Iterator[str]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from msgspec.structs import asdict
 
-from lab3_usd.check.explanations import explaining_rule, explaining_rule_of_lint, reported_rule
+from lab3_usd.check.explanations import rules_named
 from lab3_usd.data import program
 from lab3_usd.model.dry_run import Behaviour, Check, Leg, Topic
 from lab3_usd.model.finding import Finding
@@ -20,6 +20,7 @@ from lab3_usd.report.safe_text import paint, printable, truncated_values
 
 WHAT_IT_IS = "a dry run from published node source, not Isaac Sim"
 WHAT_A_RECORDING_IS = "a recording of the running system"
+ONLY_SHOWN = "no rule finds it: only the dry run shows it"
 PASSED = {
     "graphs": "every graph can run, and every wire joins existing ports",
     "topics": "every topic is received, of its type, from one node, in the lab's domain",
@@ -46,6 +47,7 @@ PASSED_BY_JOINTS = {
 PASSED_IN_ANY_STAGE = {
     **PASSED,
     "topics": "every enabled publisher sends",
+    "clock": "the clock runs",
     "stamps": "stamps advance",
     "rest": "stands still without a command, and after one",
     "moving frames": "TF moves the base as the robot moves",
@@ -80,20 +82,6 @@ def passed_texts(behaviour: Behaviour) -> Mapping[str, str]:
     return PASSED_IN_ANY_STAGE
 
 
-def rules_of(
-    behaviour: Behaviour, findings: Sequence[Finding] | None = None
-) -> Callable[[Check], str]:
-    """Return what names the rule that explains a check: one of the lab, if there is a lab.
-
-    `findings` are what the rules say of the stage: then only a rule that found something is named.
-    """
-    is_of_lab = behaviour.checkpoint or behaviour.recording
-    usual = explaining_rule if is_of_lab else explaining_rule_of_lint
-    if findings is None:
-        return usual
-    return lambda check: reported_rule(check, usual(check), findings)
-
-
 def rate(hz: float) -> str:
     """Return a rate in messages a second; what comes once has none."""
     return f"{hz:.1f}".removesuffix(".0") + " Hz" if hz else "once"
@@ -123,9 +111,9 @@ _NAME = 15
 
 
 def render(
-    behaviour: Behaviour, width: int, *, color: bool, findings: Sequence[Finding] | None = None
+    behaviour: Behaviour, width: int, findings: Sequence[Finding] = (), *, color: bool
 ) -> str:
-    """Return the behaviour as text; `findings` as for `rules_of`."""
+    """Return the behaviour as text; `findings` are what the rules say of the stage."""
     what = WHAT_A_RECORDING_IS if behaviour.recording else WHAT_IT_IS
     name = printable(behaviour.recording or behaviour.stage)
     lines = [f"{paint(name, 'heading', color=color)}: {what}"]
@@ -136,7 +124,7 @@ def render(
         lines += textwrap.wrap(printable(behaviour.missing), max(width, 40))
         return "\n".join(lines) + "\n"
     lines += ["", *_topics(behaviour), ""]
-    passed, rule_of = passed_texts(behaviour), rules_of(behaviour, findings)
+    passed, rule_of = passed_texts(behaviour), rules_named(behaviour, findings)
     for check in behaviour.checks:
         lines += _check(check, passed, rule_of(check), width, color=color)
     legs = "; ".join(map(leg_text, behaviour.legs)) or (
@@ -193,8 +181,10 @@ def _check(
     yield f"{mark}{check.name.ljust(_NAME)}{first}"
     lead = " " * (_NAME + 4)
     yield from (lead + line for line in more)
-    if check.verdict != "ok" and (check.prim or rule):
+    if check.verdict == "bad" or (check.verdict != "ok" and (check.prim or rule)):
         see = f"({program()} rule {rule})" if rule else ""
+        if check.verdict == "bad" and not rule:
+            see = f"({ONLY_SHOWN})"
         named = ": ".join(printable(part) for part in (check.prim, check.cause) if part)
         parts = [part for part in (named, see) if part]
         if len(lead + " ".join(parts)) <= width:
@@ -216,16 +206,14 @@ def _remarks(behaviour: Behaviour) -> Iterator[str]:
 VERSION = 2
 
 
-def render_json(behaviour: Behaviour, findings: Sequence[Finding] | None = None) -> str:
-    """Return the behaviour as JSON text in ASCII; `findings` as for `rules_of`."""
+def render_json(behaviour: Behaviour, findings: Sequence[Finding] = ()) -> str:
+    """Return the behaviour as JSON text in ASCII, with what the rules find in its stage."""
     return json.dumps(truncated_values(behaviour_json(behaviour, findings)), indent=1) + "\n"
 
 
-def behaviour_json(
-    behaviour: Behaviour, findings: Sequence[Finding] | None = None
-) -> dict[str, Any]:
+def behaviour_json(behaviour: Behaviour, findings: Sequence[Finding]) -> dict[str, Any]:
     """Return the behaviour as plain data, keys in the order of the schema."""
-    rule_of = rules_of(behaviour, findings)
+    rule_of = rules_named(behaviour, findings)
     document = {
         "version": VERSION,
         "tool": {"name": NAME, "version": tool_version()},

@@ -11,7 +11,15 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, can_connect
+from lab3_usd.facts.endpoints import is_unregistered
+from lab3_usd.isaac.node_types import (
+    INPUT,
+    OUTPUT,
+    NodeType,
+    Port,
+    can_connect,
+    differ_in_role,
+)
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import are_alike
 from lab3_usd.model.dry_run import Input, Scene, SceneGraph, SceneNode
@@ -84,14 +92,17 @@ class Program(Struct):
 def compile_graphs(scene: Scene, platform: Platform) -> Program:
     """Make the graphs of a scene ready to run."""
     program = Program({}, [], {}, {}, {}, {})
-    for graph in scene.graphs:
-        if not _is_evaluated(graph, scene, platform, program):
-            continue
-        nodes = dict(_running(graph, platform, program))
-        for node in nodes.values():
-            _connect(node, nodes)
-            program.dead += _dropped(node, nodes, platform)
+    evaluated = [
+        (graph, dict(_running(graph, platform, program)))
+        for graph in scene.graphs
+        if _is_evaluated(graph, scene, platform, program)
+    ]
+    for _, nodes in evaluated:
         program.nodes.update(nodes)
+    for graph, nodes in evaluated:
+        for node in nodes.values():
+            _connect(node, program.nodes)
+            program.dead += _dropped(node, program.nodes, platform)
         _schedule(graph, nodes, program)
     return program
 
@@ -118,8 +129,9 @@ def _is_evaluated(graph: SceneGraph, scene: Scene, platform: Platform, program: 
 def _dropped(
     node: NodeInstance, nodes: dict[str, NodeInstance], platform: Platform
 ) -> Iterator[tuple[str, Failure]]:
-    """Yield the wires of a node that Kit drops, as a type that is known has no such port."""
+    """Yield the wires of a node that Kit drops: the ports do not exist, or do not fit."""
     for name, state in node.node.inputs.items():
+        yield from _refused(node, name, state, nodes)
         if not state.sources or name.partition(":")[2] in node.fed:
             continue
         if _is_described(node, platform) and node.type.port(name) is None:
@@ -131,6 +143,19 @@ def _dropped(
             if source.type.port(output) is None:
                 text = f"{name} is connected to {path}, whose type has no {output}"
                 yield node.path, Failure(text, "unknown-port")
+
+
+def _refused(
+    node: NodeInstance, name: str, state: Input, nodes: dict[str, NodeInstance]
+) -> Iterator[tuple[str, Failure]]:
+    """Yield the wires into a port that cannot take what comes; of roles that is not known."""
+    port = node.type.port(name)
+    for path, _, output in (wire.rpartition(".") for wire in state.sources):
+        out = nodes[path].type.port(output) if path in nodes else None
+        if port is None or out is None or can_connect(out, port) or differ_in_role(out, port):
+            continue
+        text = f"{name} takes {port.ogn_type}, and {path} gives {out.ogn_type}"
+        yield node.path, Failure(text, "refused-wire")
 
 
 def _is_described(node: NodeInstance, platform: Platform) -> bool:
@@ -183,6 +208,11 @@ def _running(
         if last_name(node.type) == READ_VARIABLE and is_written:
             function = None
         is_direct = node.path.rpartition("/")[0] == graph.path
+        if known is None and is_direct and is_unregistered(node.type, platform):
+            # Isaac Sim opens the stage without it.
+            reason = f"its type '{node.type}' is not one of Isaac Sim {platform.release}"
+            program.dead.append((node.path, Failure(reason, "unknown-type")))
+            continue
         if known is None or function is None or not is_direct:
             reason = f"node type {node.type or 'none'}"
             if not is_direct:

@@ -9,6 +9,7 @@ from posixpath import commonpath
 from msgspec import Struct
 
 from lab3_usd.isaac.node_types import NodeType
+from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import FAR
 from lab3_usd.model.traction import Pull
@@ -33,10 +34,11 @@ _PART: tuple[FaultKind, ...] = (
     "no-inertial-sensor",
 )  # fmt: skip
 DRIVEN = ("rest", "follows", "limits", "again", "joints")  # checks that show how the robot moves
-_TRANSFORMS = "tf2_msgs/msg/TFMessage"
+_TRANSFORMS, _CLOCK = "tf2_msgs/msg/TFMessage", "rosgraph_msgs/msg/Clock"
 _SHOWN_BY = {  # checks, and the types of the messages in which they look
     "odometry": ("nav_msgs/msg/Odometry",),
-    "clock": ("rosgraph_msgs/msg/Clock",),
+    "clock": (_CLOCK,),
+    "stamps": (_CLOCK,),
     "tree": (_TRANSFORMS,),
     "links": (_TRANSFORMS,),
     "joint states": ("sensor_msgs/msg/JointState",),
@@ -49,8 +51,9 @@ _SHOWN_BY = {  # checks, and the types of the messages in which they look
 
 
 class RunCauses(Struct, frozen=True):
-    """The causes in one run: its nodes, its robot, its missing assets."""
+    """The causes in one run: its scene and nodes, its robot, its missing assets."""
 
+    scene: Scene
     program: Program
     sent: Sequence[Message]
     robot: Machine | None
@@ -108,6 +111,47 @@ class RunCauses(Struct, frozen=True):
             kind = running.type if running is not None else self.program.unwritten.get(path)
             if kind is not None and SUBSCRIBER not in kind.role:
                 yield kind
+
+    def basis(self, check: str, prim: str) -> tuple[str, ...]:
+        """Return the prims that a failed check rests on, from the prim at fault on, nearest first.
+
+        After it come the nodes that the check looks at. Wires are followed back from node to node,
+        to what triggers as to what feeds, and end at the prims that the nodes refer to. A check of
+        the motion also rests on the robot.
+        """
+        nodes = {node.path: node for graph in self.scene.graphs for node in graph.nodes}
+        found = dict.fromkeys(filter(None, (prim, *self._looked_at(check))))
+        waiting = [*found]
+        for path in waiting:
+            node = nodes.get(path)
+            if node is None:
+                continue
+            before = [wire.rpartition(".")[0] for s in node.inputs.values() for wire in s.sources]
+            before += [target for targets in node.targets.values() for target in targets]
+            waiting += [each for each in dict.fromkeys(before) if each not in found]
+            found.update(dict.fromkeys(before))
+        graphs = {path.rpartition("/")[0]: None for path in found if path in nodes}
+        above = [
+            each.path for path in found if path not in nodes for each in self.scene.above(path)
+        ]
+        found.update(dict.fromkeys([*graphs, *above]))
+        robot = commonpath(self.robot.rest) if self.robot is not None else ""
+        tops = [robot] if robot and (check in DRIVEN or robot in found) else []
+        own = {*nodes, *(graph.path for graph in self.scene.graphs)}
+        for top in tops if robot else above:
+            parts = (part.path for part in self.scene.below(top) if part.path not in own)
+            found.update(dict.fromkeys(parts))
+        return tuple(found)
+
+    def _looked_at(self, check: str) -> Iterator[str]:
+        """Yield the nodes that a check looks at: they publish such messages, or drive joints."""
+        shown = _SHOWN_BY.get(check, ())
+        for node in self.program.nodes.values():
+            sends = SUBSCRIBER not in node.type.role and any(
+                message in shown for message in node.type.message.values()
+            )
+            if sends or (check in DRIVEN and node.type.drives is not None):
+                yield node.path
 
     def remarks(self) -> Iterator[str]:
         """Say what the sizes of the robot do to its commands."""

@@ -64,7 +64,8 @@ def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     leading = next((fault for fault in shown if fault.prim), shown[0])
     text = "; ".join(fault.message for fault in shown)
     outcome: Verdict = "bad" if sure else "not judged"
-    return Check(name, outcome, text, leading.prim, leading.kind, leading.cause)
+    basis = trial.causes.basis(name, leading.prim) if trial.causes is not None else ()
+    return Check(name, outcome, text, leading.prim, leading.kind, leading.cause, rests_on=basis)
 
 
 def why_unplayed(name: str, trial: Trial) -> str:

@@ -104,6 +104,9 @@ class Causes(Protocol):
     def doubt(self, check: str, fault: RunFault) -> bool:
         """Whether a fault may come from what is not known."""
 
+    def basis(self, check: str, prim: str) -> tuple[str, ...]:
+        """Return what a failed check rests on, from the prim at fault on."""
+
 
 class RunFault(NamedTuple):
     """A fault of a run: its message, its kind, and the prim at fault if known.

@@ -180,6 +180,7 @@ _PLAYED = {
     f"{CORE}startAzimuthOffsetDeg": (0.0,),
     f"{CORE}outputFrameOfReference": ("SENSOR",),
 }
+_SOLID = "SOLID_STATE"  # of a lidar that does not turn
 KINDS = ("laser_scan", "point_cloud")
 
 
@@ -262,13 +263,17 @@ def _beam(prim: ScenePrim) -> Beam | None:
         return _number(prim, f"{CORE}{name}") or 0.0
 
     turns, firings = number("scanRateBaseHz"), int(number("patternFiringRateHz"))
-    if turns <= 0 or firings <= 0:
-        return None
     emitters = prim.values.get(f"{CORE}numberOfEmitters", 1)
     angles = prim.values.get(f"{CORE}emitterState:s001:azimuthDeg", (0.0,))
-    if not emitters or not angles:
+    if not emitters or not isinstance(angles, tuple) or not 0 < len(angles) <= MOST:
+        return None
+    near, far = number("nearRangeM"), number("farRangeM")
+    if prim.values.get(f"{CORE}scanType") == _SOLID:  # (:110-118)
+        start, end = math.radians(min(angles)), math.radians(max(angles))
+        return Beam(start, (end - start) / len(angles) or 2 * math.pi, len(angles), near, far)
+    if turns <= 0 or firings <= 0:
         return None
     if firings / turns > MOST:
         return None
     step = 2 * math.pi * turns / firings
-    return Beam(-math.pi, step, int(firings / turns), number("nearRangeM"), number("farRangeM"))
+    return Beam(-math.pi, step, int(firings / turns), near, far)

@@ -1,0 +1,92 @@
+"""A fault of a dry run is explained by what the rules find about the stage, or by nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from breaking import broken
+from invoking import invoke
+from msgspec.structs import replace
+
+from lab3_usd.check.explanations import explaining_finding
+from lab3_usd.check.registry import all_rules
+from lab3_usd.commands.sim import with_dry_run
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.model.dry_run import Behaviour, Check
+from lab3_usd.model.finding import Finding, Severity
+from lab3_usd.report.behaviour.text import ONLY_SHOWN, render
+
+CLOCK = "/World/ROS_Clock"
+NODE, SOURCE, ELSEWHERE = "/World/Clock/clock", "/World/Clock/time", "/World/Drive/move"
+CHECK = Check(
+    "clock",
+    "bad",
+    "/clock stands still",
+    NODE,
+    "wrong-clock-rate",  # most often a missing wire, W01
+    rests_on=(NODE, SOURCE, "/World/Clock"),
+)
+
+
+def finding(rule: str, prim: str, severity: Severity = "error", *related: str) -> Finding:
+    return Finding(rule, all_rules()[rule].name, severity, prim, "it is wrong", related=related)
+
+
+def explained(*findings: Finding) -> str:
+    found = explaining_finding(CHECK, findings)
+    return found.rule if found is not None else ""
+
+
+def test_the_rule_that_often_finds_such_faults_is_named_before_others() -> None:
+    assert explained(finding("P01", NODE), finding("W01", SOURCE)) == "W01"
+    assert explained(finding("P01", NODE), finding("W01", ELSEWHERE)) == "W01"
+
+
+def test_of_other_rules_the_nearest_is_named() -> None:
+    assert explained(finding("P03", SOURCE), finding("P01", NODE)) == "P01"
+    assert explained(finding("P03", SOURCE), finding("P01", SOURCE, "error", NODE)) == "P01"
+    assert explained(finding("N01", "/World/Clock"), finding("P01", SOURCE)) == "P01"
+
+
+def test_what_is_missing_in_a_graph_explains_its_faults() -> None:
+    assert explained(finding("N03", f"{SOURCE}_2")) == "N03"
+
+
+def test_an_error_is_named_before_a_warning_and_a_note_never() -> None:
+    assert explained(finding("W01", NODE, "warning"), finding("P01", SOURCE)) == "P01"
+    assert explained(finding("W01", NODE, "note")) == ""
+
+
+def test_no_rule_is_named_for_what_no_rule_found() -> None:
+    assert explained() == ""
+    assert explained(finding("P01", ELSEWHERE)) == ""
+
+
+def saved(stage: object, path: Path) -> Path:
+    stage.GetRootLayer().Export(str(path))  # type: ignore[attr-defined]
+    return path
+
+
+def test_a_dry_run_says_where_no_rule_finds_what_it_shows() -> None:
+    behaviour = Behaviour("stage.usda", "", 1.0, "bad", checks=(CHECK,))
+    assert f"({ONLY_SHOWN})" in render(behaviour, 80, color=False)
+    said = render(behaviour, 80, [finding("P01", NODE)], color=False)
+    assert ONLY_SHOWN not in said
+    assert "(lab3 rule P01)" in said
+
+
+def test_what_no_rule_finds_is_noted_in_a_check_under_a_rule_of_its_own(tmp_path: Path) -> None:
+    stage = broken("01", [{"disconnect": "ROS_Clock/ros2_publish_clock.inputs:execIn"}])
+    path = saved(stage, tmp_path / "Lab3_01.usda")
+    found = replace(check_stage(path), findings=())
+    (note,) = with_dry_run(found, {}).findings
+    assert (note.rule, note.severity, note.prim) == ("F07", "note", f"{CLOCK}/ros2_publish_clock")
+    assert note.message.startswith("in a dry run (topics): nothing on /clock")
+
+
+def test_a_dry_run_names_the_finding_of_the_stage_that_it_plays(tmp_path: Path) -> None:
+    stage = broken("05", [{"remove": "ROS_Clock/isaac_read_simulation_time"}])
+    path = saved(stage, tmp_path / "Lab3_05.usda")
+    assert "(lab3 rule N01)" in invoke("sim", path).stdout
+    path = saved(stage, tmp_path / "clock.usda")
+    assert "(lab3 rule K20)" in invoke("sim", path).stdout
