@@ -327,6 +327,14 @@ def test_a_joint_may_hold_a_part_of_its_wheel() -> None:
     assert told(stage, "02") == []
 
 
+def test_a_wheel_that_is_smaller_than_the_other_is_named() -> None:
+    tyre = f"{ROBOT}/wheel_left_link/collisions/tyre"
+    assert told_after("02", put(tyre, "radius", 0.0329)) == []
+    assert told_after("02", put(tyre, "radius", 0.03)) == [
+        ("S06", f"{ROBOT}/wheel_left_link", None)
+    ]
+
+
 def test_two_articulation_roots_on_base_and_root_are_one_too_many() -> None:
     assert told_after("02", with_api(ROBOT, "PhysicsArticulationRootAPI")) == [("S11", ROBOT, None)]
 

@@ -122,10 +122,11 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
 
     Why: a disabled joint moves nothing, and a joint with limits stops there. A body that is
     kinematic, disabled or not a rigid body does not move, be it the wheel or the chassis, nor does
-    a wheel that a fixed joint ties to another body.
+    a wheel that a fixed joint ties to another body. A wheel without a collision shape turns in the
+    air beside wheels that have one.
 
-    Fix: enable the joint and the bodies, switch Kinematic off, and delete limits and fixed joints
-    of the wheel.
+    Fix: enable the joint and the bodies, switch Kinematic off, delete limits and fixed joints of
+    the wheel, and enable its collision.
 
     Example: `physics:upperLimit = 90` on the joint of a wheel.
     """
@@ -143,6 +144,16 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
                     related=(command.node.path,),
                     rests_on=subject.stage.unknown(site, *joint.relationships.get(name or "", ())),
                 )
+        for wheel in _without_shape(wheels, subject.stage):
+            if wheel not in judged:
+                judged.add(wheel)
+                yield Problem(
+                    wheel,
+                    "has no enabled collision shape, and other wheels have: "
+                    f"{command.node.path} turns it in the air",
+                    related=(command.node.path,),
+                    rests_on=subject.stage.unknown_below(wheel),
+                )
         for base in sorted(_bases(wheels, subject.stage)):
             body = _body(base, subject.stage)
             if body is None or body.path in judged:
@@ -156,6 +167,14 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
                     related=(command.node.path,),
                     rests_on=subject.stage.unknown(body.path),
                 )
+
+
+def _without_shape(wheels: list[Prim], stage: StageModel) -> list[str]:
+    """Return the wheels that touch nothing, where others do."""
+    bodies_of = (_wheel(joint, wheels, stage) for joint in wheels)
+    moved = dict.fromkeys(path for path in bodies_of if path is not None and stage.prim(path))
+    bare = [path for path in moved if not stage.colliders.below(path)]
+    return bare if len(bare) < len(moved) else []
 
 
 def _stops(body: Prim) -> Iterator[tuple[str, str]]:

@@ -12,6 +12,7 @@ from lab3_usd.check.missing_wires import step_wire
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.axles import disc_of
 from lab3_usd.check.rules.limits import stopping_limits, unknown_limits
+from lab3_usd.facts.arrays import listed
 from lab3_usd.facts.articulations import (
     Command,
     Followed,
@@ -224,8 +225,8 @@ def _why_no_body(odometry: Followed) -> str:
 def command_count(subject: LintSubject) -> Iterator[Problem]:
     """A controller receives more or fewer commands than joints.
 
-    Why: the controller requires one command for each joint that is named, or for each of the robot
-    where none is. Otherwise it logs an error at every update, and moves nothing.
+    Why: the controller requires one command for each joint that is named or given by number, or for
+    each of the robot where none is. Otherwise it logs an error at every update, and moves nothing.
 
     Fix: name as many joints as there are commands, in the same order, or correct the commands.
 
@@ -240,11 +241,15 @@ def command_count(subject: LintSubject) -> Iterator[Problem]:
         is_for_all = command.names == () and facts is not None and not may_spread
         axes = number_of_axes(command, subject.stage) if is_for_all else None
         joints = axes if is_for_all else len(command.names or ())
+        listing = command.ports.joints
+        if command.names is None:  # given by number
+            numbers = listed(command.node, command.ports.indices, subject.live)
+            joints, listing = len(numbers or ()), command.ports.indices
         for port in command.ports.commands if joints else ():
             given = number_of_commands(command, port, subject.stage, subject.platform)
             is_right = not given or given == joints or (given == 1 and (may_spread or is_for_all))
             if not is_right:
-                named = f"{port} and {command.ports.joints} differ in length: {given} and {joints}"
+                named = f"{port} and {listing} differ in length: {given} and {joints}"
                 whole = f"{port} has {given} values, and the robot {joints} joints: none moves"
                 yield Problem(
                     command.node.path,
@@ -331,10 +336,10 @@ def limit_needs_time_step(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K64", "wheel-size", scope="lint", severity="warning", formerly="wheels-of-another-size")
 def wheel_size(subject: LintSubject) -> Iterator[Problem]:
-    """Wheel radius or distance differ from the robot's.
+    """Wheel radius or distance differ from the robot's, or its wheels from each other.
 
     Why: the robot drives faster or slower, or turns more or less, than commanded; odometry that is
-    computed from the commands is wrong by the same factor.
+    computed from the commands is wrong by the same factor. Wheels of two sizes drive a curve.
 
     Fix: measure the wheels and set the values in metres, or in stage units if the velocity is
     scaled to them.
@@ -348,6 +353,15 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
         unit_text = "" if is_metric else f", and the velocity comes in units of {unit:g} m"
         radii = [_wheel_radius(joint, subject.stage) for joint in pair]
         sizes = {_RADIUS: None if radii[0] != radii[1] else radii[0]}
+        one, other = (radius or 0.0 for radius in radii)
+        if one and other and not math.isclose(one, other, rel_tol=_CLOSE):
+            yield Problem(
+                controller.path,
+                f"the wheels that it drives have {one:.4g} and {other:.4g} m",
+                expected="wheels of one size",
+                related=tuple(joint.path for joint in pair),
+                rests_on=command.unknown,
+            )
         sizes[_DISTANCE] = _wheel_distance(*pair, subject.stage)
         for port, measured in sizes.items():
             value = number(effective_value(controller, port, subject.live))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
+from lab3_usd.check.robot.axles import disc_of
 from lab3_usd.check.robot.poses import (
     UNSCALED,
     is_scaled,
@@ -177,16 +179,17 @@ _GROUPS = ("Xform", "Scope")
 
 @rule("S06", "wheel-collision", scope="stage", demands=link_bodies, needs="wheels")
 def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
-    """A wheel has no enabled collision geometry.
+    """A wheel has no enabled collision geometry, or one of another size than the other wheel.
 
     Why: nothing supports the robot on that side. It drops to its base plate and turns in circles.
+    On wheels of two sizes it leans, and drives a curve where it should go straight.
 
     Fix: select the wheel's collision geometry, choose Add > Physics > Colliders Preset, or tick
-    Collision Enabled in the Property panel.
+    Collision Enabled in the Property panel. Restore its size from the supplied file.
 
     Example: `physics:collisionEnabled` False below `{robot}/{wheel}`.
     """
-    stage = subject.stage
+    stage, is_whole = subject.stage, True
     for prim, spec in _links(subject):
         if not spec.collision:
             continue
@@ -223,6 +226,38 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
             unmet=(f"Scene/collision/{prim.name}",),
             rests_on=None if off else asset,
         )
+        is_whole = False
+    if is_whole:
+        yield from _wheels_of_two_sizes(subject)
+
+
+_SAME_SIZE = 0.02  # by how much the radii of two wheels may differ
+
+
+def _wheels_of_two_sizes(subject: StageSubject) -> Iterator[Problem]:
+    """Say that a wheel is smaller than another; of a scaled one another rule speaks."""
+    wheels = [(prim, spec) for prim, spec in _links(subject) if spec.collision]
+    if any(is_scaled(prim, subject.lab.scene.tolerance.scale) for prim, _ in wheels):
+        return
+    sizes = {
+        prim: (disc.radius, spec)
+        for prim, spec in wheels
+        if (disc := disc_of(prim, subject.stage)) is not None
+    }
+    largest = max((radius for radius, _ in sizes.values()), default=0.0)
+    other = next((prim.name for prim, (radius, _) in sizes.items() if radius == largest), "")
+    for prim, (radius, spec) in sizes.items():
+        if not math.isclose(radius, largest, rel_tol=_SAME_SIZE):
+            yield Problem(
+                prim.path,
+                f"{prim.name} has a radius of {radius:.4g} m, {other} of {largest:.4g}",
+                None,
+                f"{largest:.4g}",
+                f"{radius:.4g}",
+                spec.handout,
+                unmet=(f"Scene/collision/{prim.name}",),
+                rests_on=subject.stage.unknown_below(prim.path),
+            )
 
 
 @rule("S24", "link-scale", scope="stage", demands=link_bodies)

@@ -33,6 +33,7 @@ _PART: tuple[FaultKind, ...] = (
     "missing-frame", "unknown-frame", "missing-camera-prim",
     "no-inertial-sensor",
 )  # fmt: skip
+_OF_SURROUNDINGS = ("scan", "map")  # checks that show what stands around the robot
 DRIVEN = ("rest", "follows", "limits", "again", "joints")  # checks that show how the robot moves
 _TRANSFORMS, _CLOCK = "tf2_msgs/msg/TFMessage", "rosgraph_msgs/msg/Clock"
 _SHOWN_BY = {  # checks, and the types of the messages in which they look
@@ -137,9 +138,11 @@ class RunCauses(Struct, frozen=True):
         found.update(dict.fromkeys([*graphs, *above]))
         robot = commonpath(self.robot.rest) if self.robot is not None else ""
         tops = [robot] if robot and (check in DRIVEN or robot in found) else []
+        tops += ["/"] if check in _OF_SURROUNDINGS else []
         own = {*nodes, *(graph.path for graph in self.scene.graphs)}
         for top in tops if robot else above:
-            parts = (part.path for part in self.scene.below(top) if part.path not in own)
+            inside = self.scene.below(top) if top != "/" else self.scene.prims.values()
+            parts = (part.path for part in inside if part.path not in own)
             found.update(dict.fromkeys(parts))
         return tuple(found)
 
