@@ -75,6 +75,8 @@ def ackermann_controller(node: NodeInstance, world: World) -> bool:
     v = _ramped(memory["v"], v, gain * dt, _REACHED[0]) if gain else v
     angle = _ramped(memory["angle"], angle, turn * dt, _REACHED[1]) if turn else angle
     memory["v"], memory["angle"] = v, angle
+    if abs(angle) >= _STRAIGHT and not memory["wheelBase"]:
+        return node.fails("its wheel base is 0, which gives no turn", "invalid-wheel-size")
     angles, speeds = _wheels(node, v, angle, (front, back))
     most, widest = memory["maxWheelVelocity"], memory["maxWheelRotation"]
     node.outputs["wheelAngles"] = tuple(_within(widest, a) for a in angles)
