@@ -183,7 +183,9 @@ def published(trial: Trial) -> Iterator[RunFault]:
 def _closed(trial: Trial) -> Iterator[RunFault]:
     """Yield the subscribers that are never opened, or never run."""
     causes = trial.causes
-    for node in causes.program.nodes.values() if isinstance(causes, RunCauses) else ():
+    if not isinstance(causes, RunCauses):
+        return
+    for node in causes.program.nodes.values():
         if SUBSCRIBER not in node.type.role:
             continue
         text, cause = f"{node.path} receives nothing", causes.broken(node)
