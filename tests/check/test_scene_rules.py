@@ -335,6 +335,15 @@ def test_a_wheel_that_is_smaller_than_the_other_is_named() -> None:
     ]
 
 
+def test_wheels_beside_the_centre_of_the_robot_are_named() -> None:
+    left, right = (f"{JOINTS}/{name}" for name in WHEELS)
+    place = "physics:localPos0"
+    stage = built("02")
+    put(left, place, Gf.Vec3f(0.0, 0.13, 0.023))(stage)
+    put(right, place, Gf.Vec3f(0.0, -0.03, 0.023))(stage)
+    assert told(stage, "02") == [("S20", left, place)]
+
+
 def test_two_articulation_roots_on_base_and_root_are_one_too_many() -> None:
     assert told_after("02", with_api(ROBOT, "PhysicsArticulationRootAPI")) == [("S11", ROBOT, None)]
 

@@ -321,10 +321,20 @@ def rate_source(
     event = event if state == "runs" else f"perhaps {event}"
     if static:
         return f"once after {event}"
-    sensor = sensor_of(node, running)
+    sensor = _camera_named(node, stage, running) or sensor_of(node, running)
     prim = None if sensor is None else stage.prim(sensor)
     rate = 0.0 if prim is None else _rate(prim, platform)
     return f"sensor at {rate:g} Hz" if rate > 0 else event
+
+
+def _camera_named(node: Node, stage: StageModel, live: Nodes) -> str | None:
+    """Return the camera of a render product that is named and used as it is, None without one."""
+    for source, _ in live_sources(node, _PRODUCT, live):
+        ports = None if source.type is None else source.type.product
+        named = () if ports is None else source.targets(ports.named)
+        if len(named) == 1 and named[0] in stage.products:
+            return stage.products[named[0]].camera or None
+    return None
 
 
 def _rate(prim: Prim, platform: Platform) -> float:

@@ -231,13 +231,18 @@ def published(trial: Trial) -> Iterator[RunFault]:
 
 
 def _closed(trial: Trial) -> Iterator[RunFault]:
-    """Yield the subscribers that are never opened."""
+    """Yield the subscribers that are never opened, or never run."""
     causes = trial.causes
-    for node in causes.program.nodes.values() if isinstance(causes, RunCauses) else ():
-        failure = node.failure if SUBSCRIBER in node.type.role else None
-        if failure is not None and failure.kind in NOT_OPENED:
-            text = f"{node.path} receives nothing"
-            yield RunFault(text, failure.kind, node.path, failure.reason)
+    if not isinstance(causes, RunCauses):
+        return
+    for node in causes.program.nodes.values():
+        if SUBSCRIBER not in node.type.role:
+            continue
+        text, cause = f"{node.path} receives nothing", causes.broken(node)
+        if node.failure is not None and node.failure.kind in NOT_OPENED:
+            yield RunFault(text, node.failure.kind, node.path, node.failure.reason)
+        elif cause is not None and cause.kind == "not-executed":
+            yield RunFault(text, cause.kind, cause.prim, cause.reason)
 
 
 def _stamped(trial: Trial) -> Iterator[tuple[str, list[Message]]]:

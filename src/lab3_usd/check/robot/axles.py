@@ -15,6 +15,7 @@ from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.robot.wheels import WheelJoint, base_side, ends_of, wheel_side
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.physics import (
+    BODIES,
     COLLISION_API,
     FIXED,
     bodies,
@@ -128,6 +129,14 @@ def disc_of(wheel: Prim, stage: StageModel) -> Disc | None:
     if not math.isclose(height, length, rel_tol=_ALIKE) or width >= height:
         return None
     return Disc(length / 2, width, AXES[sides.index(width)])
+
+
+def wheel_radius(joint: Prim, stage: StageModel) -> float | None:
+    """Return the radius of the wheel that a joint turns, None where nothing tells it."""
+    paths = joint.relationships.get(BODIES[1], ())
+    wheel = stage.prim(paths[0]) if paths else None
+    disc = None if wheel is None else disc_of(wheel, stage)
+    return None if disc is None else disc.radius
 
 
 def _is_square(world: Matrix) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.missing_wires import step_wire
 from lab3_usd.check.registry import rule
-from lab3_usd.check.robot.axles import disc_of
+from lab3_usd.check.robot.axles import wheel_radius
 from lab3_usd.check.rules.limits import stopping_limits, unknown_limits
 from lab3_usd.facts.arrays import listed
 from lab3_usd.facts.articulations import (
@@ -300,7 +300,7 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
         units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
         is_metric = unit in {None, 1.0}
         unit_text = "" if is_metric else f", and the velocity comes in units of {unit:g} m"
-        radii = [_wheel_radius(joint, subject.stage) for joint in pair]
+        radii = [wheel_radius(joint, subject.stage) for joint in pair]
         sizes = {_RADIUS: None if radii[0] != radii[1] else radii[0]}
         one, other = (radius or 0.0 for radius in radii)
         if one and other and not math.isclose(one, other, rel_tol=_CLOSE):
@@ -425,13 +425,6 @@ def _side(joint: Prim) -> str | None:
 def _body(joint: Prim, side: int, stage: StageModel) -> Prim | None:
     paths = joint.relationships.get(_BODIES[side], ())
     return stage.prim(paths[0]) if paths else None
-
-
-def _wheel_radius(joint: Prim, stage: StageModel) -> float | None:
-    """Return the radius of the wheel that a joint turns, None where nothing tells it."""
-    wheel = _body(joint, 1, stage)
-    disc = None if wheel is None else disc_of(wheel, stage)
-    return None if disc is None else disc.radius
 
 
 def _anchor(joint: Prim, stage: StageModel) -> Vector | None:

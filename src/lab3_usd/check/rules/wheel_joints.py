@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import StageSubject
@@ -264,11 +265,11 @@ def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
     needs="wheels",
 )
 def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
-    """The wheels have another distance, or are exchanged.
+    """The wheels have another distance, are exchanged, or stand beside the robot's centre.
 
     Why: the controller computes the turn rate from this distance. The robot turns too much or too
     little, and odometry drifts away from what sensors see. With the wheels exchanged it turns the
-    wrong way.
+    wrong way. It turns about the middle between its wheels: beside the centre it drives away.
 
     Fix: select the joint and restore its local positions in the Property panel, or start again from
     the supplied file.
@@ -292,6 +293,7 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
         axles = [axle(joint, subject) for joint in places]
         if all(place and dot(place, wheels.axle) > 0 for place in axles):  # else S09 speaks
             yield from _exchanged(places, wheels)
+        yield from _off_centre(places, wheels, limit * units)
         return
     half = wheels.distance / 2
     is_first = abs(abs(first_place[1]) - half) >= abs(abs(second_place[1]) - half)
@@ -310,6 +312,28 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
         fix=_wheel_fix(joint, name),
         unmet=(f"Scene/place/{joint.name}",),
     )
+
+
+def _off_centre(
+    places: Mapping[WheelJoint, Vector], wheels: WheelSpec, limit: float
+) -> Iterator[Problem]:
+    """Say that the middle between the wheels is not where the robot is to turn."""
+    middle = [sum(axis) / len(places) for axis in zip(*places.values(), strict=True)][:2]
+    off = math.dist(middle, wheels.centre)
+    if off > limit:
+        joint, other = places
+        name, beside = (f"physics:localPos{base_side(each)}" for each in (joint, other))
+        yield Problem(
+            joint.site,
+            f"the middle between the wheel joints is {off:.3g} m beside the robot's centre",
+            name,
+            "0 m",
+            f"{off:.3g} m",
+            wheels.handout,
+            related=(*joint.related, f"{other.site}.{beside}"),
+            fix=(*_wheel_fix(joint, name), *_wheel_fix(other, beside)),
+            unmet=(f"Scene/place/{joint.name}",),
+        )
 
 
 def _exchanged(places: Mapping[WheelJoint, Vector], wheels: WheelSpec) -> Iterator[Problem]:
