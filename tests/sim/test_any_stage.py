@@ -739,3 +739,13 @@ def test_a_clock_in_a_namespace_is_none(tmp_path: Path) -> None:
     check = by_name(played(stage, tmp_path, drive=BRIEFLY))["clock"]
     assert (check.verdict, check.kind, check.prim) == ("bad", "wrong-topic", "/World/Clock/clock")
     assert "the clock is on /alpha/clock" in check.message
+
+
+def test_a_wheel_whose_angle_is_missing_gets_no_command(tmp_path: Path) -> None:
+    stage = rollers()
+    joint = stage.GetPrimAtPath("/World/Mecanum/rear_left_joint")
+    for part in ("angle", "radius"):
+        joint.RemoveProperty(f"isaacmecanumwheel:{part}")
+    check = by_name(played(stage, tmp_path))["follows"]
+    assert (check.verdict, check.prim) == ("bad", str(joint.GetPath()))
+    assert "no command reaches rear_left_joint" in check.message

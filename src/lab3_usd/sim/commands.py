@@ -98,6 +98,14 @@ def of_another(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
 def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:
     """The robot moves as commanded; if wheels slide in a turn, only its direction counts."""
     if robot.has_rollers:
+        braking = [
+            wheel.joint
+            for wheel in (robot.machine.wheels if robot.machine is not None else ())
+            if wheel.joint.holds and robot.moved and wheel.joint.name not in robot.moved
+        ]
+        for joint in braking:
+            text = f"no command reaches {joint.name}, whose drive brakes its wheel"
+            yield RunFault(text, "wrong-command-count", joint.path)
         yield from _moved_as_commanded(trial)
         return
     turns = [stretch for stretch in trial.stretches("left", "right", "arc") if stretch.leg.turn]
