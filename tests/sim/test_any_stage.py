@@ -749,3 +749,12 @@ def test_a_wheel_whose_angle_is_missing_gets_no_command(tmp_path: Path) -> None:
     check = by_name(played(stage, tmp_path))["follows"]
     assert (check.verdict, check.prim) == ("bad", str(joint.GetPath()))
     assert "no command reaches rear_left_joint" in check.message
+
+
+def test_a_robot_is_not_at_fault_for_where_another_one_listens(tmp_path: Path) -> None:
+    stage = two_rovers()
+    swap_wheels(stage)
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    (check,) = (check for check in found.checks if check.name == "follows" and check.message)
+    assert (check.kind, check.of) == ("wrong-turn", f"{ROBOT}/chassis")
+    assert not check.prim.startswith(f"{DRIVE}2/")

@@ -214,12 +214,24 @@ class RunCauses(Struct, frozen=True):
             return Cause("", "the stage has no robot with joints that turn", "no-driven-robot")
         return next(_of_robot(robot), None) or self.of_joints()
 
+    def _is_own(self, controller: NodeInstance) -> bool:
+        """Whether a controller names the robot, or a prim above or below it."""
+        ports = controller.type.drives
+        targets = controller.node.targets.get(ports.target, ()) if ports is not None else ()
+        bodies = self.robot.rest if self.robot is not None else ()
+        return any(
+            is_within(body, targets) or any(is_within(target, (body,)) for target in targets)
+            for body in bodies
+        )
+
     def of_joints(self) -> Cause | None:
         """Return why commands do not bring joints where they should."""
         nodes = self.program.nodes.values()
         controllers = [running for running in nodes if running.type.drives is not None]
         if not controllers:
             return Cause("", "no node commands the joints", "no-joint-controller")
+        # Those of other robots listen elsewhere, which is no fault of this one.
+        controllers = [*filter(self._is_own, controllers)] or controllers
         for controller in controllers:
             cause = self.broken(controller)
             if cause is not None:
