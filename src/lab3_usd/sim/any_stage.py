@@ -98,7 +98,7 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
         if drive is not None and (robot is None or robot.kind == TWIST):
             legs = drive_of(drive, NO_LIMITS)
         # The first play shows all topics; the others, what concerns their robot.
-        shown = scene_for(robot, known, scene) if robot is not None and number else scene
+        shown = scene_for(robot, known, scene, platform) if robot is not None and number else scene
         plays.append(record(shown, platform, legs, expected_of(robot)))
     checks = [*_stage_checks(plays[0], robots)]
     if any(rival(robot, known) for robot in robots):

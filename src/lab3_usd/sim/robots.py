@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.errors import UsageError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
-from lab3_usd.sim.arms import JOINTS, Reach, joint_drive, reach_of
+from lab3_usd.sim.arms import JOINTS, TRANSFORMS, Reach, joint_drive, reach_of
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.world import RosEndpoint, World, open_endpoint
@@ -130,8 +130,11 @@ def owners_of(robots: Sequence[Robot]) -> Callable[[str], frozenset[str]]:
     return owners
 
 
-def scene_for(robot: Robot, robots: Sequence[Robot], scene: Scene) -> Scene:
-    """Return a scene without the graphs that name only prims of other robots."""
+def scene_for(robot: Robot, robots: Sequence[Robot], scene: Scene, platform: Platform) -> Scene:
+    """Return a scene without the graphs that name only prims of other robots.
+
+    Those that name none are left out as well, unless they may publish transforms.
+    """
     if robot.machine is None:
         return scene
     owners, base = owners_of(robots), robot.machine.base
@@ -146,7 +149,11 @@ def scene_for(robot: Robot, robots: Sequence[Robot], scene: Scene) -> Scene:
             if isinstance(state.value, str) and state.value.startswith("/")
         ]
         found = {owner for path in named for owner in owners(path)}
-        if not found or base in found or own & {node.path for node in graph.nodes}:
+        is_own = base in found or own & {node.path for node in graph.nodes}
+        types = [platform.get(node.type) for node in graph.nodes]
+        if is_own or (
+            not found and any(t is None or TRANSFORMS in t.message.values() for t in types)
+        ):
             kept.append(graph)
     return replace(scene, graphs=tuple(kept))
 
