@@ -220,6 +220,7 @@ class Machines:
         self._now: dict[str, Affine] = {}
         self._back: dict[str, Affine] = {}
         self._places: dict[str, Affine] | None = None
+        self._still: dict[str, dict[str, Affine]] = {}  # of machines at rest, by their bases
         for machine in self.machines:
             self._set_down(machine)
         self.reset()
@@ -229,6 +230,7 @@ class Machines:
         self._now.clear()
         self._back.clear()
         self._places = None
+        self._still.clear()
         for machine in self.machines:
             machine.reset()
 
@@ -269,7 +271,14 @@ class Machines:
     def places(self) -> Mapping[str, Affine]:
         """Return where each body is now; what moves later does not change it."""
         if self._places is None:
-            self._places = {body: self.place(body) for body in self.bodies}
+            self._places = {}
+            for machine in self.machines:
+                still = self._still.get(machine.base)
+                if still is None:
+                    still = {body: self.place(body) for body in machine.rest}
+                    if machine.is_at_rest:
+                        self._still[machine.base] = still
+                self._places |= still
         return self._places
 
     def _place(self, path: str) -> Affine:
@@ -310,6 +319,7 @@ class Machines:
         self._places = None
         for machine in self.machines:
             if (machine.joints or not machine.grounded) and not machine.is_at_rest:
+                self._still.pop(machine.base, None)
                 machine.step(dt)
 
     def _set_down(self, machine: Machine) -> None:
