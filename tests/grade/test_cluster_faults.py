@@ -198,10 +198,6 @@ def test_what_no_machine_reaches_is_the_tools_failure_named_and_not_exported(
     book, roster = tmp_path / "book", tmp_path / "roster.csv"
     points = book / "canvas.csv"
     students = [f"s{number}" for number in range(6)]
-    roster.write_text(
-        "Student,ID,SIS User ID,SIS Login ID,Section\n    Points Possible,,,,\n"
-        + "".join(f"{name},{number},{name},{name},A\n" for number, name in enumerate(students))
-    )
     with cluster_of(2, tmp_path / "temporary") as cluster:
         command = [
             *[sys.executable, "-m", "lab3_usd", "grade", f"{server.address}/class"],
@@ -213,6 +209,12 @@ def test_what_no_machine_reaches_is_the_tools_failure_named_and_not_exported(
             row["student"]: row
             for row in json.loads((book / "grades.json").read_text())["students"]
         }
+        possible = rows["s0"]["possible"]
+        roster.write_text(
+            "Student,ID,SIS User ID,SIS Login ID,Section,Mini (7)\n"
+            f"    Points Possible,,,,,{possible:g}\n"
+            + "".join(f"{name},{number},{name},{name},A,\n" for number, name in enumerate(students))
+        )
         export = [*command[:4], "--output", str(book), "--gradebook", "canvas", "--roster"]
         exported = forking.run([*export, str(roster)], capture_output=True, check=False)
         machines = [worker.worker_address for worker in cluster.workers.values()]

@@ -209,9 +209,9 @@ def disconnected_frames(subject: TransformsSubject) -> Iterator[Problem]:
     map. {/}Without a lab, a node outside the stage, such as localization, may connect them: a
     warning.
 
-    Fix: publish the frame below a frame of the robot, or delete its publisher: the child of the
-    odometry's transform must be the root of the robot's. A node with an empty Parent Prim puts its
-    frames below `world`, which is a frame of few robots.
+    Fix: publish the frame below a frame of the robot, or delete its publisher. {wheels?}The child
+    of the odometry's transform must be the root of the robot's. {/}A node with an empty Parent Prim
+    puts its frames below `world`, which is a frame of few robots.
 
     Example: a second Isaac Compute Transform Tree has no parent prim and publishes `world ->
     {link}`.
@@ -242,7 +242,7 @@ def unpublished_frame(subject: TransformsSubject) -> Iterator[Problem]:
     are seldom frames of a robot.
 
     Fix: set the frame id of the publisher to a frame that the stage publishes (for a sensor, its
-    own), or publish that frame (for odometry, from its frame to that of the robot).
+    own), or publish that frame{wheels?} (for odometry, from its frame to that of the robot){/}.
 
     Example: an IMU publisher keeps its default frame id, and no transform places that frame.
     """

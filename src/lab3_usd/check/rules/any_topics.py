@@ -199,8 +199,8 @@ def static_transforms(subject: TopicsSubject) -> Iterator[Problem]:
     that is sent once never moves again: the robot stays where it was at the first tick. What a lab
     asks of the durability of other topics is judged here, too.
 
-    Fix: enable Static Publisher for `/tf_static` only, and for transforms that never change.
-    Odometry belongs on `/tf`, with Static Publisher off. Clear QoS Profile of live data.
+    Fix: enable Static Publisher for `/tf_static` only, and for transforms that never change. What
+    moves belongs on `/tf`, with Static Publisher off. Clear QoS Profile of live data.
 
     Example: a Publish Raw Transform Tree on `/tf_static` with Static Publisher off.
     """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.missing_wires import step_wire
@@ -113,7 +113,7 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
                     actual=name,
                     related=(command.robot,),
                     fix=_without_space(command, name, subject) if name.strip() in known else (),
-                    rests_on=command.unknown or _unknown_joint(name, known.values(), subject.stage),
+                    rests_on=command.unknown or _unknown_joint(name, command, known, subject.stage),
                 )
 
 
@@ -132,10 +132,19 @@ def _without_space(command: Command, name: str, subject: LintSubject) -> tuple[E
     )
 
 
-def _unknown_joint(name: str, known: Iterable[Prim], stage: StageModel) -> UnresolvedAsset | None:
-    """Return the missing asset that could hold a joint, at a prim of its name or beside others."""
+def _unknown_joint(
+    name: str, command: Command, known: Mapping[str, Prim], stage: StageModel
+) -> UnresolvedAsset | None:
+    """Return the missing asset that could hold a joint, at a prim of its name or beside others.
+
+    Where the robot has none at all, any asset around it could hold them.
+    """
     places = [prim.path for prim in stage.named(name)]
-    return stage.unknown(*places, *(f"{joint.parent}/{name}" for joint in known))
+    asset = stage.unknown(*places, *(f"{joint.parent}/{name}" for joint in known.values()))
+    if asset is None and not known:
+        around = (root.rpartition("/")[0] or root for root in command.roots)
+        asset = next(filter(None, map(stage.unknown_below, around)), None)
+    return asset
 
 
 @rule("K67", "odometry-without-body", scope="lint", formerly="no-body-to-follow")

@@ -16,7 +16,7 @@ from lab3_usd.check.robot.poses import (
     vector_text,
 )
 from lab3_usd.check.robot.wheels import unknown_joints
-from lab3_usd.check.rules.world import AT_REST
+from lab3_usd.check.rules.world import AT_REST, SHAPE
 from lab3_usd.model.changes import (
     Activate,
     ApplySchema,
@@ -245,17 +245,18 @@ def _wheels_of_two_sizes(subject: StageSubject) -> Iterator[Problem]:
         if (disc := disc_of(prim, subject.stage)) is not None
     }
     largest = max((radius for radius, _ in sizes.values()), default=0.0)
-    other = next((prim.name for prim, (radius, _) in sizes.items() if radius == largest), "")
+    other = next((prim for prim, (radius, _) in sizes.items() if radius == largest), None)
     for prim, (radius, spec) in sizes.items():
-        if not math.isclose(radius, largest, rel_tol=_SAME_SIZE):
+        if other is not None and not math.isclose(radius, largest, rel_tol=_SAME_SIZE):
             yield Problem(
                 prim.path,
-                f"{prim.name} has a radius of {radius:.4g} m, {other} of {largest:.4g}",
+                f"{prim.name} has a radius of {radius:.4g} m, {other.name} of {largest:.4g}",
                 None,
                 f"{largest:.4g}",
                 f"{radius:.4g}",
                 spec.handout,
                 unmet=(f"Scene/collision/{prim.name}",),
+                assumes=tuple((f"{link.path}/", name) for link in (prim, other) for name in SHAPE),
                 rests_on=subject.stage.unknown_below(prim.path),
             )
 

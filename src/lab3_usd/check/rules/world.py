@@ -321,7 +321,7 @@ def _missing(
 
 AT_REST = "Scene/rest"
 # What shapes a link, and so how low it reaches: the beginnings of properties.
-_SHAPE = ("radius", "height", "size", "axis", "points", "xformOp:*")
+SHAPE = ("radius", "height", "size", "axis", "points", "xformOp:*")
 
 
 def _rest(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
@@ -378,7 +378,7 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
             fix=_moved_back(subject, body, basis),
             unmet=(AT_REST,),
             covers=tuple((path, OPERATIONS["translate"][0]) for path in _upward(basis)),
-            assumes=tuple((f"{body}/", name) for name in _SHAPE),
+            assumes=tuple((f"{body}/", name) for name in SHAPE),
         )
 
 

@@ -1,7 +1,7 @@
 """Kit's nodes that make one value of one: functions, conversions, vectors and arrays.
 
-What each computes is said by NVIDIA's published documentation of the nodes: the pages named here
-are those of GeneratedNodeDocumentation (docs.omniverse.nvidia.com/kit/docs/omni.graph.nodes).
+What each computes is said by NVIDIA's published documentation of Kit's node library: the pages
+named here are those of its GeneratedNodeDocumentation (docs.omniverse.nvidia.com/kit/docs).
 Values may be numbers, or vectors and arrays of them. Angles are in degrees.
 """
 
