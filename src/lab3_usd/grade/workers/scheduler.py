@@ -57,7 +57,8 @@ def connected(
             if own != address:
                 _refuse_exposed(own, notify, insecure=insecure)
             _await_worker(client, address)
-            yield client
+            with client.as_current():  # Dask may be in use by somebody else in this process
+                yield client
         finally:
             client.close()
 
