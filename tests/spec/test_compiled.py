@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import pickle
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -61,6 +63,32 @@ def test_a_compiled_lab_holds_wherever_its_folder_goes(folder: Path, tmp_path: P
     compiled_or_loaded(folder, assemble).lab()
     moved = folder.rename(tmp_path / "moved")
     assert compiled_or_loaded(moved, refuse).lab().folder == moved
+
+
+class Modules(pickle.Unpickler):
+    """Notes the modules whose classes a pickle names."""
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(io.BytesIO(data))
+        self.named: set[str] = set()
+
+    def find_class(self, module: str, name: str) -> Any:
+        self.named.add(module)
+        return super().find_class(module, name)
+
+    def persistent_load(self, _: Any) -> None:
+        """Stand in for what is not in the pickle."""
+
+
+def test_a_compiled_lab_names_no_module_of_python_which_another_release_may_lack(
+    folder: Path,
+) -> None:
+    data = compile_lab(folder, assemble(folder))
+    first = int.from_bytes(data[4:8], "big")
+    for part in (data[12 : 12 + first], data[12 + first :]):
+        modules = Modules(part)
+        modules.load()
+        assert {name.partition(".")[0] for name in modules.named} <= {"lab3_usd", "builtins"}
 
 
 def test_a_changed_file_is_read_anew(folder: Path) -> None:

@@ -30,7 +30,7 @@ from lab3_usd.spec.lab import Lab
 FILE = "compiled.pickle"
 PLATFORM = "isaac"  # the folder of Isaac Sim's files beside those of the lab
 _NUMBER = 4  # bytes of the checksum, and of the length of the first part
-_PLATFORM, _TYPE = "platform", "type"
+_PLATFORM, _TYPE, _PATH = "platform", "type", "path"
 
 
 class Compiled(Struct, frozen=True):
@@ -72,7 +72,7 @@ def _parts(lab: Lab) -> _Parts:
 
 
 class _LabWriter(pickle.Pickler):
-    """Writes a lab without its platform and the types of that, which it only names."""
+    """Writes a lab without its platform, the types of that, and paths, which it only names."""
 
     def __init__(self, file: io.BytesIO, platform: Platform) -> None:
         super().__init__(file, protocol=5)
@@ -84,6 +84,8 @@ class _LabWriter(pickle.Pickler):
             return _PLATFORM, ""
         if isinstance(obj, NodeType) and self._platform.types.get(obj.type) is obj:
             return _TYPE, obj.type
+        if isinstance(obj, Path):  # whose module has another name in each release of Python
+            return _PATH, str(obj)
         return None
 
 
@@ -97,6 +99,8 @@ class _LabReader(pickle.Unpickler):
     def persistent_load(self, pid: Any) -> Any:
         """Return what the platform holds under a name."""
         kind, name = pid
+        if kind == _PATH:
+            return Path(name)
         return self._platform if kind == _PLATFORM else self._platform.types[name]
 
 
