@@ -782,6 +782,7 @@ def test_a_rubric_of_extra_points_alone_is_refused(tmp_path: Path) -> None:
         export(tmp_path, "canvas", CANVAS, book, scale=True)
 
 
+QUOTINGS = [csv.QUOTE_ALL, csv.QUOTE_MINIMAL]
 CELLS = st.text(alphabet=list("ab,;\t\"' \r\n1é="), max_size=6)
 
 
@@ -789,7 +790,9 @@ CELLS = st.text(alphabet=list("ab,;\t\"' \r\n1é="), max_size=6)
 def test_a_table_is_read_as_python_reads_it_and_filled_cell_by_cell(
     tmp_path_factory: pytest.TempPathFactory, rows: list[list[str]], data: st.DataObject
 ) -> None:
-    quoting = data.draw(st.sampled_from([csv.QUOTE_ALL, csv.QUOTE_MINIMAL]))
+    has_ends = any(end in cell for row in rows for cell in row for end in "\r\n")
+    # Before 3.13 Python leaves ends of lines unquoted where its own are others.
+    quoting = csv.QUOTE_ALL if has_ends else data.draw(st.sampled_from(QUOTINGS))
     end = data.draw(st.sampled_from(["\n", "\r\n", "\r"]))
     text = io.StringIO(newline="")
     csv.writer(text, quoting=quoting, lineterminator=end).writerows([["h", "i"], *rows])
