@@ -428,6 +428,12 @@ def test_tf2_takes_a_slash_off_before_the_frames_of_a_transform() -> None:
 TREE = f"{ISAAC}IsaacComputeTransformTree"
 
 
+def test_a_parent_that_is_not_there_names_the_frame_above(stage: World) -> None:
+    made = node(TREE, parentPrim=f"{ROBOT}/base_foot", targetPrims=f"{ROBOT}/base_link")
+    assert made.compute(stage)
+    assert made.outputs["parentFrames"] == ("base_foot",)
+
+
 def tree(stage: World, parent: str, *targets: str) -> dict[str, Any]:
     made = node(TREE, parentPrim=ROBOT + parent)
     made.node.targets["inputs:targetPrims"] = tuple(ROBOT + target for target in targets)

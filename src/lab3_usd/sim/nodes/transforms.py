@@ -25,6 +25,9 @@ COMPONENTS = {LINK, "IsaacSiteAPI", "IsaacReferencePointAPI"}
 OPTICAL = Affine(((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)))  # 180 degrees about X
 
 
+_WORLD = "world"
+
+
 class Pair(Struct, frozen=True):
     """A transform: names, and the prims that stand for them ('' is the world)."""
 
@@ -63,8 +66,9 @@ class Tree(Struct, frozen=True):
                 parents[member.path] = above
         names = _names(members)
         by_path = {prim.path: name for prim, name in zip(members, names, strict=True)}
-        top = frame_name(scene.prims[parent]) if parent in scene.prims else "world"
+        # A parent that is not there still gives its frame a name (:339-350).
         top_prim = parent if parent in scene.prims else ""
+        top = frame_name(scene.prims[top_prim]) if top_prim else parent.rpartition("/")[2] or _WORLD
 
         def pair(prim: ScenePrim, name: str) -> Pair:
             above = parents[prim.path]
@@ -142,9 +146,6 @@ def _names(prims: Sequence[ScenePrim]) -> list[str]:
             free = [name for name in tries if name not in names]
             names[number] = free[0] if free else "_".join(parts[2:] or parts[1:])
     return names
-
-
-_WORLD = "world"
 
 
 def pose_tree(world: World, parent: str, targets: Sequence[str]) -> Tree:
