@@ -57,6 +57,11 @@ def test_an_error_is_named_before_a_warning_and_a_note_never() -> None:
     assert explained(finding("W01", NODE, "note")) == ""
 
 
+def test_what_is_wrong_with_the_whole_stage_explains_what_nothing_nearer_does() -> None:
+    assert explained(finding("S02", "/")) == "S02"
+    assert explained(finding("S02", "/"), finding("P01", SOURCE)) == "P01"
+
+
 def test_no_rule_is_named_for_what_no_rule_found() -> None:
     assert explained() == ""
     assert explained(finding("P01", ELSEWHERE)) == ""

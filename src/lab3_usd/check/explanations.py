@@ -167,6 +167,8 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
         prims = {finding.prim, *(path.partition(".")[0] for path in finding.related)}
         if check.prim in prims:
             return 0
+        if finding.prim == "/":  # of the whole stage, as its units and its upward axis
+            return far - 1
         # What is missing or switched off is no part of the scene, but what it stands in is.
         above = sites.get(finding.prim.rpartition("/")[0], far)
         return sites.get(finding.prim, min(far, above + len(sites)))
