@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from breaking import Step, broken, correct_stage, place
+from foreign_robots import rover
 from invoking import invoke as lab3
 from pxr import Sdf, Usd
 from report_schema import assert_valid
@@ -332,6 +333,40 @@ def test_a_baseline_of_other_files_says_nothing(
     other.write_text(wrong.read_text())
     result = lab3("check", "--baseline", baseline, other)
     assert (result.exit_code, result.stderr) == (1, "")
+
+
+def linted(stage: Usd.Stage, path: Path, *more: Path | str) -> int:
+    """Save a stage, and lint it."""
+    stage.GetRootLayer().Export(str(path))
+    return lab3("lint", *more, path).exit_code
+
+
+def test_what_could_not_be_judged_is_accepted_while_the_reason_is_the_same(tmp_path: Path) -> None:
+    path, known = tmp_path / "robot.usda", tmp_path / "known.json"
+    stage = Usd.Stage.CreateInMemory()
+    stage.GetRootLayer().subLayerPaths.append("./lost.usda")
+    assert linted(stage, path) == 1
+    assert linted(stage, path, "--write-baseline", known) == 0
+    result = lab3("lint", "--quiet", "--baseline", known, path)
+    assert result.exit_code == 0
+    assert result.stderr == f"lab3: 1 stage not judged, for the reasons in {known}\n"
+    assert "1 not judged" in result.stdout
+    stage.GetRootLayer().subLayerPaths.append("./too.usda")
+    assert linted(stage, path, "--baseline", known) == 1
+
+
+def test_a_finding_of_the_whole_stage_stays_known_where_another_node_shows_it(
+    tmp_path: Path,
+) -> None:
+    path, known = tmp_path / "robot.usda", tmp_path / "known.json"
+    stage = rover()
+    stage.RemovePrim("/World/Clock")
+    assert linted(stage, path, "--fail-on", "warning", "--write-baseline", known) == 0
+    [finding] = json.loads(known.read_text())["findings"]
+    assert finding["rule"] == "K47"
+    stage.RemovePrim(finding["site"])
+    assert linted(stage, path, "--fail-on", "warning", "--baseline", known) == 0
+    assert linted(stage, path, "--fail-on", "warning") == 1
 
 
 @pytest.mark.parametrize("content", ["", "{}", "[]", '{"version": 2, "findings": []}'])

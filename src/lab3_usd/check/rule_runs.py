@@ -121,4 +121,5 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         if_supplied=problem.if_supplied,
         supplied=rule.judges_supplied,
         counted=rule.counted,
+        identity=problem.identity,
     )

@@ -48,7 +48,8 @@ class Problem(Struct, frozen=True):
     those that it `covers`, of which it speaks as well: with a starter, a change there is not
     reported, and undoing it is the repair. `frames` are the TF frames that the problem is about:
     they are not listed again among those lost through other faults. `if_supplied` is the hint of
-    the warning that stays where the starter has the problem itself.
+    the warning that stays where the starter has the problem itself. `identity` says which problem
+    of its rule it is where its site does not: one of the whole stage is shown at some node of it.
     """
 
     prim: str
@@ -70,6 +71,7 @@ class Problem(Struct, frozen=True):
     frames: tuple[str, ...] = ()
     if_supplied: str = ""
     rests_on: UnresolvedAsset | None = None
+    identity: str | None = None
 
 
 class Finding(Struct, frozen=True):
@@ -104,6 +106,7 @@ class Finding(Struct, frozen=True):
     if_supplied: str = ""
     supplied: bool = False
     counted: tuple[str, str] = ("", "")
+    identity: str | None = None
 
 
 Site = tuple[str, str, str | None]
@@ -243,10 +246,14 @@ class StageResult(Struct, frozen=True):
 
 
 class Report(Struct, frozen=True):
-    """The results of one run, in the order the files were given."""
+    """The results of one run, in the order the files were given.
+
+    `accepted` are the paths of stages whose gaps a baseline knows, each of them.
+    """
 
     results: tuple[StageResult, ...]
     submissions: tuple[Submission, ...] = ()
+    accepted: tuple[str, ...] = ()
 
 
 class ChecklistItem(Struct, frozen=True):

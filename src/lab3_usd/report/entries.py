@@ -26,13 +26,16 @@ _NAMED = 3  # assets or types in the line that counts nodes
 def fingerprinted(report: Report) -> Iterator[tuple[ReportedFinding, str]]:
     """Yield every finding with a fingerprint that survives edits elsewhere in the file.
 
-    It names rule, prim and property, never the line; the number after the colon counts findings
-    of one file that agree in all three.
+    It names rule, prim and property, or what the finding is about instead, never the line; the
+    number after the colon counts findings of one file that agree in these.
     """
     seen: dict[tuple[str, str], int] = {}
     for entry in entries(report):
         finding = entry.finding
-        digest = fingerprint(finding.rule, finding.prim, finding.property or "")
+        place = (finding.prim, finding.property or "")
+        digest = fingerprint(
+            finding.rule, *(place if finding.identity is None else (finding.identity,))
+        )
         key = (entry.path, digest)
         seen[key] = seen.get(key, 0) + 1
         yield entry, f"{digest}:{seen[key]}"

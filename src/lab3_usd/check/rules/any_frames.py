@@ -229,6 +229,7 @@ def disconnected_frames(subject: TransformsSubject) -> Iterator[Problem]:
                     actual=names,
                     severity=_severity(((edge,) for edge in loose), subject),
                     assumes=subject.assumed(loose),
+                    identity=min(frames - {edge.child for edge in loose}, default=""),
                 )
 
 

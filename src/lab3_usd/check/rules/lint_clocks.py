@@ -267,4 +267,5 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
                 expected="a publisher of /clock",
                 related=tuple(dict.fromkeys(stamp.node.path for stamp in simulated[1:])),
                 rests_on=next(iter(subject.stage.unresolved), None),
+                identity="/",
             )

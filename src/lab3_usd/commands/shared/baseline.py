@@ -1,10 +1,10 @@
-"""Baselines: known findings, which reports leave out."""
+"""Baselines: known findings, which reports leave out, and what is known not to be judged."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,11 +37,19 @@ class KnownFinding(Struct, frozen=True):
     message: str
 
 
+class KnownGap(Struct, frozen=True):
+    """A stage of a baseline that was not judged: its file, and one reason."""
+
+    file: str
+    because: str
+
+
 class Baseline(Struct, frozen=True):
-    """The findings that are known."""
+    """The findings that are known, and what could not be judged."""
 
     version: int
     findings: tuple[KnownFinding, ...]
+    not_judged: tuple[KnownGap, ...] = ()
 
 
 class Compared(NamedTuple):
@@ -58,6 +66,7 @@ def write_baseline(report: Report, path: Path) -> int:
         "version": VERSION,
         "tool": {"name": NAME, "version": tool_version()},
         "findings": [msgspec.to_builtins(known_finding) for known_finding in known],
+        "not_judged": [msgspec.to_builtins(gap) for gaps in _gaps(report, path) for gap in gaps[1]],
     }
     write_whole(path, (json.dumps(content, indent=1) + "\n").encode(), force=True)
     return len(known)
@@ -90,7 +99,8 @@ def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Com
     Raises:
         UsageError: the baseline cannot be read, or is none.
     """
-    known, current = _grouped(read_baseline(path).findings), list(_known_findings(report, path))
+    baseline = read_baseline(path)
+    known, current = _grouped(baseline.findings), list(_known_findings(report, path))
     present = _grouped(known_finding for known_finding, _ in current)
     kept = {
         id(finding)
@@ -118,7 +128,18 @@ def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Com
     submissions = tuple(
         replace(submission, findings=new(submission.findings)) for submission in report.submissions
     )
-    return Compared(Report(results, submissions), gone)
+    accepted = tuple(
+        name for name, gaps in _gaps(report, path) if set(gaps) <= set(baseline.not_judged)
+    )
+    return Compared(Report(results, submissions, accepted), gone)
+
+
+def _gaps(report: Report, path: Path) -> Iterator[tuple[str, list[KnownGap]]]:
+    """Yield the stages of which something that matters was not judged, and the reasons."""
+    for result in report.results:
+        if result.gaps:
+            name = _from(path, result.path)
+            yield result.path, [KnownGap(name, gap) for gap in result.gaps]
 
 
 def _key(known: KnownFinding) -> tuple[str, str]:

@@ -89,6 +89,8 @@ def selected_findings(
 def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
     """Return a report without known findings, and print those that are resolved.
 
+    Stages that are not judged stay so; where the reasons are known, that is printed as well.
+
     Raises:
         UsageError: the baseline cannot be read, or is none.
     """
@@ -107,7 +109,15 @@ def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
         click.echo(f"{program()}: {len(compared.gone)} of {given} no longer found:", err=True)
     for finding in compared.gone:
         click.echo(f"  {finding.file}: {finding.rule} {finding.site}", err=True)
+    count = sum(_is_accepted(result, compared.report) for result in compared.report.results)
+    if count and given is not None:
+        stages = f"{count} stage{'s' * (count > 1)}"
+        click.echo(f"{program()}: {stages} not judged, for the reasons in {given}", err=True)
     return compared.report
+
+
+def _is_accepted(result: StageResult, report: Report) -> bool:
+    return result.verdict == "not judged" and result.path in report.accepted
 
 
 def rendered(report: Report, options: Mapping[str, Any]) -> str:
@@ -176,7 +186,8 @@ def exit_code(report: Report, options: Mapping[str, Any]) -> int:
     if options["exit_zero"]:
         return 0
     bad = ("error", "warning") if options["fail_on"] == "warning" else ("error",)
-    if any(result.verdict == "not judged" for result in report.results):
+    not_judged = [result for result in report.results if result.verdict == "not judged"]
+    if not all(_is_accepted(result, report) for result in not_judged):
         return EXIT_FOUND
     is_bad = any(finding.severity in bad for result in judged for finding in result.findings)
     return EXIT_FOUND if is_bad else 0
