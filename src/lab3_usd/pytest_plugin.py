@@ -1,4 +1,7 @@
-"""`pytest --lab3 work/`: every requirement of every checkpoint as a test of its own."""
+"""`pytest --lab3 work/`: every requirement of every checkpoint as a test of its own.
+
+`pytest --lab3-lint robots/`: every stage of Isaac Sim as a test, which the linter passes or fails.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +27,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="PATH",
         help="a checkpoint stage, or a folder of them: each requirement becomes a test",
     )
+    group.addoption(
+        "--lab3-lint",
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="a stage of Isaac Sim, or a folder of them: each stage becomes a test",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -32,18 +42,20 @@ def pytest_configure(config: pytest.Config) -> None:
     Raises:
         pytest.UsageError: a path does not exist.
     """
-    for path in config.getoption("--lab3"):
-        if not Path(path).exists():
-            raise pytest.UsageError(f"--lab3 {path}: there is no such file or folder")
-        config.args.append(path)
+    for option in ("--lab3", "--lab3-lint"):
+        for path in config.getoption(option):
+            if not Path(path).exists():
+                raise pytest.UsageError(f"{option} {path}: there is no such file or folder")
+            config.args.append(path)
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
     """Take the stages that are named, or that lie in a folder that is."""
     if file_path.suffix.lower() not in ENDINGS:
         return None
-    named = [Path(path).resolve() for path in parent.config.getoption("--lab3")]
-    if not any(path in {file_path, *file_path.parents} for path in named):
+    if _is_named(file_path, parent.config.getoption("--lab3-lint")):
+        return LintedFile.from_parent(parent, path=file_path)
+    if not _is_named(file_path, parent.config.getoption("--lab3")):
         return None
     from lab3_usd.judge.stage import checkpoint_of
     from lab3_usd.spec.load.loader import load_lab
@@ -51,6 +63,23 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     if checkpoint_of(file_path.name, load_lab()) is None:
         return None
     return CheckpointFile.from_parent(parent, path=file_path)
+
+
+def _is_named(file: Path, paths: list[str]) -> bool:
+    around = {file, *file.parents}
+    return any(Path(path).resolve() in around for path in paths)
+
+
+class LintedFile(pytest.File):
+    """One stage of any robot; it is judged once, when its test is collected."""
+
+    def collect(self) -> Iterator[pytest.Item]:
+        """Yield the one test."""
+        from lab3_usd.judge.lint import lint_stage
+
+        item = NoFaultsItem.from_parent(self, name="lint")
+        item.result = lint_stage(self.path)
+        yield item
 
 
 class CheckpointFile(pytest.File):

@@ -16,6 +16,7 @@ from typing import Any
 import forking
 import pytest
 import quick_yaml
+from foreign_robots import rover
 from places import REPOSITORY
 from pxr import Usd
 
@@ -42,9 +43,13 @@ def read(name: str) -> Any:
 
 
 @pytest.fixture(scope="module")
-def hook() -> dict[str, Any]:
-    (only,) = read(".pre-commit-hooks.yaml")
-    return dict(only)
+def hooks() -> dict[str, dict[str, Any]]:
+    return {hook["id"]: hook for hook in read(".pre-commit-hooks.yaml")}
+
+
+@pytest.fixture(scope="module")
+def hook(hooks: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    return hooks["lab3-check"]
 
 
 @pytest.fixture(scope="module")
@@ -119,9 +124,27 @@ def test_the_hook_leaves_other_files_alone(hook: dict[str, Any], name: str) -> N
     assert not re.search(hook["files"], name)
 
 
-def test_pre_commit_can_install_the_hook(hook: dict[str, Any]) -> None:
-    assert {"id", "name", "entry", "language", "files"} <= set(hook)
-    assert hook["language"] == "python"
+@pytest.fixture(scope="module")
+def repository_of_a_robot(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a robot's stage, whose name no lab knows, and whose clock never runs."""
+    folder = tmp_path_factory.mktemp("robot")
+    stage = rover()
+    stage.GetAttributeAtPath("/World/Clock/clock.inputs:execIn").ClearConnections()
+    stage.GetRootLayer().Export(str(folder / "carter.usda"))
+    return folder
+
+
+def test_the_hook_of_the_linter_judges_stages_of_any_name(
+    hooks: dict[str, dict[str, Any]], repository_of_a_robot: Path
+) -> None:
+    done = run_hook(hooks["lab3-lint"], repository_of_a_robot)
+    assert (done.returncode, "carter.usda" in done.stdout, "K01" in done.stdout) == (1, True, True)
+
+
+def test_pre_commit_can_install_the_hooks(hooks: dict[str, dict[str, Any]]) -> None:
+    for hook in hooks.values():
+        assert {"id", "name", "entry", "language", "files"} <= set(hook)
+        assert hook["language"] == "python"
     assert "lab3 = " in (ROOT / "pyproject.toml").read_text()
 
 
@@ -230,6 +253,22 @@ def test_the_action_heeds_the_configuration_of_those_it_trusts_only(
     )
     rules = re.findall(r"^::error file=work/.+title=(P\w+)", ran.printed, re.MULTILINE)
     assert (ran.status, rules) == (int(bool(found)), found)
+
+
+def test_the_action_lints_any_stage(
+    action: dict[str, Any], repository_of_a_robot: Path, tmp_path: Path
+) -> None:
+    ran = run_check(action, repository_of_a_robot, tmp_path, command="lint", paths="carter.usda")
+    assert ran.status == 1
+    assert "::error file=carter.usda" in ran.printed
+    assert "K01" in ran.summary
+
+
+def test_the_action_runs_no_other_command(
+    action: dict[str, Any], repository_of_a_robot: Path, tmp_path: Path
+) -> None:
+    ran = run_check(action, repository_of_a_robot, tmp_path, command="fix", paths="carter.usda")
+    assert (ran.status, ran.printed) == (2, "")
 
 
 def test_wrong_use_fails_the_action_with_its_own_status(

@@ -6,6 +6,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
+from foreign_robots import rover
 from missing_assets import behind_a_missing_robot
 from pxr import Usd
 
@@ -86,3 +87,13 @@ def test_a_path_that_does_not_exist_is_wrong_usage(pytester: pytest.Pytester) ->
     result = run(pytester, "--lab3", "nowhere")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     result.stderr.fnmatch_lines(["*nowhere: there is no such file or folder*"])
+
+
+def test_any_stage_is_one_test_of_the_linter(pytester: pytest.Pytester, tmp_path: Path) -> None:
+    stage = rover()
+    stage.GetRootLayer().Export(str(tmp_path / "right.usda"))
+    stage.GetAttributeAtPath("/World/Clock/clock.inputs:execIn").ClearConnections()
+    stage.GetRootLayer().Export(str(tmp_path / "carter.usda"))
+    result = run(pytester, "--lab3-lint", str(tmp_path))
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["*K01 /World/Clock/clock*"])
