@@ -300,7 +300,7 @@ def test_the_readme_lists_every_command() -> None:
 
 
 def test_the_page_about_formats_names_every_format() -> None:
-    spans = {token.content for token in inline(DOCS / "graders.md", "code_inline")}
+    spans = {token.content for token in inline(DOCS / "ci.md", "code_inline")}
     assert set(FORMATS) <= spans
 
 
