@@ -145,6 +145,20 @@ def test_another_wrong_value_is_a_change(watch: Callable[..., Result], stage: Pa
     assert news(result)[1] == "0 repaired, 0 new, 1 changed; 1 error"
 
 
+def test_what_a_damaged_save_may_still_have_is_not_repaired(
+    watch: Callable[..., Result], stage: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(watching, "PATIENCE", 0.0)
+    damaged = WORSE.replace(b"def ", b"fed ", 1)
+    saves = [write(stage, each) for each in (WORSE, damaged, damaged, WRONG)]
+    assert news(watch(saves, stage)) == [
+        "0 repaired, 2 new; 2 errors",
+        "0 repaired, 1 new, 2 unknown until it can be read; 1 error",
+        "0 repaired, 0 new, 2 unknown until it can be read; 1 error",
+        "2 repaired, 0 new; 1 error",
+    ]
+
+
 def test_a_line_that_moved_is_no_news(watch: Callable[..., Result], stage: Path) -> None:
     moved = WRONG.replace(b"\n", b"\n# one\n# two\n", 1)
     result = watch([write(stage, WRONG), write(stage, moved)], stage)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from breaking import Step
 from invoking import invoke as lab3
 from linting import broken_robot
+from places import REPOSITORY
 
 from lab3_usd.errors import UsageError
 from lab3_usd.fix.repairing import FixOptions, fix_linted
@@ -129,6 +131,14 @@ def test_the_linter_lists_its_repairs_and_writes_them_when_asked_for(tmp_path: P
     assert path.read_bytes() == old
     assert lab3("lint", "--fix", "--in-place", path).exit_code == 0
     assert lab3("lint", path).exit_code == 0
+
+
+def test_what_is_found_elsewhere_after_a_repair_is_not_repaired(tmp_path: Path) -> None:
+    path = tmp_path / "carter.usda"
+    shutil.copy(REPOSITORY / "docs" / "examples" / "carter.usda", path)
+    lines = lab3("lint", "--fix", path).stdout.splitlines()
+    assert [line.split()[2] for line in lines if line.startswith("would repair ")] == ["K01"]
+    assert "1 would be repaired" in lines[-2]
 
 
 def test_a_node_is_triggered_by_the_one_that_computes_what_it_takes(tmp_path: Path) -> None:

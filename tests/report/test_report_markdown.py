@@ -5,14 +5,16 @@ from __future__ import annotations
 import json
 
 import pytest
+from msgspec.structs import replace
 from report_examples import HOSTILE, hostile
 
-from lab3_usd.model.finding import Report, Submission
+from lab3_usd.model.finding import Finding, Report, Score, StageResult, Submission
 from lab3_usd.report.formats.markdown import HEADING, code, text
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.safe_text import visible
 
 markdown_it = pytest.importorskip("markdown_it", reason="markdown-it-py is not installed")
+FINDING = Finding("K01", "never-executes", "error", "/World/Graph/node", "never executes")
 HARMLESS = {"text", "code_inline", "softbreak", "strong_open", "strong_close"}
 
 
@@ -82,3 +84,11 @@ def test_a_submission_may_have_nothing_to_say() -> None:
 @pytest.mark.parametrize("value", ["`a", "a`"])
 def test_a_backtick_at_either_end_is_apart_from_those_around(value: str) -> None:
     assert code(value) == f"`` {value} ``"
+
+
+def test_a_stage_of_no_lab_is_no_check_of_a_lab_and_has_no_handout() -> None:
+    result = StageResult("robot.usd", None, "fail", Score(0.0, 0.0), (FINDING,))
+    linted = render("markdown", Report((result,)), None)
+    assert (linted.splitlines()[0], HEADING[-1] in linted) == ("# Isaac Sim lint", False)
+    checked = render("markdown", Report((replace(result, checkpoint="02"),)), None)
+    assert (checked.splitlines()[0], HEADING[-1] in checked) == ("# Lab 3 check", True)

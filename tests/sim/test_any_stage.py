@@ -106,7 +106,7 @@ def test_a_radius_that_is_not_that_of_the_wheels_is_said(tmp_path: Path) -> None
     found = played(stage, tmp_path)
     assert found.verdict == "ok"
     assert any(
-        "wheels measure 0.1 m" in remark and "1.25 times" in remark for remark in found.remarks
+        "wheels measure 0.1 m" in remark and "1.25 times" in remark for remark in found.sizes
     )
     set_value(stage, f"{DRIVE}/drive.inputs:wheelRadius", 5.0)
     assert bad(played(stage, tmp_path)) == {"follows", "again"}
@@ -133,7 +133,7 @@ def test_the_sizes_of_a_controller_are_in_the_unit_of_its_commands(
     change(stage)
     found = played(stage, tmp_path)
     assert bad(found) == set()
-    assert not any("wheels measure" in remark for remark in found.remarks)
+    assert not any("wheels measure" in remark for remark in found.sizes)
 
 
 def test_a_stage_of_the_lab_under_another_name_is_all_right(tmp_path: Path) -> None:

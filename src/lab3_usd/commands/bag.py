@@ -44,7 +44,7 @@ def command(
     RECORDING is the output of `ros2 bag record -a`, MCAP or sqlite3, or one file of it. The
     checkpoint in its name, or in that of the stage, decides what is required, else the last
     checkpoint; localization and navigation are required only if they were recorded, or if
-    --checkpoint is given. It affects no score. Exit status: 0 all right, 1 a fault or not judged, 2
+    --checkpoint is given. Exit status: 0 all right, 1 a fault or not judged, 2
     unreadable or wrong usage, 3 the program itself failed.
     """
     # The specs are slow to import, and `lab3 --help` does not need them.

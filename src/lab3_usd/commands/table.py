@@ -5,15 +5,20 @@ from __future__ import annotations
 # Each command is a module that defines `command`; it is imported only when it is asked for,
 # so that `lab3 --help` starts without pxr and networkx.
 GROUPS = {
-    "students": {
-        "check": "Check stages or whole submissions against the lab.",
-        "fix": "Repair the findings of a check.",
+    "any stage of Isaac Sim": {
+        "lint": "Judge any stage of Isaac Sim, without a lab.",
         "sim": "Play a stage without Isaac Sim, and judge its messages.",
-        "bag": "Judge a recording of the running system.",
         "draw": "Draw Action Graphs and the TF tree.",
         "tf": "Print the TF tree that a stage publishes.",
         "topics": "Print the topics that a stage publishes and subscribes to.",
         "diff": "List the differences between two stages.",
+        "bag": "Judge a recording of the running system.",
+        "rules": "List all rules.",
+        "rule": "Explain one rule.",
+    },
+    "students": {
+        "check": "Check stages or whole submissions against the lab.",
+        "fix": "Repair the findings of a check or of lint.",
         "map": "Make an occupancy map from the walls of a stage.",
         "nav2": "Write launch, parameter and RViz files for localization and navigation.",
         "collect": "Write the script that collects evidence from the running system.",
@@ -25,11 +30,8 @@ GROUPS = {
         "build": "Build the stages of the checkpoints from a starter scene.",
         "starter": "Write the starter scene of the lab.",
     },
-    "everyone": {
+    "this installation": {
         "demo": "Make stages to try the program on.",
-        "lint": "Judge any stage of Isaac Sim, without a lab.",
-        "rules": "List all rules.",
-        "rule": "Explain one rule.",
         "config": "Print the effective configuration and its sources.",
         "doctor": "Report what works on this computer.",
         "completion": "Print the shell completion script.",
@@ -37,8 +39,8 @@ GROUPS = {
 }
 COMMANDS = {name: text for group in GROUPS.values() for name, text in group.items()}
 EXAMPLES = {
-    "lab3 check STAGE.usda": "check one stage",
-    "lab3 check work --format html -o report.html": "check all, with pictures",
+    "lab3 lint robot.usd": "judge any stage",
+    "lab3 check work --format html -o report.html": "check a folder, with pictures",
     "lab3 rule W01": "explain one rule",
 }
 # What the help of each command ends with.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -98,13 +99,23 @@ class Fixed(Struct, frozen=True):
 
     @property
     def repaired(self) -> tuple[Finding, ...]:
-        """The errors and warnings that are gone."""
+        """The errors and warnings that are gone.
+
+        What a rule without a repair reports at another place now (the stage has no clock, say) has
+        only moved there.
+        """
         kept = {site_of(finding) for finding in self.after}
-        return tuple(
-            finding
-            for finding in self.before
-            if finding.severity != "note" and site_of(finding) not in kept
-        )
+        known = {site_of(finding) for finding in self.before}
+        moved = Counter(each.rule for each in self.left if site_of(each) not in known)
+        gone = []
+        for finding in self.before:
+            if finding.severity == "note" or site_of(finding) in kept:
+                continue
+            if finding.fix is None and moved[finding.rule]:
+                moved[finding.rule] -= 1
+            else:
+                gone.append(finding)
+        return tuple(gone)
 
 
 @quiet()

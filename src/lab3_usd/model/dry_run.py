@@ -323,8 +323,8 @@ class Behaviour(Struct, frozen=True):
     """The results of a dry run; without a checkpoint, no requirements of a lab apply.
 
     `path` are (seconds, x, y, heading) in metres and radians; `legs` the drive of the first
-    session, `remarks` what else is known of the robot. `missing` says why it is not judged, and
-    `is_early` that the lab has nothing to play yet.
+    session, `sizes` why it goes another way than commanded, `remarks` what else is known of the
+    robot. `missing` says why it is not judged, and `is_early` that the lab has nothing to play yet.
     """
 
     stage: str
@@ -344,6 +344,7 @@ class Behaviour(Struct, frozen=True):
     is_early: bool = False
     fit: MapFit | None = None  # of its scans on the map of localization
     robots: tuple[Driven, ...] = ()
+    sizes: tuple[str, ...] = ()
 
 
 Place = tuple[float, float, float]  # x, y, heading

@@ -129,6 +129,11 @@ def site(finding: Finding) -> str:
     return f"{finding.prim}.{finding.property}" if finding.property else finding.prim
 
 
+def is_lint(report: Report) -> bool:
+    """Whether no lab asks for anything in it."""
+    return not report.submissions and all(r.checkpoint is None for r in report.results)
+
+
 def is_repairable(finding: Finding) -> bool:
     """Whether `lab3 fix` repairs it without further options."""
     return finding.fix is not None and finding.fix.safe

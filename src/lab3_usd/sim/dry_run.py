@@ -13,6 +13,7 @@ from lab3_usd.deliverables.maps import MapError, map_of_stage
 from lab3_usd.errors import StageError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import (
+    FOLLOWS,
     HERE,
     Affine,
     Behaviour,
@@ -65,6 +66,7 @@ def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
         tuple(_remarks(trial, checks)),
         missing=missing,
         fit=trial.fit,
+        sizes=tuple(_sizes(trial, " with the radius of the lab")),
     )
 
 
@@ -108,6 +110,7 @@ def outcome_of_any(stage: str, played: Played) -> Behaviour:
             Driven(robot.name, robot.commands.topic, robot.commands.domain)
             for robot in played.robots
         ),
+        sizes=tuple(dict.fromkeys(text for play in played.plays for text in _sizes(play))),
     )
 
 
@@ -208,6 +211,19 @@ def _leg_faults(
     for fault in faults:
         is_known = fault is not None and fault.sure and (is_all or fault.kind in kinds)
         yield fault.message if fault is not None and is_known else ""
+
+
+def _sizes(trial: Trial, of_lab: str = "") -> Iterator[str]:
+    """Yield how far wheels of another radius than their controller has take the robot."""
+    if trial.recording.radii is None:
+        return
+    wheel, stated = trial.recording.radii
+    far = wheel / stated
+    text = f"the wheels measure {wheel:g} m and the controller has {stated:g} m: the robot goes"
+    is_expected = abs(far / trial.factor - 1.0) <= FOLLOWS
+    yield f"{text} {far:.2f} times as far as commanded" + (
+        f", as expected{of_lab}" if is_expected else ""
+    )
 
 
 def _remarks(trial: Trial, checks: Sequence[Check]) -> Iterator[str]:

@@ -275,7 +275,7 @@ def record(
         unit,
         scene.up == "Z" or not wanted.has_ground,
     )
-    recording.remarks = list(causes.remarks())
+    recording.radii = causes.radii()
     if robot is not None and robot.is_given_ground:
         recording.remarks.append(f"no ground is below {robot.base}: a ground plane is supplied")
     room = _room(player, start)

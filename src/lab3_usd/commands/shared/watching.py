@@ -13,13 +13,14 @@ from typing import Any, NamedTuple
 
 import click
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd import features
 from lab3_usd.commands.shared.options import understands_ansi
 from lab3_usd.commands.shared.reporting import write_report
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.installation import install_command
-from lab3_usd.model.finding import Finding, Report
+from lab3_usd.model.finding import Finding, Report, StageResult
 from lab3_usd.report.entries import ReportedFinding, entries, site
 from lab3_usd.report.safe_text import printable
 
@@ -96,19 +97,26 @@ _Place = tuple[str, str, str, str | None]
 
 
 class ReportChanges(Struct, frozen=True):
-    """The findings that a save changed."""
+    """The findings that a save changed; `unknown` are those of files that cannot be read now."""
 
     new: tuple[Finding, ...]
     changed: tuple[Finding, ...]
     repaired: tuple[Finding, ...]
+    unknown: tuple[Finding, ...] = ()
 
 
 def changes_between(before: Report, after: Report) -> ReportChanges:
     """Compare two reports; a finding that only moved to another line is unchanged.
 
-    A finding of one rule at one place that says something else now is changed.
+    A finding of one rule at one place that says something else now is changed. Of a file that
+    cannot be read nothing is known: its findings are neither repaired nor left.
     """
-    old, new = list(entries(before)), list(entries(after))
+    unread = {result.path for result in after.results if result.verdict == "unreadable"}
+    old, unknown = list[ReportedFinding](), list[ReportedFinding]()
+    for entry in entries(before):
+        is_unknown = entry.path in unread and entry.finding.unopened != "stage"
+        (unknown if is_unknown else old).append(entry)
+    new = list(entries(after))
     known = Counter(map(_site_and_message, old))
     known.subtract(map(_site_and_message, new))
     added = list(_surplus(new, -known))
@@ -124,6 +132,7 @@ def changes_between(before: Report, after: Report) -> ReportChanges:
         tuple(entry.finding for entry in added),
         tuple(entry.finding for entry in changed),
         tuple(entry.finding for entry in repaired),
+        tuple(entry.finding for entry in unknown),
     )
 
 
@@ -153,6 +162,8 @@ def change_lines(saved: str, news: ReportChanges, after: Report) -> Iterator[str
     figures = [f"{count} {name}{'s' * (count != 1)}" for name, count in left.items()]
     changed = f", {len(news.changed)} changed" if news.changed else ""
     counts = f"{len(news.repaired)} repaired, {len(news.new)} new{changed}"
+    if news.unknown:
+        counts += f", {len(news.unknown)} unknown until it can be read"
     yield printable(f"{clock()}  {saved}: {counts}; {', '.join(figures) or 'nothing'} left")
     for word, findings in (("new", news.new), ("changed", news.changed)):
         for finding in findings:
@@ -235,6 +246,7 @@ class _Session:
         self._watched = watched
         self._options = options
         self._reports: dict[str, Report] = {}
+        self._read: dict[str, StageResult] = {}  # the last result of each stage that could be read
         self._files: dict[str, frozenset[str]] = {}
         self._seen: dict[str, tuple[str, Stamp | None]] = {}  # the stages as they were judged
         self._version = 0
@@ -294,7 +306,7 @@ class _Session:
         gone = self._reports.keys() - set(names)
         if not touched and not gone:
             return
-        before = self._whole()
+        before = self._whole_as_read()
         for name in gone:
             del self._reports[name]
         try:
@@ -344,6 +356,11 @@ class _Session:
             )
             if report is not None and is_whole and seen(name) == before:
                 self._reports[name] = report
+                self._read |= {
+                    result.path: result
+                    for result in report.results
+                    if result.verdict != "unreadable"
+                }
                 self._seen[name] = before
                 return
             time.sleep(_PAUSE)
@@ -371,6 +388,16 @@ class _Session:
             tuple(result for report in reports for result in report.results),
             tuple(submission for report in reports for submission in report.submissions),
         )
+
+    def _whole_as_read(self) -> Report:
+        """Return the whole report, with what was last found in files that cannot be read now."""
+        whole, results = self._whole(), list[StageResult]()
+        for result in whole.results:
+            known = self._read.get(result.path)
+            if known is not None and result.verdict == "unreadable":
+                result = replace(result, findings=(*result.findings, *known.findings))  # noqa: PLW2901
+            results.append(result)
+        return replace(whole, results=tuple(results))
 
     def _show(self, lines: Iterable[str]) -> None:
         """Show what is new first, then the report."""

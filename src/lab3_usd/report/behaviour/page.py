@@ -46,6 +46,7 @@ class DryRunSummary(Struct, frozen=True):
 
     summary: str
     legs: tuple[tuple[str, bool], ...]
+    sizes: tuple[str, ...]
     wrong: tuple[Check, ...]
     room: Markup
     near: Markup
@@ -61,6 +62,7 @@ def dry_run_summary(behaviour: Behaviour, replay: Replay | None) -> DryRunSummar
     return DryRunSummary(
         sum_text(behaviour),
         tuple(_leg_marks(behaviour)),
+        behaviour.sizes,
         tuple(check for check in behaviour.checks if check.verdict != "ok"),
         Markup(room_svg(replay, shown, still=True)),  # noqa: S704 - no name of the stage is in it
         Markup(near_svg(replay, shown, still=True)),  # noqa: S704

@@ -131,10 +131,11 @@ def render(
         "joints received commands" if behaviour.robots else "no command was sent"
     )
     motion = "drive" if behaviour.legs else "run"
-    remarks = (f"{motion}: {behaviour.seconds:.1f} s; {legs}", *map(printable, _remarks(behaviour)))
+    drive = f"{motion}: {behaviour.seconds:.1f} s; {legs}"
+    remarks = (*behaviour.sizes, drive, *map(printable, _remarks(behaviour)))
     for robot in behaviour.robots:
-        drive = f"{robot.prim}: commands on {robot.topic} in domain {robot.domain}"
-        remarks = (*remarks, printable(drive))
+        heard = f"{robot.prim}: commands on {robot.topic} in domain {robot.domain}"
+        remarks = (*remarks, printable(heard))
     lines.append("")
     for remark in remarks:
         lines += textwrap.wrap(remark, max(width, 40), subsequent_indent="  ")

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 
 from lab3_usd.model.finding import Crash, Finding, Report
-from lab3_usd.report.entries import score_text, site, summarize, summary_line
+from lab3_usd.report.entries import is_lint, score_text, site, summarize, summary_line
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 from lab3_usd.report.text import to_come_text
@@ -20,7 +20,8 @@ _MARKUP = re.compile(r"([\\`*_{}\[\]<>()#+.!|~&$^:@=-])")
 def render(report: Report, rules: Rules | None, options: Options) -> str:
     """Return a heading, a table for each file and a summary."""
     del rules, options
-    blocks = [f"# {load_lab().title} check"]
+    is_of_lab = not is_lint(report)
+    blocks = [f"# {load_lab().title} check" if is_of_lab else "# Isaac Sim lint"]
     for result in report.results:
         blocks.append(f"## {code(result.path)}")
         verdict = f"**{text(result.verdict)}**"
@@ -32,7 +33,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         )
         blocks += [f"Not judged: {text(gap)}" for gap in result.gaps]
         if result.findings:
-            blocks.append(findings_table(result.findings))
+            blocks.append(findings_table(result.findings, has_handout=is_of_lab))
         blocks += _crashes(result.crashes)
     for submission in report.submissions:
         if submission.handed_in or submission.findings:
@@ -72,8 +73,8 @@ def table(heading: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
-def findings_table(findings: Iterable[Finding]) -> str:
-    """Return the table of findings."""
+def findings_table(findings: Iterable[Finding], *, has_handout: bool = True) -> str:
+    """Return the table of findings, with the handout's sections where there is a handout."""
     rows = (
         (
             text(finding.severity),
@@ -85,7 +86,9 @@ def findings_table(findings: Iterable[Finding]) -> str:
         )
         for finding in findings
     )
-    return table(HEADING, rows)
+    if has_handout:
+        return table(HEADING, rows)
+    return table(HEADING[:-1], (row[:-1] for row in rows))
 
 
 def _crashes(crashes: Iterable[Crash]) -> list[str]:

@@ -11,6 +11,7 @@ from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, StageResu
 from lab3_usd.report.entries import (
     coverage_line,
     entries,
+    is_lint,
     is_repairable,
     plural,
     score_text,
@@ -65,8 +66,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     lines.append(summary_line(summarize(report)))
     count = sum(map(is_repairable, findings))
     if count and not quiet:
-        lints = all(result.checkpoint is None for result in report.results)
-        command = f"{program()} fix --lint" if lints else f"{program()} fix"
+        command = f"{program()} fix --lint" if is_lint(report) else f"{program()} fix"
         lines.append(f"{REPAIRABLE} {plural(count, 'finding')} can be repaired with {command}")
     return "\n".join(lines) + "\n"
 

@@ -182,6 +182,7 @@ class Recording(Struct):
     unplayed: dict[str, str] = field(default_factory=dict)
     assumed: dict[str, str] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+    radii: tuple[float, float] | None = None  # of wheels, and as the controller has it, in metres
     fired: dict[str, int] = field(default_factory=dict)
     # Those that hold throughout, sent for those who come late, with the node that sends them.
     static: tuple[tuple[Transform, str], ...] = ()

@@ -156,8 +156,8 @@ class RunCauses(Struct, frozen=True):
             if sends or (check in DRIVEN and node.type.drives is not None):
                 yield node.path
 
-    def remarks(self) -> Iterator[str]:
-        """Say what the sizes of the robot do to its commands."""
+    def radii(self) -> tuple[float, float] | None:
+        """Return the radius of the wheels and the one that their controller has, where unlike."""
         robot = self.robot
         radii = {round(wheel.radius, 4) for wheel in robot.wheels} if robot is not None else set()
         nodes = [node for node in self.program.nodes.values() if node.type.step_limits]
@@ -167,9 +167,8 @@ class RunCauses(Struct, frozen=True):
             if _RADIUS not in running.wires
         }
         if len(radii) == len(sizes) == 1 and radii != sizes and all(sizes):
-            wheel, size = radii.pop() * self.unit, sizes.pop() * self.unit
-            text = f"the wheels measure {wheel:g} m and the controller has {size:g} m"
-            yield f"{text}: the robot goes {wheel / size:.2f} times as far as commanded"
+            return radii.pop() * self.unit, sizes.pop() * self.unit
+        return None
 
     def _elsewhere(self, node: NodeInstance, topic: str) -> Cause | None:
         own = [message for message in self.sent if message.node == node.path]
