@@ -98,6 +98,7 @@ MODULES = {
         "lint_drives",
         "lint_motion",
         "lint_sensors",
+        "lint_sensor_frames",
     ),
     "UV": ("native",),
 }

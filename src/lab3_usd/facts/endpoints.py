@@ -29,6 +29,7 @@ from lab3_usd.facts.execution_order import (
     running_nodes,
     sensor_of,
 )
+from lab3_usd.facts.render_products import two_sizes
 from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
@@ -324,7 +325,7 @@ def _endpoint(
     queue = effective_value(node, QUEUE, live)
     switch = None if kind.tf is None else kind.tf.static
     static = switch is not None and effective_value(node, switch, live) is True
-    runs = _is_at_work(node, port, live, running)
+    runs = _is_at_work(node, port, live, running) and two_sizes(node, stage, live) is None
     is_sure = len(certain) == len(running) or _is_at_work(node, port, live, certain)
     frames = (effective_value(node, name, live) for name in frame_ports(kind, port))
     return Endpoint(

@@ -14,7 +14,13 @@ from lab3_usd.facts.endpoints import (
     resolve,
     used_topics,
 )
-from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources, run_states
+from lab3_usd.facts.execution_order import (
+    effective_value,
+    is_switched_on,
+    live_nodes,
+    live_sources,
+    run_states,
+)
 from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.facts.frames import tf2_name
 from lab3_usd.isaac.platform import Platform
@@ -56,6 +62,8 @@ def written_frames(stage: StageModel, platform: Platform) -> Iterator[tuple[Node
     for node in live_nodes(stage, platform).values():
         kind = node.type
         if kind is None or not kind.topics or node.path not in run_states(stage, platform):
+            continue
+        if not is_switched_on(node, live_nodes(stage, platform)):
             continue
         used = set(used_topics(node, kind, live_nodes(stage, platform)))
         for port in kind.frames:

@@ -38,12 +38,17 @@ class SensorOf(Struct, frozen=True, forbid_unknown_fields=True):
 
     `schemas_until` are schemas that also made a prim such a sensor, each with the last release in
     which it did. `needs` is a schema that a prim of the types must carry, '' where it needs none.
+    `turned` tells whether messages and frames have the axes of REP 103 for cameras: the prim's own,
+    turned half around X. `in_frame` are attributes of the sensor, each with the value with which
+    points are in its own frame.
     """
 
     types: tuple[str, ...]
     source: str
     schemas_until: Mapping[str, str] = {}
     needs: str = ""
+    turned: bool = False
+    in_frame: Mapping[str, str] = {}
 
     def schemas_in(self, release: str) -> set[str]:
         """Return the schemas that make a prim such a sensor in a release."""

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import effective_value, sensor_of
-from lab3_usd.facts.frames import published_edges
 from lab3_usd.isaac.behaviour import SensorOf, TargetOf
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.releases import is_within
@@ -331,41 +330,6 @@ def lidar_on_its_side(subject: LintSubject) -> Iterator[Problem]:
                 related=(node.path,),
                 rests_on=subject.stage.unknown_pose(prim),
             )
-
-
-@rule("K77", "frame-of-another-sensor", scope="lint", severity="warning")
-def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
-    """A message names the frame of another sensor.
-
-    Why: the message gets the position and direction of the other sensor.
-
-    Fix: use the frame of the sensor itself, or of the link that carries it.
-
-    Example: a lidar helper with the frame of the camera.
-    """
-    kinds = {
-        path: prim.type
-        for _, _, path in _read_sensors(subject)
-        if (prim := subject.stage.prim(path))
-    }
-    frames = {
-        edge.child: edge.prim
-        for edge in published_edges(subject.stage, subject.platform)
-        if edge.prim in kinds
-    }
-    for node, _, path in _read_sensors(subject):
-        for port in () if node.type is None or path not in kinds else node.type.frames[:1]:
-            name = effective_value(node, port, subject.live)
-            other = frames.get(name) if isinstance(name, str) else None
-            if other is not None and kinds[other] != kinds[path]:
-                yield Problem(
-                    node.path,
-                    f"{port} is '{name}', the frame of {other}, but it publishes {path}",
-                    property=port,
-                    expected="the frame of its own sensor",
-                    actual=str(name),
-                    related=(other,),
-                )
 
 
 @rule("K80", "script", scope="lint", severity="note", counted=("script", "scripts"))

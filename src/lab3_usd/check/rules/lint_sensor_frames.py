@@ -1,0 +1,256 @@
+"""Rules about the frames of sensors, and about images and camera infos that belong together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.facts.execution_order import is_switched_on
+from lab3_usd.facts.joined_bodies import joined_bodies
+from lab3_usd.facts.render_products import two_sizes
+from lab3_usd.facts.sensor_topics import SensorTopic, frame_prims, resting_frames, sensor_topics
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.transforms import (
+    Vector,
+    decompose,
+    distance,
+    length,
+    minus,
+    rotation_difference,
+    scaled,
+)
+
+_NEAR, _ALIKE = 0.001, 0.5  # metres and degrees between places that are one
+_TURNED = 5.0  # degrees from which on points are elsewhere
+_BASELINE = 0.5  # metres between the two cameras of a stereo pair, at most
+_POINTS = ("sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/LaserScan")
+_IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+_INFO, _INFO_NAME = "sensor_msgs/msg/CameraInfo", "camera_info"
+
+
+def _named_prims(topic: SensorTopic, subject: LintSubject) -> list[Prim]:
+    """Return the prims whose place the frame of a topic has, none where nothing tells it."""
+    paths = frame_prims(subject.stage, subject.platform).get(
+        (topic.endpoint.domain.name, topic.frame), ()
+    )
+    return [prim for path in paths if (prim := subject.stage.prim(path)) is not None]
+
+
+def _is_sensor(prim: Prim, subject: LintSubject) -> bool:
+    return any(prim.type in reads.types for reads in subject.platform.sensors.values())
+
+
+def _axes(prim: Prim, subject: LintSubject) -> tuple[Vector, tuple[Vector, Vector, Vector]] | None:
+    """Return where a frame stands and its axes, as TF has them; None where nothing tells it."""
+    if prim.world is None:
+        return None
+    pose = decompose(prim.world)
+    x, y, z = pose.rotation
+    kinds = subject.platform.sensors.values()
+    is_turned = any(prim.type in reads.types and reads.turned for reads in kinds)
+    return pose.translation, (x, scaled(y, -1.0), scaled(z, -1.0)) if is_turned else (x, y, z)
+
+
+@rule("K77", "frame-of-another-sensor", scope="lint", severity="warning")
+def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
+    """A message names the frame of another sensor.
+
+    Why: the message gets the position and direction of the other sensor. The right camera of a
+    stereo pair may be in the frame of the left one, as may a sensor at the same place.
+
+    Fix: use the frame of the sensor itself, or of the link that carries it. If the frame is right,
+    connect the render product of its sensor.
+
+    Example: a lidar helper with the frame of the camera, or with that of the other lidar.
+    """
+    for topic in sensor_topics(subject.stage, subject.platform):
+        named = _named_prims(topic, subject)
+        if not named or not all(_is_another(prim, topic, subject) for prim in named):
+            continue
+        other = named[0]
+        yield Problem(
+            topic.endpoint.node.path,
+            f"{topic.port} is '{topic.frame}', the frame of {other.path}, but it publishes "
+            f"{topic.sensor.path}",
+            property=topic.port,
+            expected="the frame of its own sensor",
+            actual=topic.frame,
+            related=(other.path, topic.sensor.path),
+            rests_on=subject.stage.unknown_pose(other, topic.sensor),
+        )
+
+
+def _is_another(prim: Prim, topic: SensorTopic, subject: LintSubject) -> bool:
+    """Whether a prim is another sensor than that of a topic, and stands elsewhere."""
+    if prim.path == topic.sensor.path or not _is_sensor(prim, subject):
+        return False
+    frame, data = _axes(prim, subject), _axes(topic.sensor, subject)
+    if frame is None or data is None:
+        return prim.type != topic.sensor.type
+    (start, axes), (end, others) = frame, data
+    unit = subject.stage.meters_per_unit
+    is_alike = rotation_difference(axes, others) <= _ALIKE
+    if is_alike and unit * distance(start, end) <= _NEAR:
+        return False
+    is_pair = topic.reads.turned and prim.type == topic.sensor.type
+    is_pair = is_pair and is_alike and _is_right_of(start, axes[0], end, unit)
+    return not (is_pair or prim.path in topic.others)
+
+
+def _is_right_of(left: Vector, ahead: Vector, right: Vector, unit: float) -> bool:
+    """Whether a camera stands to the right of one that looks the same way, as in a stereo pair."""
+    between = scaled(minus(right, left), unit)
+    along = sum(a * b for a, b in zip(between, ahead, strict=True))
+    return 0 < along <= _BASELINE and length(between) - along <= _NEAR
+
+
+@rule("K87", "frame-off-sensor", scope="lint", severity="warning")
+def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
+    """The frame of a sensor's message does not move with the sensor, or is turned against it.
+
+    Why: listeners place the data by its frame. In `odom` or in the frame of a wheel it moves away
+    from the robot. The points of a depth image are in the axes of REP 103 for cameras, z ahead: in
+    the frame of a link, x ahead, the cloud stands on its side.
+
+    Fix: use the frame of the sensor itself, or of a link that moves with it and has its axes.
+
+    Example: a scan in `odom`; the `depth_pcl` of a camera in `base_link`.
+    """
+    for topic in sensor_topics(subject.stage, subject.platform):
+        fits = topic.reads.in_frame.items()
+        if any(topic.sensor.attributes.get(name, value) != value for name, value in fits):
+            continue
+        named = _named_prims(topic, subject)
+        if any(_is_sensor(prim, subject) for prim in named):
+            continue
+        fault = _resting(topic, subject) or _moving(topic, named, subject)
+        fault = fault or _turned(topic, named, subject)
+        paths = (topic.sensor.path, *(prim.path for prim in named[:1]))
+        if fault:
+            yield Problem(
+                topic.endpoint.node.path,
+                f"{topic.port} is '{topic.frame}', {fault}",
+                property=topic.port,
+                expected="the frame of its own sensor",
+                actual=topic.frame,
+                related=paths,
+                rests_on=next(
+                    filter(None, map(subject.stage.unknown_below, map(_top, paths))), None
+                ),
+            )
+
+
+def _resting(topic: SensorTopic, subject: LintSubject) -> str:
+    """Return what is wrong with a frame that stands still, '' for nothing."""
+    key, sensor = (topic.endpoint.domain.name, topic.frame), topic.sensor.path
+    bodies = joined_bodies(subject.stage)
+    is_resting = key in resting_frames(subject.stage, subject.platform)
+    if not is_resting or bodies.move_together(sensor, "/"):
+        return ""
+    return f"which stands still, and {sensor} moves with {bodies.carrier(sensor)}"
+
+
+def _moving(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
+    """Return against which prim of a frame a sensor moves, '' for none."""
+    bodies, sensor = joined_bodies(subject.stage), topic.sensor.path
+    if not named or any(bodies.move_together(prim.path, sensor) for prim in named):
+        return ""
+    return f"the frame of {named[0].path}, against which {sensor} moves"
+
+
+def _turned(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
+    """Return how far points are turned in a frame, '' where they are not."""
+    data = _axes(topic.sensor, subject)
+    places = [place for prim in named if (place := _axes(prim, subject)) is not None]
+    if topic.endpoint.type not in _POINTS or data is None or len(places) < max(1, len(named)):
+        return ""
+    turn = min(rotation_difference(axes, data[1]) for _, axes in places)
+    if turn <= _TURNED:
+        return ""
+    return f"which is turned by {turn:.0f} degrees against the points of {topic.sensor.path}"
+
+
+def _top(path: str) -> str:
+    """Return the prim at the root that a prim is below."""
+    end = path.find("/", 1)
+    return path if end < 0 else path[:end]
+
+
+@rule("K78", "image-info-mismatch", scope="lint", severity="warning")
+def image_info_mismatch(subject: LintSubject) -> Iterator[Problem]:
+    """An image and its camera info differ in camera, frame or size.
+
+    Why: subscribers take the `camera_info` beside an image, in its namespace, for that of the
+    image. With another camera, size or frame, what they compute is elsewhere.
+
+    Fix: connect both helpers to one render product, and set one Frame Id.
+
+    Example: `/front/image_raw` of 1280 x 720, beside `/front/camera_info` of 640 x 480.
+    """
+    topics = sensor_topics(subject.stage, subject.platform)
+    for info in topics:
+        space, _, name = (info.endpoint.topic or "").rpartition("/")
+        if info.endpoint.type != _INFO or name != _INFO_NAME:
+            continue
+        images = [
+            topic
+            for topic in topics
+            if topic.endpoint.type in _IMAGES
+            and topic.endpoint.domain.name == info.endpoint.domain.name
+            and (topic.endpoint.topic or "").rpartition("/")[0] == space
+        ]
+        same = [image for image in images if image.sensor.path == info.sensor.path]
+        if images and not same:
+            fault, port = f"shows {info.sensor.path}", info.product
+            fault += f", and {images[0].endpoint.topic} shows {images[0].sensor.path}"
+            yield _mismatch(info, images[0], fault, port)
+        frames = [image for image in same if image.frame != info.frame]
+        if frames and len(frames) == len(same):
+            fault = f"is in '{info.frame}', and {frames[0].endpoint.topic} in '{frames[0].frame}'"
+            yield _mismatch(info, frames[0], fault, info.port)
+        elif frames:
+            fault = f"is in '{frames[0].frame}', and {info.endpoint.topic} in '{info.frame}'"
+            yield _mismatch(frames[0], info, fault, frames[0].port)
+        sized = [image for image in same if image.shown.size and info.shown.size]
+        if sized and all(image.shown.size != info.shown.size for image in sized):
+            fault = f"is of {_size(info)}, and {sized[0].endpoint.topic} of {_size(sized[0])}"
+            yield _mismatch(info, sized[0], fault, info.product)
+
+
+def _mismatch(topic: SensorTopic, other: SensorTopic, fault: str, port: str) -> Problem:
+    return Problem(
+        topic.endpoint.node.path,
+        f"{topic.endpoint.topic} {fault}",
+        property=port,
+        related=(other.endpoint.node.path,),
+    )
+
+
+def _size(topic: SensorTopic) -> str:
+    return "{} x {}".format(*(topic.shown.size or ()))
+
+
+@rule("K79", "stereo-sizes", scope="lint")
+def stereo_sizes(subject: LintSubject) -> Iterator[Problem]:
+    """The two render products of a stereo pair differ in size.
+
+    Why: the ROS2 Camera Info Helper computes one rectification for both cameras. With two sizes it
+    logs a warning and sends neither camera info.
+
+    Fix: set the same Width and Height on both render products.
+
+    Example: left 1280 x 720, right 640 x 480.
+    """
+    for node in subject.live.values():
+        shown = two_sizes(node, subject.stage, subject.live)
+        if shown is not None and subject.runs(node.path) and is_switched_on(node, subject.live):
+            left, right = ("{} x {}".format(*(each.size or ())) for each in shown)
+            yield Problem(
+                node.path,
+                f"the left image is of {left}, the right one of {right}: no camera info is sent",
+                expected=left,
+                actual=right,
+                related=tuple(each.maker for each in shown),
+            )

@@ -1,0 +1,77 @@
+"""Which bodies joints tie together, and which robot a prim belongs to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from msgspec import Struct
+
+from lab3_usd.model.physics import FIXED, bodies, bodies_below, is_joint_type
+from lab3_usd.model.stage import StageModel, once_per_stage
+
+_WORLD = ""  # what stands still, which ends of joints name by ''
+
+
+class JoinedBodies(Struct, frozen=True, eq=False):
+    """The bodies of a stage by what ties them.
+
+    `robots` maps each body to the first one of all that joints tie to it, `rigid` to the first one
+    of those that move with it: '' where that is the world.
+    """
+
+    robots: dict[str, str]
+    rigid: dict[str, str]
+
+    def carrier(self, path: str) -> str:
+        """Return the body that a prim moves with, '' where it stands still."""
+        while path and path not in self.robots:
+            path = path.rpartition("/")[0]
+        return path
+
+    def move_together(self, one: str, other: str) -> bool:
+        """Whether two prims never move against each other, as far as joints tell."""
+        first, second = (self.rigid.get(self.carrier(path), _WORLD) for path in (one, other))
+        return first == second
+
+    def owner(self, path: str) -> str:
+        """Return the robot that a prim is part of or holds; '' for none, or one of several."""
+        body = self.carrier(path)
+        if body:
+            return self.robots[body]
+        inside = {robot for other, robot in self.robots.items() if other.startswith(f"{path}/")}
+        return inside.pop() if len(inside) == 1 else ""
+
+    def members(self, robot: str) -> int:
+        """Return how many bodies a robot has."""
+        return sum(first == robot for first in self.robots.values())
+
+
+@once_per_stage
+def joined_bodies(stage: StageModel) -> JoinedBodies:
+    """Return what the joints of a stage tie together, those that are switched off included."""
+    paths = bodies_below(stage, "/")
+    known = JoinedBodies(dict.fromkeys(paths, ""), {})
+    tied = [
+        (tuple(known.carrier(end) for end in bodies(joint)), joint.type == FIXED)
+        for joint in stage.of_type(is_joint_type)
+        if joint.present
+    ]
+    robots = _groups(paths, (pair for pair, _ in tied if all(pair)))
+    rigid = _groups([_WORLD, *paths], (pair for pair, is_fixed in tied if is_fixed))
+    return JoinedBodies(robots, rigid)
+
+
+def _groups(paths: Iterable[str], pairs: Iterable[tuple[str, ...]]) -> dict[str, str]:
+    """Map each path to the first one of those that pairs tie to it."""
+    first = {path: path for path in paths}
+
+    def top(path: str) -> str:
+        while first[path] != path:
+            first[path] = path = first[first[path]]
+        return path
+
+    order = {path: number for number, path in enumerate(first)}
+    for one, other in pairs:
+        low, high = sorted((top(one), top(other)), key=order.__getitem__)
+        first[high] = low
+    return {path: top(path) for path in first}

@@ -1,0 +1,62 @@
+"""What a render product shows: its sensor and its size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from msgspec import Struct
+
+from lab3_usd.facts.execution_order import effective_value, live_sources
+from lab3_usd.isaac.topics import product_input
+from lab3_usd.model.stage import Node, StageModel
+
+
+class Shown(Struct, frozen=True):
+    """The sensor whose product reaches a node, and the size; None where that is unknown.
+
+    `maker` is the node that makes the product.
+    """
+
+    sensor: str
+    size: tuple[int, int] | None
+    maker: str
+
+
+def shown_by(node: Node, port: str, stage: StageModel, live: Mapping[str, Node]) -> Shown | None:
+    """Return what the product at an input shows, None where nothing tells it.
+
+    A product that is named is used as it is (OgnIsaacCreateRenderProduct.py:113-142).
+    """
+    sources = list(live_sources(node, port, live))
+    maker = sources[0][0] if len(sources) == 1 else None
+    ports = maker.type.product if maker is not None and maker.type is not None else None
+    if maker is None or ports is None:
+        return None
+    named = maker.targets(ports.named)
+    if len(named) == 1 and named[0] in stage.products:
+        product = stage.products[named[0]]
+        return Shown(product.camera, _size(product.size), maker.path) if product.camera else None
+    cameras = maker.targets(ports.camera)
+    size = tuple(effective_value(maker, name, live) for name in ports.size)
+    return Shown(cameras[0], _size(size), maker.path) if cameras else None
+
+
+def _size(values: tuple[object, ...]) -> tuple[int, int] | None:
+    sides = [value for value in values if isinstance(value, int) and not isinstance(value, bool)]
+    return (sides[0], sides[1]) if len(sides) == len(values) == len(("width", "height")) else None
+
+
+def two_sizes(
+    node: Node, stage: StageModel, live: Mapping[str, Node]
+) -> tuple[Shown, Shown] | None:
+    """Return what the two products of a stereo pair show if they differ in size, else None.
+
+    Then neither camera info is sent (OgnROS2CameraInfoHelper.py:350-354).
+    """
+    topics = () if node.type is None else node.type.topics
+    ports = dict.fromkeys(map(product_input, topics))
+    shown = [shown_by(node, port, stage, live) for port in ports if node.has_port(port)]
+    if len(shown) != len(("left", "right")) or shown[0] is None or shown[1] is None:
+        return None
+    sizes = shown[0].size, shown[1].size
+    return (shown[0], shown[1]) if None not in sizes and sizes[0] != sizes[1] else None
