@@ -83,6 +83,78 @@ def test_a_graph_that_runs_for_a_prim_runs_only_with_one() -> None:
     assert checks(stage)["follows"].verdict == "not judged"
 
 
+TICK, GRAPH = "omni.graph.action.OnPlaybackTick", "/World/Extra"
+# What these nodes do: the documentation of omni.graph.nodes, .action_nodes and .ui_nodes.
+CHANGING: dict[str, dict[str, object]] = {
+    "omni.graph.action.SetPrimActive": {"rel inputs:primTarget": "/turtlebot3_burger/base_link"},
+    "omni.graph.nodes.SetTimeline": {"token inputs:propName": "Time"},
+    "omni.graph.nodes.WriteSetting": {"string inputs:settingPath": "/app/player/playSimulations"},
+    "omni.graph.nodes.BlendVariants": {"rel inputs:prim": "/turtlebot3_burger"},
+    "omni.graph.ui_nodes.SetCameraTarget": {
+        "token inputs:primPath": "/turtlebot3_burger/base_footprint/Camera_1"
+    },
+    "omni.graph.scriptnode.ScriptNode": {},
+}
+HARMLESS: dict[str, dict[str, object]] = {
+    "omni.graph.ui_nodes.PrintText": {},
+    "omni.graph.ui_nodes.SetCameraTarget": {"token inputs:primPath": "/OmniverseKit_Persp"},
+    "omni.graph.nodes.WriteSetting": {"string inputs:settingPath": "/rtx/post/aa/op"},
+}
+
+
+def extra(stage: Usd.Stage, kind: str, ports: dict[str, object], event: str = TICK) -> None:
+    graph = stage.DefinePrim(GRAPH, "OmniGraph")
+    graph.CreateAttribute("evaluator:type", Sdf.ValueTypeNames.Token).Set("execution")
+    node_of(stage, f"{GRAPH}/event", event)
+    node = node_of(stage, f"{GRAPH}/changes", kind)
+    output = "pressed" if event.endswith("Input") else "tick"
+    signal = node.CreateAttribute("inputs:execIn", Sdf.ValueTypeNames.UInt)
+    signal.SetConnections([f"{GRAPH}/event.outputs:{output}"])
+    for name, value in ports.items():
+        usd_type, _, port = name.partition(" ")
+        if usd_type == "rel":
+            node.CreateRelationship(port).SetTargets([value])
+        else:
+            node.CreateAttribute(port, Sdf.ValueTypeNames.Find(usd_type)).Set(value)
+
+
+@pytest.mark.parametrize(("kind", "ports"), CHANGING.items(), ids=CHANGING)
+def test_a_stage_is_not_right_while_a_node_that_may_change_it_is_not_played(
+    kind: str, ports: dict[str, object]
+) -> None:
+    stage = correct_stage("05")
+    extra(stage, kind, ports)
+    found = checks(stage)
+    assert {check.verdict for check in found.values()} == {"not judged"}
+    assert f"{GRAPH}/changes" in found["topics"].message
+
+
+@pytest.mark.parametrize(("kind", "ports"), HARMLESS.items(), ids=HARMLESS)
+def test_what_a_node_changes_only_on_the_screen_is_no_doubt(
+    kind: str, ports: dict[str, object]
+) -> None:
+    stage = correct_stage("05")
+    extra(stage, kind, ports)
+    assert faulty(stage, "not judged") == set()
+
+
+def test_a_key_that_nobody_presses_stops_nothing() -> None:
+    stage = correct_stage("05")
+    extra(stage, "omni.graph.nodes.SetTimeline", {}, "omni.graph.action.OnKeyboardInput")
+    assert faulty(stage, "not judged") == set()
+
+
+def test_nothing_is_sent_after_a_node_has_stopped_the_timeline() -> None:
+    stage = correct_stage("05")
+    extra(stage, "omni.graph.nodes.StopTimeline", {})
+    found = checks(stage)
+    assert (found["graphs"].kind, found["graphs"].prim) == (
+        "simulation-stopped",
+        f"{GRAPH}/changes",
+    )
+    assert {found[name].verdict for name in ("topics", "follows")} == {"bad"}
+
+
 TIME = "ROS_Clock/ros2_publish_clock.inputs:timeStamp"
 
 

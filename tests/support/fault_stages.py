@@ -54,6 +54,19 @@ INFO = "ROS_Camera/ros2_camera_info_helper"
 
 STAGES: dict[FaultKind, tuple[Change, str]] = {
     "graph-not-evaluated": (value("ROS_Clock.pipelineStage", "pipelineStageOnDemand"), "topics"),
+    "simulation-stopped": (
+        steps(
+            {"node": ["ROS_Clock/stop", "omni.graph.nodes.StopTimeline"]},
+            {"declare": ["ROS_Clock/stop.inputs:execIn", "uint"]},
+            {
+                "connect": [
+                    "ROS_Clock/stop.inputs:execIn",
+                    "ROS_Clock/on_playback_tick.outputs:tick",
+                ]
+            },
+        ),
+        "graphs",
+    ),
     "unknown-type": (
         value("ROS_Clock/ros2_context.node:type", "isaacsim.ros2.nodes.ROS2Context"),
         "graphs",

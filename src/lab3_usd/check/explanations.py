@@ -19,6 +19,7 @@ ONLY_IN_A_DRY_RUN = "F07"  # the rule of a fault that no other rule finds
 EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     # nodes and their graphs
     "graph-not-evaluated": ("G03", "K03"),
+    "simulation-stopped": ("N13", "K09"),
     "unknown-type": ("N03", "K30"),
     "unknown-port": ("W03", "K21"),
     "refused-wire": ("W09", "K22"),

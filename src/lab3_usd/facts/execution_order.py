@@ -5,7 +5,7 @@ Everything that asks whether something happens asks here: rules, topics, frames 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Literal
 
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, is_refused
@@ -45,6 +45,20 @@ def run_states(stage: StageModel, platform: Platform) -> dict[str, State]:
     signal on. A publisher or subscriber that is signalled a single time does not run: the first
     signal opens it, the second would have it work. Nodes that are not named do not run.
     """
+    return _states(stage, platform, frozenset())
+
+
+@once_per_stage
+def nodes_of_their_own(stage: StageModel, platform: Platform) -> dict[str, Node]:
+    """Return the nodes that run or may run without somebody at the screen, by path."""
+    live = live_nodes(stage, platform)
+    if not any(node.type_name in platform.by_hand for node in live.values()):
+        return running_nodes(stage, platform)
+    return {path: live[path] for path in _states(stage, platform, platform.by_hand)}
+
+
+def _states(stage: StageModel, platform: Platform, quiet: Collection[str]) -> dict[str, State]:
+    """Return the states of the nodes where events of these types do not fire."""
     live = live_nodes(stage, platform)
     computing: dict[str, Node] = {}
     states: dict[str, State] = {}
@@ -55,7 +69,8 @@ def run_states(stage: StageModel, platform: Platform) -> dict[str, State]:
         computing.update(nodes)
         form = platform.graph.evaluation
         if _attribute(graph, form.evaluator, platform) not in form.all_nodes:
-            states.update(_starts(graph, nodes, platform))
+            starts = _starts(graph, nodes, live, platform)
+            states.update((path, s) for path, s in starts if nodes[path].type_name not in quiet)
             continue
         pace = _attribute(graph, form.stage, platform)
         is_usual = pace in (platform.graph.value(form.stage), *form.on_demand)
@@ -104,13 +119,16 @@ def event_of(node: Node, platform: Platform) -> str | None:
     return platform.events.get(node.type_name)
 
 
-def _starts(graph: GraphModel, nodes: Nodes, platform: Platform) -> Iterator[tuple[str, State]]:
+def _starts(
+    graph: GraphModel, nodes: Nodes, live: Nodes, platform: Platform
+) -> Iterator[tuple[str, State]]:
     """Yield the nodes of an evaluated graph that start an execution by themselves."""
     form = platform.graph.evaluation
     pace = _attribute(graph, form.stage, platform)
     for path, node in nodes.items():
         needed = event_of(node, platform)
-        if needed is not None and needed == pace:
+        is_sure = needed is not None and (needed == pace or _fires_at_play(node, live, platform))
+        if is_sure:
             yield path, "may run" if graph.instanced else "runs"
         elif needed not in form.on_demand and (
             needed is not None or _may_start(node, nodes, platform)
@@ -158,7 +176,8 @@ def _is_unsure(node: Node, platform: Platform) -> bool:
     """Whether it is unknown if the node passes a signal on that reaches it."""
     kind = node.type
     is_doubtful = kind is not None and kind.may_have_more
-    is_told = node.type_name in platform.once or event_of(node, platform) is not None
+    name = node.type_name
+    is_told = name in platform.once or name in platform.passing or name in platform.events
     return is_doubtful and not is_told
 
 
@@ -180,7 +199,17 @@ def signals_once(node: Node, port: str, nodes: Nodes, platform: Platform) -> boo
     once = platform.once.get(node.type_name)
     if once is None or port.removeprefix(OUTPUT) not in once.outputs:
         return False
+    if once.when and not _fires_at_play(node, nodes, platform):
+        return False
     return not once.again or not any(live_sources(node, INPUT + once.again, nodes))
+
+
+def _fires_at_play(node: Node, nodes: Nodes, platform: Platform) -> bool:
+    """Whether an event is one that comes with Play."""
+    once = platform.once.get(node.type_name)
+    if once is None or not once.when:
+        return False
+    return effective_value(node, INPUT + once.when, nodes) in once.values
 
 
 def is_opened_first(node: Node) -> bool:

@@ -149,18 +149,26 @@ class Scripts(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SingleSignal(Struct, frozen=True, forbid_unknown_fields=True):
-    """Outputs that signal once, unless a wire reaches `again`."""
+    """Outputs that signal once, unless a wire reaches `again`.
+
+    With `when` they do so where that input has one of the `values`, and an event surely fires then.
+    """
 
     outputs: tuple[str, ...]
     again: str = ""
+    when: str = ""
+    values: tuple[str, ...] = ()
 
 
 class WriterPorts(Struct, frozen=True, forbid_unknown_fields=True):
-    """The inputs of a type that say what it changes in the scene.
+    """What a type changes while it runs, and the inputs that say so.
 
     `prims` are relationships, `paths` texts; `wires` lead to the node whose work is changed.
     `property` is what is written, '' for the prims themselves. A prim without one of the `schemas`
-    does not change.
+    does not change. One that `is_view` changes cameras, which matter to their viewer alone unless a
+    render product has them. `what` is changed where no prim is named. `run` says what becomes of
+    the run, '' for types that change prims: where the input `by` is one of `only`, and the input
+    `value` is not the `usual` one.
     """
 
     prims: tuple[str, ...] = ()
@@ -168,3 +176,10 @@ class WriterPorts(Struct, frozen=True, forbid_unknown_fields=True):
     wires: tuple[str, ...] = ()
     property: str = ""
     schemas: tuple[str, ...] = ()
+    is_view: bool = False
+    what: str = "the scene"
+    run: str = ""
+    by: str = ""
+    only: tuple[str, ...] = ()
+    value: str = ""
+    usual: bool | None = None

@@ -56,12 +56,14 @@ class Platform(Struct, frozen=True, eq=False):
     releases; `lookalikes` are no names of any, and which types they likely mean.
 
     `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
-    in which it does, '' where a stage does not tell whether it will; `deltas` name their outputs
-    that give the length of a step. `once` are the types with outputs that signal a single time
-    after Play, `gates` those that pass no signal on while the input named there is 0. Below
-    `world_frame` hangs what has no parent prim. `writers` change the scene; what begins with one of
-    the `looks` is a property that only changes what one sees. `placed` are the types of prims whose
-    place matters beside those of bodies, `attributes` those that are read beside the usual ones.
+    in which it does, '' where a stage does not tell whether it will, and `by_hand` are those that
+    need somebody at the screen; `deltas` name their outputs that give the length of a step. `once`
+    are the types with outputs that signal a single time after Play, `gates` those that pass no
+    signal on while the input named there is 0, `passing` those that pass each on. Below
+    `world_frame` hangs what has no parent prim. `writers` change the scene or the run; what begins
+    with one of the `looks` is a property that only changes what one sees. `placed` are the types of
+    prims whose place matters beside those of bodies, `attributes` those that are read beside the
+    usual ones.
     """
 
     release: str
@@ -74,7 +76,9 @@ class Platform(Struct, frozen=True, eq=False):
     lookalikes: Mapping[str, str]
     events: Mapping[str, str]
     deltas: Mapping[str, str]
+    by_hand: frozenset[str]
     once: Mapping[str, SingleSignal]
+    passing: frozenset[str]
     gates: Mapping[str, str]
     scripts: Scripts
     world_frame: str

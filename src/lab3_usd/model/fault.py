@@ -7,7 +7,8 @@ from typing import Literal, get_args
 # fmt: off
 FaultKind = Literal[
     # nodes and their graphs
-    "graph-not-evaluated", "unknown-type", "unknown-port", "refused-wire", "not-executed",
+    "graph-not-evaluated", "simulation-stopped", "unknown-type", "unknown-port", "refused-wire",
+    "not-executed",
     "switched-off", "zero-gate-step", "invalid-conversion", "no-number-input", "no-vector-input",
     "wrong-array-type", "invalid-context", "invalid-qos-profile", "invalid-topic-name",
     # commands and the drive

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
 from lab3_usd.model.physics import SCENE, number
+from lab3_usd.sim.execution.changes import unplayed_change
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
-from lab3_usd.sim.execution.node_instance import FRAME, STEP
+from lab3_usd.sim.execution.node_instance import FRAME, STEP, Failure
 from lab3_usd.sim.execution.program import Program, compile_graphs, depending
 from lab3_usd.sim.execution.recording import (
     Held,
@@ -164,7 +165,11 @@ class Player:
         )
 
     def step(self) -> None:
-        """Play one frame."""
+        """Play one frame, unless a node has stopped the timeline."""
+        if not self.world.stopped_by:
+            self._play_frame()
+
+    def _play_frame(self) -> None:
         world = self.world
         frame = world.dt
         steps = int((world.frame + 1) * self.rate / RATE) - int(world.frame * self.rate / RATE)
@@ -179,6 +184,10 @@ class Player:
         world.dt = frame
         self.program.run(FRAME, world, again=steps > 1)
         render(world)
+        if world.stopped_by:
+            text = f"it stops the simulation {world.since_play:.3g} s after Play"
+            self.program.dead.append((world.stopped_by, Failure(text, "simulation-stopped")))
+            world.machines.reset()
 
     def _pose(self, leg: Leg) -> Pose:
         world, robot = self.world, self.robot
@@ -214,6 +223,9 @@ def player_of(scene: Scene, platform: Platform, wanted: Expected) -> Player:
     world.network.commands = RosEndpoint(wanted.domain, wanted.commands)
     player = Player(world, platform, wanted.robot)
     world.not_simulated.update(player.program.not_simulated)
+    change = unplayed_change(scene, player.program, platform)
+    if change:
+        world.unplayed[""] = change
     if player.robot is not None:
         physics = unmodelled(world.machines, player.robot)
         world.not_simulated |= physics

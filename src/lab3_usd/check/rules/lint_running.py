@@ -9,6 +9,7 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.missing_wires import execution_wire
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.articulations import commands
+from lab3_usd.facts.changes import effect_on_run, writing_nodes
 from lab3_usd.facts.execution_order import (
     ENABLED,
     effective_value,
@@ -313,6 +314,25 @@ def _events(node: Node, subject: LintSubject) -> dict[str, Node]:
                 seen.add(source.path)
                 ahead.append(source)
     return events
+
+
+@rule("K09", "run-ends", scope="lint", severity="warning")
+def run_ends(subject: LintSubject) -> Iterator[Problem]:
+    """A node stops the simulation by itself, or closes Isaac Sim.
+
+    Why: from then on no graph executes and nothing is published. What a key or the mouse triggers
+    does not count.
+
+    Fix: delete the node, or trigger it by a key.
+
+    Example: Stop playback behind a Countdown that On Playback Tick starts.
+
+    Basis: the documentation of these nodes; Kit's code is not public.
+    """
+    for node, ports in writing_nodes(subject.stage, subject.platform):
+        effect = effect_on_run(node, ports, subject.live)
+        if effect:
+            yield Problem(node.path, f"{subject.title(node)} {effect}", actual=node.saved_type)
 
 
 @rule("K10", "unset-input", scope="lint", formerly="works-on-zeros")

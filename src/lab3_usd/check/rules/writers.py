@@ -1,4 +1,4 @@
-"""Rules about nodes that change the scene while it plays."""
+"""Rules about nodes that change the scene or the run while it plays."""
 
 from __future__ import annotations
 
@@ -10,30 +10,24 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.requirements import demands_of
 from lab3_usd.check.robot.ground import planes
 from lab3_usd.check.rules.world import AT_REST
-from lab3_usd.facts.execution_order import (
-    Nodes,
-    effective_value,
-    live_nodes,
-    live_sources,
-    running_nodes,
-    severity_if_uncertain,
-)
+from lab3_usd.facts.changes import effect_on_run, writing_nodes, written_paths
+from lab3_usd.facts.execution_order import effective_value, live_nodes, severity_if_uncertain
 from lab3_usd.isaac.behaviour import WriterPorts
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.changes import RemovePrim
 from lab3_usd.model.finding import Problem, Severity, node_title
 from lab3_usd.model.physics import SCENE
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import Node
 
 
 @rule("N13", "scene-written", scope="stage")
 def scene_written(subject: StageSubject) -> Iterator[Problem]:
-    """A node changes the scene, or commands the robot, during Play.
+    """A node changes the scene, commands the robot, or ends the run, during Play.
 
     Why: the written values replace the saved ones. It is an error if the node moves, disables or
-    commands the robot or its ground, or changes a node of the lab. Any other node that writes is a
-    warning: the lab needs none.
+    commands the robot or its ground, changes a node of the lab, or stops the simulation. Any other
+    node that writes is a warning: the lab needs none. One that nothing triggers, or only a key or
+    the mouse, changes nothing.
 
     Fix: delete the node, or aim it at a prim that is not part of the lab.
 
@@ -42,19 +36,20 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
     stage, lab = subject.stage, subject.lab
     live, played = live_nodes(stage, lab.platform), role_specs(subject)
     extra = {node.path for roles in subject.roles.values() for node in roles.extra}
-    for path, node in running_nodes(stage, lab.platform).items():
-        ports = lab.platform.writers.get(node.type_name)
-        if ports is None:
-            continue
-        written = (path for path in _written(node, ports, live) if _takes(path, ports, subject))
-        hit = next((path for path in written if _is_of_lab(path, subject)), "")
+    for node, ports in writing_nodes(stage, lab.platform):
+        path, effect = node.path, effect_on_run(node, ports, live)
+        written = written_paths(node, ports, live)
+        hit = next(
+            (at for at in written if _takes(at, ports, subject) and _is_of_lab(at, subject)), ""
+        )
         name = effective_value(node, INPUT + ports.property, live) if ports.property else ""
         is_seen_only = isinstance(name, str) and bool(name) and name.startswith(lab.platform.looks)
-        is_harmful = bool(hit) and not is_seen_only
-        if not is_harmful and path in extra:
+        is_harmful = bool(effect) or (bool(hit) and not is_seen_only)
+        if not is_harmful and (path in extra or ports.is_view):
             continue  # the rule of extra nodes reports it
         what = f"{hit}.{name}" if hit and isinstance(name, str) and name else hit
-        message = f"{node_title(node)} changes {what or 'the scene'} while the simulation runs"
+        effect = effect or f"changes {what or ports.what} while the simulation runs"
+        message = f"{node_title(node)} {effect}"
         severity: Severity | None = "warning"
         if is_harmful:
             severity = severity_if_uncertain(stage, lab.platform, path)
@@ -68,20 +63,8 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
             related=(hit,) if hit else (),
             severity=severity,
             fix=(RemovePrim(path),),
-            unmet=_unmet(hit, subject) if is_harmful else (),
+            unmet=(_unmet(hit, subject) if hit else _talking(subject)) if is_harmful else (),
         )
-
-
-def _written(node: Node, ports: WriterPorts, live: Nodes) -> Iterator[str]:
-    """Yield the paths that a node may write to, as far as the stage tells them."""
-    for short in ports.prims:
-        yield from node.targets(INPUT + short)
-    for short in ports.paths:
-        value = effective_value(node, INPUT + short, live)
-        texts = value if isinstance(value, tuple) else (value,)
-        yield from (text for text in texts if isinstance(text, str) and text.startswith("/"))
-    for short in ports.wires:
-        yield from (source.path for source, _ in live_sources(node, INPUT + short, live))
 
 
 def _takes(path: str, ports: WriterPorts, subject: StageSubject) -> bool:
@@ -99,6 +82,16 @@ def _is_of_lab(path: str, subject: StageSubject) -> bool:
     parts += [prim.path for prim in subject.stage.of_type(SCENE) if prim.present]
     parts += [roles.graph.path for roles in subject.roles.values() if roles.graph is not None]
     return any(is_at_or_below(part, path) for part in parts)
+
+
+def _talking(subject: StageSubject) -> tuple[str, ...]:
+    """Return the nodes that a lab asks for to talk to ROS, which an ended run silences."""
+    return tuple(
+        f"{name}/node/{role}"
+        for name, roles in subject.roles.items()
+        for role, node in roles.node_of.items()
+        if node is not None and node.type is not None and node.type.role
+    )
 
 
 def _unmet(path: str, subject: StageSubject) -> tuple[str, ...]:

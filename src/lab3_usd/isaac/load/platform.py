@@ -47,7 +47,9 @@ class _SystemFile(Struct, forbid_unknown_fields=True):
     usd_types: dict[str, str]
     lookalikes: dict[str, str]
     events: dict[str, EventEntry]
+    by_hand: frozenset[str]
     once: dict[str, SingleSignal]
+    passing: frozenset[str]
     gates: dict[str, str]
     scripts: Scripts
     world_frame: str
@@ -187,7 +189,9 @@ def assemble_platform(folder: Path) -> Platform:
         lookalikes=system.lookalikes,
         events={**dict.fromkeys(kit.events, ""), **stages_of(system.events)},
         deltas=deltas_of(system.events),
+        by_hand=system.by_hand,
         once=system.once,
+        passing=system.passing,
         gates=system.gates,
         scripts=system.scripts,
         world_frame=system.world_frame,

@@ -37,7 +37,7 @@ from lab3_usd.sim.execution.node_instance import (
 from lab3_usd.sim.execution.world import World
 
 _STAGES = {FRAME: "pipelineStageSimulation", STEP: "pipelineStageOnDemand"}
-_PUSH = ("push", "dirty_push")
+PUSH = ("push", "dirty_push")
 READ_VARIABLE, WRITE_VARIABLE = "ReadVariable", "WriteVariable"
 _UNSAVED = Input("")
 
@@ -178,7 +178,7 @@ def _schedule(graph: SceneGraph, nodes: dict[str, NodeInstance], program: Progra
     """Note what runs the nodes of a graph: each frame, or an event."""
     if graph.pipeline != _STAGES[FRAME]:
         program.idle[graph.path] = f"its graph is of {graph.pipeline}"
-    if graph.evaluator in _PUSH and graph.pipeline == _STAGES[FRAME]:
+    if graph.evaluator in PUSH and graph.pipeline == _STAGES[FRAME]:
         program.pushed += _in_order(nodes)
     elif graph.evaluator == "execution":
         for node in nodes.values():

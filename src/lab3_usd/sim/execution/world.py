@@ -201,12 +201,14 @@ class World(Struct):
     not_simulated: dict[str, str]
     profile: dict[str, Any]  # of a lidar whose own is not there
     assumed: dict[str, str] = field(default_factory=dict)
-    unplayed: dict[str, str] = field(default_factory=dict)  # by node: why it sends something else
+    # By node why it sends something else, by check why it shows nothing, "" for all checks.
+    unplayed: dict[str, str] = field(default_factory=dict)
     products: dict[str, Product] = field(default_factory=dict)
     writers: list[Writer] = field(default_factory=list)
     dt: float = 1.0 / RATE
     frame: int = 0
     session: int = 0
+    stopped_by: str = ""  # the node that stopped the timeline in this session
     since_play: float = 0.0
     simulated: float = 0.0
 
@@ -224,6 +226,7 @@ class World(Struct):
         self.writers.clear()
         self.machines.reset()
         self.since_play = 0.0
+        self.stopped_by = ""
         self.session += 1
         self.network.contexts.clear()
 

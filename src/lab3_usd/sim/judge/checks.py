@@ -52,7 +52,7 @@ def judge(trial: Trial) -> list[Check]:
 
 def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     """Return the verdict of a check from its faults; what did not happen is not judged."""
-    unplayed = why_unplayed(name, trial)
+    unplayed = why_unplayed(name, trial) or trial.recording.unplayed.get("", "")
     if not faults and unplayed:
         return Check(name, "not judged", unplayed)
     if not faults and name in MOVED and (not trial.recording.path or trial.stands()):

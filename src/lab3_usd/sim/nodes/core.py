@@ -64,6 +64,13 @@ def simulation_gate(node: NodeInstance, world: World) -> bool:
     return True
 
 
+@computes("StopTimeline", "ExitApplication")
+def stop_timeline(node: NodeInstance, world: World) -> bool:
+    """Kit's Stop playback and Exit Application: no frame is played after this one."""
+    world.stopped_by = world.stopped_by or node.path
+    return True
+
+
 @computes("IsaacReadSimulationTime")
 def read_simulation_time(node: NodeInstance, world: World) -> bool:
     """CN/nodes/OgnIsaacReadSimulationTime.cpp:52-74."""
