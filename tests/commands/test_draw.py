@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from invoking import invoke
 from linting import broken_robot
+from places import REPOSITORY
 from pxr import Sdf, Usd
 
 from lab3_usd import cli
@@ -268,3 +269,34 @@ def test_a_linted_stage_has_no_checkpoint(robot: Path, tmp_path: Path) -> None:
     out = ("-o", tmp_path / "out")
     assert "exclude each other" in refused(robot, "--lint", "--checkpoint", "01", *out)
     assert "goes with --lint" in refused(robot, "--isaac", "5.1", *out)
+
+
+@pytest.fixture(scope="module")
+def linted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """The pictures of a robot with two trees, a gap between wires and a node that never runs."""
+    folder = tmp_path_factory.mktemp("linted")
+    draw("--lint", REPOSITORY / "docs" / "examples" / "carter.usda", "-o", folder)
+    return {path.stem: path.read_text(encoding="utf-8") for path in folder.iterdir()}
+
+
+def test_an_error_at_a_port_without_a_wire_counts_and_frames_its_node(
+    linted: dict[str, str],
+) -> None:
+    picture = linted["carter-differential_drive"]
+    assert "10 nodes, 11 wires, 1 with an error" in picture
+    assert picture.count('<rect class="b wrong"') == 1
+
+
+def test_a_node_with_a_warning_is_no_extra_node(linted: dict[str, str]) -> None:
+    picture = linted["carter-odometry"]
+    assert ("publish_odom_transform · warning" in picture, "· extra" in picture) == (True, False)
+
+
+def test_a_tree_that_nothing_connects_is_marked(linted: dict[str, str]) -> None:
+    picture = linted["carter-TF"]
+    assert "3 transforms, 1 in another tree" in picture
+    assert "not connected with chassis_link" in picture
+
+
+def test_a_picture_shrinks_to_the_window(linted: dict[str, str]) -> None:
+    assert "max-width:max(100%,999.6px);height:auto" in linted["carter-differential_drive"]

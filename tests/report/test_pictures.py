@@ -407,12 +407,12 @@ def test_a_constant_that_is_wired_itself_has_a_port_on_both_sides() -> None:
     assert geometry.loose_ends(picture.boxes, picture.curves) == []
 
 
-def test_a_value_that_the_handout_leaves_alone_is_extra() -> None:
+def test_a_value_that_the_handout_leaves_alone_is_a_warning() -> None:
     node = models.valued(node_of(clock(), TIME), "inputs:referenceTimeNumerator", 7)
     port = "inputs:referenceTimeNumerator"
     picture = drawn(changed(clock(), node), finding(TIME, port, severity="warning"))
     assert (row_of(picture, TIME, port).state, row_of(picture, TIME, port).value) == (
-        "extra",
+        "warned",
         ("7",),
     )
 

@@ -152,6 +152,15 @@ class Tree(Struct, Generic[_Edge], frozen=True, dict=True):
         ordered = sorted(parts, key=lambda part: -len(part[1]))
         return tuple((tuple(edges), frozenset(frames)) for edges, frames in ordered)
 
+    @cached_property
+    def islands(self) -> dict[str, str]:
+        """The frames that nothing connects with the largest tree, with the top of their own."""
+        return {
+            frame: next((top for top in self.roots if top in frames), frame)
+            for _, frames in self.parts[1:]
+            for frame in sorted(frames)
+        }
+
 
 def tree(edges: Iterable[_Edge]) -> Tree[_Edge]:
     """Return what tf2 makes of transforms that one listener hears."""

@@ -148,6 +148,7 @@ TF_LEGEND = (
     LegendEntry("data", "published by the stage"),
     LegendEntry("execution", "published elsewhere"),
 )
+APART_ENTRY = LegendEntry("warned", "another tree")
 UNKNOWN_ENTRY = LegendEntry("absent", "unknown: asset not found")
 FAMILY_ENTRIES = {
     "event": LegendEntry("event", "event"),
@@ -159,6 +160,7 @@ STATE_ENTRIES = {
     "wrong": LegendEntry("wrong", "wrong"),
     "missing": LegendEntry("missing", "missing"),
     "extra": LegendEntry("extra", "extra: not asked for"),
+    "warned": LegendEntry("warned", "warning"),
 }
 DIFF_ENTRIES = {
     "wrong": LegendEntry("wrong", "changed"),
@@ -167,7 +169,7 @@ DIFF_ENTRIES = {
 }
 LINT_ENTRIES = {
     "wrong": LegendEntry("wrong", "error"),
-    "extra": LegendEntry("extra", "warning"),
+    "warned": LegendEntry("warned", "warning"),
 }
 TOPIC_LEGEND = (LegendEntry("data", "sent"), LegendEntry("execution", "perhaps sent, or never"))
 TOPIC_FAMILIES = (LegendEntry("ros", "node"), LegendEntry("family-data", "topic"))
@@ -223,7 +225,15 @@ def _legend_entries(picture: Picture) -> Iterator[LegendEntry]:
         yield from (entry for family, entry in FAMILY_ENTRIES.items() if family in families)
     if picture.judged:
         entries = {"diff": DIFF_ENTRIES, "lint": LINT_ENTRIES}.get(picture.kind, STATE_ENTRIES)
-        yield from (entries[state] for state in STATES if state in entries)
+        if picture.kind == "frames":
+            entries = {**STATE_ENTRIES, "warned": APART_ENTRY}
+        seen = {box.frame for box in picture.boxes} | {curve.state for curve in picture.curves}
+        seen |= {row.state for box in picture.boxes for row in box.rows}
+        seen |= {remark.state for remark in picture.remarks}
+        for state in STATES:
+            is_rare = picture.kind == "frames" or (state == "warned" and picture.kind != "lint")
+            if state in entries and (state in seen or not is_rare):
+                yield entries[state]
 
 
 def _in_lines(legend: Iterable[LegendEntry], width: float, top: float) -> Iterator[LegendEntry]:

@@ -10,6 +10,7 @@ COLOURS: dict[State, str] = {
     "wrong": "#b3101d",
     "missing": "#b3101d",
     "extra": "#7d5200",
+    "warned": "#7d5200",
 }
 
 
@@ -31,7 +32,7 @@ def dot(picture: Picture) -> str:
     ]
     for box in picture.boxes:
         style = ', style="dashed"' if box.state == "missing" else ""
-        colour = COLOURS[box.state]
+        colour = COLOURS[box.frame]
         lines.append(
             f'  {names[box.key]} [label="{_record(box)}",'
             f' color="{colour}", fontcolor="{colour}"{style}];'

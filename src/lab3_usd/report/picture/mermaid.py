@@ -10,6 +10,7 @@ STYLES = {
     "wrong": "stroke:#b3101d,stroke-width:3px",
     "missing": "stroke:#b3101d,stroke-width:2px,stroke-dasharray:6 4",
     "extra": "stroke:#7d5200,stroke-width:3px",
+    "warned": "stroke:#7d5200,stroke-width:3px",
 }
 PLAIN = frozenset(" _-./,()=+*")
 
@@ -30,7 +31,7 @@ def mermaid(picture: Picture) -> str:
         text = f'|"{label}"|' if label else ""
         lines.append(f"  {names[curve.source.key]} {arrow}{text} {names[curve.target.key]}")
     for state, style in STYLES.items():
-        boxes = [names[box.key] for box in picture.boxes if box.state == state]
+        boxes = [names[box.key] for box in picture.boxes if box.frame == state]
         wires = [str(place) for place, curve in enumerate(picture.curves) if curve.state == state]
         if boxes:
             lines += [f"  classDef {state} {style}", f"  class {','.join(boxes)} {state}"]

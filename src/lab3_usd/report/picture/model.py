@@ -17,12 +17,12 @@ from msgspec.structs import replace
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.report.safe_text import visible
 
-State = Literal["ok", "wrong", "missing", "extra"]
+State = Literal["ok", "wrong", "missing", "extra", "warned"]
 Side = Literal["in", "out", "both", "none"]
 Family = Literal["event", "ros", "action", "data", "frame", "absent"]
 Point = tuple[float, float]
 Bezier = tuple[Point, Point, Point, Point]
-STATES: tuple[State, ...] = ("ok", "wrong", "missing", "extra")
+STATES: tuple[State, ...] = ("ok", "wrong", "missing", "extra", "warned")
 HEADER = 44.0  # height of a box's coloured header, which holds title and subtitle
 
 
@@ -74,6 +74,12 @@ class Box(Struct, frozen=True):
     def rows(self) -> tuple[Row, ...]:
         """Every row: inputs, outputs, then settings."""
         return self.inputs + self.outputs + self.settings
+
+    @property
+    def frame(self) -> State:
+        """How its border is drawn: after the box, else after the gravest row that no wire shows."""
+        states = {row.state for row in self.rows if not row.wired} if self.state == "ok" else set()
+        return next((state for state in ("wrong", "warned") if state in states), self.state)
 
     def row(self, port: str) -> Row | None:
         """Return the row of this port, None where it is not drawn."""

@@ -81,6 +81,7 @@ PALETTES: Mapping[str, Mapping[str, str]] = {
         "lit": "#6b5a12",
     },
 }
+LEAST = 0.7  # of its size, to which a picture is shrunk
 SCOPE = ".lab3"  # the class of the element of a picture
 RULES = """\
 {s} text{{font-family:{font};font-size:12px;fill:{text}}}
@@ -148,6 +149,7 @@ STROKES: Mapping[State, tuple[float, float, str]] = {
     "wrong": (-3, -3, "l6 6m0-6-6 6"),
     "missing": (-4, 0, "h8"),
     "extra": (-4, 0, "h8m-4-4v8"),
+    "warned": (0, -4, "v5m0 3v.1"),
 }
 MARK = 8
 
@@ -213,13 +215,18 @@ def port(x: float, y: float, *, execution: bool, wired: bool) -> str:
 
 
 def mark(x: float, y: float, state: State) -> str:
-    """Return the round mark of a fault: a cross, a minus or a plus."""
-    kind = " extra" if state == "extra" else ""
+    """Return the round mark of a fault: a cross, a minus, a plus or an exclamation mark."""
+    kind = _kind(state) if state in {"extra", "warned"} else ""
     left, top, stroke = STROKES[state]
     return (
         f'<circle class="k{kind}" cx="{number(x)}" cy="{number(y)}" r="{MARK}"/>'
         f'<path class="g{kind}" d="M{number(x + left)} {number(y + top)}{stroke}"/>'
     )
+
+
+def _kind(state: State) -> str:
+    """Return the class of a state, with the space before it; warnings look like what is extra."""
+    return "" if state == "ok" else " extra" if state == "warned" else f" {state}"
 
 
 CORNER = 8.0
@@ -238,8 +245,7 @@ def box_svg(box: Box, ids: ElementIds) -> str:
         y = box.y + box.settings[0].y - ROW / 2 - 4
         right = number(box.w - 2 * PAD)
         separator = f'<path class="rule" d="M{number(box.x + PAD)} {number(y)}h{right}"/>'
-    state = "" if box.state == "ok" else f" {box.state}"
-    frame = rect(box.x, box.y, (box.w, box.h), f"b{state}", CORNER)
+    frame = rect(box.x, box.y, (box.w, box.h), f"b{_kind(box.frame)}", CORNER)
     return f'<g class="n{ghost}">{frame}{head}{separator}{rows}{more}</g>'
 
 
@@ -282,8 +288,7 @@ def _row(box: Box, row: Row, ids: ElementIds) -> str:
         width /= 2
         left += width if row in box.outputs else 0.0
     area = rect(left, box.y + row.y - ROW / 2, (width, row_height(row)), "hit")
-    state = "" if row.state == "ok" else f" {row.state}"
-    group = f'<g class="r{state}"{place}>{note(row.note)}{area}{content}</g>'
+    group = f'<g class="r{_kind(row.state)}"{place}>{note(row.note)}{area}{content}</g>'
     return ids.linked(group, box.key, row.port)
 
 
@@ -324,8 +329,13 @@ def svg(picture: Picture, ids_prefix: str = "", links: Mapping[str, str] | None 
 
 
 def svg_file(picture: Picture, theme: Theme = "auto") -> str:
-    """Return the picture as a whole SVG file; the theme `auto` follows the reader's system."""
-    style = f"<style>\n{stylesheet(theme)}</style>"
+    """Return the picture as a whole SVG file; the theme `auto` follows the reader's system.
+
+    A viewer shrinks it to its window, as far as it stays readable.
+    """
+    least = number(LEAST * picture.width)
+    fitting = f"{SCOPE}{{max-width:max(100%,{least}px);height:auto}}\n"
+    style = f"<style>\n{fitting}{stylesheet(theme)}</style>"
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{_element(picture, ElementIds(), style)}\n'
 
 
@@ -339,9 +349,8 @@ def _element(picture: Picture, ids: ElementIds, style: str) -> str:
     # Faulty wires lie on top, boxes above all wires, marks of wires above everything.
     wires = []
     for curve in sorted(picture.curves, key=lambda curve: curve.state != "ok"):
-        state = "" if curve.state == "ok" else f" {curve.state}"
         dashes = " x" if curve.dashed else ""
-        path = f'<path class="w{dashes}{state}" d="{path_data(curve.path)}"'
+        path = f'<path class="w{dashes}{_kind(curve.state)}" d="{path_data(curve.path)}"'
         wires.append(f"{path}>{note(curve.note)}</path>" if curve.note else f"{path}/>")
     parts = [
         opening,
@@ -364,10 +373,8 @@ def _head(picture: Picture) -> Iterator[str]:
         y = SUBTITLE_LINE + 4 + REMARK_LINE * line
         if remark.state != "ok":
             yield mark(MARGIN + 8, y - 4, remark.state)
-        kind = " extra" if remark.state == "extra" else ""
-        yield text(
-            remark.text, MARGIN + ENTRY_TEXT, y, "h2" if remark.state == "ok" else f"h3{kind}"
-        )
+        kind = "h2" if remark.state == "ok" else f"h3{_kind(remark.state)}"
+        yield text(remark.text, MARGIN + ENTRY_TEXT, y, kind)
 
 
 def _marks(picture: Picture) -> Iterator[str]:

@@ -35,6 +35,7 @@ from lab3_usd.report.picture.model import (
     clip_end,
 )
 from lab3_usd.report.pictures.node_boxes import (
+    CAPTIONS,
     BoxSubject,
     NodeRoles,
     SiteFindings,
@@ -83,7 +84,8 @@ def judged_wires(
             curves.append(curve)
             continue
         state = findings.state(target.key, target.port)
-        if state == "ok" and not node_roles.unassigned.isdisjoint((source.key, target.key)):
+        is_unasked = not node_roles.unassigned.isdisjoint((source.key, target.key))
+        if (state == "ok" and is_unasked) or (state == "warned" and required):
             state = "extra"
         curves.append(_marked(curve, state, findings))
     return tuple(curves)
@@ -138,9 +140,11 @@ def _marked(curve: Curve, state: State, findings: SiteFindings) -> Curve:
 
 MOST_REMARKS = 4
 MOST_LETTERS = 110
-STATE_WORDS: Mapping[State, str] = {state: state for state in STATES if state != "ok"}
-LINT_WORDS: Mapping[State, str] = {"wrong": "with an error", "extra": "with a warning"}
-STATE_OF: Mapping[Severity, State] = {"error": "wrong", "warning": "extra", "note": "ok"}
+STATE_WORDS: Mapping[State, str] = {
+    state: CAPTIONS.get(state, state) for state in STATES if state != "ok"
+}
+LINT_WORDS: Mapping[State, str] = {"wrong": "with an error", "warned": "with a warning"}
+STATE_OF: Mapping[Severity, State] = {"error": "wrong", "warning": "warned", "note": "ok"}
 
 
 def spec_picture(spec: GraphSpec, *, every_port: bool = False) -> Picture:
@@ -250,7 +254,7 @@ def _roleless_boxes(
             continue
         ports = (_ports_of(arriving, key), _ports_of(leaving, key))
         state = findings.state(key)
-        unused = node_roles.box_keys and key in node_roles.unassigned and state == "ok"
+        unused = node_roles.box_keys and key in node_roles.unassigned and state != "wrong"
         subject = BoxSubject(key, None, node, *ports, findings, every_port)
         roleless.append(node_box(subject, "extra" if unused else state))
     return roleless
@@ -282,7 +286,9 @@ def _counts_text(
     """Return path, number of nodes and wires, and how many of both and of the ports are faulty."""
     states = Counter(box.state for box in boxes)
     states.update(curve.state for curve in curves)
-    states.update(row.state for box in boxes if box.state == "ok" for row in box.settings)
+    states.update(
+        row.state for box in boxes for row in box.rows if row in box.settings or not row.wired
+    )
     nodes = sum(box.state != "missing" and box.family != "absent" for box in boxes)
     wires = sum(curve.state != "missing" for curve in curves)
     parts = [f"{nodes} node{'s' * (nodes != 1)}, {wires} wire{'s' * (wires != 1)}"]

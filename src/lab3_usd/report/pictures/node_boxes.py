@@ -35,7 +35,7 @@ class SiteFindings(Struct, frozen=True):
     at: Mapping[Site, tuple[Finding, ...]] = field(default_factory=dict)
 
     def state(self, prim: str, prop: str | None = None) -> State:
-        """Return how the site is drawn: wrong for an error, extra for a warning, else ok.
+        """Return how the site is drawn: wrong for an error, warned for a warning, else ok.
 
         Properties that are no ports (a node's type) count for the node.
         """
@@ -43,7 +43,7 @@ class SiteFindings(Struct, frozen=True):
         severities = {finding.severity for finding in findings}
         if "error" in severities:
             return "wrong"
-        return "extra" if "warning" in severities else "ok"
+        return "warned" if "warning" in severities else "ok"
 
     def note(self, prim: str, prop: str | None = None) -> str:
         """Return the messages at the site, one per line."""
@@ -168,7 +168,7 @@ def rows(subject: BoxSubject) -> Iterator[Row]:
         port = subject.port(name)
         state = subject.findings.state(subject.key, name)
         wire = subject.arriving.get(name, "ok")
-        if state == "ok" or (state == "wrong" and wire == "missing"):
+        if (state, wire) in {("wrong", "missing"), ("warned", "extra")} or state == "ok":
             state = wire
         value, muted = _value(subject, name, port)
         expected = subject.findings.expected(subject.key, name) if state != "ok" and value else None
@@ -290,6 +290,7 @@ def prim_lines(prims: tuple[str, ...]) -> tuple[str, ...]:
 
 
 MOST_TITLE = 44
+CAPTIONS: Mapping[State, str] = {"warned": "warning"}
 
 
 def ends(curves: Sequence[Curve]) -> tuple[dict[End, State], dict[End, State]]:
@@ -378,4 +379,4 @@ def _subtitle(subject: BoxSubject, state: State) -> str:
         return f"{subject.spec.role} · missing"
     if subject.spec is not None and subject.type is not subject.spec.type:
         return f"{name} · expected {subject.spec.type.ui_name}"
-    return name if state == "ok" else f"{name} · {state}"
+    return name if state == "ok" else f"{name} · {CAPTIONS.get(state, state)}"

@@ -19,13 +19,15 @@ from lab3_usd.spec.lab import FrameSpec, LocalizationSpec
 
 Pair = tuple[str, str]
 MOST_TITLE = 40
-GRAVE: tuple[State, ...] = ("wrong", "extra")
+WORDS: Mapping[State, str] = {"warned": "in another tree"}
+GRAVE: tuple[State, ...] = ("wrong", "extra", "warned")
 
 
 class DrawnEdge(Struct, frozen=True):
     """One edge of the drawn tree: its publishers, whether they are certain, and its state.
 
-    `unknown` is the reason why the child is unknown; the child is then not a frame name.
+    `unknown` is the reason why the child is unknown; the child is then not a frame name. `apart`
+    is the top of the largest tree, where nothing connects the parent, which is a top, with it.
     """
 
     parent: str
@@ -35,6 +37,7 @@ class DrawnEdge(Struct, frozen=True):
     external: bool = False
     sure: bool = True
     unknown: str = ""
+    apart: str = ""
 
 
 def spec_frames_picture(frames: FrameSpec) -> Picture:
@@ -77,7 +80,7 @@ def published_frames_picture(
     rates: Mapping[str, str] = MappingProxyType({}),
     not_judged: str = "",
 ) -> Picture:
-    """Return the tree of any stage; transforms that tf2 rejects are marked.
+    """Return the tree of any stage; transforms that tf2 rejects, and further trees, are marked.
 
     `rates` are how often each publisher sends, by its path; `not_judged` says in words what else
     is not known.
@@ -86,6 +89,8 @@ def published_frames_picture(
     for heard in trees:
         where = f" ({heard.topic} in domain {heard.domain})" if len(trees) > 1 else ""
         wrong = {fault.frame for fault in frame_faults(heard.tree)}
+        islands = {} if hidden else heard.tree.islands
+        main = next((top for top in heard.tree.roots if top not in islands), "")
         published: dict[Pair, list[Edge]] = {}
         for edge in heard.tree.edges:
             published.setdefault((edge.parent, edge.child), []).append(edge)
@@ -94,8 +99,9 @@ def published_frames_picture(
                 parent + where,
                 child + where,
                 tuple(dict.fromkeys(edge.publisher for edge in sent)),
-                "wrong" if child in wrong else "ok",
+                "wrong" if child in wrong else "warned" if child in islands else "ok",
                 sure=any(edge.sure for edge in sent),
+                apart=main if islands.get(child) == parent else "",
             )
             branches.append(branch)
     branches += _hidden_branches(hidden)
@@ -160,7 +166,11 @@ def _counts_text(branches: Sequence[DrawnEdge]) -> str:
     known = sum(branch.state != "missing" for branch in branches) - unknown
     parts = [f"{known} transform{'s' * (known != 1)}"]
     parts += [f"{unknown} unknown"] if unknown else []
-    parts += [f"{states[state]} {state}" for state in STATES if state != "ok" and states[state]]
+    parts += [
+        f"{states[state]} {WORDS.get(state, state)}"
+        for state in STATES
+        if state != "ok" and states[state]
+    ]
     return "  ·  ".join(parts)
 
 
@@ -173,8 +183,10 @@ def _picture(
     rates: Mapping[str, str] = MappingProxyType({}),
 ) -> Picture:
     names = dict.fromkeys(name for branch in branches for name in (branch.parent, branch.child))
+    apart = {branch.parent: branch.apart for branch in branches if branch.apart}
     boxes = [
-        _box(name, [branch for branch in branches if branch.child == name], rates) for name in names
+        _box(name, [branch for branch in branches if branch.child == name], rates, apart.get(name))
+        for name in names
     ]
     curves: list[Curve] = []
     for branch in branches:
@@ -194,8 +206,17 @@ def _placed(boxes: tuple[Box, ...], curves: tuple[Curve, ...]) -> Placed:
     return layered(boxes, curves)
 
 
-def _box(name: str, edges_into: Sequence[DrawnEdge], rates: Mapping[str, str]) -> Box:
-    """Return the box of a frame; `edges_into` are the edges that lead to it."""
+def _box(
+    name: str, edges_into: Sequence[DrawnEdge], rates: Mapping[str, str], apart: str | None
+) -> Box:
+    """Return the box of a frame; `edges_into` are the edges that lead to it.
+
+    `apart` is the frame with which nothing connects it, where it is the top of a further tree.
+    """
+    if apart:
+        subtitle = f"not connected with {clip_end(apart, MOST_TITLE)}"
+        title = clip_end(name, MOST_TITLE)
+        return sized(Box(name, title, subtitle, family="frame", state="warned", note=subtitle))
     unknown = next((branch.unknown for branch in edges_into if branch.unknown), "")
     if unknown:
         kind, _, path = name.partition(" /")
