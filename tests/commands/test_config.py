@@ -235,7 +235,7 @@ def test_lint_is_configured_as_check_is(wrong: Path) -> None:
 
 WRONG = {
     "an unknown key": ('selct = ["W"]', "there is no key 'selct'; did you mean 'select'?"),
-    "a key like no other": ("qqqq = 1", "known are select"),
+    "a key like no other": ("qqqq = 1", "known are rules, select"),
     "no TOML": ("select = [", "is not TOML"),
     "an unknown rule": ('ignore = ["W99"]', "ignore: there is no rule or family 'W99'"),
     "no list": ('ignore = "W01"', "ignore is 'W01', expected a list"),

@@ -12,8 +12,8 @@ from lab3_usd.check.hints import with_named_nodes
 from lab3_usd.check.lab_frames import tf_view
 from lab3_usd.check.match.diagnosis import diagnose
 from lab3_usd.check.match.graphs import match_all
-from lab3_usd.check.match.rule_inputs import GraphSubject, Outcome, StageSubject
-from lab3_usd.check.registry import Rule, import_rules, rules_of
+from lab3_usd.check.match.rule_inputs import GraphSubject, LintSubject, Outcome, StageSubject
+from lab3_usd.check.registry import Rule, import_rules, own_rules, rules_of
 from lab3_usd.check.requirements import (
     frame_requirements,
     graph_requirements,
@@ -104,8 +104,11 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     findings = tuple(with_named_nodes(run.findings, live))
     graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
     judged = with_other_faults(outcome.requirements, findings, graphs)
+    known = len(run.findings)
+    for rule in own_rules().values():
+        run.rule(rule, LintSubject(stage, lab.platform))
     return Judgement(
-        tuple(with_costs(findings, subjects, placed)),
+        (*with_costs(findings, subjects, placed), *run.findings[known:]),
         with_unknown(judged, run.left_open, whole, lab),
         tuple(run.crashes),
         tuple(run.not_judged),

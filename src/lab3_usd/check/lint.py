@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.fold import fold
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.check.registry import import_rules, rules_of
+from lab3_usd.check.registry import import_rules, own_rules, rules_of
 from lab3_usd.check.rule_runs import RuleResults, merge_results, run_rule
 from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
 from lab3_usd.model.finding import NodeCoverage, NotJudged
@@ -38,7 +38,8 @@ def lint(subject: LintSubject) -> LintResults:
     try:
         files = merge_results(run_rule(rule, subject, None) for rule in rules_of("model", "F"))
         stage = merge_results(run_rule(rule, subject, None) for rule in rules_of("lint", "K"))
-        stage = replace(stage, findings=tuple(fold(stage.findings)))
+        own = merge_results(run_rule(rule, subject, None) for rule in own_rules().values())
+        stage = merge_results((replace(stage, findings=tuple(fold(stage.findings))), own))
         # What cannot be found leaves the verdict open; whether it should be there is not known.
         notes = replace(
             files, findings=tuple(replace(finding, severity="note") for finding in files.findings)

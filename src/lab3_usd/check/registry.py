@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 # What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, its
 # transforms (from the checkpoint on that asks for them), what came out of judging it, the stage
 # beside its starter, the map files, the saved output of the running system, the folder. Rules of
-# the scope `model` look at a stage with or without a spec, those of `lint` at one without, those of
-# `native` at what OpenUSD's validators say of it.
+# the scope `model` look at a stage with or without a spec, as those of one's `own` do, those of
+# `lint` at one without, those of `native` at what OpenUSD's validators say of it.
 Scope = Literal[
     "graph",
     "stage",
@@ -36,6 +36,7 @@ Scope = Literal[
     "evidence",
     "submission",
     "file",
+    "own",
 ]
 Check = TypeVar("Check", bound=Callable[..., Iterator[Problem]])
 
@@ -208,6 +209,22 @@ def rule(  # noqa: PLR0913 - decorators name them
     return register
 
 
+def own_rules() -> dict[str, Rule]:
+    """Return the rules of one's own, in order of id."""
+    return {name: known for name, known in sorted(_RULES.items()) if known.scope == "own"}
+
+
+def added_by(known: Rule) -> None:
+    """Add a rule that was registered before, as a source of rules that is used again brings it."""
+    _RULES[known.id] = known
+
+
+def without_rules(names: Iterable[str]) -> None:
+    """Forget rules."""
+    for name in names:
+        del _RULES[name]
+
+
 def holds_without_lab(rule: Rule) -> bool:
     """Whether a rule of labs is one of lint as well, written without a lab in mind."""
     return rule.scope != "lint" and rule.check in _OF_LINT
@@ -218,6 +235,12 @@ def twins(rule: Rule) -> list[Rule]:
     return [
         other for other in all_rules().values() if other.check is rule.check and other.id != rule.id
     ]
+
+
+def families() -> dict[str, str]:
+    """Return what the rules of each family are about, by its letters, in the order of lists."""
+    own = {known.family: "rules of one's own" for known in own_rules().values()}
+    return {**FAMILIES, **own}
 
 
 def all_rules() -> dict[str, Rule]:
@@ -244,7 +267,7 @@ def check_rule_names(names: Iterable[str], where: str = "") -> tuple[str, ...]:
     ids = []
     for name in map(str.strip, names):
         upper = name.upper()
-        rule_id = upper if upper in FAMILIES else None
+        rule_id = upper if upper in families() else None
         rule_id = rule_id or (upper if upper in all_rules() else rule_names().get(name.lower()))
         if rule_id is None:
             place = f"{where}: " if where else ""

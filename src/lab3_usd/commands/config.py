@@ -12,6 +12,7 @@ from lab3_usd.commands.shared.options import config_options
 from lab3_usd.data import LAB_VARIABLE
 
 _DEFAULTS = {
+    "rules": "none of one's own",
     "select": "all rules",
     "ignore": "no rules",
     "per-file-ignores": "none",

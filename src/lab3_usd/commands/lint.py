@@ -71,7 +71,10 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     from lab3_usd.judge.lint import LintSettings, find_stages, lint_platform, lint_stages
 
     settings = LintSettings(
-        options["release"] or BASE, heeds_ignores=True, native=wants_native(options)
+        options["release"] or BASE,
+        heeds_ignores=True,
+        native=wants_native(options),
+        own_rules=options["config"].rules,
     )
     lint_platform(settings.release)  # which refuses an unknown one
     judge = Judge(

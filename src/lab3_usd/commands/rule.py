@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping
 import click
 
 from lab3_usd.check.manual import rules_in
-from lab3_usd.check.registry import FAMILIES, Rule, twins
+from lab3_usd.check.registry import Rule, families, twins
 from lab3_usd.commands.rules import first_sentence, rule_lines
-from lab3_usd.commands.shared.options import complete_rules, width
+from lab3_usd.commands.shared.options import complete_rules, own_rules_option, use_own_rules, width
 from lab3_usd.data import program
 from lab3_usd.report.text import NARROWEST
 from lab3_usd.spec.load.loader import load_lab
@@ -25,19 +25,21 @@ SECTIONS = ("Why", "Fix", "Example", "Basis")
 @click.command("rule")
 @click.argument("rule_id", metavar="[ID]", default="", shell_complete=complete_rules)
 @click.option("--all", "whole", is_flag=True, help="Print the manuals of all rules.")
-def command(rule_id: str, *, whole: bool) -> None:
+@own_rules_option
+def command(rule_id: str, *, whole: bool, config_file: str | None) -> None:
     """Explain one rule: the fault, its effect, the repair, and an example.
 
     ID is an id such as W01, or the name of a rule. Any other word lists the rules whose names or
     first sentences contain it.
     """
+    use_own_rules(config_file)
     lab = load_lab()
     rules = rules_in(lab)
     if bool(rule_id) == whole:
         raise click.UsageError("give the id of one rule, or --all")
     if whole:
         ordered = sorted(
-            rules.values(), key=lambda rule: (list(FAMILIES).index(rule.family), rule.id)
+            rules.values(), key=lambda rule: ([*families()].index(rule.family), rule.id)
         )
         manuals = (manual_lines(rule, lab.handout.rules.get(rule.id, "")) for rule in ordered)
         click.echo("\n\n\n".join("\n".join(lines) for lines in manuals))
@@ -91,10 +93,10 @@ def manual_lines(rule: Rule, handout: str) -> Iterator[str]:
     `handout` is the section of the handout behind the rule, where the lab names one.
     """
     columns = max(min(width(), WIDTH), NARROWEST)
-    yield f"{rule.id} {rule.name} ({rule.severity}, {FAMILIES[rule.family]})"
+    yield f"{rule.id} {rule.name} ({rule.severity}, {families()[rule.family]})"
     for twin in twins(rule):
         where = "without a lab" if twin.scope == "lint" else "in a lab"
-        yield f"{twin.id} {twin.name} ({twin.severity}, {FAMILIES[twin.family]}) {where}"
+        yield f"{twin.id} {twin.name} ({twin.severity}, {families()[twin.family]}) {where}"
     yield ""
     yield from textwrap.wrap(rule.manual.split("\n\n")[0], columns)
     for title in SECTIONS:

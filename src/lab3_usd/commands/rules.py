@@ -9,8 +9,8 @@ from textwrap import wrap
 import click
 
 from lab3_usd.check.manual import rules_in, rules_of_lab
-from lab3_usd.check.registry import FAMILIES, Rule
-from lab3_usd.commands.shared.options import terminal_width
+from lab3_usd.check.registry import Rule, families
+from lab3_usd.commands.shared.options import own_rules_option, terminal_width, use_own_rules
 from lab3_usd.spec.load.loader import load_lab
 
 LEAST = 72  # columns that a list is wrapped to
@@ -18,11 +18,13 @@ LEAST = 72  # columns that a list is wrapped to
 
 @click.command("rules")
 @click.option("--all", "whole", is_flag=True, help="Also those of lab3 lint and of other labs.")
-def command(*, whole: bool) -> None:
+@own_rules_option
+def command(*, whole: bool, config_file: str | None) -> None:
     """List the rules that apply to the lab: id, severity, name and fault.
 
     `lab3 rule ID` explains one.
     """
+    use_own_rules(config_file)
     lab = load_lab()
     rules = rules_in(lab) if whole else rules_of_lab(lab)
     click.echo("\n".join(rule_lines(list(rules.values()))))
@@ -35,10 +37,11 @@ def rule_lines(rules: list[Rule]) -> Iterator[str]:
     """
     name_width = max((len(rule.name) for rule in rules), default=0)
     columns = max(terminal_width(), LEAST)
-    families = list(FAMILIES)
-    ordered = sorted(rules, key=lambda rule: (families.index(rule.family), rule.id))
+    titles = families()
+    order = list(titles)
+    ordered = sorted(rules, key=lambda rule: (order.index(rule.family), rule.id))
     for family, members in groupby(ordered, key=lambda rule: rule.family):
-        yield f"{family:<2} {FAMILIES[family]}"
+        yield f"{family:<2} {titles[family]}"
         for rule in members:
             head = f"  {rule.id}  {rule.severity:<7}  {rule.name:<{name_width}}  "
             yield from wrap(

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.check.own_rules import ENDING, add_own_rules
 from lab3_usd.check.registry import check_rule_names
 from lab3_usd.config.files import find_file, located, read_table
 from lab3_usd.errors import UsageError
@@ -21,10 +22,12 @@ class Config(Struct, frozen=True):
 
     `file` holds it. `per_file_ignores` and `checkpoints` are by patterns of file names, or of
     paths below the folder of `file`, as those of `exclude` and `extend_exclude` are; `severity` is
-    by rules and families, `assets` by addresses.
+    by rules and families, `assets` by addresses. `rules` are sources of rules of one's own: whole
+    paths of files, and names of entry points.
     """
 
     file: Path | None = None
+    rules: tuple[str, ...] = ()
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
     per_file_ignores: tuple[tuple[str, tuple[str, ...]], ...] = ()
@@ -57,11 +60,35 @@ def config_for(paths: Iterable[str]) -> Config:
         named = "; ".join(f"{path}: {file or 'none'}" for file, path in files.items())
         raise UsageError(f"these have several configurations, name one with --config: {named}")
     file = next(iter(files), None)
-    return Config() if file is None else load_config(file)
+    if file is None:
+        return Config()
+    programs = [name for name in read_table(file).get("rules", ()) if str(name).endswith(ENDING)]
+    if programs:
+        raise UsageError(
+            f"{file}: rules names {', '.join(programs)}, which would run as a program; name the "
+            f"configuration with --config {file} if you trust it, or leave it out with --isolated"
+        )
+    return load_config(file)
+
+
+def places_for(path: Path) -> Config:
+    """Return the lab and the assets of the configuration of a stage, for those who do not judge it.
+
+    Raises:
+        UsageError: the file that holds it is wrong.
+    """
+    file = find_file(path)
+    if file is None:
+        return Config()
+    given = {key: value for key, value in read_table(file).items() if key in {"lab", "assets"}}
+    try:
+        return _config_of(file, given)
+    except UsageError as error:
+        raise located(error, file) from error
 
 
 def load_config(file: Path) -> Config:
-    """Read a configuration file.
+    """Read a configuration file; the rules of one's own that it names are added.
 
     Raises:
         UsageError: it cannot be read, or a key or value is wrong; the line says which and where.
@@ -81,9 +108,11 @@ def _config_of(file: Path, given: Mapping[str, Any]) -> Config:
             close = " or ".join(f"'{match}'" for match in get_close_matches(key, _KEYS))
             hint = f"did you mean {close}?" if close else f"known are {', '.join(_KEYS)}"
             raise UsageError(f"{file}: there is no key '{key}'; {hint}")
+    # Other keys may name its rules.
+    ordered = sorted(given.items(), key=lambda item: item[0] != "rules")
     values = {
         key.replace("-", "_"): _KEYS[key](value, f"{file}: {key}", file.parent)
-        for key, value in given.items()
+        for key, value in ordered
     }
     return Config(file=file, **values)
 
@@ -92,6 +121,17 @@ def _rules(value: Any, where: str, _folder: Path) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
         raise UsageError(f"{where} is {value!r}, expected a list of rules and families")
     return check_rule_names(value, where)
+
+
+def _own_rules(value: Any, where: str, folder: Path) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+        raise UsageError(f"{where} is {value!r}, expected a list of Python files and entry points")
+    sources = tuple(
+        str(_path(name, where, folder).absolute()) if name.endswith(ENDING) else name
+        for name in value
+    )
+    add_own_rules(sources)
+    return sources
 
 
 def _path(value: Any, where: str, folder: Path) -> Path:
@@ -141,6 +181,7 @@ def _assets(value: Any, where: str, folder: Path) -> tuple[tuple[str, Path], ...
 
 
 _KEYS: dict[str, Callable[[Any, str, Path], Any]] = {
+    "rules": _own_rules,
     "select": _rules,
     "ignore": _rules,
     "per-file-ignores": _ignores,

@@ -12,6 +12,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.check.own_rules import add_own_rules
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.config.settings import Config
 from lab3_usd.data import data_folder
@@ -36,12 +37,14 @@ from lab3_usd.spec.load.loader import load_platform
 class LintSettings(Struct, frozen=True):
     """How to judge: by which release of Isaac Sim, and whether notes in the stage count.
 
-    With `native`, OpenUSD's own validators judge as well.
+    With `native`, OpenUSD's own validators judge as well. `own_rules` are sources of rules, which a
+    process adds that judges for another one.
     """
 
     release: str = BASE
     heeds_ignores: bool = False
     native: bool = False
+    own_rules: tuple[str, ...] = ()
 
 
 def lint_platform(release: str = BASE) -> Platform:
@@ -193,7 +196,13 @@ def lint_stages(entries: Sequence[Target], settings: LintSettings, jobs: int) ->
         return
     from lab3_usd.judge.processes import in_processes
 
-    yield from in_processes(partial(_lint, settings), _crashed, entries, min(jobs, len(entries)))
+    judge = partial(_lint_in_process, settings)
+    yield from in_processes(judge, _crashed, entries, min(jobs, len(entries)))
+
+
+def _lint_in_process(settings: LintSettings, entry: Target) -> Results:
+    add_own_rules(settings.own_rules)
+    return _lint(settings, entry)
 
 
 def _lint(settings: LintSettings, entry: Target) -> Results:

@@ -9,7 +9,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.registry import FAMILIES, Scope, all_rules, rule_names
+from lab3_usd.check.registry import Scope, all_rules, families, rule_names
 from lab3_usd.check.rule_runs import run_rule
 from lab3_usd.errors import StageError
 from lab3_usd.model.finding import (
@@ -33,8 +33,8 @@ def is_stage_file(name: str) -> bool:
     return not name.startswith(".") and name.lower().endswith(STAGE_ENDINGS)
 
 
-_WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint"})
-_WITH_SPEC: frozenset[Scope] = frozenset({"model", "graph", "stage", "frames", "outcome"})
+_WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint", "own"})
+_WITH_SPEC: frozenset[Scope] = frozenset({"model", "graph", "stage", "frames", "outcome", "own"})
 
 Results = tuple[tuple[StageResult, ...], tuple[Submission, ...]]
 
@@ -113,7 +113,7 @@ def _unused(note: IgnoreNote) -> Iterator[Finding]:
         why = "a note begins its comment, as in # lab3: ignore[P01]"
     elif not note.rule:
         why = "it names no rule"
-    elif note.rule not in FAMILIES and note.rule not in all_rules():
+    elif note.rule not in families() and note.rule not in all_rules():
         why = "there is no such rule"
     for finding in run_rule(all_rules()[UNUSED], (note, why), None).findings:
         yield replace(finding, layer=note.layer or None, line=note.written)

@@ -300,8 +300,10 @@ def with_config(paths: Iterable[str], options: Mapping[str, Any]) -> dict[str, A
     Raises:
         UsageError: the configuration is wrong, or names of rules are.
     """
+    from lab3_usd.check.own_rules import no_own_rules_afterwards
     from lab3_usd.config.settings import Config, config_for, load_config
 
+    click.get_current_context().with_resource(no_own_rules_afterwards())
     if options["isolated"]:
         config = Config()
     elif options["config_file"] is not None:
@@ -324,6 +326,29 @@ def _text(path: Path | None) -> str | None:
     return None if path is None else str(path)
 
 
+own_rules_option = click.option(
+    "--config",
+    "config_file",
+    type=click.Path(),
+    help="Also the rules of one's own that this file names.",
+)
+
+
+def use_own_rules(config_file: str | None) -> None:
+    """Add, for this call, the rules of one's own that a configuration names.
+
+    Raises:
+        UsageError: the configuration is wrong.
+    """
+    if config_file is None:
+        return
+    from lab3_usd.check.own_rules import no_own_rules_afterwards
+    from lab3_usd.config.settings import load_config
+
+    click.get_current_context().with_resource(no_own_rules_afterwards())
+    load_config(Path(config_file))
+
+
 def use_config(path: Path, assets: Iterable[str]) -> None:
     """Read the lab, and find the assets, that the configuration of a stage names.
 
@@ -332,9 +357,9 @@ def use_config(path: Path, assets: Iterable[str]) -> None:
     Raises:
         UsageError: the configuration or an option is wrong.
     """
-    from lab3_usd.config.settings import config_for
+    from lab3_usd.config.settings import places_for
 
-    config = config_for([str(path)])
+    config = places_for(path)
     use_lab(config.lab)
     use_assets(assets, config.assets)
 
