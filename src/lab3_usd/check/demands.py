@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.lab_frames import TfView
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
-from lab3_usd.check.repairs import edits_at, edits_of_harm
+from lab3_usd.check.repairs import TYPE, VERSION, edits_at, edits_of_harm
 from lab3_usd.model.changes import Edit
 from lab3_usd.model.finding import Problem
 
@@ -76,5 +76,6 @@ def _sections(problem: Problem, subject: GraphSubject) -> Iterator[str]:
         yield from (wire.handout for wire in wires)
         yield from (setting.handout for setting in settings)
         yield from (target.handout for target in targets)
-        if problem.property is None:
+        yield from (section for port, section in node.keep if port == problem.property)
+        if problem.property in (None, TYPE, VERSION):
             yield node.handout

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.facts.execution_order import event_of, live_sources, run_states
+from lab3_usd.check.match.rule_inputs import LintSubject, ModelSubject
+from lab3_usd.facts.execution_order import event_of, live_nodes, live_sources, run_states
 from lab3_usd.isaac.node_types import OUTPUT
 from lab3_usd.model.changes import Connect, Edit
 from lab3_usd.model.stage import Node
@@ -39,7 +39,7 @@ def _makers(node: Node, subject: LintSubject) -> Iterator[Node]:
                 yield source
 
 
-def _events(node: Node, subject: LintSubject) -> list[Node]:
+def _events(node: Node, subject: ModelSubject) -> list[Node]:
     """Return the events of a node's graph that surely fire at every update."""
     states = run_states(subject.stage, subject.platform)
     usual = subject.platform.graph.value(subject.platform.graph.evaluation.stage)
@@ -50,9 +50,10 @@ def _events(node: Node, subject: LintSubject) -> list[Node]:
     ]
 
 
-def _beside(node: Node, subject: LintSubject) -> Iterator[Node]:
+def _beside(node: Node, subject: ModelSubject) -> Iterator[Node]:
     graph = node.path.rpartition("/")[0]
-    return (other for other in subject.live.values() if other.path.rpartition("/")[0] == graph)
+    live = live_nodes(subject.stage, subject.platform)
+    return (other for other in live.values() if other.path.rpartition("/")[0] == graph)
 
 
 def _signals(node: Node) -> Iterator[str]:
@@ -62,7 +63,7 @@ def _signals(node: Node) -> Iterator[str]:
             yield f"{node.path}.{name}"
 
 
-def step_wire(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ...]:
+def step_wire(node: Node, port: str, subject: ModelSubject) -> tuple[Edit, ...]:
     """Return the wire that gives a node the length of a step, from the one event of its graph."""
     deltas = subject.platform.deltas
     outputs = [

@@ -105,13 +105,20 @@ def _attribute(graph: GraphModel, name: str, platform: Platform) -> Value | None
 
 def is_graph_evaluated(graph: GraphModel, stage: StageModel, platform: Platform) -> bool:
     """Whether anything at all is computed in the graph while the timeline plays."""
+    return not unevaluated_by(graph, stage, platform)
+
+
+def unevaluated_by(graph: GraphModel, stage: StageModel, platform: Platform) -> str:
+    """Return the attribute that keeps a graph from being evaluated, '' for none."""
     form = platform.graph.evaluation
     if _attribute(graph, form.mode, platform) in form.by_reference:
         prims = (prim for prim in stage.prims.values() if prim.present)
         if not any(graph.path in prim.relationships.get(form.reference, ()) for prim in prims):
-            return False
+            return form.mode
     pace = _attribute(graph, form.stage, platform)
-    return pace not in form.on_demand or any(event_of(n, platform) == pace for n in graph.nodes)
+    is_on_demand = pace in form.on_demand
+    is_asked = any(event_of(node, platform) == pace for node in graph.nodes)
+    return form.stage if is_on_demand and not is_asked else ""
 
 
 def event_of(node: Node, platform: Platform) -> str | None:

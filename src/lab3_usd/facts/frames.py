@@ -7,7 +7,6 @@ given, or a publisher (as before 6.0) looks at prims of its own.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -218,7 +217,7 @@ def _transform_publishers(stage: StageModel, platform: Platform) -> tuple[tuple[
         if kind is None or kind.role != "publisher":
             continue
         message = message_type(node, kind, kind.topics[0], live)
-        if kind.tf is None and message not in _transform_messages(platform):
+        if kind.tf is None and message not in platform.transform_messages:
             continue
         written = effective_value(node, kind.topics[0], live)
         topic = (
@@ -229,13 +228,6 @@ def _transform_publishers(stage: StageModel, platform: Platform) -> tuple[tuple[
         if topic is not None:
             senders.append((node, topic))
     return tuple(senders)
-
-
-@lru_cache(maxsize=16)
-def _transform_messages(platform: Platform) -> frozenset[str]:
-    """Return the types of the messages that nodes which publish transforms send."""
-    types = platform.types.values()
-    return frozenset(kind.message[""] for kind in types if kind.tf and kind.role)
 
 
 def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
 
 from lab3_usd.facts.execution_order import (
+    effective_value,
     event_of,
     is_opened_first,
     is_switched_on,
@@ -23,6 +24,7 @@ from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.physics import number
 from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
 
 
@@ -272,3 +274,29 @@ def nodes_of_unknown_type(stage: StageModel, platform: Platform) -> Iterator[Nod
         name = node.type_name
         if node.type is None and name not in known and not platform.scripts.runs(name):
             yield node
+
+
+def stopping_limits(live: Mapping[str, Node], node: Node) -> Iterator[tuple[str, Value]]:
+    """Yield the limits of a node, and their values, that keep it from computing anything."""
+    for port in node.type.step_limits if node.type is not None else ():
+        value = effective_value(node, port, live) if lacks_time_step(live, node) else None
+        if value is not None and number(value) != 0:
+            yield port, value
+
+
+def unknown_limits(live: Mapping[str, Node], node: Node) -> list[str]:
+    """Return the limits whose values come over wires, of a node that has no time step."""
+    if node.type is None or not lacks_time_step(live, node):
+        return []
+    wired = (port for port in node.type.step_limits if node.sources(port))
+    return [port for port in wired if effective_value(node, port, live) is None]
+
+
+def lacks_time_step(live: Mapping[str, Node], node: Node) -> bool:
+    """Whether the time step of a node that takes one is 0 or less."""
+    for step in node.type.time_step if node.type is not None else ():
+        seconds = effective_value(node, step, live)
+        length = 0.0 if seconds is None else number(seconds)
+        if (seconds is None and node.sources(step)) or (length is not None and length > 0):
+            return False
+    return node.type is not None and bool(node.type.time_step)

@@ -9,11 +9,17 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from lab3_usd.facts.domains import Domain, are_surely_one
-from lab3_usd.facts.execution_order import Nodes, live_nodes, run_states
+from lab3_usd.facts.execution_order import (
+    Nodes,
+    live_nodes,
+    run_states,
+    unevaluated_by,
+)
 from lab3_usd.facts.frames import Edge, HeardTree, frames_in, heard_trees, is_tree_known
 from lab3_usd.facts.stalled_nodes import is_needed
 from lab3_usd.facts.wires import connections, find_cycles
 from lab3_usd.facts.written_names import MessageFrame, message_frames
+from lab3_usd.isaac.graph_form import GraphAttribute
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding, Place, Problem, Requirement
 from lab3_usd.model.physics import ARTICULATION_API, BODY_API
@@ -85,6 +91,15 @@ class GraphsSubject(ModelSubject, Protocol):
 
     def judges_value(self, node: Node, port: str) -> bool:
         """Whether the value of an input is judged: any, or one that the spec sets."""
+
+    def judged_targets(self, node: Node) -> Iterator[tuple[str, str]]:
+        """Yield the targets that should exist, by port: all, or those that the spec leaves open."""
+
+    def accepts_form(self, graph: GraphModel, attribute: GraphAttribute) -> bool:
+        """Whether an attribute lets the graph be evaluated, or is as the spec asks."""
+
+    def newest_version(self, node: Node) -> int | None:
+        """Return the newest version of a node's type that is known, None where none is."""
 
     @property
     def wire_faults(self) -> tuple[WireFault, ...]:
@@ -163,6 +178,22 @@ class GraphSubject(Struct, frozen=True, eq=False):
         settings = () if role is None else self.spec.nodes[role].settings
         return any(setting.port == port for setting in settings)
 
+    def judged_targets(self, node: Node) -> Iterator[tuple[str, str]]:
+        """Yield the targets beside those that the spec asks for, where a list may have more."""
+        spec = self.spec.nodes[self.roles.role_of[node.path]]
+        asked = {path for target in spec.targets for path in target.prims}
+        for port in spec.frames_from:
+            yield from ((port, path) for path in node.targets(port) if path not in asked)
+
+    def accepts_form(self, graph: GraphModel, attribute: GraphAttribute) -> bool:
+        """Whether an attribute has a value of an Action Graph."""
+        value = graph.attributes.get(attribute.name, attribute.unwritten)
+        return not attribute.required or value in attribute.accepted
+
+    def newest_version(self, node: Node) -> int | None:
+        """Return the version that the type of a node has in the release of the lab."""
+        return self.spec.nodes[self.roles.role_of[node.path]].type.version
+
 
 class StageSubject(Struct, frozen=True, eq=False):
     """The whole stage at one checkpoint.
@@ -238,6 +269,22 @@ class LintSubject(Struct, frozen=True, eq=False):
     def judges_value(self, node: Node, port: str) -> bool:  # noqa: ARG002 - see GraphsSubject
         """Every value is judged."""
         return True
+
+    def judged_targets(self, node: Node) -> Iterator[tuple[str, str]]:
+        """Yield all targets."""
+        return ((port, path) for port, state in node.ports.items() for path in state.targets)
+
+    def accepts_form(self, graph: GraphModel, attribute: GraphAttribute) -> bool:
+        """Whether an attribute does not keep the nodes of a graph from being evaluated."""
+        is_judged = graph.active and bool(graph.nodes)
+        return not is_judged or attribute.name != unevaluated_by(graph, self.stage, self.platform)
+
+    def newest_version(self, node: Node) -> int | None:
+        """Return the newest version in any release, None where a type may have more of them."""
+        if node.type is None or node.type.may_have_more:
+            return None
+        versions = self.platform.versions(node.type.type).values()
+        return max(versions, default=node.type.version)
 
     @property
     def wire_faults(self) -> tuple[WireFault, ...]:

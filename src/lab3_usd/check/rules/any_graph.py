@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import GraphsSubject, LintSubject, StageSubject
+from lab3_usd.check.missing_wires import step_wire
 from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import other_names
-from lab3_usd.facts.stalled_nodes import has_side_effects
-from lab3_usd.model.changes import RemovePrim
-from lab3_usd.model.finding import Problem, node_title
-from lab3_usd.model.stage import DEACTIVATED, OVER, nodes_outside_graphs
+from lab3_usd.check.repairs import VERSION, other_names
+from lab3_usd.facts.execution_order import live_nodes, unevaluated_by
+from lab3_usd.facts.stalled_nodes import has_side_effects, stopping_limits, unknown_limits
+from lab3_usd.model.changes import RemovePrim, SetValue
+from lab3_usd.model.finding import Problem, display, node_title, short_source
+from lab3_usd.model.stage import DEACTIVATED, OVER, absence_reason, nodes_outside_graphs
 
 
 @rule("K07", "instanced-graph", scope="lint", severity="warning")
@@ -40,6 +42,45 @@ def instanced_graph(subject: GraphsSubject) -> Iterator[Problem]:
             )
 
 
+@rule("K03", "graph-not-evaluated", scope="lint")
+@rule("G03", "graph-kind", scope="graph")
+def graph_not_evaluated(subject: GraphsSubject) -> Iterator[Problem]:
+    """A graph is never evaluated, or otherwise than asked.
+
+    Why: an on-demand graph waits for an event of its own kind, such as On Physics Step; the updates
+    of the application skip it. An instanced graph is evaluated only where a prim refers to it.
+    Isaac Sim may give no message. A lab asks for an Action Graph, evaluated in the simulation
+    pipeline: there, other settings are a fault, too. A push graph may compute every node at each
+    update, with or without a signal.
+
+    Fix: set the property named here to that of a new Action Graph, or create one and move the nodes
+    there.
+
+    Example: On Playback Tick in a graph with `pipelineStage = "pipelineStageOnDemand"`.
+
+    Basis: NVIDIA's documentation of the OmniGraph schema for evaluation modes, and
+    `OgnOnPhysicsStep.cpp:139-149` for on-demand graphs. Kit's own code is not public.
+    """
+    is_of_lab = not isinstance(subject, LintSubject)
+    for graph in subject.graphs():
+        cause = unevaluated_by(graph, subject.stage, subject.platform)
+        for attribute in subject.platform.graph.attributes:
+            if subject.accepts_form(graph, attribute):
+                continue
+            value = graph.attributes.get(attribute.name, attribute.unwritten)
+            effect = ": the graph is never evaluated" if attribute.name == cause else ""
+            right = SetValue(graph.path, attribute.name, attribute.usd_type, attribute.value)
+            yield Problem(
+                graph.path,
+                f"{attribute.name} is {display(value)}, expected {display(attribute.value)}"
+                f"{effect}",
+                property=attribute.name,
+                expected=display(attribute.value),
+                actual=display(value),
+                fix=(right,) if is_of_lab else (),
+            )
+
+
 @rule("K31", "deprecated-types", scope="lint", severity="warning", formerly="old-names")
 @rule("N06", "old-type-names", scope="graph", severity="warning")
 def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
@@ -63,6 +104,37 @@ def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
                 actual=other.written,
                 related=tuple(node.path for node in other.nodes),
                 fix=other.edits,
+            )
+
+
+@rule(
+    "K33",
+    "newer-version",
+    scope="lint",
+    severity="note",
+    counted=("node of a newer version", "nodes of a newer version"),
+)
+@rule("N05", "new-node-version", scope="graph", severity="warning")
+def newer_version(subject: GraphsSubject) -> Iterator[Problem]:
+    """A node was saved by a newer version of its type than any known one.
+
+    Why: ports and defaults may have changed, so the other findings about this node may be wrong. A
+    lab knows the version of the release that it is for.
+
+    Fix: create the graph with the release that you use, or compare the node with the release that
+    saved it.
+
+    Example: ROS2 Camera Helper of version 5, while 6.2 has 4.
+    """
+    for node in subject.nodes():
+        newest = subject.newest_version(node)
+        if node.version is not None and newest is not None and node.version > newest:
+            yield Problem(
+                node.path,
+                f"{node_title(node)} has version {node.version}; the newest known is {newest}",
+                property=VERSION,
+                expected=str(newest),
+                actual=str(node.version),
             )
 
 
@@ -128,3 +200,74 @@ def stray_node(subject: LintSubject | StageSubject) -> Iterator[Problem]:
         for prim in graph.absent if graph.active else ():
             if prim.reason not in (DEACTIVATED, OVER) and prim.type_name:
                 yield Problem(prim.path, f"is not a node but {prim.reason}, and never executes")
+
+
+@rule("K14", "unresolved-target", scope="lint", formerly="target-not-there")
+@rule("R03", "unknown-target", scope="graph", severity="warning")
+def unresolved_target(subject: GraphsSubject) -> Iterator[Problem]:
+    """A target prim of a node does not exist.
+
+    Why: the node logs an error or skips the target: a missing camera gives no image, a missing link
+    no frame. In a file with graphs but neither robot nor sensor, a stage that uses it as a sublayer
+    may have the prim: a warning.
+
+    Fix: select the node, and choose the prim again or remove it in the Property panel.
+
+    Example: `inputs:cameraPrim` still names the camera's old path.
+    """
+    is_module = isinstance(subject, LintSubject) and subject.is_module
+    live, platform = live_nodes(subject.stage, subject.platform), subject.platform
+    for node in subject.nodes():
+        for port, path in subject.judged_targets(node):
+            # The bundle that a node gives is a prim below it, and the application makes some prims.
+            is_made = path in live or path.rpartition("/")[0] in live
+            is_made = is_made or path in platform.application_prims or platform.graph.ignores(path)
+            if is_made or subject.stage.prim(path) is not None:
+                continue
+            is_one_of_several = len(node.targets(port)) > 1
+            yield Problem(
+                node.path,
+                f"{port} names {path}, which {absence_reason(subject.stage, path)}",
+                property=port,
+                actual=path,
+                severity="warning" if is_one_of_several or is_module else None,
+                assumes=((node.path, f"{port}[{path}]"),),
+                rests_on=subject.stage.unknown(path),
+            )
+
+
+@rule("K63", "limit-needs-time-step", scope="lint")
+@rule("P11", "limit-without-time-step", scope="graph")
+def limit_needs_time_step(subject: GraphsSubject) -> Iterator[Problem]:
+    """An acceleration needs a time step, which is 0.
+
+    Why: a Differential Controller with an acceleration limit, and an Ackermann Controller with an
+    acceleration or a steering speed, refuse to compute without a time step: the robot never moves.
+    If the value comes over a wire, the robot stops when the value is not 0.
+
+    Fix: set the limit back to 0, or connect Delta Seconds of On Playback Tick to Dt.
+
+    Example: `inputs:maxAcceleration = 2` while `inputs:dt` is not connected.
+    """
+    live = live_nodes(subject.stage, subject.platform)
+    for node in subject.nodes():
+        values = dict(stopping_limits(live, node))
+        for port in values or unknown_limits(live, node):
+            steps = () if node.type is None else node.type.time_step
+            wires = ", ".join(map(short_source, node.sources(port)))
+            first = f"delete the wire from {wires}, then " if wires else ""
+            written = f"is {display(values[port])}" if port in values else "is wired"
+            effect = "the robot never moves" if port in values else "where it is not 0, all stops"
+            yield Problem(
+                node.path,
+                f"{port} {written} while {steps[0]} is 0: {effect}",
+                property=port,
+                expected="0",
+                actual=display(values.get(port)),
+                severity=None if port in values else "warning",
+                hint=f"{first}select {node_title(node)} and set {port.partition(':')[2]} to 0, or "
+                f"connect the delta of the tick to {steps[0].partition(':')[2]}",
+                fix=() if node.sources(steps[0]) else step_wire(node, steps[0], subject),
+                assumes=() if port in values else ((node.path, port),),
+                covers=tuple((node.path, step) for step in steps),
+            )

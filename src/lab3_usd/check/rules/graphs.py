@@ -13,9 +13,8 @@ from lab3_usd.model.changes import (
     MovePrim,
     RemovePrim,
     SetType,
-    SetValue,
 )
-from lab3_usd.model.finding import Problem, Severity, display
+from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.stage import GraphModel
 
 _ANOTHER = "another graph"
@@ -165,37 +164,6 @@ def graphs_in_one(subject: GraphSubject) -> Iterator[Problem]:
 
 def _listed(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
-
-
-@rule("G03", "graph-kind", scope="graph")
-def graph_kind(subject: GraphSubject) -> Iterator[Problem]:
-    """Isaac Sim does not evaluate a graph in the simulation pipeline.
-
-    Why: a push graph may compute every node at each update, with or without a signal. An on-demand
-    graph is not evaluated by the app's update, so On Playback Tick never fires. An instanced graph
-    is evaluated only for prims that refer to it. Isaac Sim may give no message.
-
-    Fix: select the graph prim and set the value named here in the Property panel, or create the
-    graph again with New Action Graph.
-
-    Example: `pipelineStage` 'pipelineStageOnDemand'.
-    """
-    graph = subject.roles.graph
-    for attribute in subject.lab.platform.graph.attributes if graph is not None else ():
-        if graph is None or not attribute.required:
-            continue
-        value = graph.attributes.get(attribute.name, attribute.unwritten)
-        if value in attribute.accepted:
-            continue
-        yield Problem(
-            prim=graph.path,
-            property=attribute.name,
-            message=f"{attribute.name} is {display(value)}, expected {display(attribute.value)}",
-            expected=display(attribute.value),
-            actual=display(value),
-            handout=subject.spec.handout,
-            fix=(SetValue(graph.path, attribute.name, attribute.usd_type, attribute.value),),
-        )
 
 
 @rule("G04", "early-graph", scope="stage", severity="warning")

@@ -8,10 +8,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.check.missing_wires import step_wire
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.axles import wheel_radius
-from lab3_usd.check.rules.limits import stopping_limits, unknown_limits
 from lab3_usd.facts.arrays import listed
 from lab3_usd.facts.articulations import (
     Command,
@@ -261,35 +259,6 @@ _BODIES = ("physics:body0", "physics:body1")
 _RADIUS, _DISTANCE = "inputs:wheelRadius", "inputs:wheelDistance"
 _SPEED = "inputs:linearVelocity"
 _CLOSE = 0.05  # of the geometry, which a builder rounds
-
-
-@rule("K63", "limit-needs-time-step", scope="lint")
-def limit_needs_time_step(subject: LintSubject) -> Iterator[Problem]:
-    """An acceleration needs a time step, which is 0.
-
-    Why: a Differential Controller with an acceleration limit, and an Ackermann Controller with an
-    acceleration or a steering speed, refuse to compute without a time step: the robot never moves.
-    If the value comes over a wire, the robot stops when the value is not 0.
-
-    Fix: connect Delta Seconds of On Playback Tick to Dt, or set these inputs to 0.
-
-    Example: `inputs:maxAcceleration = 2` while `inputs:dt` is not connected.
-    """
-    live = subject.live
-    for node in live.values():
-        limits = [port for port, _ in stopping_limits(live, node)]
-        wired = unknown_limits(live, node)
-        if node.type is not None and (limits or wired):
-            step = node.type.time_step[0]
-            yield Problem(
-                node.path,
-                f"{', '.join(limits or wired)} needs a time step, and {step} is 0",
-                property=step,
-                expected="a wire from the delta of the tick",
-                actual="0",
-                fix=() if node.sources(step) else step_wire(node, step, subject),
-                severity=None if limits else "warning",
-            )
 
 
 @rule("K64", "wheel-size", scope="lint", severity="warning", formerly="wheels-of-another-size")

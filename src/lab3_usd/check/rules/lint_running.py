@@ -155,38 +155,6 @@ def _nodes_in_overs(subject: LintSubject) -> Mapping[str, int]:
     )
 
 
-@rule("K03", "graph-not-evaluated", scope="lint")
-def graph_not_evaluated(subject: LintSubject) -> Iterator[Problem]:
-    """Its settings keep Isaac Sim from evaluating a graph.
-
-    Why: an on-demand graph waits for an event of its own kind, such as On Physics Step; the updates
-    of the application skip it. An instanced graph is evaluated only where a prim refers to it.
-
-    Fix: set pipeline stage and evaluation mode to those of a new Action Graph, or create one and
-    move the nodes there.
-
-    Example: On Playback Tick in a graph with `pipelineStage = "pipelineStageOnDemand"`.
-
-    Basis: NVIDIA's documentation of the OmniGraph schema for evaluation modes, and
-    `OgnOnPhysicsStep.cpp:139-149` for on-demand graphs. Kit's own code is not public.
-    """
-    form = subject.platform.graph.evaluation
-    for graph in subject.graphs():
-        if not graph.active or not graph.nodes:
-            continue
-        if not is_graph_evaluated(graph, subject.stage, subject.platform):
-            mode = graph.attributes.get(form.mode)
-            name = form.mode if mode in form.by_reference else form.stage
-            yield Problem(
-                graph.path,
-                f"graph is never evaluated: {name} is '{graph.attributes.get(name)}', "
-                f"expected '{subject.platform.graph.value(name)}'",
-                property=name,
-                expected=str(subject.platform.graph.value(name)),
-                actual=str(graph.attributes.get(name)),
-            )
-
-
 @rule("K04", "event-never-fires", scope="lint")
 def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
     """An event node never fires in its graph.

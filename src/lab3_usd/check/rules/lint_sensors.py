@@ -14,7 +14,7 @@ from lab3_usd.model.changes import ApplySchema
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import BODY_API, number
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import Node, StageModel, absence_reason
+from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.model.transforms import AXES, angle_between, decompose, rotate_vector
 
 _TICK = "omni:sensor:tickRate"
@@ -36,40 +36,6 @@ def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
         path = sensor_of(node, subject.live)
         if needed is not None and path is not None:
             yield node, needed, path
-
-
-@rule("K14", "unresolved-target", scope="lint", formerly="target-not-there")
-def unresolved_target(subject: LintSubject) -> Iterator[Problem]:
-    """A target prim of a node does not exist.
-
-    Why: the node logs an error or skips the target: a missing camera gives no image, a missing link
-    no frame. In a file with graphs but neither robot nor sensor, a stage that uses it as a sublayer
-    may have the prim: a warning.
-
-    Fix: choose the prim again in the Property panel.
-
-    Example: `inputs:cameraPrim` still names the camera's old path.
-    """
-    for node in subject.live.values():
-        for name, state in node.ports.items():
-            for target in state.targets:
-                if subject.stage.prim(target) is not None or _is_made_later(target, subject):
-                    continue
-                yield Problem(
-                    node.path,
-                    f"{name} names {target}, which {absence_reason(subject.stage, target)}",
-                    property=name,
-                    actual=target,
-                    severity="warning" if len(state.targets) > 1 or subject.is_module else None,
-                    rests_on=subject.stage.unknown(target),
-                )
-
-
-def _is_made_later(path: str, subject: LintSubject) -> bool:
-    """Whether the application makes the prim, or it is a node or a graph."""
-    made = path in subject.platform.application_prims or subject.platform.graph.ignores(path)
-    # The bundle that a node gives is a prim below it.
-    return made or path in subject.live or path.rpartition("/")[0] in subject.live
 
 
 @rule("K15", "unreadable-target", scope="lint")

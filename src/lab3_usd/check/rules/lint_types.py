@@ -112,36 +112,6 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
 
 
 @rule(
-    "K33",
-    "newer-version",
-    scope="lint",
-    severity="note",
-    counted=("node of a newer version", "nodes of a newer version"),
-)
-def newer_version(subject: LintSubject) -> Iterator[Problem]:
-    """A node was saved by a newer version than any known one.
-
-    Why: ports and defaults may have changed, so the findings about this node may be wrong.
-
-    Fix: nothing is required. Compare the node with the release that saved it.
-
-    Example: ROS2 Camera Helper of version 5, while 6.2 has 4.
-    """
-    for node in subject.live.values():
-        if node.type is None or node.type.may_have_more or node.version is None:
-            continue
-        newest = max(subject.platform.versions(node.type.type).values(), default=node.type.version)
-        if node.version > newest:
-            yield Problem(
-                node.path,
-                f"{subject.title(node)} has version {node.version}; the newest known is {newest}",
-                property=VERSION,
-                expected=str(newest),
-                actual=str(node.version),
-            )
-
-
-@rule(
     "K36",
     "other-release-ports",
     scope="lint",

@@ -182,34 +182,15 @@ def old_node_version(subject: GraphSubject) -> Iterator[Problem]:
     """
     for node, spec in subject.matched:
         if node.version is not None and node.version < spec.type.version:
-            yield _version_problem(subject, node, spec, "an older")
-
-
-@rule("N05", "new-node-version", scope="graph", severity="warning")
-def new_node_version(subject: GraphSubject) -> Iterator[Problem]:
-    """A node was saved with a newer version of its type than Isaac Sim 6.0.1 has.
-
-    Why: ports and defaults may have changed, so the other findings about this node may be wrong.
-
-    Fix: create the graph with Isaac Sim 6.0.1, which the course uses.
-
-    Example: a helper of version 4, while 6.0.1 has version 3.
-    """
-    for node, spec in subject.matched:
-        if node.version is not None and node.version > spec.type.version:
-            yield _version_problem(subject, node, spec, "a newer")
-
-
-def _version_problem(subject: GraphSubject, node: Node, spec: NodeSpec, kind: str) -> Problem:
-    return Problem(
-        prim=node.path,
-        property=VERSION,
-        message=f"{role_title(spec)} is of {kind} version, {node.version}",
-        expected=str(spec.type.version),
-        actual=str(node.version),
-        handout=spec.handout,
-        fix=edits_at(subject, f"{node.path}.{VERSION}"),
-    )
+            yield Problem(
+                prim=node.path,
+                property=VERSION,
+                message=f"{role_title(spec)} is of an older version, {node.version}",
+                expected=str(spec.type.version),
+                actual=str(node.version),
+                handout=spec.handout,
+                fix=edits_at(subject, f"{node.path}.{VERSION}"),
+            )
 
 
 _PUBLISHES = ("publisher", "helper")

@@ -18,7 +18,6 @@ from lab3_usd.check.match.conformance import (
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
-from lab3_usd.check.rules.limits import stopping_limits
 from lab3_usd.facts.endpoints import moving_prims
 from lab3_usd.facts.execution_order import effective_value, live_nodes
 from lab3_usd.isaac.node_types import INPUT, Port
@@ -231,15 +230,23 @@ def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
     left = (*policy.keep_default, subject.lab.platform.ros.namespace)
     for node, spec, port, value in _changed(subject):
         agrees = port.short in policy.stamp_reset.ports and value is False
-        stops = port.name in dict(stopping_limits(subject.live_nodes, node))
-        if port.short not in left and not agrees and not stops:
+        if port.short not in left and not agrees:
             message = (
                 f"{port.name} is {display(value)}, the handout leaves it at {display(port.default)}"
             )
             section = dict(spec.keep).get(port.name, spec.handout)
             expected, actual = display(port.default), display(value)
             fix = edits_at(subject, f"{node.path}.{port.name}")
-            yield Problem(node.path, message, port.name, expected, actual, section, fix=fix)
+            yield Problem(
+                node.path,
+                message,
+                port.name,
+                expected,
+                actual,
+                section,
+                fix=fix,
+                assumes=((node.path, port.name),),
+            )
     for node, spec, name, prims in _aimed(subject):
         message = f"{name} names {format_paths(prims)}, the handout leaves it empty"
         expected, actual = format_paths(()), format_paths(prims)

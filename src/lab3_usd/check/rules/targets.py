@@ -111,36 +111,6 @@ def wrong_target(subject: GraphSubject) -> Iterator[Problem]:
             yield replace(_problem(subject, node, target, message), severity="warning")
 
 
-@rule("R03", "unknown-target", scope="graph", severity="warning")
-def unknown_target(subject: GraphSubject) -> Iterator[Problem]:
-    """A target does not exist.
-
-    Why: Isaac Sim skips the target with a warning in the console, and its frame is missing.
-
-    Fix: select the node, and remove the target in the Property panel or choose the intended prim.
-
-    Example: Isaac Compute Transform Tree with a target that was renamed later.
-    """
-    for node, spec in subject.matched:
-        asked = {path for target in spec.targets for path in target.prims}
-        for port in spec.frames_from:
-            for path in node.targets(port):
-                is_there = subject.stage.prim(path) is not None or path in subject.live_nodes
-                if path not in asked and not is_there:
-                    asset = subject.stage.unresolved_above(path)
-                    message = f"{port} names {path}, which does not exist"
-                    yield Problem(
-                        node.path,
-                        message,
-                        port,
-                        actual=path,
-                        handout=spec.handout,
-                        fix=edits_at(subject, f"{node.path}.{port}"),
-                        assumes=((node.path, f"{port}[{path}]"),),
-                        rests_on=asset,
-                    )
-
-
 @rule("R04", "named-render-product", scope="graph", needs="render product")
 def named_render_product(subject: GraphSubject) -> Iterator[Problem]:
     """A node names another render product.
