@@ -38,6 +38,12 @@ def test_commands_agree_where_they_once_did_not(subject: Subject) -> None:
     assert [f"{each.question}: {each.answers}" for each in left] == today
 
 
+@pytest.mark.parametrize("name", CONTRADICTORY["cases"])
+def test_commands_agree_on_a_case_where_they_once_did_not(name: str) -> None:
+    subject = next(each for each in all_subjects() if each.name == name)
+    assert not unexplained(contradictions_of(subject))
+
+
 def test_commands_agree_on_some_of_all_stages() -> None:
     sample = [each for each in all_subjects() if crc32(each.name.encode()) % SHARE == 0]
     assert len(sample) >= 8

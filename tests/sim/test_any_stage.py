@@ -16,6 +16,7 @@ from foreign_robots import (
     TIME,
     add_api,
     body,
+    connect,
     empty_stage,
     revolute,
     rover,
@@ -98,6 +99,27 @@ def test_swapped_wheels_turn_the_wrong_way(tmp_path: Path) -> None:
     swap_wheels(stage)
     found = played(stage, tmp_path)
     assert (bad(found), by_name(found)["follows"].kind) == ({"follows"}, "wrong-turn")
+
+
+def test_the_order_of_joints_that_have_no_names_is_not_judged(tmp_path: Path) -> None:
+    stage = rover()
+    stage.GetAttributeAtPath(f"{DRIVE}/move.inputs:jointNames").ClearConnections()
+    numbers = stage.GetPrimAtPath(f"{DRIVE}/move").CreateAttribute(
+        "inputs:jointIndices", Sdf.ValueTypeNames.IntArray
+    )
+    numbers.Set([1, 0])
+    assert by_name(played(stage, tmp_path))["follows"].verdict == "not judged"
+
+
+def test_a_controller_that_fails_beside_one_that_moves_the_robot_is_named(tmp_path: Path) -> None:
+    stage = rover()
+    move = {"targetPrim": ROBOT, "jointNames": ["left_wheel_joint"]}
+    write_node(stage, f"{DRIVE}/again", "core.IsaacArticulationController", move)
+    for wire in ("tick.tick -> again.execIn", "drive.velocityCommand -> again.velocityCommand"):
+        connect(stage, DRIVE, *wire.split(" -> "))
+    found = played(stage, tmp_path, drive=BRIEFLY)
+    assert bad(found) == {"graphs"}
+    assert by_name(found)["graphs"].prim == f"{DRIVE}/again"
 
 
 def test_a_radius_that_is_not_that_of_the_wheels_is_said(tmp_path: Path) -> None:

@@ -102,7 +102,7 @@ def test_the_types_of_the_lab_win() -> None:
 
 def test_every_need_names_its_source() -> None:
     needs = [need for entries in TYPES.needs.values() for need in entries]
-    source = re.compile(r"\S+\.(cpp|py)(:[0-9]+(-[0-9]+)?)?")
+    source = re.compile(r"\S+\.(cpp|py)(:[0-9]+(-[0-9]+)?)?|isaac-sim/IsaacSim#[0-9]+")
     assert all(source.fullmatch(need.source) and need.effect for need in needs)
 
 

@@ -332,15 +332,23 @@ def truck() -> Usd.Stage:
     stage = empty_stage("Y", 1.0)
     robot = "/Fleet/Truck"
     add_api(UsdGeom.Xform.Define(stage, robot).GetPrim(), "IsaacRobotAPI")
-    base = add_api(body(stage, f"{robot}/frame", (0, 0.5, 0)), "PhysicsArticulationRootAPI")
-    base.CreateAttribute("isaac:namespace", Sdf.ValueTypeNames.String).Set("truck_1")
-    for name, x, z in (("front_left", 1, -0.6), ("front_right", 1, 0.6), ("rear", -1, 0)):
+    base = f"{robot}/frame"
+    frame = add_api(body(stage, base, (0, 0.5, 0)), "PhysicsArticulationRootAPI")
+    frame.CreateAttribute("isaac:namespace", Sdf.ValueTypeNames.String).Set("truck_1")
+    joints = f"{robot}/joints"
+    for name, x, z in (("front_left", 1, -0.6), ("front_right", 1, 0.6)):
+        body(stage, f"{robot}/{name}", (x, 0.5, z))
+        steer = revolute(stage, f"{joints}/{name}", base, f"{robot}/{name}", (x, 0, z), "Y")
+        UsdPhysics.DriveAPI(steer, "angular").GetStiffnessAttr().Set(5000.0)
+    for name, carrier, x, z in (
+        ("front_left_wheel", "front_left", 1, -0.6),
+        ("front_right_wheel", "front_right", 1, 0.6),
+        ("rear", "frame", -1, -0.6),
+        ("rear_right", "frame", -1, 0.6),
+    ):
         wheel(stage, f"{robot}/{name}", (x, 0.5, z), 0.5, "Z")
-        joint = revolute(
-            stage, f"{robot}/joints/{name}", f"{robot}/frame", f"{robot}/{name}", (x, 0, z), "Z"
-        )
-        if name != "rear":
-            UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(5000.0)
+        at = (x, 0, z) if carrier == "frame" else (0, 0, 0)
+        revolute(stage, f"{joints}/{name}", f"{robot}/{carrier}", f"{robot}/{name}", at, "Z")
     UsdGeom.Camera.Define(stage, f"{robot}/frame/front_camera")
     camera = f"{robot}/frame/front_camera"
     write_graph(
@@ -365,7 +373,10 @@ def truck() -> Usd.Stage:
             ),
             "push": (
                 "core.IsaacArticulationController",
-                {"targetPrim": f"{robot}/frame", "jointNames": ["rear"]},
+                {
+                    "targetPrim": f"{robot}/frame",
+                    "jointNames": ["front_left_wheel", "front_right_wheel", "rear", "rear_right"],
+                },
             ),
         },
         [

@@ -170,9 +170,12 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
             return 0
         if finding.prim == "/":  # of the whole stage, as its units and its upward axis
             return far - 1
+        return min(nearness(prim) for prim in (finding.prim, *(path for path, _ in finding.covers)))
+
+    def nearness(prim: str) -> int:
         # What is missing or switched off is no part of the scene, but what it stands in is.
-        above = sites.get(finding.prim.rpartition("/")[0], far)
-        return sites.get(finding.prim, min(far, above + len(sites)))
+        above = sites.get(prim.rpartition("/")[0] or "/", far)
+        return sites.get(prim, min(far, above + len(sites)))
 
     def rank(finding: Finding) -> tuple[int, bool, int]:
         is_usual = finding.rule in usual

@@ -110,6 +110,21 @@ def articulations(top: str, stage: StageModel) -> Iterator[str]:
             yield prim.path
 
 
+def is_empty(root: str, stage: StageModel) -> bool:
+    """Whether nothing moves in an articulation: joints tie no bodies to its root."""
+    prim = stage.prim(root)
+    if prim is None or is_joint_type(prim.type):
+        return False
+    links = articulation_links(prim, stage) or {}
+    return not any(
+        joint.present
+        and joint.type != FIXED
+        and not is_switched_off(joint, JOINT_ENABLED)
+        and set(ends(joint)) & set(links)
+        for joint in stage.of_type(is_joint_type)
+    )
+
+
 def joints_of(command: Command, stage: StageModel) -> dict[str, Prim]:
     """Return the joints of a robot that can move, by name.
 
@@ -218,7 +233,7 @@ def reached_joints(command: Command, stage: StageModel, platform: Platform) -> l
         if joint.type in DRIVEN_AXES
         and joint.name not in others
         and not any(_MIMIC in api for api in joint.apis)
-        and (is_fixed or not _rolls(joint, joints))
+        and (is_fixed or not _rolls(joint, joints, stage))
         and (is_chain or (_has_drive(joint) and not is_excluded(joint)))
         and (_has_drive(joint) or not (is_excluded(joint) or is_switched_off(joint, JOINT_ENABLED)))
     ]
@@ -228,9 +243,14 @@ def _has_drive(joint: Prim) -> bool:
     return any(api.startswith(f"{_DRIVE}:") for api in joint.apis)
 
 
-def _rolls(joint: Prim, joints: Iterable[Prim]) -> bool:
-    """Whether a joint turns freely, and carries no other joint or has no drive: wheels, casters."""
+def _rolls(joint: Prim, joints: Iterable[Prim], stage: StageModel) -> bool:
+    """Whether a joint turns something with a shape freely, as wheels and casters do.
+
+    It carries no other joint, or has no drive.
+    """
     link = next(iter(joint.relationships.get(BODIES[1], ())), "")
+    if not stage.colliders.below(link):
+        return False
     carries = any(other is not joint and link in ends(other) for other in joints)
     if carries and _has_drive(joint):
         return False

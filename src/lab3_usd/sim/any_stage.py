@@ -15,6 +15,7 @@ from lab3_usd.facts.tree import SentTransform
 from lab3_usd.facts.tree import tree as build_tree
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
+from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.arms import JOINTS, arm_checks
 from lab3_usd.sim.commands import (
     commanded_once,
@@ -62,6 +63,8 @@ THROUGH = 0.02  # part of a range by which a ray may be longer
 STUCK = 0.5  # part of the stamps of a node that may be no later than the ones before
 REPEATED = 4  # times that a transform comes which is no static one
 PUBLISHING = ("publisher", "helper")
+# What a node says of commands for another robot, or of the value of a moment.
+_PASSING: tuple[FaultKind, ...] = ("wrong-topic", "wrong-domain", "no-number-input")
 
 CheckFunction = Callable[[Trial], Iterator[RunFault]]
 
@@ -107,7 +110,27 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
         of = name if len(robots) > 1 else ""
         found = _checks_of(robot, known, play, scene)
         checks.extend(replace(check, of=of) for check in found)
+    failures = list(_failing(plays, checks))
+    if failures:
+        others = [check for check in checks if check.name != "graphs"]
+        checks = [verdict("graphs", [*graphs(plays[0]), *failures], plays[0]), *others]
     return Played(robots, tuple(plays), tuple(checks))
+
+
+def _failing(plays: Sequence[Trial], checks: Sequence[Check]) -> Iterator[RunFault]:
+    """Yield the nodes that fail to the end of every play, and that no check names."""
+    told = [f"{check.prim} {check.text}" for check in checks if check.verdict != "ok"]
+    causes = [play.causes for play in plays if isinstance(play.causes, RunCauses)]
+    for path in causes[0].program.nodes if causes else ():
+        running = [each.program.nodes.get(path) for each in causes]
+        nodes = [node for node in running if node is not None]
+        cause = causes[0].broken(nodes[0])
+        if (
+            all(node.failure is not None and node.failure.kind not in _PASSING for node in nodes)
+            and cause is not None
+            and not any({cause.prim, path} & {*text.replace(";", " ").split()} for text in told)
+        ):
+            yield RunFault(f"{path} fails", cause.kind or "not-executed", cause.prim, cause.reason)
 
 
 def _checks_of(robot: Robot, robots: Sequence[Robot], play: Trial, scene: Scene) -> Iterator[Check]:

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from lab3_usd.model.dry_run import Affine, Check, Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES
-from lab3_usd.model.physics import JOINT_ENABLED
+from lab3_usd.model.physics import FAR, JOINT_ENABLED
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import is_within
@@ -24,8 +24,9 @@ from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
 from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial, agree, in_root
 from lab3_usd.sim.nodes.transforms import frame_name
-from lab3_usd.sim.robot.machine import FIXED, SLIDER, Joint, Machine
+from lab3_usd.sim.robot.machine import FIXED, HINGE, SLIDER, Joint, Machine
 from lab3_usd.sim.robot.machine import JOINTS as JOINT_TYPES
+from lab3_usd.sim.robot.machines import collides
 
 JOINTS, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 TURN, WAY = 0.3, 0.05  # radians and metres that the last joint is commanded to go
@@ -108,8 +109,26 @@ def _left_alone(
             yield name, "the robot rolls on it"
         elif any(_MIMIC in api for api in prim.apis):
             yield name, "it follows another joint"
+        elif not machine.held and _turns_freely(joint, machine, world):
+            yield name, "it turns freely, as wheels do"
         elif not is_chain and not _has_drive(prim.apis):
             yield name, "a closed chain moves it"
+
+
+def _turns_freely(joint: Joint, machine: Machine, world: World) -> bool:
+    """Whether a joint turns something with a shape freely.
+
+    It carries no other joint, or has no drive.
+    """
+    link = machine.link_of(joint)
+    has_shape = any(
+        collides(prim) and world.machines.body_of(prim.path) == link
+        for prim in world.scene.below(link)
+    )
+    carries = any(other is not joint and link in other.bodies for other in machine.parents.values())
+    is_endless = joint.limits[1] - joint.limits[0] > math.radians(FAR) and joint.stiffness <= 0
+    is_loose = joint.kind == HINGE and is_endless and has_shape
+    return is_loose and not (carries and _has_drive(world.scene.prims[joint.path].apis))
 
 
 def _has_drive(apis: Collection[str]) -> bool:

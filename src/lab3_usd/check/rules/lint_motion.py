@@ -122,8 +122,8 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
 
     Why: a disabled joint moves nothing, and a joint with limits stops there. A body that is
     kinematic, disabled or not a rigid body does not move, be it the wheel or the chassis, nor does
-    a wheel that a fixed joint ties to another body. A wheel without a collision shape turns in the
-    air beside wheels that have one.
+    a wheel that a fixed joint ties to another body. A wheel without a collision shape, and without
+    rollers that have one, turns in the air.
 
     Fix: enable the joint and the bodies, switch Kinematic off, delete limits and fixed joints of
     the wheel, and enable its collision.
@@ -149,8 +149,7 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
                 judged.add(wheel)
                 yield Problem(
                     wheel,
-                    "has no enabled collision shape, and other wheels have: "
-                    f"{command.node.path} turns it in the air",
+                    f"has no enabled collision shape: {command.node.path} turns it in the air",
                     related=(command.node.path,),
                     rests_on=subject.stage.unknown_below(wheel),
                 )
@@ -170,11 +169,21 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
 
 
 def _without_shape(wheels: list[Prim], stage: StageModel) -> list[str]:
-    """Return the wheels that touch nothing, where others do."""
+    """Return the wheels that touch nothing, nor does what they carry."""
     bodies_of = (_wheel(joint, wheels, stage) for joint in wheels)
     moved = dict.fromkeys(path for path in bodies_of if path is not None and stage.prim(path))
     bare = [path for path in moved if not stage.colliders.below(path)]
-    return bare if len(bare) < len(moved) else []
+    fixed = _bases(wheels, stage) if bare else set()
+    return [
+        path
+        for path in bare
+        if not any(
+            end and end not in fixed and stage.colliders.below(end)
+            for joint in joints(stage)
+            if path in bodies(joint)
+            for end in bodies(joint)
+        )
+    ]
 
 
 def _stops(body: Prim) -> Iterator[tuple[str, str]]:

@@ -18,6 +18,7 @@ from lab3_usd.facts.articulations import (
     driven_pairs,
     followed_bodies,
     has_joint,
+    is_empty,
     joints_of,
     named_joints,
     number_of_axes,
@@ -32,7 +33,7 @@ from lab3_usd.facts.stalled_nodes import array_items
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Place, Problem, display
-from lab3_usd.model.physics import number
+from lab3_usd.model.physics import BODY_API, number
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel, UnresolvedAsset
 from lab3_usd.model.transforms import Vector, distance, transform_point
@@ -43,25 +44,33 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
     """The target of a controller has no articulation.
 
     Why: the controller looks for the articulation root at its target and below, never above. If
-    there is none, it logs an error and nothing moves.
+    there is none, or no joint ties a body to it, it logs an error and nothing moves.
 
-    Fix: choose the prim that carries the articulation root, or one above it.
+    Fix: choose the prim that carries the articulation root, or one above it; the root is a rigid
+    body, or above the bodies.
 
     Example: `inputs:targetPrim` names `/World/robot/base_link`, the root is on `/World/robot`.
     """
     for command in commands(subject.stage, subject.platform):
         is_there = subject.stage.prim(command.robot) is not None
         is_by_path = command.port == command.ports.path
-        if not command.robot or command.roots or not (is_there or is_by_path):
+        if not command.robot or not (is_there or is_by_path):
             continue  # of a target that is not there another rule speaks
-        what = "no articulation root at or below it" if is_there else "no prim at that path"
+        if not all(is_empty(root, subject.stage) for root in command.roots):
+            continue
+        what = "there is no articulation root at or below it"
+        if command.roots:
+            what = f"no joint ties a body to the articulation root {command.roots[0]}"
+        elif not is_there:
+            what = "there is no prim at that path"
         yield Problem(
             command.node.path,
-            f"{command.port} is {command.robot}, but there is {what}",
+            f"{command.port} is {command.robot}, but {what}",
             property=command.port,
             expected="a prim with an articulation root",
             actual=command.robot,
             severity="warning" if is_by_path and subject.is_module else None,
+            covers=tuple((root, None) for root in command.roots),
             rests_on=command.unknown,
         )
 
@@ -112,6 +121,7 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
                     related=(command.robot,),
                     fix=_without_space(command, name, subject) if name.strip() in known else (),
                     rests_on=command.unknown or _unknown_joint(name, command, known, subject.stage),
+                    assumes=((command.node.path, command.port),),
                 )
 
 
@@ -158,7 +168,7 @@ def odometry_without_body(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:chassisPrim` names `/World/robot`, an Xform above the links.
     """
     for odometry in followed_bodies(subject.stage, subject.platform):
-        if not odometry.is_body:
+        if not odometry.is_body or _is_empty_root(odometry, subject.stage):
             yield Problem(
                 odometry.node.path,
                 f"{odometry.port} is {odometry.prim.path}, {_why_no_body(odometry)}",
@@ -166,13 +176,22 @@ def odometry_without_body(subject: LintSubject) -> Iterator[Problem]:
                 expected="a rigid body or an articulation root",
                 actual=odometry.prim.path,
                 rests_on=odometry.unknown,
+                assumes=((odometry.body.path, None),) if odometry.body is not None else (),
             )
+
+
+def _is_empty_root(odometry: Followed, stage: StageModel) -> bool:
+    """Whether what is followed is no body, and an articulation root without joints."""
+    body = odometry.body
+    return body is not None and BODY_API not in body.apis and is_empty(body.path, stage)
 
 
 def _why_no_body(odometry: Followed) -> str:
     if odometry.body is None:
         return f"which lists no link in {odometry.asked.links}"
     fault = "is neither a rigid body nor an articulation root"
+    if odometry.is_body:
+        fault = "is no rigid body, and an articulation root to which no joint ties a body"
     is_other = odometry.body.path != odometry.prim.path
     return f"and its first link {odometry.body.path} {fault}" if is_other else f"which {fault}"
 

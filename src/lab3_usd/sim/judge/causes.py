@@ -8,7 +8,7 @@ from posixpath import commonpath
 
 from msgspec import Struct
 
-from lab3_usd.isaac.node_types import NodeType
+from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import FAR
@@ -32,6 +32,10 @@ _PART: tuple[FaultKind, ...] = (
     "no-articulation", "unknown-joint", "wrong-command-count", "no-chassis-body", "no-target-prim",
     "missing-frame", "unknown-frame", "missing-camera-prim",
     "no-inertial-sensor",
+)  # fmt: skip
+# What a robot shows where commands go to its joints in another order.
+_OF_ORDER: tuple[FaultKind, ...] = (
+    "wrong-turn", "wrong-arc", "wrong-distance", "sideways-drift", "joint-off-target",
 )  # fmt: skip
 _OF_SURROUNDINGS = ("scan", "map")  # checks that show what stands around the robot
 DRIVEN = ("rest", "follows", "limits", "again", "joints")  # checks that show how the robot moves
@@ -84,6 +88,8 @@ class RunCauses(Struct, frozen=True):
             return True
         if check in DRIVEN and not self.is_level:
             return True
+        if fault.kind in _OF_ORDER and self._is_by_number():
+            return True
         if check in DRIVEN:
             bodies = self.robot.rest if self.robot is not None else ()
             return (
@@ -96,6 +102,16 @@ class RunCauses(Struct, frozen=True):
         sent = {message for kind in self._unsure_types() for message in kind.message.values()}
         shown = _SHOWN_BY.get(check, sent if fault.kind == "silent-topic" else ())
         return not sent.isdisjoint(shown) and not (check == "topics" and fault.prim)
+
+    def _is_by_number(self) -> bool:
+        """Whether joints have no names, but the order of the articulation, which no file tells."""
+        for node in self.program.nodes.values():
+            ports = node.type.drives
+            if ports is not None:
+                names = ports.joints.removeprefix(INPUT)
+                if names not in node.fed and not node.values.get(names):
+                    return True
+        return False
 
     def _has_missing_parts(self) -> bool:
         """Whether an asset that was not found belongs to the robot, or could be it."""
@@ -139,6 +155,7 @@ class RunCauses(Struct, frozen=True):
         robot = commonpath(self.robot.rest) if self.robot is not None else ""
         tops = [robot] if robot and (check in DRIVEN or robot in found) else []
         tops += ["/"] if check in _OF_SURROUNDINGS else []
+        found.update(dict.fromkeys(tops[-1:] if check in _OF_SURROUNDINGS else ()))
         own = {*nodes, *(graph.path for graph in self.scene.graphs)}
         for top in tops if robot else above:
             inside = self.scene.below(top) if top != "/" else self.scene.prims.values()

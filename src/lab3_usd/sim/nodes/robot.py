@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from lab3_usd.model.dry_run import Affine
+from lab3_usd.model.joint_drives import DRIVEN_AXES
 from lab3_usd.model.transforms import Vector, cross, dot, length
 from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import Message, Odometry
@@ -134,7 +135,10 @@ def _joints(node: NodeInstance, world: World, machine: Machine) -> list[Joint] |
         if memory["joints"] is None:
             place = named.index(None)
             name = str(names[place])
-            if not name:
+            stem = machine.articulated.get(name.rpartition(":")[0])
+            if stem is not None and stem.kind not in DRIVEN_AXES:
+                world.not_simulated[node.path] = f"it moves one axis of several, {name}"
+            elif not name:
                 message = f"element {place + 1} of its array of joint names is empty"
                 node.fails(message, "empty-joint-name")
             elif name in machine.joints:

@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from lab3_usd.model.dry_run import Affine, Scene, ScenePrim
+from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES
 from lab3_usd.model.physics import MASS, SCENE, number, numbers, vector
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.sim.robot.machine import HINGE, Joint, Machine
+from lab3_usd.sim.robot.machine import HINGE, JOINTS, Joint, Machine
 from lab3_usd.sim.robot.machines import Machines, collides
 
 _GROUP = "PhysicsCollisionGroup"
@@ -117,6 +118,9 @@ def _of_joint(prim: ScenePrim, machines: Machines, robot: Machine) -> Iterator[t
         return
     if prim.values.get("physics:jointEnabled") is False:
         return
+    drives = [api for api in prim.apis if api.startswith(f"{DRIVE}:")]
+    if drives and prim.type in JOINTS and prim.type not in DRIVEN_AXES:
+        yield prim.path, f"{prim.type} with a drive, whose axes are not played"
     yield from _bad(prim, _JOINT)
     for name in (name for name, at in prim.targets.items() if name.startswith(_MIMIC) and at):
         yield prim.path, f"{name} is {prim.targets[name][0]}"
