@@ -11,7 +11,6 @@ from itertools import pairwise
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.facts.tree import SentTransform
 from lab3_usd.facts.tree import tree as build_tree
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
@@ -27,9 +26,7 @@ from lab3_usd.sim.commands import (
     unmoved,
 )
 from lab3_usd.sim.execution.drive import drive_of
-from lab3_usd.sim.execution.node_instance import NodeInstance
-from lab3_usd.sim.execution.program import is_within
-from lab3_usd.sim.execution.recording import Message, Recording, Scan, Transform
+from lab3_usd.sim.execution.recording import Message, Recording, Scan
 from lab3_usd.sim.execution.world import NOT_OPENED
 from lab3_usd.sim.judge.causes import DRIVEN, SUBSCRIBER, RunCauses
 from lab3_usd.sim.judge.checks import graphs, verdict
@@ -44,7 +41,7 @@ from lab3_usd.sim.judge.expectations import (
 from lab3_usd.sim.judge.motion import odometry, rest
 from lab3_usd.sim.judge.sensors import MISSED, WALL, mounted
 from lab3_usd.sim.judge.topics import clock, heard_transforms, tree
-from lab3_usd.sim.nodes.transforms import frame_name
+from lab3_usd.sim.own_view import kept_transforms, own_view
 from lab3_usd.sim.robots import (
     NO_LIMITS,
     TWIST,
@@ -144,7 +141,7 @@ def _checks_of(robot: Robot, robots: Sequence[Robot], play: Trial, scene: Scene)
     if robot.kind == JOINTS:
         checks = arm_checks(play, scene, robot.machine, robot.controller)
     else:
-        checks = _robot_checks(_own(robot, robots, play, scene), robot)
+        checks = _robot_checks(own_view(robot, robots, play, scene), robot)
     other = rival(robot, robots)
     for check in checks:
         if other is not None and check.verdict == "bad" and check.name in DRIVEN:
@@ -312,16 +309,10 @@ def _alone(trial: Trial, domain: int, topic: str) -> Trial:
         trial.recording.seconds,
         [message for message in there if message.topic == topic],
         trial.recording.path,
-        static=_static(there),
+        static=kept_transforms(there),
     )
     wanted = replace(trial.wanted, domain=domain, clock=topic, transforms=topic)
     return Trial(recording, trial.drive[:1], wanted, causes=trial.causes)
-
-
-def _static(messages: Sequence[Message]) -> tuple[tuple[Transform, str], ...]:
-    """Return the transforms that hold throughout, with the nodes that send them."""
-    static = (message for message in messages if message.static)
-    return tuple((frame, message.node) for message in static for frame in message.transforms)
 
 
 def one_tree(trial: Trial, robots: int) -> Iterator[RunFault]:
@@ -426,89 +417,3 @@ def placed_scan(trial: Trial) -> Iterator[RunFault]:
     elif through > MISSED * len(there):
         text = f"{through} of {len(there)} rays go through walls"
         yield RunFault(text, "scan-off-walls", message.node)
-
-
-def _is_of_another(node: str, robot: Robot, robots: Sequence[Robot], played: Trial) -> bool:
-    """Whether the transforms of a node are those of another robot, or of several by one name.
-
-    Those of no robot are held against the one that has odometry.
-    """
-    causes = played.causes
-    running = causes.program.nodes.get(node) if isinstance(causes, RunCauses) else None
-    prims = _followed(running) if running is not None else set()
-    names = {
-        other.name
-        for other in robots
-        for body in (other.machine.rest if other.machine is not None else ())
-        if is_within(body, prims) or any(is_within(prim, (body,)) for prim in prims)
-    }
-    if not names:
-        bodies = robot.machine.rest if robot.machine is not None else {}
-        is_own = any(is_within(b, prims) or any(is_within(p, (b,)) for p in prims) for b in bodies)
-        return (bool(prims) and not is_own) or (len(robots) > 1 and not robot.odometry)
-    others = names - {robot.name}
-    ends = {name.rpartition("/")[2] for name in others}
-    return bool(others) and (names == others or robot.name.rpartition("/")[2] in ends)
-
-
-def _followed(publisher: NodeInstance) -> set[str]:
-    """Return the prims whose poses a publisher sends, without those that they are relative to."""
-    return {
-        prim
-        for node in publisher.feeding
-        for port, prims in node.node.targets.items()
-        if node.type.tf is None or port not in node.type.tf.prims[:1]
-        for prim in prims
-    }
-
-
-def _own(robot: Robot, robots: Sequence[Robot], played: Trial, scene: Scene) -> Trial:
-    """Return the play of a robot with the topics and frames that are its own.
-
-    What hangs above the frame of its odometry is left out: the robot is seen from there.
-    """
-    messages = [message for message in played.recording.messages if message.away is None]
-    nodes = dict.fromkeys(message.node for message in messages if message.type == TRANSFORMS)
-    away = {node for node in nodes if _is_of_another(node, robot, robots, played)}
-    messages = [message for message in messages if message.node not in away]
-    first = next((message for message in messages if message.node == robot.odometry), None)
-    named = first.data.child if first is not None else ""
-    base = named or (frame_name(scene.prims[robot.body]) if robot.body else "")
-    root = first.frame if first is not None else ""
-    tf = [m for m in messages if m.type == TRANSFORMS and not m.static]
-    has_base = (m.topic for m in tf if any(frame.child == base for frame in m.transforms))
-    topics = {message.node: message.topic for message in messages}
-    wanted = replace(
-        played.wanted,
-        odometry=first.topic if first is not None else "",
-        transforms=next(has_base, ""),
-        scan=topics.get(robot.scan, ""),
-        base=base,
-    )
-    heard = build_tree(
-        SentTransform(frame.parent, frame.child, m.node)
-        for m in tf
-        for frame in m.transforms
-        if m.topic == wanted.transforms
-    )
-    root = root or next(reversed(heard.above(base)), base)
-    below = [
-        replace(m, data=tuple(frame for frame in m.transforms if frame.child != root))
-        if m.type == TRANSFORMS
-        else m
-        for m in messages
-    ]
-    recording = replace(
-        played.recording, messages=below, static=_static(below), _sorted={}, _trees={}
-    )
-    trial = replace(
-        played,
-        recording=recording,
-        wanted=replace(wanted, root=root),
-        start=robot.start,
-        # Each wheel of a car by itself would slide; all of them turn about one point.
-        scrubs=played.scrubs and not (robot.wheel_base or robot.has_rollers),
-    )
-    sent = recording.topic(wanted.transforms, 0)
-    place = in_root(trial, replace(sent[0], frame=base)) if sent else None
-    return trial if place is None else replace(trial, start=robot.start.then(place.inverse()))

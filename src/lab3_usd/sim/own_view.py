@@ -1,0 +1,111 @@
+"""What of a play belongs to one robot: the topics and frames by which it is judged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from msgspec.structs import replace
+
+from lab3_usd.facts.tree import SentTransform
+from lab3_usd.facts.tree import tree as build_tree
+from lab3_usd.model.dry_run import Scene
+from lab3_usd.sim.arms import TRANSFORMS
+from lab3_usd.sim.execution.node_instance import NodeInstance
+from lab3_usd.sim.execution.program import is_within
+from lab3_usd.sim.execution.recording import Message, Transform
+from lab3_usd.sim.judge.causes import RunCauses
+from lab3_usd.sim.judge.expectations import Trial, in_root
+from lab3_usd.sim.nodes.transforms import frame_name
+from lab3_usd.sim.robots import Robot
+
+
+def kept_transforms(messages: Sequence[Message]) -> tuple[tuple[Transform, str], ...]:
+    """Return the transforms that hold throughout, with the nodes that send them."""
+    static = (message for message in messages if message.static)
+    return tuple((frame, message.node) for message in static for frame in message.transforms)
+
+
+def _is_of_another(node: str, robot: Robot, robots: Sequence[Robot], played: Trial) -> bool:
+    """Whether the transforms of a node are those of another robot, or of several by one name.
+
+    Those of no robot are held against the one that has odometry.
+    """
+    causes = played.causes
+    running = causes.program.nodes.get(node) if isinstance(causes, RunCauses) else None
+    prims = _followed(running) if running is not None else set()
+    names = {
+        other.name
+        for other in robots
+        for body in (other.machine.rest if other.machine is not None else ())
+        if is_within(body, prims) or any(is_within(prim, (body,)) for prim in prims)
+    }
+    if not names:
+        bodies = robot.machine.rest if robot.machine is not None else {}
+        is_own = any(is_within(b, prims) or any(is_within(p, (b,)) for p in prims) for b in bodies)
+        return (bool(prims) and not is_own) or (len(robots) > 1 and not robot.odometry)
+    others = names - {robot.name}
+    ends = {name.rpartition("/")[2] for name in others}
+    return bool(others) and (names == others or robot.name.rpartition("/")[2] in ends)
+
+
+def _followed(publisher: NodeInstance) -> set[str]:
+    """Return the prims whose poses a publisher sends, without those that they are relative to."""
+    return {
+        prim
+        for node in publisher.feeding
+        for port, prims in node.node.targets.items()
+        if node.type.tf is None or port not in node.type.tf.prims[:1]
+        for prim in prims
+    }
+
+
+def own_view(robot: Robot, robots: Sequence[Robot], played: Trial, scene: Scene) -> Trial:
+    """Return the play of a robot with the topics and frames that are its own.
+
+    What hangs above the frame of its odometry is left out: the robot is seen from there.
+    """
+    messages = [message for message in played.recording.messages if message.away is None]
+    nodes = dict.fromkeys(message.node for message in messages if message.type == TRANSFORMS)
+    away = {node for node in nodes if _is_of_another(node, robot, robots, played)}
+    messages = [message for message in messages if message.node not in away]
+    first = next((message for message in messages if message.node == robot.odometry), None)
+    named = first.data.child if first is not None else ""
+    base = named or (frame_name(scene.prims[robot.body]) if robot.body else "")
+    root = first.frame if first is not None else ""
+    tf = [m for m in messages if m.type == TRANSFORMS and not m.static]
+    has_base = (m.topic for m in tf if any(frame.child == base for frame in m.transforms))
+    topics = {message.node: message.topic for message in messages}
+    wanted = replace(
+        played.wanted,
+        odometry=first.topic if first is not None else "",
+        transforms=next(has_base, ""),
+        scan=topics.get(robot.scan, ""),
+        base=base,
+    )
+    heard = build_tree(
+        SentTransform(frame.parent, frame.child, m.node)
+        for m in tf
+        for frame in m.transforms
+        if m.topic == wanted.transforms
+    )
+    root = root or next(reversed(heard.above(base)), base)
+    below = [
+        replace(m, data=tuple(frame for frame in m.transforms if frame.child != root))
+        if m.type == TRANSFORMS
+        else m
+        for m in messages
+    ]
+    recording = replace(
+        played.recording, messages=below, static=kept_transforms(below), _sorted={}, _trees={}
+    )
+    trial = replace(
+        played,
+        recording=recording,
+        wanted=replace(wanted, root=root),
+        start=robot.start,
+        # Each wheel of a car by itself would slide; all of them turn about one point.
+        scrubs=played.scrubs and not (robot.wheel_base or robot.has_rollers),
+    )
+    sent = recording.topic(wanted.transforms, 0)
+    place = in_root(trial, replace(sent[0], frame=base)) if sent else None
+    return trial if place is None else replace(trial, start=robot.start.then(place.inverse()))
