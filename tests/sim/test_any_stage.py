@@ -13,9 +13,9 @@ from breaking import correct_stage
 from foreign_robots import (
     CONTEXT,
     TICK,
-    TIME,
     add_api,
     body,
+    car,
     connect,
     empty_stage,
     revolute,
@@ -26,7 +26,7 @@ from foreign_robots import (
     write_node,
 )
 from invoking import invoke
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom
 from report_schema import dry_run_of
 
 from lab3_usd.errors import UsageError
@@ -471,62 +471,6 @@ def test_four_wheels_drive(tmp_path: Path) -> None:
     names.Set(["rear_left_joint", "missing_joint"])
     found = played(stage, tmp_path)
     assert by_name(found)["follows"].verdict == "bad"
-
-
-def car() -> Usd.Stage:
-    """A car that is driven by its rear wheels and steered by knuckles, 0.6 m between the axles."""
-    stage = empty_stage("Z", 1.0)
-    robot = "/World/Car"
-    add_api(UsdGeom.Xform.Define(stage, robot).GetPrim(), "PhysicsArticulationRootAPI")
-    body(stage, f"{robot}/base", (0, 0, 0.1))
-    for name, x, y in (
-        ("front_left", 0.3, 0.2),
-        ("front_right", 0.3, -0.2),
-        ("rear_left", -0.3, 0.2),
-        ("rear_right", -0.3, -0.2),
-    ):
-        wheel(stage, f"{robot}/{name}", (x, y, 0.1), 0.1)
-        carrier, at = f"{robot}/base", (x, y, 0.0)
-        if name.startswith("front"):
-            carrier, at = f"{robot}/{name}_knuckle", (0.0, 0.0, 0.0)
-            body(stage, carrier, (x, y, 0.1))
-            steer = revolute(
-                stage, f"{robot}/{name}_steer", f"{robot}/base", carrier, (x, y, 0), "Z"
-            )
-            UsdPhysics.DriveAPI(steer, "angular").GetStiffnessAttr().Set(20000.0)
-        revolute(stage, f"{robot}/{name}_joint", carrier, f"{robot}/{name}", at, "Y")
-    sizes = {"wheelBase": 0.6, "trackWidth": 0.4, "frontWheelRadius": 0.1, "backWheelRadius": 0.1}
-    steering = ["front_left_steer", "front_right_steer"]
-    wheels = ["front_left_joint", "front_right_joint", "rear_left_joint", "rear_right_joint"]
-    move = "core.IsaacArticulationController"
-    write_graph(
-        stage,
-        "/World/Drive",
-        {
-            "tick": TICK,
-            "context": CONTEXT,
-            "command": ("ros.ROS2SubscribeAckermannDrive", {"topicName": "drive"}),
-            "ackermann": ("wheeled.AckermannController", sizes),
-            "steer": (move, {"targetPrim": robot, "jointNames": steering}),
-            "roll": (move, {"targetPrim": robot, "jointNames": wheels}),
-            "compute": ("core.IsaacComputeOdometry", {"chassisPrim": f"{robot}/base"}),
-            "odometry": ("ros.ROS2PublishOdometry", {"chassisFrameId": "base"}),
-            "time": TIME,
-        },
-        [
-            *(f"tick.tick -> {name}.execIn" for name in ("command", "ackermann", "steer", "roll")),
-            "tick.tick -> compute.execIn",
-            "compute.execOut -> odometry.execIn",
-            "context.context -> command.context",
-            "command.speed -> ackermann.speed",
-            "command.steeringAngle -> ackermann.steeringAngle",
-            "ackermann.wheelAngles -> steer.positionCommand",
-            "ackermann.wheelRotationVelocity -> roll.velocityCommand",
-            *(f"compute.{port} -> odometry.{port}" for port in POSE),
-            "time.simulationTime -> odometry.timeStamp",
-        ],
-    )
-    return stage
 
 
 POSE = ("position", "orientation", "linearVelocity", "angularVelocity")

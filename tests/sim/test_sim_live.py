@@ -19,16 +19,18 @@ from typing import Any
 import pytest
 from breaking import broken, correct_stage, the_lab
 from dry_runs import EXPECTED, driven
-from foreign_robots import arm, rover
+from foreign_robots import arm, car, rover
 from invoking import invoke
-from pxr import Usd
+from msgspec.structs import replace
+from pxr import Sdf, Usd
 
 from lab3_usd.commands import sim as live_run
 from lab3_usd.commands.sim import closing_lines
 from lab3_usd.model.dry_run import Scene
-from lab3_usd.sim.bag.writer import serialized
-from lab3_usd.sim.execution.recording import Message, Profile, Transform
+from lab3_usd.sim.bag.writer import JOINTS, STEERING, serialized
+from lab3_usd.sim.execution.recording import JointStates, Message, Profile, Steering, Transform
 from lab3_usd.sim.execution.world import STATIC
+from lab3_usd.sim.robots import expected_of, robots_of
 from lab3_usd.sim.timeline import Player, player_of
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
@@ -74,7 +76,7 @@ def domain() -> Iterator[int]:
 
 @pytest.fixture
 def link(domain: int) -> Iterator[DdsLink]:
-    with closing(DdsLink(domain, "/cmd_vel")) as link:
+    with closing(DdsLink(domain)) as link:
         yield link
 
 
@@ -172,7 +174,7 @@ def test_so_does_a_program_of_another_vendor(
 def test_without_a_command_it_stands(player: Player, link: DdsLink) -> None:
     lived = play_live(player, link, lambda frames: frames >= 30)
     assert (lived.played, lived.commands) == (0.5, 0)
-    assert {kind for _, kind in lived.sent} == set(WIRE_NAMES)
+    assert {kind for _, kind, _ in lived.sent} == set(WIRE_NAMES)
     assert player.robot is not None
     assert player.robot.pose().origin[:2] == pytest.approx((1.8, 0.0), abs=1e-6)
     assert player.world.network.sent == []
@@ -206,7 +208,7 @@ def test_static_transforms_are_there_for_those_who_come_late(link: DdsLink) -> N
     late = Qos(
         Policy.Reliability.Reliable(0), Policy.Durability.TransientLocal, Policy.History.KeepAll
     )
-    there = link._participant
+    there = link._in(link.home)
     static_reader = DataReader(there, Topic(there, "rt/tf_static", wire_type(TF)), qos=late)
     found = until(lambda: [*static_reader.read(N=10)] if len(static_reader.read(N=10)) > 1 else [])
     assert [each.transforms[0].child_frame_id for each in found] == ["base_scan", "base_scan"]
@@ -215,7 +217,7 @@ def test_static_transforms_are_there_for_those_who_come_late(link: DdsLink) -> N
 
 
 def test_what_is_not_reliable_is_not_heard_by_those_who_want_it_so(link: DdsLink) -> None:
-    there = link._participant
+    there = link._in(link.home)
     topic = Topic(there, "rt/tf", wire_type(TF))
     reliable = DataReader(there, topic, qos=Qos(Policy.Reliability.Reliable(0)))
     either = DataReader(there, topic, qos=Qos(Policy.Reliability.BestEffort))
@@ -230,7 +232,8 @@ def test_what_is_not_reliable_is_not_heard_by_those_who_want_it_so(link: DdsLink
 
 
 def test_what_is_no_number_is_no_command(link: DdsLink) -> None:
-    there, twist = link._participant, wire_type(TWIST)
+    assert link.listen(link.home, "/cmd_vel", TWIST)
+    there, twist = link._in(link.home), wire_type(TWIST)
     vector = wire_type("geometry_msgs/msg/Vector3")
     writer = DataWriter(
         there,
@@ -239,7 +242,8 @@ def test_what_is_no_number_is_no_command(link: DdsLink) -> None:
     )
     for ahead in (math.nan, math.inf, 1e300, 0.1):
         writer.write(twist(vector(ahead, 0.0, 0.0), vector(0.0, 0.0, 0.2)))
-    assert until(lambda: [*link.commands()]) == [((0.1, 0.0, 0.0), (0.0, 0.0, 0.2))]
+    numbers = ((0.1, 0.0, 0.0), (0.0, 0.0, 0.2))
+    assert until(lambda: [*link.commands()]) == [(link.home, "/cmd_vel", numbers)]
 
 
 def test_a_domain_that_cannot_be_is_said(monkeypatch: pytest.MonkeyPatch, domain: int) -> None:
@@ -247,15 +251,25 @@ def test_a_domain_that_cannot_be_is_said(monkeypatch: pytest.MonkeyPatch, domain
         link_module, "CONFIGURATION", link_module.CONFIGURATION.replace("127.0.0.1", "192.0.2.1")
     )
     with pytest.raises(live_run.UsageError, match="DDS does not start"):
-        DdsLink(domain, "/cmd_vel")
+        DdsLink(domain)
 
 
-def test_what_is_in_another_domain_is_said_and_not_sent(link: DdsLink) -> None:
-    stage = broken("01", [{"set": ["ROS_Clock/ros2_context.inputs:domain_id", 7]}])
+def test_what_is_in_another_domain_is_sent_there(link: DdsLink) -> None:
+    other = link.home + 90
+    stage = broken("01", [{"set": ["ROS_Clock/ros2_context.inputs:domain_id", other]}])
     player = player_of(read_scene(stage, load_platform()), the_lab().platform, EXPECTED)
     lived = play_live(player, link, lambda frames: frames >= 3)
-    assert (lived.sent, lived.away) == ({}, (("/clock", 7),))
-    assert "not sent: /clock, as it is in domain 7" in [*closing_lines(lived)]
+    assert [*lived.sent] == [("/clock", "rosgraph_msgs/msg/Clock", other)]
+
+
+def test_a_domain_that_dds_does_not_have_is_said(link: DdsLink) -> None:
+    stage = broken("01", [{"set": ["ROS_Clock/ros2_context.inputs:domain_id", 250]}])
+    player = player_of(read_scene(stage, load_platform()), the_lab().platform, EXPECTED)
+    lived = play_live(player, link, lambda frames: frames >= 3)
+    assert (lived.sent, [*lived.refused]) == ({}, [250])
+    assert any(
+        line.startswith("not sent or heard: what is in domain 250") for line in closing_lines(lived)
+    )
 
 
 def test_ctrl_c_ends_it_with_its_sum(player: Player, link: DdsLink) -> None:
@@ -269,17 +283,17 @@ def test_ctrl_c_ends_it_with_its_sum(player: Player, link: DdsLink) -> None:
 
 @pytest.mark.parametrize(("took", "slow"), [(1.0, False), (2.0, True)])
 def test_a_computer_that_does_not_keep_up_is_told(took: float, slow: bool) -> None:  # noqa: FBT001
-    *_, said = closing_lines(Lived(1.0, took, 0, {}, 0, (), {}))
+    *_, said = closing_lines(Lived(1.0, took, 0, {}, 0, {}, {}))
     assert ("at 0.50 times real time" in said) is slow
 
 
 def test_what_is_left_out_and_lost_is_told() -> None:
     lost = Lived(
-        1.0, 1.0, 3, {("/clock", "Clock"): 60}, 2, (("/odom", 7),), {"/World/x": "unknown"}
+        1.0, 1.0, 3, {("/clock", "Clock", 0): 60}, 2, {7: "no ports"}, {"/World/x": "unknown"}
     )
     assert [line for line in closing_lines(lost) if line] == [
         "/clock               Clock                       60 sent",
-        "not sent: /odom, as it is in domain 7",
+        "not sent or heard: what is in domain 7: DDS does not start there: no ports",
         "not simulated: /World/x: unknown",
         "2 messages were lost, because a subscriber does not keep up",
         "1.0 s played; 3 commands received",
@@ -301,17 +315,69 @@ def sim(path: Path, *words: str) -> Any:
 def test_the_command_says_what_it_sent(
     path: Path, domain: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(link_module, "DdsLink", lambda _, commands: DdsLink(domain, commands))
+    monkeypatch.setattr(link_module, "DdsLink", lambda _: DdsLink(domain))
     done = sim(path, "--live", "--seconds", "0.5")
     assert done.exit_code == 0
-    first, second, *_, last = done.stdout.splitlines()
+    first, second, third, *_, last = done.stdout.splitlines()
     assert "not Isaac Sim" in first
-    assert second == "live in domain 0 on 127.0.0.1, commands from /cmd_vel; Ctrl-C ends"
+    assert second == "live on 127.0.0.1; Ctrl-C ends"
+    assert third == f"listens to /cmd_vel ({TWIST}) in domain {domain}"
     assert "/clock               rosgraph_msgs/msg/Clock     29 sent" in done.stdout
     assert last.startswith("0.5 s played")
 
 
-@pytest.mark.parametrize(("made", "commands"), [(rover, "/cmd_vel"), (arm, "nowhere")])
+def car_and_arm(domain: int) -> Usd.Stage:
+    """A car and an arm in one stage, the arm in a domain of its own."""
+    stage, other = car(), arm()
+    for path in ("/arm", "/ActionGraph"):
+        Sdf.CopySpec(other.GetRootLayer(), path, stage.GetRootLayer(), path)
+    context = stage.GetPrimAtPath("/ActionGraph/ros2_context")
+    context.CreateAttribute("inputs:useDomainIDEnvVar", Sdf.ValueTypeNames.Bool).Set(False)  # noqa: FBT003
+    context.CreateAttribute("inputs:domain_id", Sdf.ValueTypeNames.UChar).Set(domain)
+    return stage
+
+
+def sender(link: DdsLink, domain: int, topic: str, kind: str, data: Any) -> Callable[[], None]:
+    """What another program sends again and again."""
+    there, made = link._in(domain), wire_type(kind)
+    reliable = Qos(Policy.Reliability.Reliable(10**9), Policy.History.KeepLast(10))
+    writer = DataWriter(there, Topic(there, f"rt{topic}", made), qos=reliable)
+    return lambda: writer.write(made.deserialize(serialized(Message(kind, 0.0, data=data))))
+
+
+def test_every_command_of_every_robot_is_heard(link: DdsLink) -> None:
+    there = link.home + 90
+    scene, platform = read_scene(car_and_arm(there), load_platform()), load_platform()
+    robots = robots_of(scene, platform)
+    player = player_of(scene, platform, replace(expected_of(robots[0]), domain=0))
+    send_car = sender(link, link.home, "/drive", STEERING, Steering(0.5, 0.1))
+    send_arm = sender(link, there, "/joint_command", JOINTS, JointStates(("elbow_joint",), (0.4,)))
+    machine = player.world.machines.articulation("/arm")
+    assert machine is not None
+    assert player.robot is not None
+    driven, elbow = player.robot, machine.joints["elbow_joint"]
+    opened: list[tuple[str, str, int]] = []
+
+    def moved(_: int) -> bool:
+        send_car()
+        send_arm()
+        is_late = time.monotonic() > latest
+        return is_late or (driven.pose().origin[0] > 0.1 and elbow.position > 0.3)
+
+    latest = time.monotonic() + PATIENCE
+    play_live(player, link, moved, lambda *subscriber: opened.append(subscriber))
+    assert sorted(opened) == [
+        ("/drive", STEERING, link.home),
+        ("/joint_command", JOINTS, there),
+    ]
+    assert driven.pose().origin[0] > 0.1
+    assert elbow.position == pytest.approx(0.4, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("made", "commands"),
+    [(rover, f"/cmd_vel ({TWIST})"), (arm, f"/joint_command ({JOINTS})")],
+)
 def test_a_stage_of_no_checkpoint_is_driven_by_its_own_commands(
     made: Callable[[], Usd.Stage],
     commands: str,
@@ -319,11 +385,11 @@ def test_a_stage_of_no_checkpoint_is_driven_by_its_own_commands(
     domain: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(link_module, "DdsLink", lambda _, commands: DdsLink(domain, commands))
+    monkeypatch.setattr(link_module, "DdsLink", lambda _: DdsLink(domain))
     stage = made()
     stage.GetRootLayer().Export(str(tmp_path / "robot.usda"))
     done = sim(tmp_path / "robot.usda", "--live", "--seconds", "0.1")
-    assert f"commands from {commands};" in done.stdout
+    assert f"listens to {commands} in domain {domain}" in done.stdout
 
 
 @pytest.mark.parametrize(

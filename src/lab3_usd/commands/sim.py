@@ -71,25 +71,26 @@ def live(stage: Path, lab: Lab, checkpoint: str, topic: str, seconds: float | No
     from lab3_usd.sim.execution.drive import RATE
     from lab3_usd.sim.judge.topics import expected_at
     from lab3_usd.sim.live import DdsLink, play_live
-    from lab3_usd.sim.robots import TWIST, expected_of, robots_of
+    from lab3_usd.sim.robots import expected_of, robots_of
     from lab3_usd.sim.timeline import player_of
 
     scene, platform = scene_of(stage, lab.platform), lab.platform
     if checkpoint:
         wanted = expected_at(lab, lab.checkpoints[checkpoint])
     else:
-        robots = (robot for robot in robots_of(scene, platform, topic) if robot.kind == TWIST)
-        wanted = expected_of(next(robots, None))
+        robots = robots_of(scene, platform, topic)
+        wanted = expected_of(robots[0] if robots else None)
     player = player_of(scene, platform, wanted)
     player.world.network.environment = os.environ.get("ROS_DOMAIN_ID", "")
-    with closing(DdsLink(wanted.domain, wanted.commands)) as link:
+
+    def tell(topic: str, kind: str, domain: int) -> None:
+        click.echo(printable(f"listens to {topic} ({kind}) in domain {domain}"))
+
+    with closing(DdsLink(wanted.domain)) as link:
         click.echo(f"{printable(str(stage))}: {WHAT_IT_IS}")
-        click.echo(
-            f"live in domain {wanted.domain} on 127.0.0.1, "
-            f"commands from {wanted.commands or 'nowhere'}; Ctrl-C ends"
-        )
+        click.echo("live on 127.0.0.1; Ctrl-C ends")
         frames = math.inf if seconds is None else seconds * RATE
-        lived = play_live(player, link, lambda played: played >= frames)
+        lived = play_live(player, link, lambda played: played >= frames, tell, topic)
     for line in closing_lines(lived):
         click.echo(printable(line))
 
@@ -97,13 +98,15 @@ def live(stage: Path, lab: Lab, checkpoint: str, topic: str, seconds: float | No
 def closing_lines(lived: Lived) -> Iterator[str]:
     """Yield the last lines: topics, time, and what was left out."""
     yield ""
-    for (topic, kind), count in lived.sent.items():
-        yield f"{topic:<20} {kind:<27} {count} sent"
+    several = len({domain for *_, domain in lived.sent}) > 1
+    for (topic, kind, domain), count in lived.sent.items():
+        where = f" in domain {domain}" if several else ""
+        yield f"{topic:<20} {kind:<27} {count} sent{where}"
     if not lived.sent:
         yield "nothing was sent"
     yield ""
-    for topic, domain in lived.away:
-        yield f"not sent: {topic}, as it is in domain {domain}"
+    for domain, reason in lived.refused.items():
+        yield f"not sent or heard: what is in domain {domain}: DDS does not start there: {reason}"
     for prim, reason in lived.not_simulated.items():
         yield f"not simulated: {prim}: {reason}"
     if lived.lost:
@@ -161,7 +164,7 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
 @click.option(
     "--live",
     is_flag=True,
-    help="Run in real time over DDS, driven by the topic of commands (extra live).",
+    help="Run in real time over DDS, driven by the topics of commands (extra live).",
 )
 @click.option("--seconds", type=float, metavar="S", help="End --live after this many seconds.")
 def command(stage: Path, **options: Any) -> None:

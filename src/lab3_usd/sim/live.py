@@ -5,8 +5,9 @@ Messages have the types that Cyclone DDS makes of those of ROS 2.
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
@@ -23,10 +24,11 @@ from msgspec import Struct
 from rosbags.interfaces import Nodetype
 
 from lab3_usd.errors import UsageError
-from lab3_usd.sim.bag.writer import STORE, TWIST, serialized
+from lab3_usd.sim.bag.writer import JOINTS, STEERING, STORE, TWIST, serialized
 from lab3_usd.sim.execution.drive import RATE
-from lab3_usd.sim.execution.recording import Message, Profile
-from lab3_usd.sim.execution.world import Twist
+from lab3_usd.sim.execution.recording import JointStates, Message, Profile, Steering
+from lab3_usd.sim.execution.world import RosEndpoint, Twist
+from lab3_usd.sim.judge.causes import SUBSCRIBER
 from lab3_usd.sim.timeline import Player, unknown_in
 
 _OF: Any = types  # the library types no subscripts of its own
@@ -47,6 +49,7 @@ _BASES: dict[str, Any] = {
     "string": str,
 }
 
+Command = Twist | JointStates | Steering
 DEPTH = 10
 FASTEST = 1e6  # metres or radians a second: what is beyond it, or no number, is no command
 _BLOCKED = duration(milliseconds=100)  # as in the profiles of ROS 2
@@ -81,67 +84,124 @@ def _qos(profile: Profile) -> Qos:
 
 
 class DdsLink:
-    """A DDS participant in one domain: sends messages, receives commands."""
+    """DDS participants, one in each domain: they send messages, and receive commands."""
 
-    def __init__(self, domain: int, commands: str) -> None:
-        """Join a domain; where there is a topic of commands, listen to it.
+    def __init__(self, home: int) -> None:
+        """Join the domain of the lab, or of the first robot.
 
         Raises:
             UsageError: there is no loopback interface, or the domain has no ports left.
         """
-        self.sent: dict[tuple[str, str], int] = {}  # how many messages by topic and type
+        self.home = home
+        self.sent: dict[tuple[str, str, int], int] = {}  # messages by topic, type and domain
         self.lost = 0  # as somebody who listens does not keep up
-        self._writers: dict[tuple[str, str, str], DataWriter[Any]] = {}
-        self._reader: DataReader[Any] | None = None
+        self.refused: dict[int, str] = {}  # domains that cannot be joined, with the reason
+        self._joined: dict[int, tuple[Domain, DomainParticipant]] = {}
+        self._writers: dict[tuple[str, str, str, int], DataWriter[Any]] = {}
+        self._readers: dict[tuple[int, str, str], DataReader[Any]] = {}
         try:
-            self._domain = Domain(domain, CONFIGURATION)
-            self._participant = DomainParticipant(domain)
+            self._participant(home)
         except DDSException as error:
             raise UsageError(
-                f"--live: DDS does not start in domain {domain} on 127.0.0.1: {error.msg}"
+                f"--live: DDS does not start in domain {home} on 127.0.0.1: {error.msg}"
             ) from error
-        if commands:
-            topic = Topic(self._participant, _wire_topic(commands), wire_type(TWIST))
-            self._reader = DataReader(self._participant, topic, qos=_qos(Profile(DEPTH)))
+
+    def listen(self, domain: int, topic: str, kind: str) -> bool:
+        """Listen to commands, and return whether that is new."""
+        key = (domain, topic, kind)
+        if key in self._readers or domain in self.refused:
+            return False
+        there = self._in(domain)
+        if there is None:
+            return False
+        on_wire = Topic(there, _wire_topic(topic), wire_type(kind))
+        self._readers[key] = DataReader(there, on_wire, qos=_qos(Profile(DEPTH)))
+        return True
 
     def publish(self, message: Message) -> None:
         """Send a message, except pixels and points, which a dry run does not make."""
         data = serialized(message)
-        if data is None:
+        domain = self.home if message.away is None else message.away
+        there = None if data is None else self._in(domain)
+        if data is None or there is None:
             return
         try:
-            self._writer(message).write(wire_type(message.type).deserialize(data))
+            writer = self._writer(message, domain, there)
+            writer.write(wire_type(message.type).deserialize(data))
         except DDSException:  # a reader that is stuck holds up what is reliable, for a while
             self.lost += 1
             return
-        key = (message.topic, message.type)
+        key = (message.topic, message.type, domain)
         self.sent[key] = self.sent.get(key, 0) + 1
 
-    def commands(self) -> Iterator[Twist]:
-        """Yield the commands that came since the last call, without those that are no numbers."""
-        for sample in self._reader.take(N=DEPTH) if self._reader is not None else ():
-            if isinstance(sample, InvalidSample):
-                continue  # a publisher left
-            linear = (sample.linear.x, sample.linear.y, sample.linear.z)
-            angular = (sample.angular.x, sample.angular.y, sample.angular.z)
-            if all(abs(speed) <= FASTEST for speed in (*linear, *angular)):
-                yield (linear, angular)
+    def commands(self) -> Iterator[tuple[int, str, Command]]:
+        """Yield domain, topic and content of the commands that came since the last call.
+
+        Those that are no numbers are left out.
+        """
+        for (domain, topic, kind), reader in self._readers.items():
+            for sample in reader.take(N=DEPTH):
+                command = None if isinstance(sample, InvalidSample) else _COMMANDS[kind](sample)
+                if command is not None:  # else a publisher left
+                    yield domain, topic, command
 
     def close(self) -> None:
-        """Leave the domain."""
+        """Leave the domains."""
         self._writers.clear()
-        self._reader = None
-        del self._participant, self._domain
+        self._readers.clear()
+        self._joined.clear()
 
-    def _writer(self, message: Message) -> DataWriter[Any]:
+    def _in(self, domain: int) -> DomainParticipant | None:
+        """Return the participant in a domain, None where it cannot be joined."""
+        if domain in self.refused:
+            return None
+        try:
+            return self._participant(domain)
+        except DDSException as error:
+            self.refused[domain] = str(error.msg)
+            return None
+
+    def _participant(self, domain: int) -> DomainParticipant:
+        if domain not in self._joined:
+            self._joined[domain] = (Domain(domain, CONFIGURATION), DomainParticipant(domain))
+        return self._joined[domain][1]
+
+    def _writer(self, message: Message, domain: int, there: DomainParticipant) -> DataWriter[Any]:
         """Return the publisher of a node: each has its own, as in Isaac Sim."""
-        key = (message.node, message.topic, message.type)
+        key = (message.node, message.topic, message.type, domain)
         if key not in self._writers:
-            kind = wire_type(message.type)
-            topic = Topic(self._participant, _wire_topic(message.topic), kind)
-            offered = _qos(message.profile)
-            self._writers[key] = DataWriter(self._participant, topic, qos=offered)
+            topic = Topic(there, _wire_topic(message.topic), wire_type(message.type))
+            self._writers[key] = DataWriter(there, topic, qos=_qos(message.profile))
         return self._writers[key]
+
+
+def _twist_of(sample: Any) -> Twist | None:
+    linear = (sample.linear.x, sample.linear.y, sample.linear.z)
+    angular = (sample.angular.x, sample.angular.y, sample.angular.z)
+    return (linear, angular) if _are_speeds(*linear, *angular) else None
+
+
+def _joints_of(sample: Any) -> JointStates | None:
+    arrays = [tuple(array) for array in (sample.position, sample.velocity, sample.effort)]
+    # What is no number leaves a joint as it is.
+    numbers = [number for array in arrays for number in array if not math.isnan(number)]
+    return JointStates(tuple(sample.name), *arrays) if _are_speeds(*numbers) else None
+
+
+def _steering_of(sample: Any) -> Steering | None:
+    speed, angle = sample.drive.speed, sample.drive.steering_angle
+    return Steering(speed, angle) if _are_speeds(speed, angle) else None
+
+
+def _are_speeds(*numbers: float) -> bool:
+    return all(abs(number) <= FASTEST for number in numbers)
+
+
+_COMMANDS: Mapping[str, Callable[[Any], Command | None]] = {
+    TWIST: _twist_of,
+    JOINTS: _joints_of,
+    STEERING: _steering_of,
+}
 
 
 def _wire_topic(topic: str) -> str:
@@ -174,35 +234,55 @@ BEHIND = 0.25  # seconds that are caught up; what is behind by more goes on from
 
 
 class Lived(Struct, frozen=True):
-    """The result: simulated seconds, seconds of the clock, messages by topic."""
+    """The result: simulated seconds, seconds of the clock, messages by topic, type and domain."""
 
     played: float
     took: float
     commands: int
-    sent: dict[tuple[str, str], int]
+    sent: dict[tuple[str, str, int], int]
     lost: int
-    away: tuple[tuple[str, int], ...]  # topics of other domains, which were not sent
+    refused: dict[int, str]  # domains that could not be joined
     not_simulated: dict[str, str]
 
 
-def play_live(player: Player, link: DdsLink, done: Callable[[int], bool]) -> Lived:
-    """Play frame by frame, until it is done after so many frames, or until Ctrl-C."""
+def play_live(
+    player: Player,
+    link: DdsLink,
+    done: Callable[[int], bool],
+    opened: Callable[[str, str, int], object] = lambda *_: None,
+    only: str = "",
+) -> Lived:
+    """Play frame by frame, until it is done after so many frames, or until Ctrl-C.
+
+    Each subscriber of commands is heard, or those of `only` one topic; `opened` is told the topic,
+    the type and the domain of each when it opens.
+    """
     network = player.world.network
-    away: dict[tuple[str, int], None] = {}
+    network.inbox = {}
+    home = network.commands.domain
+    subscribers = [
+        (node, kind)
+        for node in player.program.nodes.values()
+        if SUBSCRIBER in node.type.role and (kind := node.type.message.get("", "")) in _COMMANDS
+    ]
     begun = due = time.monotonic()
     frames = 0
     try:
         while not done(frames):
-            for twist in link.commands():
-                player.hear(twist)
+            for domain, topic, command in link.commands():
+                player.hear(command, (home if domain == link.home else domain, topic))
             player.step()
             frames += 1
             for message in network.sent:
-                if message.away is None:
-                    link.publish(message)
-                else:
-                    away[message.topic, message.away] = None
+                link.publish(message)
             network.sent.clear()
+            for node, kind in subscribers:
+                endpoint: RosEndpoint | None = node.memory.get("endpoint")
+                if endpoint is None or only not in {"", endpoint.topic}:
+                    continue
+                there = link.home if endpoint.domain == home else endpoint.domain
+                if link.listen(there, endpoint.topic, kind):
+                    opened(endpoint.topic, kind, there)
             due = paced(due + 1.0 / RATE)
     except KeyboardInterrupt:
         pass
@@ -213,7 +293,7 @@ def play_live(player: Player, link: DdsLink, done: Callable[[int], bool]) -> Liv
         player.commands,
         dict(sorted(link.sent.items())),
         link.lost,
-        tuple(away),
+        dict(sorted(link.refused.items())),
         unknown_in(player.world),
     )
 

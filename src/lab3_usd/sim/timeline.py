@@ -145,10 +145,19 @@ class Player:
         self.program.reset()
         world.stop()
 
-    def hear(self, command: Twist | JointStates | Steering) -> None:
-        """Let a command come, in metres and radians a second, or where joints are to go."""
+    def hear(
+        self, command: Twist | JointStates | Steering, at: tuple[int, str] | None = None
+    ) -> None:
+        """Let a command come, in metres and radians a second, or where joints are to go.
+
+        It comes on the topic of the network, or, with an inbox, in a domain on a topic.
+        """
         self.commands += 1
-        self.world.network.command = (self.commands, command)
+        network = self.world.network
+        if network.inbox is not None and at is not None:
+            network.inbox[at] = (self.commands, command)
+        else:
+            network.command = (self.commands, command)
 
     def _held(self, leg: Leg, robot: Machine) -> Held:
         """Return where the joints and links of the robot are."""

@@ -17,7 +17,7 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from ruamel.yaml import YAML
 
 from lab3_usd.model.dry_run import Quaternion
@@ -31,6 +31,7 @@ from lab3_usd.sim.execution.recording import (
     Odometry,
     Profile,
     Scan,
+    Steering,
     Transform,
     View,
 )
@@ -38,6 +39,13 @@ from lab3_usd.sim.judge.expectations import Trial
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 TWIST, JOINTS = "geometry_msgs/msg/Twist", "sensor_msgs/msg/JointState"
+STEERING, _STEERED = "ackermann_msgs/msg/AckermannDriveStamped", "ackermann_msgs/msg/AckermannDrive"
+# Of a package that is not in ROS 2 itself (ros-drivers/ackermann_msgs, ros2).
+_DRIVE = "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\n"
+_DRIVE += "float32 acceleration\nfloat32 jerk\n"
+STORE.register(get_types_from_msg(_DRIVE, _STEERED))
+_STAMPED = "std_msgs/Header header\nackermann_msgs/AckermannDrive drive\n"
+STORE.register(get_types_from_msg(_STAMPED, STEERING))
 _NANOSECONDS = 1_000_000_000
 
 
@@ -58,6 +66,9 @@ def serialized(message: Message) -> bytes | None:
         made = _info(message, data) if data.matrix else None
     elif isinstance(data, JointStates):
         made = _joint_states(message, data)
+    elif isinstance(data, Steering):
+        drive = _new(_STEERED, data.angle, 0.0, data.speed, 0.0, 0.0)
+        made = _new(STEERING, _header(message, message.frame), drive)
     elif isinstance(data, Inertia):
         made = _inertia(message, data)
     elif isinstance(data, tuple):
@@ -74,6 +85,9 @@ def command(leg: Leg) -> tuple[str, bytes]:
         names, positions = zip(*leg.joints, strict=True)
         message = Message(JOINTS, 0.0, data=JointStates(names, positions))
         return JOINTS, serialized(message) or b""
+    if leg.steer is not None:
+        message = Message(STEERING, 0.0, data=Steering(leg.forward, leg.steer))
+        return STEERING, serialized(message) or b""
     linear = _vector((leg.forward, leg.command[1] if leg.command else 0.0, 0.0))
     made = _new(TWIST, linear, _vector((0.0, 0.0, leg.turn)))
     return TWIST, bytes(STORE.serialize_cdr(made, TWIST))
@@ -243,8 +257,6 @@ def _without_content(trial: Trial) -> list[str]:
 def _records(trial: Trial) -> Iterator[Record]:
     """Yield the commands, then the messages, in seconds since Play."""
     for frame, leg in command_frames(trial.drive[0]):
-        if leg.steer is not None:
-            continue  # messages that steer a car are not among those of ROS 2 itself
         yield Record(nanoseconds((frame + 1) / RATE), trial.wanted.commands, *command(leg))
     for message in _sent(trial):
         data = serialized(message)

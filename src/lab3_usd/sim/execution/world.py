@@ -56,6 +56,15 @@ class Network(Struct):
     sent: list[Message] = field(default_factory=list)
     command: tuple[int, Any] = (0, None)  # the number of the last command, and the command
     commands: RosEndpoint = RosEndpoint(0, "")  # where commands come from
+    # The last command, with its number, by domain and topic; None where only `command` comes.
+    inbox: dict[tuple[int, str], tuple[int, Any]] | None = None
+
+    def heard(self, endpoint: RosEndpoint | None) -> tuple[int, Any]:
+        """Return the number of the last command for a subscriber, and the command."""
+        if self.inbox is None:
+            return self.command
+        none = (0, None)
+        return none if endpoint is None else self.inbox.get((endpoint.domain, endpoint.topic), none)
 
     def domain(self, handle: int) -> int | None:
         """Return the domain of a context; None where the handle means nothing."""

@@ -40,14 +40,15 @@ def received(node: NodeInstance, world: World, kind: type) -> object:
     """
     network = world.network
     endpoint = node.memory.get("endpoint")
-    number, command = network.command
     if endpoint is None:
-        node.memory.update(endpoint=open_endpoint(node, world), heard=number)
+        endpoint = open_endpoint(node, world)
+        node.memory.update(endpoint=endpoint, heard=network.heard(endpoint)[0])
         return None
-    if endpoint.topic != network.commands.topic:
+    number, command = network.heard(endpoint)
+    if network.inbox is None and endpoint.topic != network.commands.topic:
         text = f"it listens to {endpoint.topic}, not {network.commands.topic}"
         node.fails(text, "wrong-topic")
-    elif endpoint.domain != network.commands.domain:
+    elif network.inbox is None and endpoint.domain != network.commands.domain:
         node.fails(f"it listens in domain {endpoint.domain}", "wrong-domain")
     elif number != node.memory["heard"] and isinstance(command, kind):
         node.memory["heard"] = number
