@@ -199,7 +199,7 @@ def apply(text: str, replacements: list[dict[str, Any]]) -> str:
 def test_text_marks_what_can_be_repaired(wrong: Path) -> None:
     lines = report(wrong, "text").splitlines()
     assert any(line.startswith("error P01 [*] wrong-value") for line in lines)
-    assert lines[-1] == "[*] 1 finding can be repaired with lab3 fix"
+    assert lines[-1] == f"[*] 1 finding can be repaired: lab3 fix {wrong}"
 
 
 def test_text_marks_nothing_that_needs_unsafe(tmp_path: Path) -> None:

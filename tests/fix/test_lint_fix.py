@@ -109,7 +109,7 @@ def test_what_may_mean_several_things_is_left(tmp_path: Path, fault: str) -> Non
 def test_the_report_names_the_command(tmp_path: Path) -> None:
     path = saved(tmp_path, [dict(slip) for slip in SLIPS["K31"]])
     last = lab3("lint", path).stdout.splitlines()[-1]
-    assert last == "[*] 1 finding can be repaired with lab3 fix --lint"
+    assert last == f"[*] 1 finding can be repaired: lab3 fix --lint {path}"
 
 
 def test_sarif_holds_the_lines(tmp_path: Path) -> None:

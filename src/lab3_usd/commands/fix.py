@@ -193,8 +193,9 @@ def _print_findings(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> No
     done = "repaired" if written else "would be repaired"
     click.echo(f"{_shown(stage)}: {len(fixed.repaired)} {done}, {len(fixed.left)} left")
     if fixed.files and not written:
-        words = command_line(_shown(stage), *_given_options(click.get_current_context()))
-        click.echo(f"to repair: {program()} fix {words} --in-place")
+        context = click.get_current_context()
+        words = command_line(str(context.command.name), _shown(stage), *_given_options(context))
+        click.echo(f"to repair: {program()} {words} --in-place")
 
 
 def _given_options(context: click.Context) -> Iterator[str]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from msgspec.structs import replace
 
 from lab3_usd.data import program
+from lab3_usd.installation import command_line
 from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, StageResult, Submission
 from lab3_usd.report.entries import (
     coverage_line,
@@ -64,11 +66,29 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         if len(section) > 1:
             lines.append("")
     lines.append(summary_line(summarize(report)))
-    count = sum(map(is_repairable, findings))
-    if count and not quiet:
-        command = f"{program()} fix --lint" if is_lint(report) else f"{program()} fix"
-        lines.append(f"{REPAIRABLE} {plural(count, 'finding')} can be repaired with {command}")
+    if not quiet:
+        lines += _repair_lines(report)
     return "\n".join(lines) + "\n"
+
+
+def _repair_lines(report: Report) -> Iterator[str]:
+    """Say how many findings can be repaired, and by which command."""
+    fixable = [entry for entry in entries(report) if entry.finding.fix is not None]
+    if not fixable:
+        return
+    count = sum(is_repairable(entry.finding) for entry in fixable)
+    paths = list(dict.fromkeys(entry.path for entry in fixable))
+    folders = {str(Path(path).parent) for path in paths}
+    named = paths if len(paths) <= _NAMED else [*folders] if len(folders) == 1 else []
+    command = ["fix", *(["--lint"] if is_lint(report) else []), *named]
+    more = f"; {len(fixable) - count} more with --unsafe" if 0 < count < len(fixable) else ""
+    words = command_line(*command, *([] if count else ["--unsafe"]))
+    mark = f"{REPAIRABLE} " if count else ""
+    findings = plural(count or len(fixable), "finding")
+    yield visible(f"{mark}{findings} can be repaired: {program()} {words}{more}")
+
+
+_NAMED = 3  # files in a command; else their folder
 
 
 def _blocks(report: Report) -> Iterator[Block]:
