@@ -460,6 +460,7 @@ def test_a_robot_without_any_joint_meets_nothing_that_joints_do() -> None:
 
 def test_a_wheel_may_hang_on_a_body_that_the_handout_does_not_name() -> None:
     stage = built("02")
+    define(f"{ROBOT}/axle", "Xform")(stage)
     define(f"{ROBOT}/axle/bar", "Xform")(stage)
     with_api(f"{ROBOT}/axle", "PhysicsRigidBodyAPI")(stage)
     for name in WHEELS:

@@ -188,6 +188,12 @@ def test_a_robot_that_cannot_be_found_is_not_judged() -> None:
     assert faulty(stage) == set()
 
 
+def test_a_chassis_without_a_type_is_no_body() -> None:
+    stage = correct_stage("05")
+    stage.GetPrimAtPath("/turtlebot3_burger/base_footprint").SetTypeName("")
+    assert checks(stage)["topics"].kind == "no-chassis-body"
+
+
 CORE = "omni:sensor:Core:"
 
 

@@ -254,6 +254,16 @@ def _loose() -> list[Sabotage]:
         )
     ]
     found += [
+        # UsdGeom.XformCache places neither a Scope nor a prim without a type, and UsdPhysics makes
+        # no body of them.
+        Sabotage("robot without a type", "05", retype(ROBOT, ""), (ROBOT, TRANSLATE)),
+        Sabotage("robot a Scope", "00", retype(ROBOT, "Scope"), (ROBOT, TRANSLATE)),
+        *(
+            Sabotage(f"{name} a {kind or 'prim'}", "00", retype(f"{ROBOT}/{name}", kind), site)
+            for name in ("base_footprint", "base_scan", "wheel_left_link")
+            for kind in ("", "Scope")
+            for site in ((f"{ROBOT}/{name}", None),)
+        ),
         Sabotage("lidar link on a hinge", "02", retype(scan, "PhysicsRevoluteJoint"), (scan, None)),
         Sabotage(
             "lidar link held elsewhere", "05", put(scan, place, Gf.Vec3f(0.2, 0, 0)), (scan, place)

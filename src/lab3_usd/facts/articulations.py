@@ -17,11 +17,11 @@ from lab3_usd.isaac.values import Value
 from lab3_usd.model.joint_drives import DRIVEN_AXES
 from lab3_usd.model.physics import (
     BODIES,
-    BODY_API,
     FAR,
     FIXED,
     JOINT_ENABLED,
     REVOLUTE,
+    bodies_below,
     is_articulated,
     is_excluded,
     is_joint_type,
@@ -283,7 +283,7 @@ def number_of_axes(command: Command, stage: StageModel) -> int | None:
     """
     axes = _axes(command, stage)
     around = {path for joint in axes for path in ends(joint)}
-    rigid = {prim.path for prim in stage.with_api(BODY_API) if prim.present}
+    rigid = {*bodies_below(stage, "/")}
     tied = [
         ends(joint)
         for joint in stage.of_type(is_joint_type)
@@ -428,7 +428,7 @@ def _first(paths: Iterable[str]) -> str:
 
 
 def _is_body(prim: Prim, demand: BodyOf) -> bool:
-    return bool(set(prim.apis) & set(demand.schemas))
+    return not prim.placeless and bool(set(prim.apis) & set(demand.schemas))
 
 
 def _demand(node: Node, platform: Platform) -> BodyOf | None:

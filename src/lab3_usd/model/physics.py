@@ -50,6 +50,11 @@ def is_excluded(joint: Prim) -> bool:
     return joint.attributes.get(EXCLUDED) is True
 
 
+def is_body(prim: Prim) -> bool:
+    """Whether the prim is a rigid body, switched on or not; one without a place is none."""
+    return BODY_API in prim.apis and not prim.placeless
+
+
 def collides(prim: Prim) -> bool:
     """Whether other shapes bump into this one."""
     has_api = COLLISION_API in prim.apis
@@ -75,7 +80,7 @@ def is_joint_type(name: str) -> bool:
 def bodies_below(stage: StageModel, top: str) -> list[str]:
     """Return the paths of the rigid bodies of the scene at and below a prim, parents first."""
     rigid = (prim for prim in stage.with_api(BODY_API) if is_at_or_below(prim.path, top))
-    return [prim.path for prim in rigid if prim.present]
+    return [prim.path for prim in rigid if prim.present and not prim.placeless]
 
 
 def bodies(prim: Prim) -> tuple[str, str]:

@@ -27,7 +27,8 @@ class Prim(Struct, eq=False):
 
     `type` is the type name as saved, known to usd-core or not; `apis` every applied schema.
     `attributes` holds the values that rules ask about, `relationships` their targets. `local`
-    and `world` are transforms in stage units, None where the prim has no place.
+    and `world` are transforms in stage units, None where the prim has no place. One that is
+    `placeless` is no Xformable: it stands where its parent does, and is no body.
 
     `read` reads the fields that `unread` left out: it is called with the prim and the name of the
     first of them that is asked for, and sets at least that one.
@@ -38,6 +39,7 @@ class Prim(Struct, eq=False):
     apis: tuple[str, ...]
     active: bool = True
     defined: bool = True
+    placeless: bool = False
     attributes: Mapping[str, Value] = field(default_factory=dict)
     relationships: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     local: Matrix | None = None
@@ -54,9 +56,10 @@ class Prim(Struct, eq=False):
         *,
         active: bool,
         defined: bool,
+        placeless: bool,
     ) -> Prim:
         """Return a prim whose values and place are read when they are asked for."""
-        prim = cls(path, type_name, apis, active, defined, read=read)
+        prim = cls(path, type_name, apis, active, defined, placeless, read=read)
         del prim.attributes, prim.relationships, prim.local, prim.world
         return prim
 

@@ -22,6 +22,7 @@ from lab3_usd.model.physics import (
     TILT,
     bodies,
     collides,
+    is_body,
     is_down,
     is_felt,
     is_switched_off,
@@ -134,7 +135,7 @@ def moving_body(stage: StageModel, path: str, known: frozenset[str] = frozenset(
     """
     while path:
         prim = stage.prim(path)
-        if prim is not None and BODY_API in prim.apis and not is_switched_off(prim, BODY_ENABLED):
+        if prim is not None and is_body(prim) and not is_switched_off(prim, BODY_ENABLED):
             is_driven = prim.attributes.get(KINEMATIC) is True
             is_tied = path not in known and _is_tied(stage, path, known | {path})
             return None if is_driven or is_tied else prim

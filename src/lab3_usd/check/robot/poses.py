@@ -113,9 +113,18 @@ def _misfit(prim: Prim, kind: Kind, actual: Vector, expected: Vector, unit: str)
     # The operation that sets the point about which the prim is turned and scaled.
     pivot = next((operation for operation in _operations(prim) if operation.endswith(_PIVOT)), None)
     hint = f"set {kind.capitalize()} to {expected_text} in the Property panel"
+    if prim.placeless:
+        message = f"{message}: {untyped(prim)}"
+        hint = f"write {prim.name} with the type Xform (def Xform)"
     if pivot is not None and kind == "translate":
         hint = f"{hint}, and remove the pivot ({pivot}), which shifts what is turned or scaled"
     return PoseError(kind, pose_property(prim, kind), message, expected_text, actual_text, hint)
+
+
+def untyped(prim: Prim) -> str:
+    """Say why a prim has no place, as the end of a sentence."""
+    what = f"a {prim.type}" if prim.type else "a prim without a type"
+    return f"{what} has no place of its own"
 
 
 def is_near(point: Vector, expected: Vector, tolerance: float, units: Units) -> bool:

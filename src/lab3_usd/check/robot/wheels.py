@@ -19,9 +19,9 @@ from lab3_usd.isaac.node_types import DrivePorts
 from lab3_usd.model.physics import (
     ARTICULATION_API,
     BODIES,
-    BODY_API,
     REVOLUTE,
     bodies,
+    is_body,
     is_joint,
     joints,
 )
@@ -152,7 +152,7 @@ def _is_body(path: str, subject: StageSubject) -> bool:
         return False
     while is_at_or_below(path, robot.path):
         prim = subject.stage.prim(path)
-        if prim is not None and BODY_API in prim.apis:
+        if prim is not None and is_body(prim):
             return True
         path = path.rpartition("/")[0]
     return False

@@ -22,11 +22,11 @@ from lab3_usd.model.physics import (
     ARTICULATION_API,
     ARTICULATION_ENABLED,
     BODIES,
-    BODY_API,
     FIXED,
     JOINT_ENABLED,
     bodies,
     is_articulated,
+    is_body,
     is_joint_type,
     is_switched_off,
     joints,
@@ -321,7 +321,7 @@ def _is_on_robot(body: str, subject: StageSubject) -> bool:
     """
     path = subject.lab.scene.robot.path
     root = subject.stage.prim(path)
-    moves = root is not None and BODY_API in root.apis
+    moves = root is not None and is_body(root)
     return is_at_or_below(body, path) and (body != path or moves)
 
 

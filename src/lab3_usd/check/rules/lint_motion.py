@@ -20,7 +20,6 @@ from lab3_usd.facts.quantities import quantity_of
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
     BODIES,
-    BODY_API,
     BODY_ENABLED,
     FAR,
     FIXED,
@@ -28,6 +27,7 @@ from lab3_usd.model.physics import (
     KINEMATIC,
     LIMITS,
     bodies,
+    is_body,
     is_switched_off,
     joints,
     limits,
@@ -110,7 +110,7 @@ def _body(path: str, stage: StageModel) -> Prim | None:
     """Return the body that a prim moves with."""
     while path:
         prim = stage.prim(path)
-        if prim is not None and BODY_API in prim.apis:
+        if prim is not None and is_body(prim):
             return prim
         path = path.rpartition("/")[0]
     return None

@@ -12,7 +12,7 @@ from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.changes import ApplySchema
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.physics import BODY_API, number
+from lab3_usd.model.physics import is_body, number
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.model.transforms import AXES, angle_between, decompose, rotate_vector
@@ -240,7 +240,7 @@ def unused_camera(subject: LintSubject) -> Iterator[Problem]:
 def _is_carried(prim: Prim, subject: LintSubject) -> bool:
     """Whether a prim moves with a body."""
     bodies = (subject.stage.prims.get(path) for path in _paths_above(prim.path))
-    return any(body is not None and BODY_API in body.apis for body in bodies)
+    return any(body is not None and is_body(body) for body in bodies)
 
 
 @rule("K75", "empty-render-product", scope="lint")

@@ -13,6 +13,7 @@ from lab3_usd.check.robot.poses import (
     is_scaled,
     pose_property,
     scale_on_parent,
+    untyped,
     vector_text,
 )
 from lab3_usd.check.robot.wheels import unknown_joints
@@ -118,7 +119,8 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
     """A link is no movable rigid body, or the root is one.
 
     Why: a prim that is not a rigid body has no mass and no joints. {wheels?}The wheel does not
-    turn, or the{else}The{/} robot falls apart or hangs in the air. A robot root that is a rigid
+    turn, or the{else}The{/} robot falls apart or hangs in the air. A Scope, or a prim without a
+    type, has no place and is no body, whatever schemas it has. A robot root that is a rigid
     body, and that no joint ties to a link, falls by itself, and PhysX does not simulate the bodies
     below it as asked.
 
@@ -131,7 +133,17 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
     for prim, _ in _links(subject):
         path, name, unmet = prim.path, BODY_ENABLED, (f"Scene/body/{prim.name}",)
         fix = Restore(path, name)
-        if BODY_API not in prim.apis:
+        if BODY_API in prim.apis and prim.placeless:
+            yield Problem(
+                path,
+                f"{prim.name} is no rigid body: {untyped(prim)}",
+                expected="Xform",
+                actual=prim.type or "no type",
+                handout=handout,
+                hint=f"write {prim.name} with the type Xform (def Xform)",
+                unmet=unmet,
+            )
+        elif BODY_API not in prim.apis:
             yield Problem(
                 path,
                 f"{prim.name} is not a rigid body",

@@ -184,7 +184,7 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
     if root is None:
         return
     severity: Severity | None = None
-    if subject.lab.is_after(subject.checkpoint.id, spec.pose_is_error_until):
+    if subject.lab.is_after(subject.checkpoint.id, spec.pose_is_error_until) and not root.placeless:
         severity = "warning"
     tolerance = root_tolerance(subject.lab.scene, stage)
     for wrong in pose_errors(root, root.local or IDENTITY, spec.pose, tolerance):
@@ -197,7 +197,7 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
             spec.pose.handout,
             severity=severity,
             hint=f"select the robot root and {wrong.hint}",
-            fix=(Restore(root.path, wrong.property),),
+            fix=() if root.placeless else (Restore(root.path, wrong.property),),
             unmet=(part_of_pose(SCENE, wrong.kind),),
             # An unset pose would be that of the origin.
             rests_on=stage.unknown_pose(root),
@@ -272,7 +272,7 @@ def _link_places(subject: StageSubject, link: Prim) -> Iterator[_LinkPlace]:
     root, base = subject.stage.prim(robot.path), robot.links.get(robot.base_frame)
     is_first = subject.checkpoint.id == subject.lab.first
     seen = root and root.world and link.world and relative_transform(link.world, root.world)
-    if is_first and seen:
+    if is_first and seen and not link.placeless:  # else it is no body, of which S05 speaks
         hint = f"in the Property panel of {link.name}, set Translate to"
         translate = pose_property(link, "translate")
         at = decompose(seen).translation

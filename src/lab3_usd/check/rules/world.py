@@ -428,8 +428,9 @@ def _lows(subject: StageSubject) -> dict[str, float]:
         boxes = [(stage.prim(box.path), box.low[2]) for box in stage.colliders.below(path)]
         shapes = [low for part, low in boxes if part is not None and collides(part)]
         prim = stage.prim(path)
-        if prim is not None and (stage.unknown_pose(prim) or is_scaled(prim, size)):
-            continue  # what is scaled S24 tells
+        is_told = prim is not None and (prim.placeless or is_scaled(prim, size))
+        if is_told or (prim is not None and stage.unknown_pose(prim)):
+            continue  # S05 tells what has no place, S24 what is scaled
         if shapes:
             lows[path] = min(shapes)
         elif link.offset is not None and prim is not None and prim.world:

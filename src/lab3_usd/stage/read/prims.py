@@ -18,7 +18,7 @@ from lab3_usd.model.prims import NameFilter, Prim, Prims, name_matches, of_any_n
 from lab3_usd.stage.read.assets import IS_PRESENT, is_in_scene
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
 from lab3_usd.stage.read.properties import AuthoredProperties, plain_value
-from lab3_usd.stage.read.transforms import TransformCache
+from lab3_usd.stage.read.transforms import TransformCache, is_placeless
 
 Authored = dict[str, tuple[str, Value]]  # type and value by name
 
@@ -64,7 +64,7 @@ class PrimReader:
         Prims of the types that the platform says are placed, and have the attributes that it names.
         """
         self.stage = stage
-        self.transforms = TransformCache()
+        self.transforms = TransformCache(hidden)
         self.hidden = hidden
         self.name = name
         self.placed = {*_PLACED, *platform.placed}
@@ -80,6 +80,7 @@ class PrimReader:
             self._read,
             active=is_present or prim.IsActive(),
             defined=is_present or is_in_scene(prim, self.hidden),
+            placeless=is_placeless(type_name, path, self.hidden),
         )
 
     def _read(self, prim: Prim, name: str) -> None:

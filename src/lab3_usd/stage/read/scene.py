@@ -23,7 +23,7 @@ from lab3_usd.model.dry_run import (
 )
 from lab3_usd.stage.read.assets import find_unresolved
 from lab3_usd.stage.read.properties import CENTIMETRES, stage_number, targets_of
-from lab3_usd.stage.read.transforms import ORDER
+from lab3_usd.stage.read.transforms import ORDER, is_placeless
 
 _Value = TypeVar("_Value")
 GRAPH, NODE = "OmniGraph", "OmniGraphNode"
@@ -33,6 +33,7 @@ UNSEEN = ("guide",)
 LEAST_UNIT = 1e-4
 NO_TIME = Usd.TimeCode.Default()
 TIMELESS = ("physics", "drive:", "isaac:")  # what is parsed once, without a time
+BODY = "PhysicsRigidBodyAPI"
 SHAPES = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Mesh", "Plane")
 _SIZES = {
     "Cube": ("size",),
@@ -52,6 +53,7 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
     graphs: dict[str, Usd.Prim] = {}
     nodes: dict[str, list[SceneNode]] = {}
     prims: dict[str, ScenePrim] = {}
+    missing = {asset.prim: asset.asset for asset in find_unresolved(stage)}
     everything = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
         path, kind = str(prim.GetPath()), str(prim.GetTypeName())
@@ -67,7 +69,7 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
             if parent:
                 nodes[parent].append(_node(prim, path, time))
         else:
-            prims[path] = _prim(prim, path, kind, time, prims)
+            prims[path] = _prim(prim, path, kind, time, prims, missing)
     nodes = {
         graph: [_of_platform(node, platform) for node in found] for graph, found in nodes.items()
     }
@@ -98,7 +100,7 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
             for path, prim in graphs.items()
         ),
         prims,
-        {asset.prim: asset.asset for asset in find_unresolved(stage)},
+        missing,
     )
 
 
@@ -184,7 +186,12 @@ def _size(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Any:
 
 
 def _prim(
-    prim: Usd.Prim, path: str, kind: str, time: Usd.TimeCode, before: dict[str, ScenePrim]
+    prim: Usd.Prim,
+    path: str,
+    kind: str,
+    time: Usd.TimeCode,
+    before: dict[str, ScenePrim],
+    missing: Mapping[str, str],
 ) -> ScenePrim:
     values, targets = {}, {}
     has_sizes, is_placed = kind in SHAPES or kind == "Camera", False
@@ -211,14 +218,19 @@ def _prim(
     )
     parent = before.get(path.rpartition("/")[0])
     local, is_loose = HERE, False
-    if is_placed:
+    apis, no_place = (
+        prim.GetPrimTypeInfo().GetAppliedAPISchemas(),
+        is_placeless(kind, path, missing),
+    )
+    if is_placed and not no_place:
         xform = UsdGeom.Xformable(prim)
         local, is_loose = _affine(xform.GetLocalTransformation(time)), xform.GetResetXformStack()
     above = parent.world if parent and not is_loose else HERE
     return ScenePrim(
         path,
         kind,
-        frozenset(prim.GetPrimTypeInfo().GetAppliedAPISchemas()),
+        # UsdPhysics makes no body of what has no place.
+        frozenset(apis) - {BODY} if no_place else frozenset(apis),
         above.then(local),
         values,
         targets,

@@ -8,14 +8,14 @@ tuples: converting one of Gf's takes longer than composing two.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from struct import Struct
 from typing import Any
 
-from pxr import Gf, Usd, Vt
+from pxr import Gf, Tf, Usd, Vt
 
-from lab3_usd.model.prims import Matrix
+from lab3_usd.model.prims import Matrix, is_at_or_below
 from lab3_usd.model.transforms import IDENTITY, multiply
 from lab3_usd.stage.read.properties import authored_data, elements
 
@@ -31,11 +31,16 @@ class TransformCache:
     """Composes transforms down the namespace, each once.
 
     `UsdGeom.XformCache` skips prims whose type usd-core does not know, an OmniLidar among them;
-    their own operations are read all the same here.
+    their own operations are read all the same here. Those of a prim without a type, or of one that
+    is no Xformable, place nothing.
     """
 
-    def __init__(self) -> None:
-        """Start with nothing known but the root."""
+    def __init__(self, hidden: Iterable[str] = ("/",)) -> None:
+        """Start with nothing known but the root.
+
+        At and below the `hidden` prims a missing asset may say the type.
+        """
+        self._hidden = tuple(hidden)
         self._known: dict[str, tuple[Matrix | None, Matrix]] = {"/": (None, IDENTITY)}
 
     def of(self, prim: Usd.Prim, path: str) -> tuple[Matrix | None, Matrix]:
@@ -50,7 +55,8 @@ class TransformCache:
             prim, path = Usd.Prim.GetParent(prim), path.rpartition("/")[0] or "/"
         for child, child_path in reversed(ahead):
             parent, order = self._known[path][1], authored_data(child, ORDER)
-            if order is None:
+            kind = Usd.Prim.GetTypeName(child)
+            if order is None or is_placeless(kind, child_path, self._hidden):
                 self._known[child_path] = None, parent
             else:
                 local, is_reset = _composed(child, order)
@@ -62,6 +68,25 @@ class TransformCache:
     def world(self, prim: Usd.Prim) -> Matrix:
         """Return the world transform of a prim."""
         return self.of(prim, str(Usd.Prim.GetPath(prim)))[1]
+
+
+def is_placeless(kind: str, path: str, hidden: Iterable[str]) -> bool:
+    """Whether a prim of a type stands where its parent does, as it is no Xformable.
+
+    One without a type that a missing asset may give is none; below `hidden` prims assets miss.
+    """
+    if _is_xformable(kind):
+        return False
+    return bool(kind) or not any(is_at_or_below(path, top) for top in hidden)
+
+
+@lru_cache(maxsize=1024)
+def _is_xformable(kind: str) -> bool:
+    """Whether prims of a type have a place; those of types that usd-core does not know have."""
+    known = Usd.SchemaRegistry.GetTypeFromSchemaTypeName(kind) if kind else None
+    if known is None:
+        return False
+    return bool(known.isUnknown or known.IsA(Tf.Type.FindByName("UsdGeomXformable")))
 
 
 def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:
