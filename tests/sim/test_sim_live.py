@@ -22,6 +22,7 @@ from dry_runs import EXPECTED, driven
 from foreign_robots import arm, car, rover
 from invoking import invoke
 from msgspec.structs import replace
+from places import REPOSITORY
 from pxr import Sdf, Usd
 
 from lab3_usd.commands import sim as live_run
@@ -169,6 +170,29 @@ def test_so_does_a_program_of_another_vendor(
     assert (heard["frame"], heard["child"]) == ("odom", "base_footprint")
     assert player.robot is not None
     assert player.robot.pose().origin[0] - 1.8 >= heard["x"] - 1e-6 >= 0.1 - 1e-6
+
+
+def test_so_does_ros_2_itself(tmp_path: Path) -> None:
+    ros = shutil.which("ros2")
+    if ros is None:
+        pytest.skip("ROS 2 is not here: source its setup.bash")
+    python = Path(ros).read_text(encoding="utf-8").splitlines()[0].removeprefix("#!").split()[0]
+    stage = tmp_path / "Lab3_05.usda"
+    made: Usd.Stage = correct_stage("05")
+    made.GetRootLayer().Export(str(stage))
+    script = REPOSITORY / "benchmarks" / "hear_with_ros.py"
+    lab3 = Path(sys.executable).with_name("lab3")
+    done = subprocess.run(
+        [python, str(script), "--lab3", str(lab3), str(stage)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE,
+    )
+    if done.stdout.startswith("skipped"):
+        pytest.skip(done.stdout)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "/odom moved by" in done.stdout
 
 
 def test_without_a_command_it_stands(player: Player, link: DdsLink) -> None:
