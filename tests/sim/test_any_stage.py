@@ -11,23 +11,18 @@ import pytest
 from any_stages import BRIEFLY, bad, by_name, played
 from breaking import correct_stage
 from foreign_robots import (
-    CONTEXT,
-    TICK,
     add_api,
-    body,
     car,
     connect,
     empty_stage,
-    revolute,
     rover,
     truck,
-    wheel,
-    write_graph,
     write_node,
 )
 from invoking import invoke
 from pxr import Gf, Sdf, Usd, UsdGeom
 from report_schema import dry_run_of
+from robot_kinds import four_wheels, rollers
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Behaviour
@@ -408,58 +403,6 @@ def test_a_robot_of_an_asset_that_is_missing_is_not_judged(tmp_path: Path) -> No
     assert (found.verdict, bad(found)) == ("not judged", set())
 
 
-def four_wheels() -> Usd.Stage:
-    """A rover of four driven wheels, two controllers of two joints each."""
-    stage = empty_stage("Z", 1.0)
-    robot = "/World/Four"
-    add_api(UsdGeom.Xform.Define(stage, robot).GetPrim(), "PhysicsArticulationRootAPI")
-    body(stage, f"{robot}/base", (0, 0, 0.1))
-    for end, x in (("front", 0.2), ("rear", -0.2)):
-        for side, y in (("left", 0.15), ("right", -0.15)):
-            name = f"{end}_{side}"
-            wheel(stage, f"{robot}/{name}", (x, y, 0.1), 0.1)
-            link = f"{robot}/{name}"
-            revolute(stage, f"{robot}/{name}_joint", f"{robot}/base", link, (x, y, 0), "Y")
-    move = "core.IsaacArticulationController"
-    write_graph(
-        stage,
-        "/World/Drive",
-        {
-            "tick": TICK,
-            "context": CONTEXT,
-            "twist": ("ros.ROS2SubscribeTwist", {"topicName": "four/cmd_vel"}),
-            "linear": ("nodes.BreakVector3", {}),
-            "angular": ("nodes.BreakVector3", {}),
-            "drive": (
-                "wheeled.DifferentialController",
-                {"wheelRadius": 0.1, "wheelDistance": 0.3},
-            ),
-            "front": (
-                move,
-                {"targetPrim": robot, "jointNames": ["front_left_joint", "front_right_joint"]},
-            ),
-            "rear": (
-                move,
-                {"targetPrim": robot, "jointNames": ["rear_left_joint", "rear_right_joint"]},
-            ),
-        },
-        [
-            "tick.tick -> twist.execIn",
-            "twist.execOut -> drive.execIn",
-            "twist.execOut -> front.execIn",
-            "twist.execOut -> rear.execIn",
-            "context.context -> twist.context",
-            "twist.linearVelocity -> linear.tuple",
-            "twist.angularVelocity -> angular.tuple",
-            "linear.x -> drive.linearVelocity",
-            "angular.z -> drive.angularVelocity",
-            "drive.velocityCommand -> front.velocityCommand",
-            "drive.velocityCommand -> rear.velocityCommand",
-        ],
-    )
-    return stage
-
-
 def test_four_wheels_drive(tmp_path: Path) -> None:
     stage = four_wheels()
     found = played(stage, tmp_path)
@@ -471,9 +414,6 @@ def test_four_wheels_drive(tmp_path: Path) -> None:
     names.Set(["rear_left_joint", "missing_joint"])
     found = played(stage, tmp_path)
     assert by_name(found)["follows"].verdict == "bad"
-
-
-POSE = ("position", "orientation", "linearVelocity", "angularVelocity")
 
 
 def test_a_car_goes_along_the_arc_that_it_is_steered_to(tmp_path: Path) -> None:
@@ -502,59 +442,6 @@ def test_a_car_that_is_steered_the_other_way_is_wrong(tmp_path: Path) -> None:
         "inputs:invertSteering", Sdf.ValueTypeNames.Bool
     ).Set(True)  # noqa: FBT003
     assert by_name(played(stage, tmp_path))["follows"].verdict == "bad"
-
-
-def rollers() -> Usd.Stage:
-    """A robot on four wheels with rollers, at the corners of a square of 0.4 m."""
-    stage = empty_stage("Z", 1.0)
-    robot = "/World/Mecanum"
-    add_api(UsdGeom.Xform.Define(stage, robot).GetPrim(), "PhysicsArticulationRootAPI")
-    body(stage, f"{robot}/base", (0, 0, 0.1))
-    for name, x, y, angle in (
-        ("front_left", 0.2, 0.2, -135.0),
-        ("front_right", 0.2, -0.2, -45.0),
-        ("rear_left", -0.2, 0.2, -45.0),
-        ("rear_right", -0.2, -0.2, -135.0),
-    ):
-        link = f"{robot}/{name}"
-        wheel(stage, link, (x, y, 0.1), 0.1)
-        joint = revolute(stage, f"{robot}/{name}_joint", f"{robot}/base", link, (x, y, 0), "Y")
-        for part, value in (("angle", angle), ("radius", 0.1)):
-            joint.CreateAttribute(f"isaacmecanumwheel:{part}", Sdf.ValueTypeNames.Float).Set(value)
-    base = f"{robot}/base"
-    write_graph(
-        stage,
-        "/World/Drive",
-        {
-            "tick": TICK,
-            "context": CONTEXT,
-            "twist": ("ros.ROS2SubscribeTwist", {}),
-            "linear": ("nodes.BreakVector3", {}),
-            "angular": ("nodes.BreakVector3", {}),
-            "told": ("nodes.MakeVector3", {}),
-            "setup": ("wheeled.HolonomicRobotUsdSetup", {"robotPrim": robot, "comPrim": base}),
-            # It turns against what it is told (holonomic_controller.py:151, cross(V, place)).
-            "holonomic": ("wheeled.HolonomicController", {"angularGain": -1.0}),
-            "move": ("core.IsaacArticulationController", {"targetPrim": robot}),
-        },
-        [
-            *(f"tick.tick -> {name}.execIn" for name in ("twist", "holonomic", "move")),
-            "context.context -> twist.context",
-            "twist.linearVelocity -> linear.tuple",
-            "twist.angularVelocity -> angular.tuple",
-            "linear.x -> told.x",
-            "linear.y -> told.y",
-            "angular.z -> told.z",
-            "told.tuple -> holonomic.inputVelocity",
-            *(f"setup.{port} -> holonomic.{port}" for port in SETUP),
-            "setup.wheelDofNames -> move.jointNames",
-            "holonomic.jointVelocityCommand -> move.velocityCommand",
-        ],
-    )
-    return stage
-
-
-SETUP = ("wheelRadius", "wheelPositions", "wheelOrientations", "mecanumAngles", "wheelAxis")
 
 
 def test_a_robot_on_rollers_goes_to_any_side(tmp_path: Path) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from breaking import STEPS
-from foreign_robots import ROBOTS
 from pxr import Usd
+from robot_kinds import KINDS
 
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
@@ -38,7 +38,7 @@ def sites_of(results: RuleResults, *severities: str) -> list[str]:
 
 def broken_robot(name: str, steps: list[dict[str, Any]]) -> Usd.Stage:
     """Return a robot after these steps."""
-    stage = ROBOTS[name]()
+    stage = KINDS[name]()
     for step in steps:
         for verb, arguments in step.items():
             STEPS[verb](stage, *(arguments if isinstance(arguments, list) else [arguments]))

@@ -100,6 +100,7 @@ MODULES = {
         "lint_motion",
         "lint_sensors",
         "lint_sensor_frames",
+        "lint_ownership",
     ),
     "UV": ("native",),
 }

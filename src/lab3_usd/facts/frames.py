@@ -6,13 +6,13 @@ given, or a publisher (as before 6.0) looks at prims of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.facts.domains import Domain, domain_of
-from lab3_usd.facts.endpoints import message_type, namespace_of, resolve
+from lab3_usd.facts.endpoints import message_type, moving_prims, namespace_of, resolve
 from lab3_usd.facts.execution_order import (
     Nodes,
     effective_value,
@@ -32,6 +32,7 @@ from lab3_usd.facts.frame_targets import (
     unknown_target,
     unresolved_frames_of,
 )
+from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.tree import Tree, tree
 from lab3_usd.isaac.node_types import TfPorts
 from lab3_usd.isaac.platform import Platform
@@ -173,6 +174,13 @@ def heard_trees(stage: StageModel, platform: Platform) -> tuple[HeardTree, ...]:
     return trees_of(all_edges(stage, platform))
 
 
+def robots_shown(edges: Iterable[Edge], stage: StageModel) -> set[str]:
+    """Return the robots of joined bodies whose prims transforms place, by their first bodies."""
+    bodies = joined_bodies(stage)
+    robots = {bodies.owner(edge.prim) for edge in edges if edge.prim} - {""}
+    return {robot for robot in robots if bodies.sizes[robot] > 1}
+
+
 def frames_in(stage: StageModel, platform: Platform, domain: str) -> frozenset[str]:
     """Return the frames that are published in a domain, on whatever topic."""
     trees = (heard.tree for heard in heard_trees(stage, platform) if heard.domain == domain)
@@ -190,6 +198,55 @@ def trees_of(edges: Iterable[Edge]) -> tuple[HeardTree, ...]:
         topic = edge.topic.removesuffix(_STATIC)
         heard.setdefault((edge.domain.name, topic), []).append(edge)
     return tuple(HeardTree(*key, tree(sent)) for key, sent in heard.items())
+
+
+class SharedTopic(Struct, frozen=True, eq=False):
+    """A topic on which a namespace above several robots puts the transforms of all of them.
+
+    `prim` carries the namespace, `publishers` are the nodes by the namespaces that their other
+    topics would have. It `clashes` where robots have frames of one name.
+    """
+
+    topic: str
+    prim: str
+    publishers: Mapping[str, tuple[str, ...]]
+    clashes: bool
+
+
+@once_per_stage
+def shared_tf_topics(stage: StageModel, platform: Platform) -> tuple[SharedTopic, ...]:
+    """Return the topics that a common namespace gives to the transforms of several robots.
+
+    Of several namespaces above a TF publisher only the outermost counts (Ros2Node.h:227-275).
+    """
+    live = live_nodes(stage, platform)
+    found: dict[tuple[str, str, str], dict[str, list[str]]] = {}
+    for heard in heard_trees(stage, platform):
+        for path in dict.fromkeys(edge.publisher for edge in heard.tree.edges):
+            node = live[path]
+            prims = moving_prims(node, stage, platform, live)
+            if prims and len(node.namespaces) > 1:
+                key = (heard.domain, heard.topic, prims[0][0])
+                found.setdefault(key, {}).setdefault("/".join(node.namespaces), []).append(path)
+    return tuple(
+        _shared(stage, platform, key, spaces) for key, spaces in found.items() if len(spaces) > 1
+    )
+
+
+def _shared(
+    stage: StageModel, platform: Platform, key: tuple[str, str, str], spaces: dict[str, list[str]]
+) -> SharedTopic:
+    domain, topic, prim = key
+    space_of = {path: space for space, paths in spaces.items() for path in paths}
+    senders: dict[str, set[str]] = {}
+    for heard in heard_trees(stage, platform):
+        for edge in heard.tree.edges if (heard.domain, heard.topic) == (domain, topic) else ():
+            if edge.publisher in space_of:
+                senders.setdefault(edge.child, set()).add(space_of[edge.publisher])
+    clashes = any(len(several) > 1 for several in senders.values())
+    return SharedTopic(
+        topic, prim, {space: tuple(spaces[space]) for space in sorted(spaces)}, clashes
+    )
 
 
 def is_tree_known(stage: StageModel, platform: Platform) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 
 from msgspec import Struct
@@ -16,11 +17,12 @@ class JoinedBodies(Struct, frozen=True, eq=False):
     """The bodies of a stage by what ties them.
 
     `robots` maps each body to the first one of all that joints tie to it, `rigid` to the first one
-    of those that move with it: '' where that is the world.
+    of those that move with it: '' where that is the world. `sizes` are how many bodies robots have.
     """
 
     robots: dict[str, str]
     rigid: dict[str, str]
+    sizes: dict[str, int]
 
     def carrier(self, path: str) -> str:
         """Return the body that a prim moves with, '' where it stands still."""
@@ -41,16 +43,12 @@ class JoinedBodies(Struct, frozen=True, eq=False):
         inside = {robot for other, robot in self.robots.items() if other.startswith(f"{path}/")}
         return inside.pop() if len(inside) == 1 else ""
 
-    def members(self, robot: str) -> int:
-        """Return how many bodies a robot has."""
-        return sum(first == robot for first in self.robots.values())
-
 
 @once_per_stage
 def joined_bodies(stage: StageModel) -> JoinedBodies:
     """Return what the joints of a stage tie together, those that are switched off included."""
     paths = bodies_below(stage, "/")
-    known = JoinedBodies(dict.fromkeys(paths, ""), {})
+    known = JoinedBodies(dict.fromkeys(paths, ""), {}, {})
     tied = [
         (tuple(known.carrier(end) for end in bodies(joint)), joint.type == FIXED)
         for joint in stage.of_type(is_joint_type)
@@ -58,7 +56,7 @@ def joined_bodies(stage: StageModel) -> JoinedBodies:
     ]
     robots = _groups(paths, (pair for pair, _ in tied if all(pair)))
     rigid = _groups([_WORLD, *paths], (pair for pair, is_fixed in tied if is_fixed))
-    return JoinedBodies(robots, rigid)
+    return JoinedBodies(robots, rigid, Counter(robots.values()))
 
 
 def _groups(paths: Iterable[str], pairs: Iterable[tuple[str, ...]]) -> dict[str, str]:

@@ -15,7 +15,15 @@ from lab3_usd.facts.execution_order import (
     run_states,
     unevaluated_by,
 )
-from lab3_usd.facts.frames import Edge, HeardTree, frames_in, heard_trees, is_tree_known
+from lab3_usd.facts.frames import (
+    Edge,
+    HeardTree,
+    frames_in,
+    heard_trees,
+    is_tree_known,
+    robots_shown,
+    shared_tf_topics,
+)
 from lab3_usd.facts.stalled_nodes import is_needed
 from lab3_usd.facts.wires import connections, find_cycles
 from lab3_usd.facts.written_names import MessageFrame, message_frames
@@ -304,11 +312,16 @@ class LintSubject(Struct, frozen=True, eq=False):
         return are_surely_one(domains)
 
     def tops(self, heard: HeardTree) -> tuple[str, ...]:
-        """Return the top of the largest tree, where all transforms are known."""
+        """Return the top of the largest tree, and of those of other robots, where all are known."""
         if not is_tree_known(self.stage, self.platform):
             return ()
-        _, largest = heard.tree.parts[0]
-        return tuple(top for top in heard.tree.roots if top in largest)[:1]
+        tops, shown = list[str](), set[str]()
+        for edges, frames in heard.tree.parts:
+            robots = robots_shown(edges, self.stage)
+            if not tops or (robots and shown.isdisjoint(robots)):
+                tops += [top for top in heard.tree.roots if top in frames][:1]
+                shown |= robots
+        return tuple(tops)
 
     def self_targets(self) -> Iterator[Problem]:
         """Yield where a role's own settings make a frame its own parent: there are no roles."""
@@ -334,9 +347,14 @@ class LintSubject(Struct, frozen=True, eq=False):
         """Whether a spec asks for a node: without one, all count alike."""
         return True
 
-    def assumed(self, _edges: Iterable[Edge]) -> tuple[Place, ...]:
-        """Return the nodes that a problem of transforms rests on: each problem is a root."""
-        return ()
+    def assumed(self, edges: Iterable[Edge]) -> tuple[Place, ...]:
+        """Return the namespaces that a problem of transforms rests on; else it is a root."""
+        publishers = {edge.publisher for edge in edges}
+        return tuple(
+            (shared.prim, self.platform.ros.namespace_attribute)
+            for shared in shared_tf_topics(self.stage, self.platform)
+            if any(publishers & {*paths} for paths in shared.publishers.values())
+        )
 
     def title(self, node: Node) -> str:
         """Return what a node is called in the graph editor."""

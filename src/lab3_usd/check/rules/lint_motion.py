@@ -16,6 +16,8 @@ from lab3_usd.facts.articulations import (
     followed_bodies,
     told_joints,
 )
+from lab3_usd.facts.feeding import misnamed_poses
+from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.quantities import quantity_of
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
@@ -241,10 +243,10 @@ def _wheel(joint: Prim, wheels: list[Prim], stage: StageModel) -> str | None:
 
 @rule("K83", "odometry-of-wheel", scope="lint", severity="warning")
 def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
-    """The chassis of odometry is a wheel.
+    """The chassis of odometry is a wheel, or not the link whose frame it names.
 
     Why: a wheel rotates: odometry shows a robot that rolls over and over, with a speed in all
-    directions.
+    directions. A foot or an arm moves against the base, and so does the base in its odometry.
 
     Fix: set Chassis Prim to the base link of the robot.
 
@@ -267,6 +269,23 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
                 actual=odometry.prim.path,
                 related=(joint,),
             )
+    told, robots = set(turning), joined_bodies(subject.stage)
+    for pose in misnamed_poses(subject.stage, subject.platform):
+        odometry, path = pose.followed, pose.followed.prim.path
+        body = "" if odometry.body is None else odometry.body.path
+        if body in told or robots.owner(pose.prim) != robots.owner(body):
+            continue
+        told.add(body)
+        yield Problem(
+            odometry.node.path,
+            f"{odometry.port} is {path}, but {pose.publisher} publishes it as '{pose.frame}', the "
+            f"frame of {pose.prim}, which moves against it",
+            property=odometry.port,
+            expected=pose.prim,
+            actual=path,
+            related=(pose.publisher,),
+            rests_on=odometry.unknown,
+        )
 
 
 @rule("K84", "wheels-turn-apart", scope="lint")

@@ -1,0 +1,183 @@
+"""Rules about several robots: whose bodies and sensors a node publishes, and on whose topic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.facts.endpoints import Endpoint, running_endpoints
+from lab3_usd.facts.feeding import (
+    commanded_robots,
+    feeding_nodes,
+    misnamed_poses,
+    robot_spaces,
+)
+from lab3_usd.facts.frame_targets import listed_targets, parent_prim, tf_ports
+from lab3_usd.facts.frames import all_edges, shared_tf_topics
+from lab3_usd.facts.joined_bodies import joined_bodies
+from lab3_usd.model.finding import Place, Problem
+from lab3_usd.model.physics import ARTICULATION_API
+from lab3_usd.model.stage import Node, UnresolvedAsset
+
+_TWO = 2  # bodies that make a robot
+
+
+@rule("K88", "another-robot", scope="lint", severity="warning")
+def another_robot(subject: LintSubject) -> Iterator[Problem]:
+    """A node publishes a body or a sensor of another robot.
+
+    Why: odometry, transforms or scans of one robot show how another one moves. Isaac Sim reports
+    nothing. A robot is what joints tie together; its topics are those in the namespace of its
+    commands, its frames those of its prims.
+
+    Fix: choose the prim of the right robot again. In a copy of a graph, every target is still that
+    of the first robot.
+
+    Example: Isaac Compute Odometry for `/robot1/odom` names `/World/robot2/base_link`.
+    """
+    told: set[Place] = set()
+    for problem in (
+        *_by_namespace(subject),
+        *_by_frame(subject),
+        *_by_parent(subject),
+    ):
+        place = (problem.prim, problem.property)
+        if place not in told:
+            told.add(place)
+            yield problem
+
+
+def _by_namespace(subject: LintSubject) -> Iterator[Problem]:
+    """Yield what shows another robot than the one that is commanded in the namespace."""
+    spaces = robot_spaces(subject.stage, subject.platform)
+    robots = set(commanded_robots(subject.stage, subject.platform).values())
+    bodies = joined_bodies(subject.stage)
+    for end in running_endpoints(subject.stage, subject.platform, "publishes"):
+        robot = _robot_of_space(end, spaces)
+        for node, port, prim in _shown(end.node, subject) if robot else ():
+            owner = bodies.owner(prim)
+            if owner not in robots or owner == robot:
+                continue
+            # A transform of another robot's root may say where that is.
+            if not (tf_ports(node).prims and _is_root(prim, subject)):
+                yield Problem(
+                    node.path,
+                    f"{port} is {prim}, and {end.topic} is in the namespace of the commands of "
+                    f"{robot}",
+                    property=port,
+                    expected=f"a prim of the robot of {robot}",
+                    actual=prim,
+                    related=() if node is end.node else (end.node.path,),
+                    rests_on=_unknown(subject, prim, robot),
+                )
+
+
+def _robot_of_space(end: Endpoint, spaces: Mapping[tuple[str, str], str]) -> str:
+    space = end.topic or ""
+    while space and (end.domain.name, space) not in spaces:
+        space = space.rpartition("/")[0]
+    return spaces.get((end.domain.name, space), "")
+
+
+def _shown(publisher: Node, subject: LintSubject) -> Iterator[tuple[Node, str, str]]:
+    """Yield the prims that a node publishes about: who names them, where, and which."""
+    for node in feeding_nodes(publisher, subject.live):
+        ports = tf_ports(node).prims
+        for port, state in node.ports.items():
+            if port not in ports[:1]:  # what the others are relative to
+                yield from ((node, port, path) for path in state.targets)
+
+
+def _by_frame(subject: LintSubject) -> Iterator[Problem]:
+    """Yield odometry that names the frame of another robot."""
+    bodies = joined_bodies(subject.stage)
+    for pose in misnamed_poses(subject.stage, subject.platform):
+        followed, path = pose.followed, pose.followed.prim.path
+        if bodies.owner(pose.prim) not in {"", bodies.owner(path)}:
+            yield Problem(
+                followed.node.path,
+                f"{followed.port} is {path}, but {pose.publisher} publishes it as '{pose.frame}', "
+                f"the frame of {pose.prim}, another robot",
+                property=followed.port,
+                expected=pose.prim,
+                actual=path,
+                related=(pose.publisher,),
+                rests_on=_unknown(subject, pose.prim, path),
+            )
+
+
+def _by_parent(subject: LintSubject) -> Iterator[Problem]:
+    """Yield transforms of links that hang below the frame of another robot.
+
+    Those of another robot's root may be meant: they say where it is.
+    """
+    bodies = joined_bodies(subject.stage)
+    makers = dict.fromkeys(
+        edge.cause for edge in all_edges(subject.stage, subject.platform) if edge.prim
+    )
+    parents = {path: parent_prim(subject.live[path]) for path in makers}
+    owners = {path: bodies.owner(prim) for path, prim in parents.items() if prim}
+    for path, owner in owners.items():
+        node = subject.live[path]
+        found = {target: bodies.owner(target) for target in listed_targets(node)}
+        foreign = {
+            target: robot
+            for target, robot in found.items()
+            if robot not in {"", owner}
+            and bodies.sizes[robot] >= _TWO
+            and not _is_root(target, subject)
+        }
+        is_whole = len(foreign) == sum(bool(robot) for robot in found.values())
+        wrong = [
+            target for target, robot in foreign.items() if is_whole or robot in owners.values()
+        ]
+        if owner and bodies.sizes[owner] >= _TWO and wrong:
+            port = tf_ports(node).prims[1]
+            yield Problem(
+                path,
+                f"{port} has {', '.join(wrong)} of another robot than {parents[path]}, below "
+                "which they hang",
+                property=port,
+                expected=f"prims of the robot of {parents[path]}",
+                actual=", ".join(wrong),
+                rests_on=_unknown(subject, parents[path], *wrong),
+            )
+
+
+def _is_root(path: str, subject: LintSubject) -> bool:
+    """Whether a prim stands for all of a robot: the links of some tree hang below it."""
+    prim = subject.stage.prim(path)
+    is_articulation = prim is not None and ARTICULATION_API in prim.apis
+    is_parent = any(path == parent_prim(node) for node in subject.live.values())
+    return is_articulation or is_parent or not joined_bodies(subject.stage).carrier(path)
+
+
+def _unknown(subject: LintSubject, *paths: str) -> UnresolvedAsset | None:
+    """Return the missing asset that could hold joints or bodies around prims."""
+    tops = dict.fromkeys("/" + path.split("/")[1] for path in paths)
+    return next(filter(None, map(subject.stage.unknown_below, tops)), None)
+
+
+@rule("K59", "shared-tf-topic", scope="lint", severity="warning")
+def shared_tf_topic(subject: LintSubject) -> Iterator[Problem]:
+    """A namespace above several robots puts their transforms on one topic.
+
+    Why: of several `isaac:namespace` above a TF publisher only the outermost counts, where all of
+    them count for other topics. The robots' topics are apart, and their transforms are not: no
+    listener in the namespace of one robot hears its TF, and frames of one name mix.
+
+    Fix: set Node Namespace on each TF publisher, or remove the namespace from the common prim.
+
+    Example: `isaac:namespace` is `fleet` on `/World` and `robot1` and `robot2` on the robots: both
+    publish on `/fleet/tf`.
+    """
+    name = subject.platform.ros.namespace_attribute
+    for shared in shared_tf_topics(subject.stage, subject.platform):
+        yield Problem(
+            shared.prim,
+            f"{name} puts the transforms of {' and '.join(shared.publishers)} on {shared.topic}",
+            property=name,
+            related=tuple(path for paths in shared.publishers.values() for path in paths),
+            severity="error" if shared.clashes else None,
+        )

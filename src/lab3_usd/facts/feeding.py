@@ -1,0 +1,108 @@
+"""What feeds a node over wires of data: which commands move a robot, and whose pose is sent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from msgspec import Struct
+
+from lab3_usd.facts.articulations import Followed, commands, followed_bodies
+from lab3_usd.facts.endpoints import running_endpoints
+from lab3_usd.facts.execution_order import Nodes, effective_value, live_nodes, live_sources
+from lab3_usd.facts.frame_targets import tf_ports
+from lab3_usd.facts.frames import tf2_name
+from lab3_usd.facts.joined_bodies import joined_bodies
+from lab3_usd.facts.sensor_topics import frame_prims
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.stage import Node, StageModel, once_per_stage
+
+
+def feeding_nodes(node: Node, live: Nodes) -> list[Node]:
+    """Return the nodes whose values reach a node, itself first."""
+    found = {node.path: node}
+    ahead = [node]
+    while ahead:
+        taker = ahead.pop()
+        for port in taker.ports:
+            known = None if taker.type is None else taker.type.port(port)
+            if known is not None and known.is_execution:
+                continue
+            for source, _ in live_sources(taker, port, live):
+                if source.path not in found:
+                    found[source.path] = source
+                    ahead.append(source)
+    return list(found.values())
+
+
+@once_per_stage
+def commanded_robots(stage: StageModel, platform: Platform) -> Mapping[tuple[str, str], str]:
+    """Return the first body of the robot that each topic of commands moves, by domain and topic.
+
+    A topic that moves several robots is left out.
+    """
+    live, bodies = live_nodes(stage, platform), joined_bodies(stage)
+    topics = {
+        end.node.path: (end.domain.name, str(end.topic))
+        for end in running_endpoints(stage, platform, "subscribes")
+    }
+    moved: dict[tuple[str, str], set[str]] = {}
+    for command in commands(stage, platform):
+        robots = {robot for root in command.roots if (robot := bodies.owner(root))}
+        for node in feeding_nodes(command.node, live) if robots else ():
+            if node.path in topics:
+                moved.setdefault(topics[node.path], set()).update(robots)
+    return {key: robots.pop() for key, robots in moved.items() if len(robots) == 1}
+
+
+@once_per_stage
+def robot_spaces(stage: StageModel, platform: Platform) -> Mapping[tuple[str, str], str]:
+    """Return the namespaces in which one robot alone is commanded, by domain, with its first body.
+
+    What is below a namespace counts as in it.
+    """
+    spaces: dict[tuple[str, str], set[str]] = {}
+    for (domain, topic), robot in commanded_robots(stage, platform).items():
+        space = topic.rpartition("/")[0]
+        while space:
+            spaces.setdefault((domain, space), set()).add(robot)
+            space = space.rpartition("/")[0]
+    return {key: robots.pop() for key, robots in spaces.items() if len(robots) == 1}
+
+
+class MisnamedPose(Struct, frozen=True, eq=False):
+    """The pose of a body that is sent as that of another one, against which it moves.
+
+    `publisher` sends it as the pose of `frame`, which is the frame of `prim`.
+    """
+
+    followed: Followed
+    publisher: str
+    frame: str
+    prim: str
+
+
+@once_per_stage
+def misnamed_poses(stage: StageModel, platform: Platform) -> tuple[MisnamedPose, ...]:
+    """Return the poses of bodies that are sent under the frame of another one."""
+    return tuple(_misnamed_poses(stage, platform))
+
+
+def _misnamed_poses(stage: StageModel, platform: Platform) -> Iterator[MisnamedPose]:
+    live, bodies = live_nodes(stage, platform), joined_bodies(stage)
+    known = frame_prims(stage, platform)
+    followers = {followed.node.path: followed for followed in followed_bodies(stage, platform)}
+    for end in running_endpoints(stage, platform, "publishes") if followers else ():
+        kind = end.node.type
+        frames = () if kind is None else (tf_ports(end.node).names or kind.frames)
+        if len(frames) != len(("parent", "child")):
+            continue
+        name = effective_value(end.node, frames[1], live)
+        name = tf2_name(name) if isinstance(name, str) else ""
+        prims = known.get((end.domain.name, name), ())
+        for node in feeding_nodes(end.node, live) if prims else ():
+            followed = followers.get(node.path)
+            body = None if followed is None else followed.body
+            if followed is None or body is None or not bodies.carrier(body.path):
+                continue
+            if not any(bodies.move_together(prim, body.path) for prim in prims):
+                yield MisnamedPose(followed, end.node.path, name, prims[0])
