@@ -209,12 +209,59 @@ def test_an_arm_goes_where_it_is_told_and_tf_follows(tmp_path: Path) -> None:
     ]
 
 
-def test_an_arm_that_hears_no_positions_stands(tmp_path: Path) -> None:
+def arm_that_hears(*kinds: str) -> Usd.Stage:
+    """The arm, whose controller takes nothing but these of the commands that come."""
     stage = arm()
-    stage.GetAttributeAtPath("/ActionGraph/controller.inputs:positionCommand").ClearConnections()
-    found = played(stage, tmp_path)
-    assert (found.verdict, by_name(found)["again"].verdict) == ("bad", "not judged")
-    assert by_name(found)["joints"].kind == "joint-off-target"
+    for kind in {"position", "velocity", "effort"} - {*kinds}:
+        port = f"/ActionGraph/controller.inputs:{kind}Command"
+        stage.GetAttributeAtPath(port).ClearConnections()
+    return stage
+
+
+def without_springs(stage: Usd.Stage) -> Usd.Stage:
+    for name in NAMES:
+        drive = UsdPhysics.DriveAPI(stage.GetPrimAtPath(f"/arm/{name}"), "angular")
+        drive.GetStiffnessAttr().Set(0.0)
+    return stage
+
+
+def test_what_efforts_do_to_an_arm_is_not_judged(tmp_path: Path) -> None:
+    found = played(arm_that_hears("velocity", "effort"), tmp_path)
+    assert (found.verdict, bad(found)) == ("not judged", set())
+    assert "effort" in by_name(found)["joints"].message
+
+
+def test_a_joint_that_no_effort_moves_is_named(tmp_path: Path) -> None:
+    stage = arm_that_hears("effort")
+    without_way(stage)
+    check = by_name(played(stage, tmp_path))["joints"]
+    assert (check.verdict, check.kind, check.prim) == ("bad", "limited-joint", ELBOW)
+
+
+@pytest.mark.parametrize("kinds", [("velocity",), ("position", "velocity", "effort")])
+def test_an_arm_without_springs_moves_as_fast_as_it_is_told(
+    tmp_path: Path, kinds: tuple[str, ...]
+) -> None:
+    found = played(without_springs(arm_that_hears(*kinds)), tmp_path)
+    assert (found.verdict, by_name(found)["joints"].verdict) == ("ok", "ok")
+
+
+def test_a_joint_with_a_spring_keeps_no_speed(tmp_path: Path) -> None:
+    stage = without_springs(arm_that_hears("velocity"))
+    UsdPhysics.DriveAPI(joint_of(stage), "angular").GetStiffnessAttr().Set(800.0)
+    check = by_name(played(stage, tmp_path))["joints"]
+    assert (check.verdict, check.kind, check.prim) == ("bad", "no-velocity-drive", ELBOW)
+    assert check.cause == "it has a drive with stiffness 800"
+
+
+def test_speeds_that_go_to_other_joints_are_named(tmp_path: Path) -> None:
+    stage = without_springs(arm_that_hears("velocity"))
+    names = stage.GetAttributeAtPath("/ActionGraph/controller.inputs:jointNames")
+    names.ClearConnections()
+    names.Set(["elbow_joint", "shoulder_joint", "tool_joint"])
+    check = by_name(played(stage, tmp_path))["joints"]
+    assert (check.verdict, check.kind) == ("bad", "joint-off-target")
+    assert "moves at" in check.message
 
 
 def test_transforms_that_are_sent_once_do_not_follow_an_arm(tmp_path: Path) -> None:

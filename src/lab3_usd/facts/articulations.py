@@ -199,11 +199,14 @@ def named_joints(command: Command, stage: StageModel, platform: Platform) -> lis
     return axes if axes and is_whole else None
 
 
-def reached_joints(command: Command, stage: StageModel, platform: Platform) -> list[Prim]:
+def reached_joints(
+    command: Command, stage: StageModel, platform: Platform, *, with_wheels: bool = False
+) -> list[Prim]:
     """Return the joints of a robot that messages can name, as far as they are to be commanded.
 
     Left out are joints that another controller names, that follow another joint, that roll freely
-    (as wheels and casters do), and what has no drive in a closed chain. One with a drive that the
+    (as casters do, and as wheels do if these are not asked for), and what has no drive in a closed
+    chain. One with a drive that the
     articulation lacks is there, unless it closes a chain.
     """
     links = {
@@ -233,7 +236,7 @@ def reached_joints(command: Command, stage: StageModel, platform: Platform) -> l
         if joint.type in DRIVEN_AXES
         and joint.name not in others
         and not any(_MIMIC in api for api in joint.apis)
-        and (is_fixed or not _rolls(joint, joints, stage))
+        and (is_fixed or (with_wheels and _has_drive(joint)) or not _rolls(joint, joints, stage))
         and (is_chain or (_has_drive(joint) and not is_excluded(joint)))
         and (_has_drive(joint) or not (is_excluded(joint) or is_switched_off(joint, JOINT_ENABLED)))
     ]

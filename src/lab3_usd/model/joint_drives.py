@@ -1,9 +1,9 @@
-"""Whether a joint can follow a command to its position, by what USD says of the joint."""
+"""Whether a joint can follow a command, by what USD says of the joint."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Literal
 
 from msgspec import Struct
 
@@ -15,6 +15,7 @@ DRIVEN_AXES = {
     PRISMATIC: "linear",
 }  # others have several drives
 DRIVE = "PhysicsDriveAPI"
+JointCommand = Literal["position", "velocity", "effort"]
 
 
 class Hindrance(Struct, frozen=True):
@@ -32,15 +33,14 @@ def drive_prefix(kind: str) -> str:
 
 
 def hindrance(
-    joint: str, apis: Collection[str], values: Mapping[str, Any], *, by_drive: bool = True
+    joint: str, apis: Collection[str], values: Mapping[str, Any], command: JointCommand
 ) -> Hindrance | None:
-    """Return why a joint of one axis cannot be moved to a position, None where it can be.
+    """Return why a joint of one axis cannot follow a command of this kind, None where it can.
 
-    `joint` is the type of its prim. Without `by_drive` the joint is moved by an effort, which
-    needs no drive. A spring holds a joint at a position (UsdPhysics: PhysicsDriveAPI, force =
+    `joint` is the type of its prim. An effort needs no drive. A spring holds a joint at a position
+    and against a velocity, which its damper brings about (UsdPhysics: PhysicsDriveAPI, force =
     stiffness * (targetPosition - position) + damping * (targetVelocity - velocity)).
     """
-    kind = DRIVEN_AXES[joint]
     if values.get(JOINT_ENABLED) is False:
         return Hindrance("is switched off", JOINT_ENABLED, "true", "false")
     if values.get(EXCLUDED) is True:
@@ -49,10 +49,14 @@ def hindrance(
     if low == high:
         text = f"has limits that leave it no way: {low:g} to {high:g}"
         return Hindrance(text, LIMITS[1], f"above {low:g}", f"{high:g}")
-    return _of_drive(kind, apis, values) if by_drive else None
+    return None if command == "effort" else of_drive(joint, apis, values, command)
 
 
-def _of_drive(kind: str, apis: Collection[str], values: Mapping[str, Any]) -> Hindrance | None:
+def of_drive(
+    joint: str, apis: Collection[str], values: Mapping[str, Any], command: JointCommand
+) -> Hindrance | None:
+    """Return what of its drive keeps a joint from a position or velocity, None for nothing."""
+    kind = DRIVEN_AXES[joint]
     if f"{DRIVE}:{kind}" not in apis:
         other = next((api for api in sorted(apis) if api.startswith(f"{DRIVE}:")), None)
         if other is None:
@@ -61,11 +65,30 @@ def _of_drive(kind: str, apis: Collection[str], values: Mapping[str, Any]) -> Hi
         text = f"has a drive of kind {found}, and its axis takes one of kind {kind}"
         return Hindrance(text, None, f"a drive of kind {kind}", found)
     start = drive_prefix(kind)
-    force, stiffness = (number(values.get(start + name)) for name in ("maxForce", "stiffness"))
+    force = number(values.get(f"{start}maxForce"))
     if force is not None and force <= 0.0:
         return Hindrance("has a drive without force", f"{start}maxForce", "above 0", f"{force:g}")
-    if stiffness is None or stiffness <= 0.0:
-        return Hindrance(
-            "has a drive without stiffness", f"{start}stiffness", "above 0", f"{stiffness or 0.0:g}"
-        )
+    needed = "stiffness" if command == "position" else "damping"
+    gains = {name: number(values.get(start + name)) or 0.0 for name in ("stiffness", "damping")}
+    if gains[needed] <= 0.0:
+        text = f"has a drive without {needed}"
+        return Hindrance(text, f"{start}{needed}", "above 0", f"{gains[needed]:g}")
+    spring = gains["stiffness"]
+    if command == "velocity" and spring > 0.0:
+        text = f"has a drive with stiffness {spring:g}"
+        return Hindrance(text, f"{start}stiffness", "0", f"{spring:g}")
     return None
+
+
+def moving_command(
+    given: Sequence[JointCommand], gains: Collection[tuple[float, float]]
+) -> JointCommand | None:
+    """Return by which of the given kinds joints are moved, whose drives have these gains.
+
+    Each joint has its stiffness and damping. Where all drives are dampers, it is by speeds.
+    """
+    if "position" in given and any(stiffness > 0 for stiffness, _ in gains):
+        return "position"
+    if "velocity" in given and any(d > 0 for _, d in gains) and not any(s > 0 for s, _ in gains):
+        return "velocity"
+    return "effort" if "effort" in given else next(iter(given), None)

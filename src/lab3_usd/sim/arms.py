@@ -1,19 +1,21 @@
-"""Drives the joints of a robot by joint states, and judges their positions.
+"""Drives the joints of a robot by joint states, and judges how they follow.
 
-Every joint that the commands reach is sent to a place of its own inside its limits, and back.
+Every joint that the commands reach is sent to a place of its own inside its limits, and back, or at
+a speed of its own, as its drive and its controller ask.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Sequence
+from typing import get_args
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import Affine, Check, Scene
 from lab3_usd.model.fault import FaultKind
-from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES
+from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, JointCommand, moving_command
 from lab3_usd.model.physics import FAR, JOINT_ENABLED
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
@@ -35,20 +37,22 @@ MARGIN = 0.1  # part of its limits by which a joint that cannot stand at 0 keeps
 SETTLED, LEAST, LONGEST = 5.0, 2.0, 20.0  # times as long as a drive takes; seconds
 OFF = (0.05, 2e-3)  # part of the way, and radians or metres, by which a joint may be off
 _NAMES, _INDICES = "jointNames", "jointIndices"
-_POSITION, _VELOCITY = "positionCommand", "velocityCommand"
+_COMMAND = "Command"  # how the inputs of a controller end, behind position, velocity and effort
 _MIMIC = "Mimic"
+_ROLLING = ("the robot rolls on it", "it turns freely, as wheels do")
 
 
 class Reach(Struct, frozen=True):
     """The joints that messages of one topic reach.
 
     `names` are those of a message in its order; the joints of `told` are commanded and judged,
-    those of `untold` not, for the reasons given.
+    those of `untold` not, for the reasons given. `kind` is what the messages command.
     """
 
     names: tuple[str, ...] = ()
     told: tuple[str, ...] = ()
     untold: dict[str, str] = {}
+    kind: JointCommand = "position"
 
 
 def reach_of(
@@ -69,15 +73,26 @@ def reach_of(
         # A message gives them from the base outwards, as joint states do.
         fixed = [name for name in articulated if name in fixed]
     if fixed:
-        has_springs = _have_springs(machine, fixed, controller)
-        return Reach(tuple(fixed), tuple(fixed)) if has_springs else Reach()
-    untold = dict(_left_alone(machine, world, others))
+        kind = _commanded(machine, fixed, controller)
+        return Reach(tuple(fixed), tuple(fixed), kind=kind) if kind is not None else Reach()
     is_by_message = _NAMES in controller.fed
-    missing = _missing(machine, world) if is_by_message else ()
-    told = tuple(name for name in (*articulated, *missing) if name not in untold)
-    if not _have_springs(machine, told, controller):
-        return Reach()
-    return Reach(told if is_by_message else tuple(articulated), told, untold)
+    missing = tuple(_missing(machine, world)) if is_by_message else ()
+    untold = dict(_left_alone(machine, world, others))
+    names = (*articulated, *missing)
+    told = tuple(name for name in names if name not in untold)
+    kind = _commanded(machine, told, controller)
+    wheels = {
+        name
+        for name, joint in articulated.items()
+        if untold.get(name) in _ROLLING and _has_drive(world.scene.prims[joint.path].apis)
+    }
+    with_wheels = tuple(name for name in names if name in told or name in wheels)
+    if kind != "position" and _commanded(machine, with_wheels, controller) == "velocity":
+        told, kind = with_wheels, "velocity"
+        untold = {name: why for name, why in untold.items() if name not in wheels}
+    if kind is None:
+        return Reach(untold=untold)
+    return Reach(told if is_by_message else tuple(articulated), told, untold, kind)
 
 
 def _is_outward(names: Sequence[str], machine: Machine) -> bool:
@@ -106,11 +121,11 @@ def _left_alone(
         elif joint.kind not in DRIVEN_AXES:
             yield name, "it has several axes"
         elif name in rolling:
-            yield name, "the robot rolls on it"
+            yield name, _ROLLING[0]
         elif any(_MIMIC in api for api in prim.apis):
             yield name, "it follows another joint"
         elif not machine.held and _turns_freely(joint, machine, world):
-            yield name, "it turns freely, as wheels do"
+            yield name, _ROLLING[1]
         elif not is_chain and not _has_drive(prim.apis):
             yield name, "a closed chain moves it"
 
@@ -173,13 +188,15 @@ def _missing(machine: Machine, world: World) -> Iterator[str]:
             yield name
 
 
-def _have_springs(machine: Machine, told: Sequence[str], controller: NodeInstance) -> bool:
-    """Whether joints are moved to positions; those of a robot on wheels may have speeds alone."""
+def _commanded(
+    machine: Machine, told: Sequence[str], controller: NodeInstance
+) -> JointCommand | None:
+    """Return what moves joints of what a controller takes, None where there is none."""
     joints = [machine.joints[name] for name in told if name in machine.joints]
-    if any(joint.stiffness > 0 for joint in joints):
-        return True
-    has_speeds = _VELOCITY in controller.fed and any(joint.damping > 0 for joint in joints)
-    return bool(told) and _POSITION in controller.fed and not has_speeds
+    gains = [(joint.stiffness, joint.damping) for joint in joints]
+    kinds: tuple[JointCommand, ...] = get_args(JointCommand)
+    given = [kind for kind in kinds if kind + _COMMAND in controller.fed]
+    return moving_command(given, gains) if told else None
 
 
 def joint_drive(machine: Machine, reach: Reach, unit: float) -> tuple[Session, ...]:
@@ -195,12 +212,14 @@ def joint_drive(machine: Machine, reach: Reach, unit: float) -> tuple[Session, .
         for name in reach.told
     }
     stay = (math.nan, math.nan)
+    if reach.kind == "velocity":
+        ways = {name: ((a - b) / seconds, (b - a) / seconds) for name, (a, b) in ways.items()}
     there = tuple((name, ways.get(name, stay)[1]) for name in reach.names)
     home = tuple((name, ways.get(name, stay)[0]) for name in reach.names)
     legs = (
         Leg("idle", 0.5),
-        Leg("there", seconds, joints=there),
-        Leg("back", seconds, joints=home),
+        Leg("there", seconds, joints=there, kind=reach.kind),
+        Leg("back", seconds, joints=home, kind=reach.kind),
     )
     return (Session(legs), Session(legs[:2]))
 
@@ -220,20 +239,27 @@ def _way(joint: Joint | None, share: float, unit: float) -> tuple[float, float]:
 def arm_checks(trial: Trial, scene: Scene, machine: Machine, controller: str) -> Iterator[Check]:
     """Yield what joints show: whether they follow their commands, and what TF and states say."""
     if not trial.recording.held:
-        text = "no joint of the robot is driven to a position"
-        yield Check("joints", "not judged", text)
+        yield Check("joints", "not judged", "no joint of the robot is commanded")
         return
-    yield verdict("joints", list(joints(trial, 0, machine, controller)), trial)
+    yield _judged(trial, 0, machine, controller)
     seen = _with_frames(trial, scene, machine)
     if seen.wanted.transforms:
         yield verdict("links", list(links(seen, scene)), seen)
     if any(_own_states(trial, machine)):
         yield verdict("joint states", list(joint_states(trial, scene, machine)), trial)
     if _moves(trial):
-        again = verdict("joints", list(joints(trial, 1, machine, controller)), trial)
-        yield replace(again, name="again")
+        yield replace(_judged(trial, 1, machine, controller), name="again")
     else:
         yield Check("again", "not judged", "the robot never moved")
+
+
+def _judged(trial: Trial, session: int, machine: Machine, controller: str) -> Check:
+    """Return whether joints follow; what efforts do to them is not judged."""
+    check = verdict("joints", list(joints(trial, session, machine, controller)), trial)
+    if trial.recording.held[0].kind == "effort" and check.verdict == "ok":
+        text = "how far an effort moves a joint depends on masses, which are not simulated"
+        return Check("joints", "not judged", text)
+    return check
 
 
 def _moves(trial: Trial) -> bool:
@@ -245,19 +271,22 @@ def _held(trial: Trial, session: int) -> list[Held]:
 
 
 def joints(trial: Trial, session: int, machine: Machine, controller: str) -> Iterator[RunFault]:
-    """Each joint goes where it is commanded to."""
+    """Each joint goes where it is commanded to, or as fast."""
     held = _held(trial, session)
-    stopped = _stopped(trial, controller)
+    stopped, command = _stopped(trial, controller), trial.recording.held[0].kind
     for name in dict.fromkeys(name for each in held for name in each.commanded):
         joint = machine.articulated.get(name)
+        why = joint.hindrances.get(command, "") if joint is not None else ""
         off = _off_target(name, held)
-        if joint is not None and joint.hindrance and not math.isnan(held[0].commanded[name]):
-            kind: FaultKind = "limited-joint" if _stands_still(joint) else "no-position-drive"
+        if joint is not None and why and not math.isnan(held[0].commanded[name]):
+            kind: FaultKind = "no-velocity-drive" if command == "velocity" else "no-position-drive"
+            kind = "limited-joint" if _stands_still(joint) else kind
             text = f"{name} does not follow its commands{trial.when([session])}"
-            yield RunFault(text, kind, joint.path, f"it {joint.hindrance}")
+            yield RunFault(text, kind, joint.path, f"it {why}")
         elif off and joint is not None and joint.locked:
             yield RunFault(off, "locked-joint", joint.path, "another joint holds it")
-        elif off:
+        elif off or (command == "effort" and stopped is not None and stopped.kind is not None):
+            off = off or f"{name} does not follow its commands"
             text, cause = off + trial.when([session]), stopped
             if cause is None:
                 yield RunFault(text, "joint-off-target")
@@ -272,13 +301,22 @@ def _stands_still(joint: Joint) -> bool:
 
 
 def _off_target(name: str, held: Sequence[Held]) -> str:
-    """Say where a joint is when it is not where it was commanded to, '' where it is there."""
+    """Say where a joint is when it is not where it was commanded to, '' where it is there.
+
+    Of commanded velocities say how fast it is. What comes of an effort is not known.
+    """
     places = [each.commanded[name] for each in held]
     way = max(places) - min(places) or max(map(abs, places))
     for each in held:
-        commanded, stands = each.commanded[name], each.positions.get(name, math.nan)
-        if not math.isnan(commanded) and not abs(stands - commanded) <= OFF[0] * way + OFF[1]:
-            return f"{name} is commanded to {commanded:.3f} and is at {stands:.3f}"
+        is_speed = each.kind == "velocity"
+        actual = each.velocities if is_speed else each.positions
+        commanded, stands = each.commanded[name], actual.get(name, math.nan)
+        is_off = not abs(stands - commanded) <= OFF[0] * way + OFF[1]
+        if each.kind == "effort" or math.isnan(commanded) or not is_off:
+            continue
+        if is_speed:
+            return f"{name} is commanded to move at {commanded:.3f} and moves at {stands:.3f}"
+        return f"{name} is commanded to {commanded:.3f} and is at {stands:.3f}"
     return ""
 
 

@@ -8,7 +8,7 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
 from lab3_usd.model.physics import SCENE, number
 from lab3_usd.sim.execution.changes import unplayed_change
-from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
+from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames, joint_command
 from lab3_usd.sim.execution.node_instance import FRAME, STEP, Failure
 from lab3_usd.sim.execution.program import Program, compile_graphs, depending
 from lab3_usd.sim.execution.recording import (
@@ -134,8 +134,7 @@ class Player:
                     ahead, left, turn = sent.command
                     self.hear(((ahead, left, 0.0), (0.0, 0.0, turn)))
                 elif sent is not None:
-                    names, positions = zip(*sent.joints, strict=True)
-                    self.hear(JointStates(names, positions))
+                    self.hear(joint_command(sent))
                 self.step()
                 frame += 1
                 self.recording.path.append(self._pose(leg))
@@ -160,17 +159,19 @@ class Player:
             network.command = (self.commands, command)
 
     def _held(self, leg: Leg, robot: Machine) -> Held:
-        """Return where the joints and links of the robot are."""
+        """Return where the joints and links of the robot are, and how fast the joints."""
         world = self.world
         return Held(
             world.session,
             world.since_play,
             dict(leg.joints),
             {name: joint.position for name, joint in robot.joints.items()},
+            {name: joint.velocity for name, joint in robot.joints.items()},
             {
                 body: in_metres(world.machines.place(body), world.scene.meters_per_unit)
                 for body in robot.rest
             },
+            leg.kind,
         )
 
     def step(self) -> None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from typing import get_args
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.articulations import (
-    EFFORT,
-    POSITION,
     Command,
     commands,
     controller_of,
@@ -17,12 +16,23 @@ from lab3_usd.facts.articulations import (
     told_joints,
     wired_commands,
 )
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.joint_drives import DRIVEN_AXES, hindrance
+from lab3_usd.model.joint_drives import (
+    DRIVEN_AXES,
+    Hindrance,
+    JointCommand,
+    hindrance,
+    moving_command,
+    of_drive,
+)
 from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Prim
 
-_VELOCITY = "inputs:velocityCommand"
+_PORTS: Mapping[JointCommand, str] = {
+    kind: f"{INPUT}{kind}Command" for kind in get_args(JointCommand)
+}
+_KINDS = {port: kind for kind, port in _PORTS.items()}
 
 
 @rule("K62", "drive-ignores-velocity", scope="lint")
@@ -31,7 +41,8 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
 
     Why: a drive without damping exerts no force towards a velocity. A drive with stiffness pulls
     the joint back to a position: the wheel trembles or stands still. A drive with a maximum force
-    of 0 has no effect.
+    of 0 has no effect. If the names of the joints come with the messages, so that this one may not
+    be commanded, it is a warning.
 
     Fix: in the drive of the joint, set stiffness to 0, and damping and maximum force above 0.
 
@@ -39,37 +50,57 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
     """
     judged: set[str] = set()
     for command in commands(subject.stage, subject.platform):
-        given = wired_commands(command)
-        if given != [_VELOCITY] or not command.roots:
-            continue
-        for joint in told_joints(command, _VELOCITY, subject.stage, subject.platform):
-            if joint.path not in judged:
+        for joint in _joints_moved_by("velocity", command, subject):
+            why = of_drive(joint.type, joint.apis, joint.attributes, "velocity")
+            if why is not None and joint.path not in judged:
                 judged |= set() if command.unknown else {joint.path}
-                yield from _drive_problems(command, joint)
+                yield _problem("velocity", command, joint, why)
 
 
-def _drive_problems(command: Command, joint: Prim) -> Iterator[Problem]:
-    wrong = _wrong_value(joint, drive_of(joint))
-    if wrong is not None:
-        message = f"{wrong[0]}, but {command.node.path} commands a velocity"
-        yield Problem(
-            joint.path, message, *wrong[1:], related=(command.node.path,), rests_on=command.unknown
-        )
+def _joints_moved_by(kind: JointCommand, command: Command, subject: LintSubject) -> Iterator[Prim]:
+    """Yield the joints of one axis that a command moves by this kind of its inputs."""
+    given = [_KINDS[port] for port in wired_commands(command)]
+    if kind not in given or not command.roots:
+        return
+    stage, platform = subject.stage, subject.platform
+    if _are_told(kind, command):
+        joints = told_joints(command, _PORTS[kind], stage, platform)
+    else:
+        joints = reached_joints(command, stage, platform)
+        if kind == "velocity" and moving_command(given, _gains(joints)) != "position":
+            joints = reached_joints(command, stage, platform, with_wheels=True)
+    joints = [joint for joint in joints if joint.type in DRIVEN_AXES]
+    if moving_command(given, _gains(joints)) == kind:
+        yield from joints
 
 
-def _wrong_value(joint: Prim, drive: str | None) -> tuple[str, str | None, str, str | None] | None:
-    """Return why a joint ignores a velocity: the property, what it should be, and what it is."""
-    names = [f"{drive}{word}" for word in ("damping", "stiffness", "maxForce")]
-    damping, stiffness, force = (number(joint.attributes.get(name)) for name in names)
-    if drive is None:
-        return "has no drive", None, "damping above 0", None
-    if damping is None or damping <= 0.0:
-        return "has a drive without damping", names[0], "damping above 0", None
-    if stiffness is not None and stiffness > 0.0:
-        return f"has a drive with stiffness {stiffness:g}", names[1], "0", f"{stiffness:g}"
-    if force is not None and force <= 0.0:
-        return "has a drive without force", names[2], "above 0", f"{force:g}"
-    return None
+def _are_told(kind: JointCommand, command: Command) -> bool:
+    """Whether a command names its joints, or gives speeds to all."""
+    return bool(command.names) or (command.names == () and kind == "velocity")
+
+
+def _gains(joints: Sequence[Prim]) -> list[tuple[float, float]]:
+    """Return the stiffness and damping of the drives of joints."""
+    return [(_gain(joint, "stiffness"), _gain(joint, "damping")) for joint in joints]
+
+
+def _gain(joint: Prim, name: str) -> float:
+    return number(joint.attributes.get(f"{drive_of(joint) or ''}{name}")) or 0.0
+
+
+def _problem(kind: JointCommand, command: Command, joint: Prim, why: Hindrance) -> Problem:
+    """Return why a joint does not follow; where messages name the joints, it may not be told to."""
+    article = "an" if kind == "effort" else "a"
+    return Problem(
+        joint.path,
+        f"{why.text}, but {command.node.path} commands {article} {kind}",
+        property=why.property,
+        expected=why.expected,
+        actual=why.actual,
+        related=(command.node.path,),
+        severity=None if _are_told(kind, command) else "warning",
+        rests_on=command.unknown,
+    )
 
 
 @rule("K86", "joint-cannot-follow", scope="lint")
@@ -89,38 +120,12 @@ def joint_cannot_follow(subject: LintSubject) -> Iterator[Problem]:
     """
     judged: set[str] = set()
     for command in commands(subject.stage, subject.platform):
-        given = wired_commands(command)
-        port = next((port for port in (POSITION, EFFORT) if port in given), None)
-        if port is None or not command.roots:
-            continue
         if controller_of(command, subject.stage, subject.platform) is not None:
             continue  # speeds of wheels, which are no positions: another rule speaks of that
-        if command.names:
-            joints = told_joints(command, port, subject.stage, subject.platform)
-        else:
-            joints = reached_joints(command, subject.stage, subject.platform)
-        if port == POSITION and _VELOCITY in given and not any(map(_has_spring, joints)):
-            continue  # moved by the speeds that come as well
-        for joint in joints:
-            why = (
-                hindrance(joint.type, joint.apis, joint.attributes, by_drive=port == POSITION)
-                if joint.type in DRIVEN_AXES and joint.path not in judged
-                else None
-            )
-            if why is not None:
-                judged |= set() if command.unknown else {joint.path}
-                what = "a position" if port == POSITION else "an effort"
-                yield Problem(
-                    joint.path,
-                    f"{why.text}, but {command.node.path} commands {what}",
-                    property=why.property,
-                    expected=why.expected,
-                    actual=why.actual,
-                    related=(command.node.path,),
-                    severity=None if command.names else "warning",
-                    rests_on=command.unknown,
-                )
-
-
-def _has_spring(joint: Prim) -> bool:
-    return (number(joint.attributes.get(f"{drive_of(joint) or ''}stiffness")) or 0.0) > 0.0
+        kinds: tuple[JointCommand, ...] = ("position", "effort")
+        for kind in kinds:
+            for joint in _joints_moved_by(kind, command, subject):
+                why = hindrance(joint.type, joint.apis, joint.attributes, kind)
+                if why is not None and joint.path not in judged:
+                    judged |= set() if command.unknown else {joint.path}
+                    yield _problem(kind, command, joint, why)

@@ -23,7 +23,7 @@ from ruamel.yaml import YAML
 from lab3_usd.model.dry_run import Quaternion
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.bag.files import NOT_SENT
-from lab3_usd.sim.execution.drive import RATE, Leg, command_frames
+from lab3_usd.sim.execution.drive import RATE, Leg, command_frames, joint_command
 from lab3_usd.sim.execution.recording import (
     Inertia,
     JointStates,
@@ -82,8 +82,7 @@ def serialized(message: Message) -> bytes | None:
 def command(leg: Leg) -> tuple[str, bytes]:
     """Return the message of a leg, and its type."""
     if leg.joints:
-        names, positions = zip(*leg.joints, strict=True)
-        message = Message(JOINTS, 0.0, data=JointStates(names, positions))
+        message = Message(JOINTS, 0.0, data=joint_command(leg))
         return JOINTS, serialized(message) or b""
     if leg.steer is not None:
         message = Message(STEERING, 0.0, data=Steering(leg.forward, leg.steer))

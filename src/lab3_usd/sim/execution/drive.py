@@ -10,6 +10,8 @@ from pathlib import Path
 from msgspec import Struct
 
 from lab3_usd.errors import UsageError
+from lab3_usd.model.joint_drives import JointCommand
+from lab3_usd.sim.execution.recording import JointStates
 
 RATE = 60.0  # frames a second
 COMMANDS = 10.0  # a second
@@ -22,8 +24,8 @@ _NUMBERS = 3
 class Leg(Struct, frozen=True):
     """A time with one command on the topic of commands; None sends nothing.
 
-    A leg of `joints` sends where they are to go, radians and units of the stage, one with a `steer`
-    the speed ahead and the angle to which a car is steered.
+    A leg of `joints` sends where they are to go, radians and units of the stage, or how fast, or
+    an effort; one with a `steer` the speed ahead and the angle to which a car is steered.
     """
 
     name: str
@@ -31,6 +33,7 @@ class Leg(Struct, frozen=True):
     command: tuple[float, float, float] | None = None  # forward, to the left, turning
     joints: tuple[tuple[str, float], ...] = ()
     steer: float | None = None
+    kind: JointCommand = "position"  # of what joints are told
 
     @property
     def forward(self) -> float:
@@ -41,6 +44,16 @@ class Leg(Struct, frozen=True):
     def turn(self) -> float:
         """Radians a second to the left."""
         return self.command[2] if self.command is not None else 0.0
+
+
+def joint_command(leg: Leg) -> JointStates:
+    """Return the message of a leg of joints, which leaves out what it does not command."""
+    names, values = zip(*leg.joints, strict=True)
+    if leg.kind == "position":
+        return JointStates(names, values)
+    if leg.kind == "velocity":
+        return JointStates(names, velocities=values)
+    return JointStates(names, efforts=values)
 
 
 class Session(Struct, frozen=True):

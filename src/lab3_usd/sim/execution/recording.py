@@ -9,6 +9,7 @@ from typing import Any
 from msgspec import Struct, field
 
 from lab3_usd.model.dry_run import Affine, Quaternion
+from lab3_usd.model.joint_drives import JointCommand
 from lab3_usd.model.transforms import Vector
 
 
@@ -137,13 +138,18 @@ class Pose(Struct, frozen=True):
 
 
 class Held(Struct, frozen=True):
-    """Where joints and links were when a leg of joint commands ended; the links in the world."""
+    """Where joints and links were when a leg of joint commands ended; the links in the world.
+
+    `commanded` are positions, velocities or efforts, as `kind` says.
+    """
 
     session: int
     at: float
     commanded: dict[str, float]
     positions: dict[str, float]
+    velocities: dict[str, float]
     links: dict[str, Affine]
+    kind: JointCommand = "position"
 
 
 class Tree(Struct):

@@ -13,6 +13,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import AXES, Affine, Segment, about
+from lab3_usd.model.joint_drives import JointCommand
 from lab3_usd.model.traction import Pull
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.geometry import distance
@@ -47,7 +48,8 @@ class Joint(Struct, eq=False):
     is_acceleration: bool = False  # whether the drive's damping is for a unit of inertia
     rollers: tuple[float, float] | None = None  # of its wheel: their angle to the axle, the radius
     path: str = ""
-    hindrance: str = ""  # why it cannot follow a command to a position
+    # why it cannot follow commands, by their kind
+    hindrances: dict[JointCommand, str] = field(default_factory=dict)
 
     @property
     def holds(self) -> bool:

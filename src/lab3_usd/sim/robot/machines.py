@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator, Mapping
+from typing import get_args
 
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, ScenePrim, rotation
-from lab3_usd.model.joint_drives import DRIVEN_AXES, hindrance
+from lab3_usd.model.joint_drives import DRIVEN_AXES, JointCommand, hindrance
 from lab3_usd.model.physics import EXCLUDED, FAR, MASS, SCENE, is_down, is_felt, limits, number
 from lab3_usd.model.traction import (
     MATERIAL_API,
@@ -92,7 +93,6 @@ class Bodies:
 
         unit = math.radians(1.0) if prim.type == HINGE else 1.0
         low, high = limits(prim.values)
-        why = hindrance(prim.type, prim.apis, prim.values) if prim.type in DRIVEN_AXES else None
         return Joint(
             prim.path.rpartition("/")[2],
             prim.type,
@@ -110,7 +110,7 @@ class Bodies:
             limits=(low * unit, high * unit),
             rollers=_rollers(prim),
             path=prim.path,
-            hindrance=why.text if why is not None else "",
+            hindrances=dict(_hindrances(prim)),
         )
 
     def _kinematic(self, path: str) -> str:
@@ -128,6 +128,15 @@ class Bodies:
         inside = target.then(Affine(turn, at))
         owner = self.prims[body].world.rigid() if body else HERE
         return owner.inverse().then(inside).rigid()
+
+
+def _hindrances(prim: ScenePrim) -> Iterator[tuple[JointCommand, str]]:
+    """Yield the kinds of commands that a joint cannot follow, each with the reason."""
+    commands: tuple[JointCommand, ...] = get_args(JointCommand)
+    for command in commands if prim.type in DRIVEN_AXES else ():
+        why = hindrance(prim.type, prim.apis, prim.values, command)
+        if why is not None:
+            yield command, why.text
 
 
 def _rollers(prim: ScenePrim) -> tuple[float, float] | None:
