@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from msgspec import Struct
@@ -36,7 +36,7 @@ from lab3_usd.check.robot.sensors import sensor_relocations
 from lab3_usd.check.rule_runs import NOTHING, run_rule
 from lab3_usd.model.finding import Crash, Finding, NotJudged, Requirement
 from lab3_usd.model.stage import Node, StageModel, is_nested
-from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_root
+from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
 
 GRAPH_FAMILIES = ("G", "N", "P", "R", "W")
 # Some have rules of both scopes.
@@ -71,10 +71,10 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     live = {node.path: node for node in stage.nodes()}
     relocations = robot_relocations(lab, stage)
     placed = relocated_lab(lab, relocations)
-    if is_root_articulated(placed, stage):
-        placed = articulated_at_root(placed)
-    robot = relocations.get(lab.scene.robot.path, "")
-    subjects = tuple(_graph_subjects(placed, checkpoint, stage, live, robot))
+    at_root = [robot for robot in placed.scene.robots if is_root_articulated(robot, stage)]
+    placed = articulated_at_roots(placed, at_root)
+    moved = [relocations[r.path] for r in lab.scene.robots if r.path in relocations]
+    subjects = tuple(_graph_subjects(placed, checkpoint, stage, live, moved))
     run = _Run(lab, [], [], {}, [], set())
     for rule in rules_of("graph", *GRAPH_FAMILIES):
         for subject in subjects:
@@ -89,6 +89,9 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     )
     for rule in (*rules_of("model", "F"), *rules_of("stage", *STAGE_FAMILIES)):
         run.rule(rule, whole)
+    for rule in rules_of("robot", *STAGE_FAMILIES):
+        for robot in whole.robots:
+            run.rule(rule, robot)
     if checkpoint.frames:
         transforms = tf_view(whole)
         for rule in rules_of("frames", *STAGE_FAMILIES):
@@ -122,8 +125,8 @@ def _gaps(lab: Lab, stage: StageModel, left_open: Iterable[NotJudged]) -> Iterat
     An asset that only a sensor or the environment refers to is no gap: what the lab asks of these
     is mostly written in the stage itself.
     """
-    robot = lab.scene.robot
-    missing = [asset for path in (robot.path, *robot.link_paths) if (asset := stage.unknown(path))]
+    parts = (path for robot in lab.scene.robots for path in (robot.path, *robot.link_paths))
+    missing = [asset for path in parts if (asset := stage.unknown(path))]
     for name in dict.fromkeys(asset.asset for asset in missing):
         count = sum(entry.asset == name for entry in left_open)
         if count:
@@ -172,15 +175,19 @@ class _Run(Struct, frozen=True):
 
 
 def _graph_subjects(
-    lab: Lab, checkpoint: Checkpoint, stage: StageModel, live: Mapping[str, Node], robot: str
+    lab: Lab,
+    checkpoint: Checkpoint,
+    stage: StageModel,
+    live: Mapping[str, Node],
+    moved: Collection[str],
 ) -> Iterator[GraphSubject]:
-    """Yield every graph of the checkpoint; `robot` is where the robot stands elsewhere."""
+    """Yield every graph of the checkpoint; `moved` are the robots that stand elsewhere."""
     relocations = sensor_relocations(lab, stage)
     specs = {name: relocated_spec(spec, relocations) for name, spec in lab.graphs.items()}
     matched = match_all(specs, stage, lab.platform.scripts)
     roles = {name: matched[name] for name in checkpoint.graphs}
     demanded = {*demanded_prims(lab), *(lab.sensors[name].path for name in checkpoint.sensors)}
-    lost = lost_graphs(specs, roles, demanded, robot, stage)
+    lost = lost_graphs(specs, roles, demanded, moved, stage)
     for name in checkpoint.graphs:
         yield GraphSubject(
             lab=lab,

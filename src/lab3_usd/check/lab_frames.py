@@ -74,10 +74,10 @@ class TfView(Struct, frozen=True, eq=False):
         """The release of Isaac Sim that the lab is for."""
         return self.subject.lab.platform
 
-    @property
-    def odom(self) -> str:
-        """The frame that no stage may place, '' for none."""
-        return self.subject.lab.frames.unplaced
+    def is_guarded(self, edge: Edge) -> bool:
+        """Whether no stage may publish a transform: its frame has no place, or it is forbidden."""
+        frames = self.subject.lab.frames
+        return edge.child in frames.guarded or frames.is_forbidden((edge.parent, edge.child))
 
     def trees(self) -> tuple[HeardTree, ...]:
         """Return the transforms, by listener, that no other rule finds fault with."""
@@ -109,7 +109,7 @@ class TfView(Struct, frozen=True, eq=False):
         """
         frames = self.subject.lab.frames
         is_localized = frames.above and self.subject.checkpoint.localization
-        tops = (frames.above, frames.root) if is_localized else (frames.root,)
+        tops = (frames.above, *frames.roots) if is_localized else frames.roots
         required = {child for _, child in frames.edges}
         return tops if required <= heard.tree.below(*tops) else ()
 
@@ -156,7 +156,7 @@ def _open_trees(view: TfView) -> tuple[HeardTree, ...]:
     def is_open(edge: Edge) -> bool:
         if edge.parent != edge.child:
             return not is_reported_elsewhere(edge, view)
-        is_own = edge.child != view.odom and edge.target is None
+        is_own = not view.is_guarded(edge) and edge.target is None
         return is_own and edge.cause not in view.role_specs
 
     return trees_of(filter(is_open, all_edges(view.stage, view.platform)))
@@ -200,7 +200,7 @@ def is_reported_elsewhere(edge: Edge, view: TfView) -> bool:
     Those are the rules of settings and targets for a node that plays a role, and the rules of
     forbidden transforms.
     """
-    if edge.child in {view.odom, edge.parent}:
+    if edge.child == edge.parent or view.is_guarded(edge):
         return True
     if edge.cause not in view.role_specs and edge.publisher not in view.role_specs:
         return False
@@ -276,11 +276,12 @@ def _homes(node: Node, target: Target, view: TfView) -> dict[str, str]:
 
     The root of the robot stands for its links, those that the lab names and those that are there.
     """
-    robot, homes = view.subject.lab.scene.robot, list[str]()
+    lab, homes = view.subject.lab, list[str]()
+    links = {robot.path: robot.link_paths for robot in lab.scene.robots}
     for prim in target.prims:
-        homes += robot.link_paths if prim == robot.path else ()
+        homes += links.get(prim, ())
         homes += links_given_by(prim, node, view.subject.stage)
-    return {home.rpartition("/")[2]: home for home in homes}
+    return {lab.frame_of(home): home for home in homes}
 
 
 def missing_frames(maker: FrameSource, view: TfView) -> list[str]:
@@ -353,12 +354,14 @@ def lacks_only_the_camera(maker: FrameSource, view: TfView) -> bool:
 
     F9 allows that target, so it costs nothing.
     """
-    robot = view.subject.lab.scene.robot
-    stage = view.subject.stage
-    if maker.node.targets(maker.port) != (robot.path,):
+    stage, lab = view.subject.stage, view.subject.lab
+    listed = maker.node.targets(maker.port)
+    robot = next((robot for robot in lab.scene.robots if listed == (robot.path,)), None)
+    if robot is None:
         return False
     is_root = expands(robot.path, maker.node, stage) or unknown_target(robot.path, stage)
-    return bool(is_root) and not set(robot.links) & set(missing_frames(maker, view))
+    links = {*map(lab.frame_of, robot.link_paths)}
+    return bool(is_root) and links.isdisjoint(missing_frames(maker, view))
 
 
 def waived_frames(view: TfView) -> set[str]:

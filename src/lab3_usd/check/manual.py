@@ -99,7 +99,7 @@ _OF_FAMILY = {
 }
 # What a lab may leave out, with whether it has it.
 PARTS: Mapping[str, Callable[[Lab], bool]] = {
-    "wheels": lambda lab: bool(lab.scene.robot.wheels.joints),
+    "wheels": lambda lab: any(robot.wheels.joints for robot in lab.scene.robots),
     "lidar": lambda lab: lab.first_sensor(LIDAR) is not None,
     "camera": lambda lab: lab.first_sensor(CAMERA) is not None,
     "render product": lambda lab: any(map(lab.first_sensor, (LIDAR, CAMERA))),
@@ -107,8 +107,8 @@ PARTS: Mapping[str, Callable[[Lab], bool]] = {
     "observation camera": lambda lab: lab.scene.world.observation_camera is not None,
     "map": lambda lab: lab.scene.map is not None,
     "localization": lambda lab: lab.frames.localization is not None,
-    "guarded root": lambda lab: bool(lab.frames.unplaced),
-    "forbidden transform": lambda lab: lab.frames.forbidden is not None,
+    "guarded root": lambda lab: bool(lab.frames.guarded),
+    "forbidden transform": lambda lab: bool(lab.frames.forbidden_transforms),
     "navigation": lambda lab: lab.ros.navigation is not None,
     "goal": lambda lab: lab.ros.goal is not None,
     "running system": lambda lab: bool(lab.topics),
@@ -164,8 +164,8 @@ def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
     links = [name for name in robot.links if name not in (robot.base_frame, *wheels)]
     placed = [name for name in links if robot.links[name].offset is not None]
     yield "robot", robot.path
-    yield "base", robot.base_frame
-    yield "lidar_link", robot.base_frame  # unless there is one
+    yield "base", lab.frame_of(robot.base)
+    yield "lidar_link", lab.frame_of(robot.base)  # unless there is one
     yield "link", _at(placed, 0) or _at(links[::-1], 0) or _at(wheels, 0)
     yield "wheel", _at(wheels, 0)
     yield "other_wheel", _at(wheels, 1)

@@ -13,18 +13,21 @@ from msgspec import Struct
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Problem, Severity, family_of
+from lab3_usd.spec.scene import SCENE_GROUP
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Checkpoint, Lab
 
-# What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, its
-# transforms (from the checkpoint on that asks for them), what came out of judging it, the stage
+# What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, the
+# same for each robot of the lab, its transforms (from the checkpoint on that asks for them), what
+# came out of judging it, the stage
 # beside its starter, the map files, the saved output of the running system, the folder. Rules of
 # the scope `model` look at a stage with or without a spec, as those of one's `own` do, those of
 # `lint` at one without, those of `native` at what OpenUSD's validators say of it.
 Scope = Literal[
     "graph",
     "stage",
+    "robot",
     "model",
     "lint",
     "native",
@@ -106,7 +109,7 @@ MODULES = {
 }
 
 
-SCENE, TF = "Scene", "TF"  # parts of a stage that are no graph and no sensor
+SCENE, TF = SCENE_GROUP, "TF"  # parts of a stage that are no graph and no sensor
 
 
 class Demand(Struct, frozen=True):
@@ -120,8 +123,12 @@ class Demand(Struct, frozen=True):
     title: str
     prim: str
     handout: str
-    group: str = SCENE
     part: Literal["", "assembly", "world", "starter"] = ""
+
+    @property
+    def group(self) -> str:
+        """The group that its id begins with: the scene, a robot or a sensor."""
+        return self.id.partition("/")[0]
 
 
 Demands = Callable[["Lab", "Checkpoint"], Iterable[Demand]]

@@ -148,10 +148,11 @@ def demands_of(lab: Lab, checkpoint: Checkpoint) -> tuple[Demand, ...]:
 
 @lru_cache(maxsize=16)
 def _in_order(lab: Lab, checkpoint: Checkpoint, stated: tuple[Demands, ...]) -> tuple[Demand, ...]:
-    robot = lab.scene.robot
-    joints = (robot.joint_path(name) for name in robot.wheels.joints)
+    robots = lab.scene.robots
+    joints = (robot.joint_path(name) for robot in robots for name in robot.wheels.joints)
+    links = (path for robot in robots for path in (robot.path, *robot.link_paths))
     sensors = (lab.sensors[name].path for name in checkpoint.sensors)
-    parts = ["/", lab.scene.world.graph_parent.path, robot.path, *robot.link_paths, "assembly"]
+    parts = ["/", lab.scene.world.graph_parent.path, *links, "assembly"]
     parts += [*joints, "world", "starter", *sensors]
     places = {part: number for number, part in enumerate(parts)}
     demands = (demand for demands in stated for demand in demands(lab, checkpoint))
@@ -174,9 +175,9 @@ def _demands_below(
     finding: Finding, subject: StageSubject, lab: Lab
 ) -> Iterator[tuple[str, Demand]]:
     """Yield what is asked of a prim that is absent and of those below it, with their paths."""
-    robot = lab.scene.robot.path
+    robots = [robot.path for robot in lab.scene.robots]
     for demand in demands_of(lab, subject.checkpoint) if finding.absent else ():
-        path = _actual_path(demand.prim, robot, subject.relocations)
+        path = _actual_path(demand.prim, robots, subject.relocations)
         if is_at_or_below(path, finding.prim):
             yield path, demand
 
@@ -210,10 +211,10 @@ def unmet_by(findings: Iterable[Finding]) -> set[str]:
     return {name for finding in errors for name in finding.unmet}
 
 
-def _actual_path(path: str, robot: str, relocations: Mapping[str, str]) -> str:
+def _actual_path(path: str, robots: Collection[str], relocations: Mapping[str, str]) -> str:
     """Return where a prim of the lab stands; a link that stands elsewhere is where it is missed."""
     for expected, actual in relocations.items():
-        if path == expected != robot:
+        if path == expected and expected not in robots:
             return path
         path = relocated_path(path, {expected: actual})
     return path
@@ -232,7 +233,7 @@ def frame_requirements(subject: StageSubject) -> Iterator[Requirement]:
     heard = tree(view.edges)
     published = {(edge.parent, edge.child) for edge in view.edges}
     for parent, child in spec.edges:
-        is_deeper = parent == spec.deeper_under and parent in heard.above(child)
+        is_deeper = parent in spec.deeper and parent in heard.above(child)
         met = (parent, child) in published or is_deeper or child in waived
         title = f"{parent} -> {child} is published"
         yield Requirement(f"{TF}/frame/{child}", TF, "frame", title, met, spec.handout)
@@ -284,8 +285,10 @@ def _parts_at(finding: Finding, subjects: Iterable[GraphSubject], lab: Lab) -> t
         for part, path in places.items():
             if is_at_or_below(prim, path):
                 return (part,)
-    is_of_robot = is_at_or_below(finding.prim, lab.scene.robot.path)
-    return (SCENE,) if finding.supplied or is_of_robot else ()
+    robot = lab.scene.robot_of(finding.prim)
+    if robot is not None:
+        return (robot.group,)
+    return (SCENE,) if finding.supplied else ()
 
 
 def with_other_faults(

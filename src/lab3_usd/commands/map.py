@@ -105,7 +105,7 @@ def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
     from lab3_usd.stage.lidar_plane import SliceOptions, slice_stage
     from lab3_usd.stage.read.opening import open_stage
 
-    robot = lab.scene.robot.path
+    robot = (lab.scene.robot_of(lab.lidar_link) or lab.scene.robot).path
     if height is None and not lab.lidar_link:
         raise UsageError(f"{lab.title} has no lidar to take the height from, give --height")
     cut = slice_stage(open_stage(stage), SliceOptions(robot, lab.lidar_link, height))

@@ -177,7 +177,7 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
         "map_yaml": "/".join(filter(None, (lab.submission.folders.maps, facts.yaml))),
         "map_frame": map_frame,
         "odom_frame": odom_frame,
-        "base_frame": lab.scene.robot.base_frame,
+        "base_frame": lab.frame_of(lab.scene.robot.base),
         "lidar_frame": scan_fields.get("header.frame_id") or localization.chain[-1],
         "scan_topic": navigation.scan_topic,
         "map_topic": navigation.map_topic,

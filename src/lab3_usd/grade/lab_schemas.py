@@ -25,10 +25,10 @@ from lab3_usd.spec.lab import (
 )
 from lab3_usd.spec.load.checkpoints import CheckpointEntry, CheckpointsFile
 from lab3_usd.spec.load.graph import GraphFile
-from lab3_usd.spec.load.lab import RosFile, SubmissionFile
+from lab3_usd.spec.load.lab import RosFile, SceneFile, SubmissionFile
 from lab3_usd.spec.load.starter import PrimEntry, StarterFile
 from lab3_usd.spec.ros import Command, EvidenceKind, TopicSpec
-from lab3_usd.spec.scene import SceneSpec
+from lab3_usd.spec.scene import RobotSpec
 from lab3_usd.spec.submission import ChecklistSpec, Deliverable
 
 FOLDER = "schemas"  # in a lab, beside its files
@@ -36,7 +36,7 @@ GRAPH = "graph.yaml"  # stands for the file of every graph
 FILES: Mapping[str, type] = {
     GRAPH: GraphFile,
     CHECKPOINTS: CheckpointsFile,
-    SCENE: SceneSpec,
+    SCENE: SceneFile,
     ROS: RosFile,
     SUBMISSION: SubmissionFile,
     RUBRIC: RubricFile,
@@ -47,6 +47,7 @@ _DEFS = "#/$defs/{name}"
 # What is read entry by entry: the record of an entry, and its field that the key above it fills.
 _ENTRIES: Mapping[tuple[type, str], tuple[type, str]] = {
     (CheckpointsFile, "checkpoints"): (CheckpointEntry, ""),
+    (SceneFile, "robots"): (RobotSpec, "name"),
     (RosFile, "topics"): (TopicSpec, "name"),
     (RosFile, "evidence"): (EvidenceKind, "name"),
     (RosFile, "commands"): (Command, ""),

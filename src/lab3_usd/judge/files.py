@@ -120,14 +120,14 @@ def _wall_agreements(
     from lab3_usd.stage.lidar_plane import SliceOptions, slice_stage
     from lab3_usd.stage.read.opening import open_stage
 
-    robot = lab.scene.robot
+    robot = lab.scene.robot_of(lab.lidar_link) or lab.scene.robot
     if not lab.lidar_link:
         return
     cut = slice_stage(open_stage(stage_path), SliceOptions(robot.path, lab.lidar_link))
     if cut.robot is None or not cut.segments:
         return
     grid = read_pgm(image)
-    start_x, start_y, _ = robot.pose.translate
+    start_x, start_y, _ = (0.0, 0.0, 0.0) if robot.pose is None else robot.pose.translate
     guesses = {"the world's": (0.0, 0.0), "the robot's start": (start_x, start_y)}
     for about, (x, y) in guesses.items():
         corner = (facts.origin_x + x, facts.origin_y + y)

@@ -48,6 +48,7 @@ Requirements of the scene: units, robot, world, sensors.
 _SCENE_NOTES = {
     "tolerance": "Tolerances of the numbers below.",
     "robot": "The links are the bodies right below the robot's path.",
+    "robots": "The links are the bodies below the paths of the robots.",
     "world": "Recognised by type, wherever they stand; `usual` is where the stage has them.",
     "sensors": "By the names that checkpoints add them under. Only what is `required` is checked.",
 }
@@ -120,20 +121,21 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     names = names_of_stages(stems) if len(stems) > 1 else file_names(source.stem, graphs)
     scene = describe_scene(stage, sources[0].stage, graphs, source.lab, names.ids[-1])
     sections = {prim.path: graphs[_home(prim.path, texts)].handout for prim in source.sensors}
-    sensors = describe_sensors(source, sections, scene["robot"]["path"])
+    sensors = describe_sensors(source, sections)
     scene |= {"sensors": sensors} if sensors else {}
     lab = replace(source.lab, graphs=graphs, scene=parse_scene(scene))
-    looks = looks_below(source, lab)
-    if looks:
-        scene["robot"]["looks_below"] = looks
-        lab = replace(lab, scene=parse_scene(scene))
-    edges, base = _edges(stage, lab), lab.scene.robot.base_frame
+    robots = [scene["robot"]] if "robot" in scene else scene["robots"].values()
+    for path, looks in looks_below(source, lab).items():
+        next(robot for robot in robots if robot["path"] == path)["looks_below"] = looks
+    lab = replace(lab, scene=parse_scene(scene))
+    edges, bases = _edges(stage, lab), [lab.frame_of(robot.base) for robot in lab.scene.robots]
     frames: dict[str, Any] = {
         "handout": texts[-1].spec.handout,
         "edges": [f"{parent} -> {child}" for parent, child in edges],
     }
-    if any(base in edge for edge in edges):
-        frames["deeper_under"] = base
+    deeper = [base for base in bases if any(base in edge for edge in edges)]
+    if deeper:
+        frames["deeper_under"] = deeper if deeper[1:] else deeper[0]
     return _Parts(texts, names, scene, frames, lab, tuple(_frames_outside(frames, lab)))
 
 

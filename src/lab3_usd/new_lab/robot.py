@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.robot.axles import anchor, axle
 from lab3_usd.check.robot.wheels import WheelJoint, tied_joints
 from lab3_usd.errors import UsageError
@@ -29,7 +29,14 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
-from lab3_usd.model.transforms import IDENTITY, decompose, distance, dot, euler_angles
+from lab3_usd.model.transforms import (
+    IDENTITY,
+    decompose,
+    distance,
+    dot,
+    euler_angles,
+    relative_transform,
+)
 from lab3_usd.new_lab.yaml_text import as_typed
 from lab3_usd.spec.graph import GraphSpec
 
@@ -38,14 +45,34 @@ _PAIR = 2  # wheels that are a distance apart
 _STIFFNESS, _DAMPING = "drive:angular:physics:stiffness", "drive:angular:physics:damping"
 
 
-def describe_robot(stage: StageModel, graphs: Iterable[GraphSpec], until: str) -> dict[str, Any]:
-    """Describe the robot without its wheels; `until` is the last checkpoint.
+def describe_robots(
+    stage: StageModel, graphs: Iterable[GraphSpec], until: str
+) -> dict[str, dict[str, Any]]:
+    """Describe each robot by name, without its wheels; `until` is the last checkpoint.
 
     Raises:
         UsageError: the stage has no articulation, and no graph names a robot.
     """
     graphs = tuple(graphs)
-    target, is_articulation = _articulation(stage, graphs)
+    robots: dict[str, dict[str, Any]] = {}
+    for target, is_articulation in _articulations(stage, graphs):
+        robot = _robot(stage, target, graphs, until, is_articulation=is_articulation)
+        if robot["path"] in (known["path"] for known in robots.values()):
+            continue
+        name = robot["path"].rpartition("/")[2]
+        count = sum(known["path"].rpartition("/")[2] == name for known in robots.values())
+        robots[f"{name}_{count + 1}" if count else name] = robot
+    return robots
+
+
+def _robot(
+    stage: StageModel,
+    target: str,
+    graphs: tuple[GraphSpec, ...],
+    until: str,
+    *,
+    is_articulation: bool,
+) -> dict[str, Any]:
     root = _root(stage, target)
     prim = stage.prims.get(root)
     local = None if prim is None else prim.local
@@ -58,14 +85,18 @@ def describe_robot(stage: StageModel, graphs: Iterable[GraphSpec], until: str) -
         "pose_is_error_until": until,
         **(articulation if is_articulation else {}),
         "base_frame": base,
-        "links": {link.name: _link(link, stage, base) for link in _links(stage, root)},
+        "links": {
+            link.path.removeprefix(f"{root}/"): _link(link, stage, root, base)
+            for link in _links(stage, root)
+        },
     }
 
 
-def _articulation(stage: StageModel, graphs: Iterable[GraphSpec]) -> tuple[str, bool]:
-    """Return the prim with the articulation that the graphs move, and whether it may have one.
+def _articulations(stage: StageModel, graphs: Iterable[GraphSpec]) -> Iterator[tuple[str, bool]]:
+    """Yield the prim with each articulation, and whether it may have one.
 
-    A robot that nothing moves need not be an articulation: it is the prim that the graphs name.
+    Those that graphs move come first. A robot that nothing moves need not be an articulation: where
+    there is none, it is the prim that the graphs name.
     """
     targets = [
         (target.port in node.type.articulation, prim)
@@ -77,27 +108,32 @@ def _articulation(stage: StageModel, graphs: Iterable[GraphSpec]) -> tuple[str, 
     # The prims that graphs move, then all others that they name.
     named = [prim for _, prim in sorted(targets, key=lambda target: not target[0])]
     roots = [prim.path for prim in stage.with_api(ARTICULATION_API) if is_articulated(prim)]
-    for path in named:
-        for root in roots:
-            if is_at_or_below(root, path) or is_at_or_below(path, root):
-                return root, True
+    moved = [
+        root
+        for path in named
+        for root in roots
+        if is_at_or_below(root, path) or is_at_or_below(path, root)
+    ]
     known = [path for path in named if path in stage.prims or stage.unresolved_above(path)]
     if not roots and not known:
         raise UsageError(
             "the stage has no robot: it has no articulation root, and no graph names a prim"
         )
     if roots:
-        return roots[0], True
+        yield from ((root, True) for root in dict.fromkeys([*moved, *roots]))
+        return
     if stage.unresolved_above(known[0]) is not None:
-        return known[0], True
+        yield known[0], True
+        return
     # The body that carries the prim, the prim itself where none does.
     above = known[0]
     while above:
         prim = stage.prims.get(above)
         if prim is not None and BODY_API in prim.apis:
-            return above, False
+            yield above, False
+            return
         above = above.rpartition("/")[0]
-    return known[0], False
+    yield known[0], False
 
 
 def _root(stage: StageModel, target: str) -> str:
@@ -120,45 +156,54 @@ def _base(stage: StageModel, target: str, root: str, graphs: Iterable[GraphSpec]
         for node in graph.nodes.values():
             ports = () if node.type.tf is None else node.type.tf.prims
             for prim_target in node.targets:
-                if ports and prim_target.port == ports[0] and prim_target.prims[0] != root:
-                    return prim_target.prims[0].rpartition("/")[2]
+                first = next(iter(prim_target.prims), "")
+                if ports and prim_target.port == ports[0] and first.startswith(f"{root}/"):
+                    return first.removeprefix(f"{root}/")
     carrier = stage.prims.get(target)
     if carrier is not None and is_joint(carrier):  # of an arm that is fixed to the world
         held = next(filter(None, reversed(bodies(carrier))), target)
-        return held.rpartition("/")[2]
+        return held.removeprefix(f"{root}/")
     prim = stage.prims.get(root)
     links = None if prim is None or target != root else articulation_links(prim, stage)
     first = next((path for path, parent in (links or {}).items() if not parent), target)
-    return first.rpartition("/")[2]
+    return first.removeprefix(f"{root}/")
 
 
 def _links(stage: StageModel, root: str) -> Iterator[Prim]:
-    """Yield the bodies right below the root that move and are tied to the robot."""
+    """Yield the bodies below the root that move and are tied to the robot."""
     for path in bodies_below(stage, root):
         prim = stage.prims[path]
         is_still = is_switched_off(prim, BODY_ENABLED) or prim.attributes.get(KINEMATIC) is True
         is_tied = any(is_at_or_below(end, path) for joint in joints(stage) for end in bodies(joint))
-        if prim.parent == root and not is_still and is_tied and BODY_API in prim.apis:
+        if path != root and not is_still and is_tied and BODY_API in prim.apis:
             yield prim
 
 
-def _link(prim: Prim, stage: StageModel, base: str) -> dict[str, Any]:
+def _link(prim: Prim, stage: StageModel, root: str, base: str) -> dict[str, Any]:
     """Describe a link: its mass, and its place on the root where it is the base or fixed to it.
 
     A place is written of a link that is not turned. A base that a joint fixes to the world is held.
     """
     mass = number(prim.attributes.get(MASS)) if MASS_API in prim.apis else None
-    ends = {prim.path, f"{prim.parent}/{base}"}
+    name, ends = prim.path.removeprefix(f"{root}/"), {prim.path, f"{root}/{base}"}
     is_fixed = any(joint.type == FIXED and set(bodies(joint)) == ends for joint in joints(stage))
-    stands = pose(prim.local, stage.meters_per_unit)
-    has_place = (prim.name == base or is_fixed) and not any(stands["rotate"])
+    on_root = _seen_from(stage.prims.get(root), prim)
+    stands = pose(on_root, stage.meters_per_unit)
+    has_place = (name == base or is_fixed) and not any(stands["rotate"])
     place = stands["translate"] if has_place else ()
     weight = {"mass": as_typed(mass)} if mass else {}
     to_world = any(
         joint.type == FIXED and sorted(bodies(joint)) == ["", prim.path] for joint in joints(stage)
     )
-    held = {"held": True} if prim.name == base and to_world else {}
+    held = {"held": True} if name == base and to_world else {}
     return {**weight, **({"offset": place} if any(place) else {}), **held, "handout": PART}
+
+
+def _seen_from(root: Prim | None, prim: Prim) -> Matrix | None:
+    """Return where a link stands on its robot."""
+    if root is None or prim.parent == root.path or not root.world or not prim.world:
+        return prim.local
+    return relative_transform(prim.world, root.world)
 
 
 def pose(local: Matrix | None, metres: float) -> dict[str, Any]:
@@ -191,7 +236,8 @@ def moved_joints(
     }
     moved = {}
     for joint in joints(stage):
-        link = next((n for n in links if is_at_or_below(bodies(joint)[1], f"{root}/{n}")), None)
+        holding = (n for n in links if is_at_or_below(bodies(joint)[1], f"{root}/{n}"))
+        link = max(holding, key=len, default=None)
         stiffness = number(joint.attributes.get(_STIFFNESS, 0.0))
         damping = number(joint.attributes.get(_DAMPING, 0.0))
         is_driven = stiffness == 0 and damping is not None and damping > 0
@@ -200,7 +246,7 @@ def moved_joints(
     return moved
 
 
-def describe_wheels(subject: StageSubject) -> dict[str, Any]:
+def describe_wheels(subject: RobotSubject) -> dict[str, Any]:
     """Describe the two wheels of a robot, whose joints the subject's scene names.
 
     The result is empty unless there are two, which turn about one axle.
@@ -210,7 +256,7 @@ def describe_wheels(subject: StageSubject) -> dict[str, Any]:
     axles = [direction for wheel in wheels if (direction := axle(wheel, subject))]
     if not len(wheels) == len(places) == len(axles) == _PAIR or distance(*axles) > 1e-3:  # noqa: PLR2004
         return {}
-    robot = subject.lab.scene.robot
+    robot = subject.robot
     sides = [dot(axles[0], place) for place in places]
     centre = [(a + b) / 2 for a, b in zip(*places, strict=True)][:2]
     folder = wheels[0].site.rpartition("/")[0].removeprefix(robot.path).lstrip("/")

@@ -21,7 +21,7 @@ from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import IDENTITY, camera_axes
 from lab3_usd.new_lab.graphs import unknown_types, with_types
-from lab3_usd.new_lab.robot import PART, describe_robot, describe_wheels, moved_joints, plain, pose
+from lab3_usd.new_lab.robot import PART, describe_robots, describe_wheels, moved_joints, plain, pose
 from lab3_usd.new_lab.yaml_text import as_typed
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
@@ -103,14 +103,10 @@ def targets_of(graph: GraphSpec) -> Iterator[str]:
             yield from target.prims
 
 
-def describe_sensors(
-    source: Source, sections: Mapping[str, str], robot: str
-) -> dict[str, dict[str, Any]]:
-    """Describe the sensors on the robot by short names; `sections` are the handout's by path."""
+def describe_sensors(source: Source, sections: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """Describe the sensors by short names; `sections` are the handout's by path."""
     sensors: dict[str, dict[str, Any]] = {}
     for prim in source.sensors:
-        if not is_at_or_below(prim.path, robot):
-            continue
         known = _known(prim.type, source.lab)
         kind = known.kind if known else _word(prim.type)
         taken = sum(sensor["kind"] == kind for sensor in sensors.values())
@@ -173,8 +169,8 @@ def _attribute(
     return {**data, **kept, "handout": section} if kept else data
 
 
-def looks_below(source: Source, lab: Lab) -> list[str]:
-    """Return what right below links holds the model's own shapes at cameras and lidars, by name.
+def looks_below(source: Source, lab: Lab) -> dict[str, list[str]]:
+    """Return what right below links holds the model's own shapes at cameras and lidars, by robot.
 
     `lab` is the described one, which does not name them yet.
     """
@@ -184,21 +180,24 @@ def looks_below(source: Source, lab: Lab) -> list[str]:
         stage=source.stage,
         roles={},
     )
-    names = []
+    names: dict[str, dict[str, None]] = {}
     for sensor in lab.sensors.values():
         prim = source.stage.prim(sensor.path)
         if prim is None or sensor.kind not in (CAMERA, LIDAR):
             continue
-        for shape in enclosing(prim, subject):
-            _, *below = shape.path.removeprefix(f"{lab.scene.robot.path}/").split("/")
-            names += below[:1]
-    return list(dict.fromkeys(names))
+        on_robot = subject.robot_of(sensor.path)
+        if on_robot is None:
+            continue
+        for shape in enclosing(prim, on_robot):
+            _, *below = shape.path.removeprefix(f"{on_robot.robot.path}/").split("/")
+            names.setdefault(on_robot.robot.path, {}).update(dict.fromkeys(below[:1]))
+    return {path: [*found] for path, found in names.items()}
 
 
 def describe_scene(
     stage: StageModel, first: StageModel, graphs: Mapping[str, GraphSpec], lab: Lab, until: str
 ) -> dict[str, Any]:
-    """Describe units, robot and world; sensors are added by who knows their checkpoints.
+    """Describe units, robots and world; sensors are added by who knows their checkpoints.
 
     `first` is the stage of the first checkpoint, which has what all of them have. `lab` is the
     bundled one, whose tolerances hold; `until` is the last checkpoint.
@@ -206,7 +205,9 @@ def describe_scene(
     Raises:
         UsageError: the stage has no robot.
     """
-    robot = describe_robot(stage, graphs.values(), until)
+    robots = describe_robots(stage, graphs.values(), until)
+    several = len(robots) > 1
+    described = {"robots": robots} if several else {"robot": next(iter(robots.values()))}
     data: dict[str, Any] = {
         "stage": {
             "handout": PART,
@@ -215,45 +216,60 @@ def describe_scene(
             "kilograms_per_unit": stage.kilograms_per_unit,
         },
         "tolerance": to_builtins(lab.scene.tolerance),
-        "robot": robot,
-        "world": {"graph_parent": {"path": _parent(first, graphs, robot["path"]), "handout": PART}},
+        **described,
+        "world": {"graph_parent": {"path": _parent(first, graphs, robots), "handout": PART}},
     }
-    moved = moved_joints(stage, robot["path"], robot["links"], graphs.values())
-    wheels = {"handout": PART, "joints": moved, "joints_below": "", "distance": 0.0}
-    draft = {**data, "robot": {**robot, "wheels": {**wheels, "axle": [0.0, 1.0, 0.0]}}}
-    subject = StageSubject(
-        lab=replace(lab, scene=parse_scene(draft)),
+    for name, robot in robots.items():
+        moved = moved_joints(stage, robot["path"], robot["links"], graphs.values())
+        wheels = {"handout": PART, "joints": moved, "joints_below": "", "distance": 0.0}
+        drafted = {**robot, "wheels": {**wheels, "axle": [0.0, 1.0, 0.0]}}
+        draft = {
+            **data,
+            **({"robots": {**robots, name: drafted}} if several else {"robot": drafted}),
+        }
+        subject = _subject(stage, draft, lab)
+        (own,) = (seen for seen in subject.robots if seen.robot.path == robot["path"])
+        described = describe_wheels(own) if moved else {}
+        if described:
+            robot["wheels"] = described
+            for link in described["joints"].values():
+                if any(map(collides, stage.below(f"{robot['path']}/{link}"))):
+                    robot["links"][link]["collision"] = True
+    data["world"] |= dict(_world(_subject(stage, data, lab)))
+    return data
+
+
+def _subject(stage: StageModel, scene: Mapping[str, Any], lab: Lab) -> StageSubject:
+    """Return what rules see of a stage by the description of its scene."""
+    return StageSubject(
+        lab=replace(lab, scene=parse_scene(scene)),
         checkpoint=lab.checkpoints[lab.last],
         stage=stage,
         roles={},
     )
-    described = describe_wheels(subject) if moved else {}
-    if described:
-        robot["wheels"] = described
-        for link in described["joints"].values():
-            if any(map(collides, stage.below(f"{robot['path']}/{link}"))):
-                robot["links"][link]["collision"] = True
-    data["world"] |= dict(_world(subject))
-    return data
 
 
-def _parent(stage: StageModel, graphs: Mapping[str, GraphSpec], robot: str) -> str:
-    """Return the prim of the first stage below which graphs stand that are not on the robot."""
+def _parent(
+    stage: StageModel, graphs: Mapping[str, GraphSpec], robots: Mapping[str, Mapping[str, Any]]
+) -> str:
+    """Return the prim of the first stage below which graphs stand that are not on a robot."""
+    paths = [robot["path"] for robot in robots.values()]
     for graph in graphs.values():
         parent = graph.path.rpartition("/")[0]
         while parent and stage.prim(parent) is None:
             parent = parent.rpartition("/")[0]
-        if parent and not is_at_or_below(parent, robot):
+        if parent and not any(is_at_or_below(parent, robot) for robot in paths):
             return parent
-    return f"/{robot.split('/')[1]}"
+    return f"/{paths[0].split('/')[1]}"
 
 
 def _world(subject: StageSubject) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield the parts of the world that the stage has, and where they usually are."""
-    stage, robot = subject.stage, subject.lab.scene.robot.path
-    if has_ground(subject):
-        grounds = [*(prim.path for prim in planes(stage, robot)), *(b.path for b in boxes(subject))]
-        yield "ground", _part(grounds[0])
+    stage = subject.stage
+    for robot in subject.robots[:1]:
+        if has_ground(robot):
+            flat = [prim.path for prim in planes(stage, robot.robot.path)]
+            yield "ground", _part([*flat, *(box.path for box in boxes(robot))][0])
     for part, prims in (("light", lights(stage)), ("physics_scene", stage.of_type(SCENE))):
         path = next((prim.path for prim in prims if prim.present), "")
         if path:

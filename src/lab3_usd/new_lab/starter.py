@@ -35,13 +35,16 @@ def describe_starter(path: Path, lab: Lab) -> StarterText:
     """
     added = {sensor.path for sensor in lab.sensors.values()}
     scene = read_plain_scene(path, {*added, *(graph.path for graph in lab.graphs.values())})
-    robot = lab.scene.robot
+    robots = lab.scene.robots
     paths = {prim.path for prim in scene.prims}
-    missing = next((known for known in (robot.path, *robot.link_paths) if known not in paths), "")
+    needed = (path for robot in robots for path in (robot.path, *robot.link_paths))
+    missing = next((path for path in needed if path not in paths), "")
     reason = scene.reason or (f"{missing} is not in {path.stem}" if missing else "")
     if reason:
         return StarterText(reason=f"{STARTER}: {reason}; give the starter to every build")
-    weighed = {f"{robot.path}/{name}" for name, link in robot.links.items() if link.mass}
+    weighed = {
+        robot.path_of(name) for robot in robots for name, link in robot.links.items() if link.mass
+    }
     tree: dict[str, Any] = {}
     for prim in scene.prims:
         inside = tree
@@ -61,7 +64,7 @@ def _prim(prim: PlainPrim, lab: Lab, weighed: set[str]) -> Iterator[tuple[str, A
         yield "apis", list(prim.apis)
     if prim.local is not None:
         place = pose(prim.local, lab.scene.stage.meters_per_unit)
-        is_robot = prim.path == lab.scene.robot.path
+        is_robot = any(prim.path == robot.path for robot in lab.scene.robots)
         yield "pose", {} if is_robot else _away(place)
     values = {
         name: as_typed(value) if kind is None else {"type": kind, "value": as_typed(value)}

@@ -5,7 +5,7 @@ The lab's files, its handout, graph specs, requirements and checkpoints.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from msgspec import Struct
@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.ros import FROM_THE_FIRST, RosSpec, TopicSpec
-from lab3_usd.spec.scene import SceneSpec, SensorSpec
+from lab3_usd.spec.scene import RobotSpec, SceneSpec, SensorSpec
 from lab3_usd.spec.submission import SubmissionSpec
 
 CATALOG = "node_types.yaml"
@@ -144,47 +144,64 @@ class LocalizationSpec(Struct, frozen=True, forbid_unknown_fields=True, rename={
 class FrameSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """The TF tree.
 
-    Frames may also be deeper below `deeper_under` than the edges say, as in a joint tree.
+    Frames may also be deeper below `deeper_under` than the edges say, as in a joint tree. `names`
+    are the frames of prims that an `isaac:nameOverride` names otherwise than their prims, by path.
     """
 
     handout: str
     edges: tuple[FrameEdge, ...] = ()
-    deeper_under: str = ""
-    forbidden: ForbiddenTransform | None = None
+    deeper_under: str | tuple[str, ...] = ""
+    forbidden: ForbiddenTransform | tuple[ForbiddenTransform, ...] = ()
+    names: Mapping[str, str] = {}
     localization: LocalizationSpec | None = None
 
     @property
-    def root(self) -> str:
-        """The frame at the top of what a stage publishes, '' where it publishes none."""
-        if self.localization is not None:
-            return self.localization.edge[1]
+    def roots(self) -> tuple[str, ...]:
+        """The frames at the top of what a stage publishes: one for each tree."""
         children = {child for _, child in self.edges}
-        return next((parent for parent, _ in self.edges if parent not in children), "")
+        first = () if self.localization is None else (self.localization.edge[1],)
+        tops = (parent for parent, _ in self.edges if parent not in children)
+        return tuple(dict.fromkeys((*first, *tops)))
 
     @property
-    def unplaced(self) -> str:
-        """The frame that no stage may place, '' for none: the root, where the lab guards it."""
-        is_guarded = self.localization is not None or self.forbidden is not None
-        return self.root if is_guarded else ""
+    def root(self) -> str:
+        """The first frame at the top, '' where a stage publishes none."""
+        return next(iter(self.roots), "")
+
+    @property
+    def deeper(self) -> tuple[str, ...]:
+        """The frames below which others may also be deeper."""
+        written = self.deeper_under
+        return tuple(filter(None, (written,))) if isinstance(written, str) else written
+
+    @property
+    def forbidden_transforms(self) -> tuple[ForbiddenTransform, ...]:
+        """The transforms that no node may publish."""
+        return self.forbidden if isinstance(self.forbidden, tuple) else (self.forbidden,)
+
+    @property
+    def guarded(self) -> dict[str, str]:
+        """The frames that no stage may place: tops that the lab guards, with the sections."""
+        said = {entry.child: entry.handout for entry in self.forbidden_transforms}
+        localized = () if self.localization is None else (self.localization.edge[1],)
+        handout = next(iter(said.values()), self.handout)
+        return {
+            top: said.get(top, handout) for top in self.roots if top in said or top in localized
+        }
 
     @property
     def above(self) -> str:
-        """The frame that localization puts above the root, '' where there is none."""
+        """The frame that localization puts above its root, '' where there is none."""
         return "" if self.localization is None else self.localization.edge[0]
 
     @property
     def reserved(self) -> dict[str, str]:
-        """The root, and the only publisher that may place it; empty for none."""
+        """The root of localization, and the only publisher that may place it; empty for none."""
         return {} if self.localization is None else {self.root: self.localization.by}
-
-    @property
-    def guard_handout(self) -> str:
-        """The section that says that no stage may place the root."""
-        return self.handout if self.forbidden is None else self.forbidden.handout
 
     def is_forbidden(self, edge: tuple[str, str]) -> bool:
         """Whether nothing may publish this transform."""
-        return self.forbidden is not None and edge == self.forbidden.edge
+        return any(edge == entry.edge for entry in self.forbidden_transforms)
 
 
 class Lab(Struct, frozen=True, eq=False):
@@ -249,7 +266,9 @@ class Lab(Struct, frozen=True, eq=False):
     def _demands(self, checkpoint: Checkpoint) -> tuple[object, ...]:
         """Return everything that the rules for stages ask of a checkpoint."""
         flags = (checkpoint.frames, checkpoint.topics, checkpoint.localization)
-        may_have_driven = self.is_after(checkpoint.id, self.scene.robot.pose_is_error_until)
+        may_have_driven = tuple(
+            self.is_after(checkpoint.id, robot.pose_is_error_until) for robot in self.scene.robots
+        )
         is_first = checkpoint.id == self.first
         topics = tuple(self.topics_until(checkpoint.id))
         return (checkpoint.graphs, checkpoint.sensors, topics, flags, may_have_driven, is_first)
@@ -262,6 +281,10 @@ class Lab(Struct, frozen=True, eq=False):
     def sensors(self) -> Mapping[str, SensorSpec]:
         """The sensors of the scene file, by the names that checkpoints add them under."""
         return self.scene.sensors
+
+    def frame_of(self, path: str) -> str:
+        """Return the TF frame of a prim: the name of the prim, where the lab gives no other."""
+        return self.frames.names.get(path, path.rpartition("/")[2])
 
     def first_sensor(self, kind: str) -> SensorSpec | None:
         """Return the first sensor of a kind in the scene file, None where there is none."""
@@ -284,21 +307,22 @@ class Lab(Struct, frozen=True, eq=False):
         return {name: topic for name, topic in self.topics.items() if topic.since in known}
 
 
-def articulated_at_root(lab: Lab) -> Lab:
-    """Return the lab for a stage whose articulation root is on the robot root.
+def articulated_at_roots(lab: Lab, robots: Collection[RobotSpec]) -> Lab:
+    """Return the lab for a stage whose articulation roots are on the roots of robots.
 
     Isaac Sim looks for an articulation at the target prim and below, never above: there, the
     handout's target finds none, and the robot root is the target instead.
     """
-    robot = lab.scene.robot
+    if not robots:
+        return lab
+    roots = {(robot.articulation.target,): (robot.path,) for robot in robots}
     graphs = {}
     for name, graph in lab.graphs.items():
         nodes = {}
         for role, node in graph.nodes.items():
             targets = tuple(
-                replace(target, prims=(robot.path,), handout_prims=target.prims)
-                if target.port in node.type.articulation
-                and target.prims == (robot.articulation.target,)
+                replace(target, prims=roots[target.prims], handout_prims=target.prims)
+                if target.port in node.type.articulation and target.prims in roots
                 else target
                 for target in node.targets
             )

@@ -13,6 +13,7 @@ Number = Annotated[float, Meta(ge=-1e9, le=1e9)]  # finite, and no room is large
 Number3 = tuple[Number, Number, Number]
 Plain = str | bool | int | float | tuple[Any, ...]
 ANYWHERE = "anywhere"  # recognised off the robot as well
+SCENE_GROUP = "Scene"  # of the requirements that are about no graph and no sensor
 
 
 class StageUnits(Struct, frozen=True, forbid_unknown_fields=True):
@@ -88,31 +89,62 @@ class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The robot; after the checkpoint `pose_is_error_until` it may have driven.
+    """A robot; after the checkpoint `pose_is_error_until` it may have driven.
 
-    `base_frame` is the link whose frame odometry moves. `links` are the bodies directly below
-    `path`. Prims below the names in `looks_below` are appearance or colliders.
+    `base_frame` is the link whose frame odometry moves, the robot itself without one. `links` are
+    bodies below `path`, by name or, below other links, by path. Prims below the names in
+    `looks_below` are appearance or colliders. `name` is its group in requirements and points, where
+    it is one of `robots` its key.
     """
 
     path: str
     handout: str
-    pose: PoseSpec
-    base_frame: str
-    links: Mapping[str, LinkSpec]
+    pose: PoseSpec | None = None
+    base_frame: str = ""
+    links: Mapping[str, LinkSpec] = {}
     articulation: ArticulationSpec = ArticulationSpec("", "")
     pose_is_error_until: str = ""
     wheels: WheelSpec = WheelSpec("", {}, "", 0.0, (0.0, 1.0, 0.0))
     looks_below: tuple[str, ...] = ()
+    name: str = ""
+
+    @property
+    def group(self) -> str:
+        """The group of its requirements: the scene's, where it has no name."""
+        return self.name or SCENE_GROUP
+
+    @property
+    def title(self) -> str:
+        """What titles call it."""
+        return self.name or "robot"
+
+    @property
+    def called(self) -> str:
+        """What sentences call it."""
+        return self.name or "the robot"
+
+    @property
+    def key(self) -> str:
+        """What leads to it in its file."""
+        return f"robots: {self.name}" if self.name else "robot"
 
     @property
     def base(self) -> str:
         """The path of the link that is the base."""
-        return f"{self.path}/{self.base_frame}"
+        return self.path_of(self.base_frame)
 
     @property
     def link_paths(self) -> tuple[str, ...]:
         """The paths of the links."""
-        return tuple(f"{self.path}/{name}" for name in self.links)
+        return tuple(map(self.path_of, self.links))
+
+    def path_of(self, link: str) -> str:
+        """Return the path of a link, that of the robot for ''."""
+        return f"{self.path}/{link}" if link else self.path
+
+    def link_at(self, path: str) -> str:
+        """Return the name of the link at a path."""
+        return path.removeprefix(f"{self.path}/")
 
     def joint_path(self, name: str) -> str:
         """Return where the handout shows a wheel joint."""
@@ -257,13 +289,29 @@ class SensorSpec(Struct, frozen=True, forbid_unknown_fields=True):
         }
 
 
-class SceneSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The scene: units, robot, sensors, world and map."""
+class SceneSpec(Struct, frozen=True):
+    """The scene: units, robots, sensors, world and map."""
 
     stage: StageUnits
     tolerance: Tolerances
-    robot: RobotSpec
+    robots: tuple[RobotSpec, ...]
     world: WorldSpec
     forbidden: ForbiddenPrims = ForbiddenPrims()
     sensors: Mapping[str, SensorSpec] = {}
     map: MapFacts | None = None
+
+    @property
+    def robot(self) -> RobotSpec:
+        """The first robot, which examples and Nav2 speak of."""
+        return self.robots[0]
+
+    def robot_of(self, path: str) -> RobotSpec | None:
+        """Return the robot to which a path belongs, None where it belongs to none."""
+        return next(
+            (robot for robot in self.robots if f"{path}/".startswith(f"{robot.path}/")), None
+        )
+
+    def group_of(self, path: str) -> str:
+        """Return the group of what is asked at a path: that of its robot, else the scene's."""
+        robot = self.robot_of(path)
+        return SCENE_GROUP if robot is None else robot.group

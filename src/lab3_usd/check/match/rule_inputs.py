@@ -34,6 +34,7 @@ from lab3_usd.model.physics import ARTICULATION_API, BODY_API
 from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.scene import RobotSpec
 
 Kind = Literal[
     "missing", "moved", "wrong", "bypass", "foreign", "forbidden", "dead", "swapped",
@@ -227,6 +228,28 @@ class StageSubject(Struct, frozen=True, eq=False):
     def platform(self) -> Platform:
         """The release of Isaac Sim that the lab is for."""
         return self.lab.platform
+
+    @property
+    def robots(self) -> tuple[RobotSubject, ...]:
+        """Return the stage for each of its robots."""
+        return _of_robots(self)
+
+    def robot_of(self, path: str) -> RobotSubject | None:
+        """Return the stage for the robot to which a path belongs, None where it belongs to none."""
+        robot = self.lab.scene.robot_of(path)
+        return next((subject for subject in self.robots if subject.robot is robot), None)
+
+
+class RobotSubject(StageSubject, frozen=True, eq=False, kw_only=True):
+    """The whole stage, for one of the lab's robots."""
+
+    robot: RobotSpec
+
+
+@once_per_stage
+def _of_robots(subject: StageSubject) -> tuple[RobotSubject, ...]:
+    given = {name: getattr(subject, name) for name in StageSubject.__struct_fields__}
+    return tuple(RobotSubject(**given, robot=robot) for robot in subject.lab.scene.robots)
 
 
 class Outcome(Struct, frozen=True, eq=False):

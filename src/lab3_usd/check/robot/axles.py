@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.robot.wheels import WheelJoint, base_side, ends_of, wheel_side
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.physics import (
@@ -50,7 +50,7 @@ _ALIKE = 0.02
 _FRAMES = tuple(f"physics:local{part}{side}" for part in ("Pos", "Rot") for side in (0, 1))
 
 
-def axle(joint: WheelJoint, subject: StageSubject) -> Vector | None:
+def axle(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
     """Return the direction about which a positive velocity turns the wheel, in the base's frame.
 
     The base's side of the joint is asked: how far the wheel has turned does not matter then.
@@ -74,7 +74,7 @@ def joint_axis(joint: Prim, side: int) -> Vector | None:
     return scaled(rotate_by_quaternion(along, turn), 1.0 if side == 0 else -1.0)
 
 
-def own_axle(joint: WheelJoint, subject: StageSubject) -> tuple[Vector, Vector] | None:
+def own_axle(joint: WheelJoint, subject: RobotSubject) -> tuple[Vector, Vector] | None:
     """Return about what a joint turns its wheel and the axle of the wheel's own shape.
 
     Both are seen from the wheel. None where they agree, or where no cylinder tells the axle.
@@ -145,7 +145,7 @@ def _is_square(world: Matrix) -> bool:
     return all(max(map(abs, row)) > _SQUARE * math.hypot(*row) for row in rows)
 
 
-def anchor(joint: WheelJoint, subject: StageSubject) -> Vector | None:
+def anchor(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
     """Return where the joint sits, in the base's frame and in metres; None without a base."""
     side = base_side(joint)
     frame = None if side is None else _frame(ends_of(joint)[side], subject)
@@ -156,7 +156,7 @@ def anchor(joint: WheelJoint, subject: StageSubject) -> Vector | None:
     return scaled(point, subject.stage.meters_per_unit)
 
 
-def _frame(end: str, subject: StageSubject) -> Matrix | None:
+def _frame(end: str, subject: RobotSubject) -> Matrix | None:
     """Return where a joint's end stands as seen from the robot's base, at rest.
 
     What no fixed joint ties to the base is taken from where both stand in the file.
@@ -169,7 +169,7 @@ def _frame(end: str, subject: StageSubject) -> Matrix | None:
     return None if on_body is None else multiply(on_body, placed[body])
 
 
-def _between(path: str, base_path: str, subject: StageSubject) -> Matrix | None:
+def _between(path: str, base_path: str, subject: RobotSubject) -> Matrix | None:
     """Return where one prim stands as seen from another in the file, None where nothing says."""
     prim, base = subject.stage.prim(path), subject.stage.prim(base_path)
     if prim is None or base is None or prim.world is None or base.world is None:
@@ -179,14 +179,14 @@ def _between(path: str, base_path: str, subject: StageSubject) -> Matrix | None:
     return relative_transform(prim.world, base.world)
 
 
-def _base(subject: StageSubject) -> str:
+def _base(subject: RobotSubject) -> str:
     """Return the path of the robot's base, of the robot where it has none."""
-    robot = subject.lab.scene.robot
+    robot = subject.robot
     return robot.path if subject.stage.prim(robot.base) is None else robot.base
 
 
 @once_per_stage
-def rest_frames(subject: StageSubject) -> dict[str, Matrix]:
+def rest_frames(subject: RobotSubject) -> dict[str, Matrix]:
     """Map the base, and each body that fixed joints tie to it, to where it stands on the base."""
     placed = {_base(subject): IDENTITY}
     fixed = welds(subject)
@@ -211,7 +211,7 @@ def _seen_over(joint: Prim, far: int) -> Matrix | None:
     return multiply(undone, _joint_frame(joint, 1 - far)) if undone else None
 
 
-def holder_of(subject: StageSubject, link: str) -> Prim | None:
+def holder_of(subject: RobotSubject, link: str) -> Prim | None:
     """Return the joint that holds a link, else one that would: it is off, or lets the link move."""
     stage = subject.stage
     named = [joint for joint in stage.of_type(is_joint_type) if link in bodies(joint)]
@@ -221,7 +221,7 @@ def holder_of(subject: StageSubject, link: str) -> Prim | None:
     return next(iter(named), None)
 
 
-def held_at(subject: StageSubject, joint: Prim, link: str) -> Matrix | None:
+def held_at(subject: RobotSubject, joint: Prim, link: str) -> Matrix | None:
     """Return where a joint has a link at rest, be it off, or movable; None where it has no place.
 
     What it hangs on is tied to the base by fixed joints.
@@ -235,7 +235,7 @@ def held_at(subject: StageSubject, joint: Prim, link: str) -> Matrix | None:
 
 
 @once_per_stage
-def welds(subject: StageSubject) -> list[Prim]:
+def welds(subject: RobotSubject) -> list[Prim]:
     """Return the joints that hold two bodies where they say, and no missing asset may differ."""
     stage = subject.stage
     return [

@@ -6,7 +6,7 @@ import itertools
 import re
 from collections.abc import Iterator
 
-from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.robot.poses import vector_text
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
@@ -32,14 +32,14 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Collider, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
-from lab3_usd.model.transforms import Vector, angle_between, decompose
+from lab3_usd.model.transforms import IDENTITY, Vector, angle_between, decompose, scaled
 
 _OWNER, _DISABLED = "physics:simulationOwner", "physxRigidBody:disableGravity"
 
 
-def gravity_faults(subject: StageSubject) -> Iterator[Problem]:
+def gravity_faults(subject: RobotSubject) -> Iterator[Problem]:
     """Say what is wrong with the gravity of the scenes that the robot's bodies belong to."""
-    robot, stage = subject.lab.scene.robot.path, subject.stage
+    robot, stage = subject.robot.path, subject.stage
     links = [
         body
         for body in stage.with_api(BODY_API)
@@ -111,20 +111,30 @@ def _collides_above(stage: StageModel, path: str) -> bool:
     return prim is not None and (collides(prim) or _collides_above(stage, parent))
 
 
-def boxes(subject: StageSubject) -> Iterator[Collider]:
+def boxes(subject: RobotSubject) -> Iterator[Collider]:
     """Yield the fixed shapes that lie below the place where the starter has the robot."""
     stage = subject.stage
     return (box for box in _boxes_below(subject) if moving_body(stage, box.path) is None)
 
 
-def _boxes_below(subject: StageSubject) -> Iterator[Collider]:
-    robot = subject.lab.scene.robot
-    x, y, z = robot.pose.translate
+def _boxes_below(subject: RobotSubject) -> Iterator[Collider]:
+    robot = subject.robot
+    x, y, z = _start(subject)
     reach = z + subject.lab.scene.tolerance.root_position
     for box in subject.stage.colliders.beside(robot.path):
         is_over = box.low[0] <= x <= box.high[0] and box.low[1] <= y <= box.high[1]
         if is_over and box.low[2] <= reach:
             yield box
+
+
+def _start(subject: RobotSubject) -> Vector:
+    """Return where the robot starts in metres: at the pose that the lab gives, else where it is."""
+    pose = subject.robot.pose
+    if pose is not None:
+        return pose.translate
+    root = subject.stage.prim(subject.robot.path)
+    matrix = IDENTITY if root is None or root.world is None else root.world
+    return scaled((matrix[12], matrix[13], matrix[14]), subject.stage.meters_per_unit)
 
 
 def moving_body(stage: StageModel, path: str, known: frozenset[str] = frozenset()) -> Prim | None:
@@ -155,23 +165,23 @@ def _is_tied(stage: StageModel, body: str, known: frozenset[str]) -> bool:
     return False
 
 
-def falling_ground(subject: StageSubject) -> tuple[Prim, Prim] | None:
+def falling_ground(subject: RobotSubject) -> tuple[Prim, Prim] | None:
     """Return what would carry the robot if it did not move, and the body that it moves with."""
-    stage, robot = subject.stage, subject.lab.scene.robot.path
+    stage, robot = subject.stage, subject.robot.path
     paths = [prim.path for prim in _solid_planes(stage, robot)]
     paths += [box.path for box in _boxes_below(subject) if _is_on(stage, box)]
     carried = ((stage.prims[path], moving_body(stage, path)) for path in paths)
     return next(((prim, body) for prim, body in carried if body is not None), None)
 
 
-def has_ground(subject: StageSubject) -> bool:
+def has_ground(subject: RobotSubject) -> bool:
     """Whether anything fixed can carry the robot."""
-    robot = subject.lab.scene.robot.path
+    robot = subject.robot.path
     grounds = itertools.chain(planes(subject.stage, robot), _live_boxes(subject))
     return any(True for _ in grounds)
 
 
-def _live_boxes(subject: StageSubject) -> Iterator[Collider]:
+def _live_boxes(subject: RobotSubject) -> Iterator[Collider]:
     return (box for box in boxes(subject) if _is_on(subject.stage, box))
 
 
@@ -180,18 +190,18 @@ def _is_on(stage: StageModel, box: Collider) -> bool:
     return prim is not None and collides(prim)
 
 
-def highest_ground(subject: StageSubject) -> tuple[float, str] | None:
+def highest_ground(subject: RobotSubject) -> tuple[float, str] | None:
     """Return how high the ground is below the robot, in metres, and which prim it is.
 
     None where no box says how high it is.
     """
-    stage, robot = subject.stage, subject.lab.scene.robot
+    stage, robot = subject.stage, subject.robot
     heights = [
         (prim.world[14] * stage.meters_per_unit, prim.path)
         for prim in planes(stage, robot.path)
         if prim.world
     ]
-    step = robot.pose.translate[2] + _STEP
+    step = _start(subject)[2] + _STEP
     tops = [(box.high[2], box.path) for box in _live_boxes(subject)]
     if any(top > step for top, _ in tops) and not heights:
         return None

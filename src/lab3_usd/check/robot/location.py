@@ -16,44 +16,58 @@ from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.scene import RobotSpec
 
 _LEAST_LINKS = 0.5  # of the robot's links that a prim must hold to be taken for the robot
 
 
 def robot_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
-    """Map the path of the robot, and of a link that has none, to where it stands instead.
+    """Map the paths of robots, and of links that have none, to where they stand instead."""
+    relocations: dict[str, str] = {}
+    for robot in lab.scene.robots:
+        others = {other.path for other in lab.scene.robots if other is not robot}
+        taken = others | {*relocations.values()}
+        relocations |= _relocations_of(robot, stage, taken)
+    return relocations
+
+
+def _relocations_of(robot: RobotSpec, stage: StageModel, taken: Collection[str]) -> dict[str, str]:
+    """Map the path of a robot, and of a link that has none, to where it stands instead.
 
     The robot is the prim that holds the most of its links, at least half of them, or that has its
     name while the asset with its links cannot be found. A link is the only prim of its name below
     the robot, or where no other is missing the only body beside the robot's links that is none of
-    them. Paths of links are those below the robot where it stands.
+    them. Paths of links are those below the robot where it stands. What stands at a path of `taken`
+    is another robot.
     """
-    expected = lab.scene.robot.path
+    expected = robot.path
     root = expected
     relocations: dict[str, str] = {}
     is_nowhere = expected not in stage.prims or not stage.unknown(expected)
     if stage.prim(expected) is None and is_nowhere:
-        root = _root_by_links(lab, stage) or expected
+        root = _root_by_links(robot, stage, taken) or expected
         if root == expected:
             # The robot may be a prim of its name whose links a missing asset may hold.
             name = expected.rpartition("/")[2]
             namesakes = stage.named(lambda leaf: is_named(leaf, [name]))
-            paths = (prim.path for prim in namesakes if prim.active)
+            paths = (prim.path for prim in namesakes if prim.active and prim.path not in taken)
             root = min((path for path in paths if stage.unknown_below(path)), default=expected)
         if root != expected:
             relocations[expected] = root
     if stage.prim(root) is not None:
-        relocations |= _link_relocations(tuple(lab.scene.robot.links), root, stage)
+        relocations |= _link_relocations(tuple(robot.links), root, stage)
     return relocations
 
 
-def _root_by_links(lab: Lab, stage: StageModel) -> str | None:
-    links = lab.scene.robot.links
-    name = lab.scene.robot.path.rpartition("/")[2]
+def _root_by_links(robot: RobotSpec, stage: StageModel, taken: Collection[str]) -> str | None:
+    links = robot.links
+    name = robot.path.rpartition("/")[2]
     held: dict[str, int] = {}
-    for prim in stage.named(links.__contains__):
-        if prim.present and stage.prim(prim.parent):
-            held[prim.parent] = held.get(prim.parent, 0) + 1
+    for link in links:
+        for prim in stage.named(link.rpartition("/")[2]):
+            root = prim.path.removesuffix(f"/{link}")
+            if prim.present and root != prim.path and stage.prim(root) and root not in taken:
+                held[root] = held.get(root, 0) + 1
     offers = sorted(
         (-count, path.rpartition("/")[2] != name, path)
         for path, count in held.items()
@@ -69,12 +83,14 @@ def _link_relocations(links: tuple[str, ...], root: str, stage: StageModel) -> d
     ]
     relocations: dict[str, str] = {}
     for name in missing:
-        namesakes = same_named_prims(stage, root, name)
+        namesakes = same_named_prims(stage, root, name.rpartition("/")[2])
         if len(namesakes) == 1:
             relocations[f"{root}/{name}"] = namesakes[0]
     if len(missing) == 1 and not relocations:
         prims = (stage.prims[path] for path in bodies_below(stage, root))
-        bodies = [prim.path for prim in prims if prim.parent == root and prim.name not in links]
+        parent = paths[missing[0]].rpartition("/")[0]
+        known = paths.values()
+        bodies = [prim.path for prim in prims if prim.parent == parent and prim.path not in known]
         if len(bodies) == 1:
             relocations[f"{root}/{missing[0]}"] = bodies[0]
     return relocations
@@ -89,43 +105,47 @@ def same_named_prims(stage: StageModel, root: str, name: str) -> tuple[str, ...]
 
 def demanded_prims(lab: Lab) -> dict[str, str]:
     """Return the prims that every stage holds, with the sections that say so."""
-    robot, parent = lab.scene.robot, lab.scene.world.graph_parent
-    return {parent.path: parent.handout} | dict.fromkeys(
-        (robot.path, *robot.link_paths), robot.handout
-    )
+    parent = lab.scene.world.graph_parent
+    return {parent.path: parent.handout} | {
+        path: robot.handout
+        for robot in lab.scene.robots
+        for path in (robot.path, *robot.link_paths)
+    }
 
 
 def lost_graphs(
     specs: Mapping[str, GraphSpec],
     roles: Mapping[str, Roles],
     demanded: Collection[str],
-    robot: str,
+    robots: Collection[str],
     stage: StageModel,
 ) -> dict[str, str]:
     """Map each graph that is missing together with a prim to that prim, whose finding names it.
 
-    That is the topmost `demanded` prim above it that is not in the scene, or the robot at `robot`
-    where it stands elsewhere ('' where it does not) and none of its graphs came along.
+    That is the topmost `demanded` prim above it that is not in the scene, or one of the `robots`
+    that stand elsewhere where none of its graphs came along.
     """
     lost: dict[str, str] = {}
-    on_robot = [name for name in roles if robot and is_at_or_below(specs[name].path, robot)]
-    stayed_behind = all(roles[name].graph is None for name in on_robot)
+    left: dict[str, str] = {}
+    for robot in robots:
+        on_robot = [name for name in roles if is_at_or_below(specs[name].path, robot)]
+        if all(roles[name].graph is None for name in on_robot):
+            left |= dict.fromkeys(on_robot, robot)
     for name in (name for name, players in roles.items() if players.graph is None):
         missing = ""
         path = specs[name].path.rpartition("/")[0]
         while path:
             missing = path if path in demanded and stage.prim(path) is None else missing
             path = path.rpartition("/")[0]
-        if name in on_robot and stayed_behind:
-            lost[name] = robot
+        if name in left:
+            lost[name] = left[name]
         elif missing and not stage.unresolved_above(missing):
             lost[name] = missing
     return lost
 
 
-def is_root_articulated(lab: Lab, stage: StageModel) -> bool:
+def is_root_articulated(robot: RobotSpec, stage: StageModel) -> bool:
     """Whether the robot root carries the articulation, and the handout's prim does not."""
-    robot = lab.scene.robot
     if not robot.articulation.target:
         return False
     root, base = stage.prim(robot.path), stage.prim(robot.articulation.target)
@@ -134,22 +154,26 @@ def is_root_articulated(lab: Lab, stage: StageModel) -> bool:
 
 
 def relocated_lab(lab: Lab, relocations: Mapping[str, str]) -> Lab:
-    """Return the lab as it reads where the robot or a link stands elsewhere."""
+    """Return the lab as it reads where a robot or a link stands elsewhere."""
     if not relocations:
         return lab
     graphs = {name: relocated_spec(spec, relocations) for name, spec in lab.graphs.items()}
-    scene, robot = lab.scene, lab.scene.robot
-    target = relocated_path(robot.articulation.target, relocations)
-    placed = replace(
-        robot,
-        path=relocated_path(robot.path, relocations),
-        articulation=replace(robot.articulation, target=target),
+    scene = lab.scene
+    placed = tuple(
+        replace(
+            robot,
+            path=relocated_path(robot.path, relocations),
+            articulation=replace(
+                robot.articulation, target=relocated_path(robot.articulation.target, relocations)
+            ),
+        )
+        for robot in scene.robots
     )
     sensors = {
         name: replace(sensor, path=relocated_path(sensor.path, relocations))
         for name, sensor in scene.sensors.items()
     }
-    return replace(lab, graphs=graphs, scene=replace(scene, robot=placed, sensors=sensors))
+    return replace(lab, graphs=graphs, scene=replace(scene, robots=placed, sensors=sensors))
 
 
 def relocated_spec(spec: GraphSpec, relocations: Mapping[str, str]) -> GraphSpec:

@@ -121,17 +121,18 @@ def sensor_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
 def sensor_candidates(lab: Lab, stage: StageModel, name: str) -> Iterator[Prim]:
     """Yield the prims of the scene that could be meant as the sensor."""
     spec = lab.sensors[name]
-    robot = lab.scene.robot.path
+    robot = lab.scene.robot_of(spec.path)
     for prim in stage.of_type(spec.type):
         if prim.present:
-            is_known = spec.recognised == ANYWHERE or is_at_or_below(prim.path, robot)
+            is_on_robot = robot is not None and is_at_or_below(prim.path, robot.path)
+            is_known = spec.recognised == ANYWHERE or is_on_robot
             if is_known or (prim.name == spec.name and is_used_by_graph(stage, prim)):
                 yield prim
 
 
 def _strangeness(prim: Prim, path: str, lab: Lab) -> tuple[bool, bool, bool, str]:
     parent, _, name = path.rpartition("/")
-    is_off_robot = not is_at_or_below(prim.path, lab.scene.robot.path)
+    is_off_robot = lab.scene.robot_of(prim.path) is not lab.scene.robot_of(path)
     return prim.name != name, prim.parent != parent, is_off_robot, prim.path
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.match.rule_inputs import RobotSubject, StageSubject
 from lab3_usd.model.prims import Collider, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import Vector, scaled
@@ -25,15 +25,17 @@ def place_of(prim: Prim, subject: StageSubject) -> Vector | None:
 
 
 def blind_range(
-    subject: StageSubject, at: Vector, near: float | None, far: float | None
+    stage: StageModel, robot: str, at: Vector, limits: tuple[float | None, float | None]
 ) -> tuple[float, float] | None:
     """Return between which distances all things lie that are level with a place, if none is seen.
 
     They lie between by their boxes, which may be nearer, and reach farther, than what is in them.
-    None where something may lie between the near and the far range, or there are no things.
+    What belongs to the prim at `robot` is left out. None where something may lie between the
+    `limits`, the near and the far range, or there are no things.
     """
+    near, far = limits
     nearest, farthest = math.inf, 0.0
-    for box in _things(subject):
+    for box in _things(stage, robot):
         if not box.low[2] <= at[2] <= box.high[2]:
             continue
         gaps = [(box.low[i] - at[i], box.high[i] - at[i]) for i in (0, 1)]
@@ -44,9 +46,8 @@ def blind_range(
     return (nearest, farthest) if farthest > 0 else None
 
 
-def _things(subject: StageSubject) -> Iterator[Collider]:
+def _things(stage: StageModel, robot: str) -> Iterator[Collider]:
     """Yield the boxes around all that a robot may meet or see beside itself."""
-    robot, stage = subject.lab.scene.robot.path, subject.stage
     yield from stage.colliders.beside(robot)
     for prim in stage.of_type(lambda name: name in _SHAPES):
         if prim.present and not is_at_or_below(prim.path, robot):
@@ -55,7 +56,7 @@ def _things(subject: StageSubject) -> Iterator[Collider]:
                 yield box
 
 
-def enclosing(sensor: Prim, subject: StageSubject) -> Iterator[Prim]:
+def enclosing(sensor: Prim, subject: RobotSubject) -> Iterator[Prim]:
     """Yield the shapes on the robot right around a sensor that are no part of how it looks."""
     at = place_of(sensor, subject)
     if at is None:
@@ -69,9 +70,9 @@ def enclosing(sensor: Prim, subject: StageSubject) -> Iterator[Prim]:
 
 
 @once_per_stage
-def _shapes_on_robot(subject: StageSubject) -> tuple[tuple[Prim, Collider], ...]:
+def _shapes_on_robot(subject: RobotSubject) -> tuple[tuple[Prim, Collider], ...]:
     """Return the shapes on the robot that are no part of how it looks, and no room, with boxes."""
-    robot, stage = subject.lab.scene.robot, subject.stage
+    robot, stage = subject.robot, subject.stage
     shapes = []
     for prim in stage.below(robot.path, _SOLID.__contains__, frozenset(robot.looks_below)):
         box = stage.colliders.shape(prim.path) if prim.present else None

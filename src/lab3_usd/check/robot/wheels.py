@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from msgspec import Struct
 
 from lab3_usd.check.match.conformance import setting_matches, target_matches
-from lab3_usd.check.match.rule_inputs import Roles, StageSubject
+from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.facts.arrays import joint_names
 from lab3_usd.facts.execution_order import (
     Nodes,
@@ -28,7 +28,6 @@ from lab3_usd.model.physics import (
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import Lab
 
 
 class WheelJoint(Struct, frozen=True, eq=False):
@@ -61,12 +60,12 @@ class WheelJoint(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def wheel_joints(subject: StageSubject) -> list[WheelJoint]:
+def wheel_joints(subject: RobotSubject) -> list[WheelJoint]:
     """Return the wheel joints in the order of the scene file."""
-    robot = subject.lab.scene.robot
+    robot = subject.robot
     wheels = []
     for name, wheel in robot.wheels.joints.items():
-        link = f"{robot.path}/{wheel}"
+        link = robot.path_of(wheel)
         prim = _find_joint(subject.stage, robot.path, name, link)
         wheels.append(WheelJoint(name, robot.joint_path(name), link, prim))
     return wheels
@@ -82,18 +81,18 @@ def _find_joint(stage: StageModel, root: str, name: str, link: str) -> Prim | No
     return None
 
 
-def unknown_joints(subject: StageSubject) -> UnresolvedAsset | None:
+def unknown_joints(subject: RobotSubject) -> UnresolvedAsset | None:
     """Return the missing asset of the robot, beside those of its links, that could hold joints."""
-    robot = subject.lab.scene.robot
+    robot = subject.robot
     return subject.stage.unknown_below(robot.path, beside=robot.link_paths)
 
 
-def has_no_joints(subject: StageSubject) -> bool:
+def has_no_joints(subject: RobotSubject) -> bool:
     """Whether the robot is there, and not one joint ties any of its links.
 
     A robot of one link has none.
     """
-    robot, stage = subject.lab.scene.robot, subject.stage
+    robot, stage = subject.robot, subject.stage
     if len(robot.links) <= 1 or stage.prim(robot.path) is None or unknown_joints(subject):
         return False
     return not any(
@@ -118,19 +117,19 @@ def base_side(joint: WheelJoint) -> int | None:
     return None if side is None else 1 - side
 
 
-def is_stated(joint: WheelJoint, subject: StageSubject, *names: str) -> bool:
+def is_stated(joint: WheelJoint, subject: RobotSubject, *names: str) -> bool:
     """Whether these properties are as the file says, and none may be in a missing asset."""
     prim = joint.prim
     return prim is not None and subject.stage.unknown_value(prim, *names) is None
 
 
-def wrong_ends(joint: WheelJoint, subject: StageSubject) -> Iterator[tuple[str, str]]:
+def wrong_ends(joint: WheelJoint, subject: RobotSubject) -> Iterator[tuple[str, str]]:
     """Yield the property of each body that the joint does not rightly connect, and what it is.
 
     One end is the wheel, the other a body of the robot that is no wheel. Ends that are right are
     left out; a link that is missing altogether is not the joint's fault.
     """
-    robot = subject.lab.scene.robot
+    robot = subject.robot
     wheels = [wheel.link for wheel in wheel_joints(subject)]
     plain = [path for path in robot.link_paths if path not in wheels]
     ends, side = ends_of(joint), wheel_side(joint)
@@ -144,9 +143,9 @@ def wrong_ends(joint: WheelJoint, subject: StageSubject) -> Iterator[tuple[str, 
         yield BODIES[1 - side], base
 
 
-def _is_body(path: str, subject: StageSubject) -> bool:
+def _is_body(path: str, subject: RobotSubject) -> bool:
     """Whether a prim moves with a body of the robot that the handout does not name."""
-    robot = subject.lab.scene.robot
+    robot = subject.robot
     is_link = any(is_at_or_below(path, link) for link in robot.link_paths)
     if is_link or not is_at_or_below(path, robot.path):
         return False
@@ -158,7 +157,7 @@ def _is_body(path: str, subject: StageSubject) -> bool:
     return False
 
 
-def turning_joints(subject: StageSubject) -> list[WheelJoint]:
+def turning_joints(subject: RobotSubject) -> list[WheelJoint]:
     """Return the wheel joints that can turn; the others are S07's."""
     return [
         joint
@@ -167,19 +166,18 @@ def turning_joints(subject: StageSubject) -> list[WheelJoint]:
     ]
 
 
-def tied_joints(subject: StageSubject) -> list[WheelJoint]:
+def tied_joints(subject: RobotSubject) -> list[WheelJoint]:
     """Return the wheel joints that connect what they should; the others are S08's."""
     return [joint for joint in turning_joints(subject) if not any(wrong_ends(joint, subject))]
 
 
-def second_commanders(
-    stage: StageModel, lab: Lab, roles: Mapping[str, Roles]
-) -> Iterator[tuple[Node, str]]:
+def second_commanders(subject: RobotSubject) -> Iterator[tuple[Node, str]]:
     """Yield each running node that commands the wheels beside the lab's own, with the latter.
 
     A node that tells them the same as the lab's own is left out: one with the same inputs, or in
     a copy of the graph.
     """
+    stage, lab, roles = subject.stage, subject.lab, subject.roles
     live = live_nodes(stage, lab.platform)
     own = {
         path: name
@@ -191,11 +189,12 @@ def second_commanders(
         if _drives(node) is None:
             continue
         is_stand_in = any(path in players.equivalents for players in roles.values())
-        if path in own or is_stand_in or not _commands_wheels(node, stage, lab, live):
+        if path in own or is_stand_in or not _commands_wheels(node, subject, live):
             continue
         graph = next(graph_model for graph_model in stage.graphs if node in graph_model.nodes)
         if not any(is_same_graph(lab.graphs[name], graph, live) for name in own.values()):
-            yield node, next(iter(own))
+            drivers = (path for path in own if _commands_wheels(live[path], subject, live))
+            yield node, next(drivers, next(iter(own)))
 
 
 def is_same_graph(spec: GraphSpec, graph: GraphModel, live: Nodes) -> bool:
@@ -222,7 +221,7 @@ def _drives(node: Node) -> DrivePorts | None:
     return None if node.type is None else node.type.drives
 
 
-def _commands_wheels(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> bool:
+def _commands_wheels(node: Node, subject: RobotSubject, live: Nodes) -> bool:
     """Whether a node that runs tells a wheel of the robot anything."""
     ports = _drives(node)
     if ports is None:
@@ -232,10 +231,10 @@ def _commands_wheels(node: Node, stage: StageModel, lab: Lab, live: Nodes) -> bo
     if not any(value is None or value != () for value in commands):
         return False
     names = joint_names(node, ports.joints, live)
-    wheels = set(lab.scene.robot.wheels.joints)
+    wheels = set(subject.robot.wheels.joints)
     if names and not wheels & set(names):
         return False
-    return _aims_at_robot(node, ports, stage, lab, live)
+    return _aims_at_robot(node, ports, subject, live)
 
 
 def is_doubtful(node: Node, live: Nodes) -> bool:
@@ -244,13 +243,13 @@ def is_doubtful(node: Node, live: Nodes) -> bool:
     return ports is not None and effective_value(node, ports.path, live) is None
 
 
-def _aims_at_robot(node: Node, ports: DrivePorts, stage: StageModel, lab: Lab, live: Nodes) -> bool:
+def _aims_at_robot(node: Node, ports: DrivePorts, subject: RobotSubject, live: Nodes) -> bool:
     """Whether the prim that a node looks below holds the robot's articulation."""
     written = effective_value(node, ports.path, live)
     if written is None:
         return True  # see `is_doubtful`
     aim = str(written) or next(iter(node.targets(ports.target)), "")
-    robot = lab.scene.robot.path
+    stage, robot = subject.stage, subject.robot.path
     if stage.unknown_below(robot):
         return bool(aim) and (is_at_or_below(aim, robot) or is_at_or_below(robot, aim))
     roots = [

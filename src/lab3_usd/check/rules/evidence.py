@@ -237,7 +237,7 @@ def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
         if not shown.fact:
             return [Problem(shown.file, "the TF tree is empty")]
         heard = tree(SentTransform(*edge) for edge in shown.fact)
-        found = list(_missing(required, heard, subject.frames.deeper_under, shown.file))
+        found = list(_missing(required, heard, subject.frames.deeper, shown.file))
         return [_before_localization(subject, problem) for problem in found]
 
     yield from judge_best(subject.evidence.view_frames.get("", ()), judge)
@@ -254,14 +254,14 @@ def _before_localization(subject: EvidenceSubject, problem: Problem) -> Problem:
 
 
 def _missing(
-    required: list[Edge], heard: Tree[SentTransform], deeper_under: str, file: str
+    required: list[Edge], heard: Tree[SentTransform], deeper: tuple[str, ...], file: str
 ) -> Iterator[Problem]:
     for parent, child in required:
         above = heard.parents_of(child)
         edge = f"{parent} -> {child}"
         if not above:
             yield Problem(file, f"the TF tree lacks {edge}", edge)
-        elif parent not in above and not (parent == deeper_under and parent in heard.above(child)):
+        elif parent not in above and not (parent in deeper and parent in heard.above(child)):
             message = f"{child} hangs below {above[0]}, expected {edge}"
             yield Problem(file, message, edge, parent, above[0])
 

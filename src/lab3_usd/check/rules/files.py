@@ -125,7 +125,8 @@ def unused_ignore(unused: tuple[IgnoreNote, str]) -> Iterator[Problem]:
 def _lab_parts(subject: StageSubject, prims: Iterable[str]) -> tuple[str, ...]:
     """Return the parts of the lab that these prims belong to: graphs, sensors, the robot."""
     scene, graphs = subject.lab.scene, subject.lab.graphs
-    parts = [scene.robot.path, *(sensor.path for sensor in scene.sensors.values())]
+    robots = (robot.path for robot in scene.robots)
+    parts = [*robots, *(sensor.path for sensor in scene.sensors.values())]
     parts += [graphs[name].path for name in subject.checkpoint.graphs]
     parts += [roles.graph.path for roles in subject.roles.values() if roles.graph is not None]
     owners = (max((p for p in parts if is_at_or_below(prim, p)), default="") for prim in prims)

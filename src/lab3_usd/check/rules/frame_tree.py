@@ -17,15 +17,17 @@ from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.isaac.node_types import NodeType, TfPorts
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import AbsentPrim, Node, PortState
+from lab3_usd.spec.lab import FrameSpec
 
 _DELETED = "deactivated"
 
 
 class _Placement(Struct, frozen=True):
-    """A node that places `odom`: below which frame, and why nothing receives it, if so."""
+    """A node that places a guarded frame: below which one, and why nothing receives it, if so."""
 
     node: str
     parent: str | None
+    child: str
     port: str | None
     unheard: str = ""
 
@@ -45,9 +47,10 @@ def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
     Example: `/Graph/ROS_Odometry/TFWorld2Odom` publishes `world -> {root}`.
     """
     subject = view.subject
-    placements = list(_placements(view)) if view.odom else []
+    frames = subject.lab.frames
+    placements = list(_placements(view))
     for placement in placements:
-        if placement.parent != subject.lab.frames.above:
+        if not _competes(placement, frames):
             yield _placed(placement, view)
     known = {placement.node for placement in placements}
     for path in view.live_nodes:
@@ -55,7 +58,7 @@ def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
             yield Problem(
                 path,
                 "a node of this name publishes what the lab must not have",
-                handout=subject.lab.frames.guard_handout,
+                handout=_handout_of_names(frames),
                 fix=edits_of_harm(subject, path),
             )
     yield from _put_away(subject)
@@ -64,26 +67,30 @@ def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
 def _placements(view: TfView) -> Iterator[_Placement]:
     seen = set()
     for edge in view.edges:
-        if edge.child == view.odom and edge.cause not in seen:
+        if view.is_guarded(edge) and edge.cause not in seen:
             seen.add(edge.cause)
             port = _wrong_port(edge.parent, tf_ports(view.live_nodes[edge.cause]), view)
-            yield _Placement(edge.cause, edge.parent, port)
+            yield _Placement(edge.cause, edge.parent, edge.child, port)
     for path, node in view.live_nodes.items():
         names = tf_ports(node).names
         is_away = path not in view.role_specs and not view.is_heard(
             domain_of(node, view.live_nodes)
         )
-        if (
-            names
-            and not is_away
-            and path not in seen
-            and effective_value(node, names[1], view.live_nodes) == view.odom
-        ):
-            parent = effective_value(node, names[0], view.live_nodes)
+        if names and not is_away and path not in seen:
+            parent, child = (effective_value(node, name, view.live_nodes) for name in names)
+            if not isinstance(child, str) or child not in view.subject.lab.frames.guarded:
+                continue
             parent = parent if isinstance(parent, str) else None
             runs = path in running_nodes(view.subject.stage, view.subject.lab.platform)
             unheard = ", though not on a topic of tf2" if runs else ", though nothing triggers it"
-            yield _Placement(path, parent, _wrong_port(parent, tf_ports(node), view), unheard)
+            port = _wrong_port(parent, tf_ports(node), view)
+            yield _Placement(path, parent, child, port, unheard)
+
+
+def _competes(placement: _Placement, frames: FrameSpec) -> bool:
+    """Whether a node publishes what localization does, of which another rule speaks."""
+    edge = None if frames.localization is None else frames.localization.edge
+    return (placement.parent, placement.child) == edge
 
 
 def _wrong_port(parent: str | None, ports: TfPorts, view: TfView) -> str | None:
@@ -101,7 +108,8 @@ def _asked(placement: _Placement, view: TfView) -> tuple[str, str | None]:
     """
     if placement.node not in view.role_specs:
         return "no such publisher", None
-    up, down = next(edge for edge in view.subject.lab.frames.edges if edge[0] == view.odom)
+    asked = view.subject.lab.frames.edges
+    up, down = next((edge for edge in asked if placement.child in edge), ("", placement.child))
     hint = f"set Parent Frame ID to `{up}` and Child Frame ID to `{down}`; keep the node"
     has_names = bool(tf_ports(view.live_nodes[placement.node]).names)
     return f"{up} -> {down}", hint if has_names else None
@@ -111,25 +119,33 @@ def _placed(placement: _Placement, view: TfView) -> Problem:
     frames = view.subject.lab.frames
     parent = "an unknown frame" if placement.parent is None else placement.parent
     expected, hint = _asked(placement, view)
-    may = f"only {frames.localization.by} may" if frames.localization else "nothing may"
+    localization = frames.localization
+    is_localized = localization is not None and placement.child == localization.edge[1]
+    may = f"only {localization.by} may" if localization and is_localized else "nothing may"
+    what = f"place '{placement.child}'" if placement.child in frames.guarded else "publish it"
+    may += f" {what}"
     return Problem(
         placement.node,
-        f"publishes {parent} -> {view.odom}{placement.unheard}; {may} place '{view.odom}'",
+        f"publishes {parent} -> {placement.child}{placement.unheard}; {may}",
         property=placement.port,
         expected=expected,
-        actual=f"{parent} -> {view.odom}",
-        handout=frames.guard_handout,
+        actual=f"{parent} -> {placement.child}",
+        handout=frames.guarded.get(placement.child) or _handout_of_names(frames),
         hint=hint,
         fix=edits_of_harm(view.subject, placement.node, placement.port),
-        frames=(view.odom,),
+        frames=(placement.child,),
     )
 
 
 def _is_forbidden_name(path: str, subject: StageSubject) -> bool:
     """Whether the prim has a forbidden name, a copy's number left aside."""
-    forbidden = subject.lab.frames.forbidden
     name = re.sub(r"_\d+$", "", path.rpartition("/")[2])
-    return forbidden is not None and name in forbidden.nodes
+    return any(name in entry.nodes for entry in subject.lab.frames.forbidden_transforms)
+
+
+def _handout_of_names(frames: FrameSpec) -> str:
+    """Return the section that forbids a transform, that of the tree where none does."""
+    return next((entry.handout for entry in frames.forbidden_transforms), frames.handout)
 
 
 def _put_away(subject: StageSubject) -> Iterator[Problem]:
@@ -153,14 +169,14 @@ def _places_odom(kind: NodeType | None, given: AbsentPrim | Node, subject: Stage
     port = kind.tf.names[1]
     ports: Mapping[str, PortState] = given.ports
     value = ports[port].value if port in ports else kind.ports[port].default
-    return value == subject.lab.frames.unplaced != ""
+    return value in subject.lab.frames.guarded
 
 
 def _note(path: str, subject: StageSubject) -> Problem:
     return Problem(
         path,
         "is deactivated and publishes nothing; it can be deleted",
-        handout=subject.lab.frames.guard_handout,
+        handout=_handout_of_names(subject.lab.frames),
         severity="note",
     )
 
@@ -184,7 +200,7 @@ def competes_with_localization(view: TfView) -> Iterator[Problem]:
         return
     (parent, child), by = localization.edge, localization.by
     for placement in _placements(view):
-        if placement.parent == parent:
+        if _competes(placement, subject.lab.frames):
             expected, hint = _asked(placement, view)
             yield Problem(
                 placement.node,

@@ -96,10 +96,12 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
 
 
 def _why_not_all(maker: FrameSource, missing: list[str], view: TfView) -> str:
-    """Say why the robot, which is one of the targets, does not give all of its links."""
-    robot = view.subject.lab.scene.robot.path
-    prim = view.subject.stage.prim(robot)
-    if prim is None or robot not in maker.node.targets(maker.port):
+    """Say why a robot, which is one of the targets, does not give all of its links."""
+    targets = maker.node.targets(maker.port)
+    known = (robot.path for robot in view.subject.lab.scene.robots if robot.path in targets)
+    robot = next(known, "")
+    prim = view.subject.stage.prim(robot) if robot else None
+    if prim is None:
         return ""
     homes = [maker.prims[frame] for frame in missing]
     if not expands(robot, maker.node, view.subject.stage):
@@ -136,7 +138,7 @@ def wrong_parent_frame(view: TfView) -> Iterator[Problem]:
 def _is_right(edge: Edge, parent: str, view: TfView) -> bool:
     if edge.parent == parent:
         return True
-    return parent == view.subject.lab.frames.deeper_under and _hangs_below(edge, parent, view)
+    return parent in view.subject.lab.frames.deeper and _hangs_below(edge, parent, view)
 
 
 def _hangs_below(edge: Edge, top: str, view: TfView) -> bool:

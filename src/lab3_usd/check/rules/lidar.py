@@ -134,7 +134,7 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
 def _scan(spec: SensorSpec, group: str) -> Iterator[Demand]:
     if spec.scan or spec.required_api:
         title = f"{group} has the lidar's schema and gives a scan"
-        yield Demand(f"{group}/schema", title, spec.path, spec.handout, group)
+        yield Demand(f"{group}/schema", title, spec.path, spec.handout)
 
 
 @rule("L06", "lidar-schema", scope="stage", demands=sensor_demands(LIDAR, _scan))
@@ -169,7 +169,7 @@ def _no_second(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
         spec, group = lab.sensors[name], sensor_group(lab, name)
         if spec.kind == LIDAR:
             handout = lab.scene.forbidden.lidar.handout or spec.handout
-            yield Demand(f"{group}/only", "no second lidar", spec.path, handout, group)
+            yield Demand(f"{group}/only", "no second lidar", spec.path, handout)
 
 
 @rule("L07", "second-lidar", scope="stage", demands=_no_second)
@@ -252,7 +252,8 @@ def no_scan(subject: StageSubject) -> Iterator[Problem]:
         for fault in _silencing_values(lidar.prim, scan, lidar.spec.required):
             yield _problem(lidar, scan, fault)
         for fault in _blind_ranges(lidar.prim, scan, subject):
-            asset = subject.stage.unknown_outside(subject.lab.scene.robot.path)
+            robot = subject.lab.scene.robot_of(lidar.prim.path) or subject.lab.scene.robot
+            asset = subject.stage.unknown_outside(robot.path)
             yield replace(_problem(lidar, scan, fault), rests_on=asset)
 
 
@@ -266,7 +267,10 @@ def _blind_ranges(prim: Prim, scan: ScanSpec, subject: StageSubject) -> Iterator
         return
     near, far = (_number(prim, name) for name in scan.ranges)
     is_range = near is None or far is None or 0 <= near < far  # else it is reported as no range
-    found = blind_range(subject, at, near, far) if at is not None and is_range else None
+    robot = subject.lab.scene.robot_of(prim.path)
+    beside = "" if robot is None else robot.path
+    is_known = at is not None and is_range
+    found = blind_range(subject.stage, beside, at, (near, far)) if at and is_known else None
     if found is None:
         return
     nearest, farthest = found

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.axles import rest_frames, welds
 from lab3_usd.check.robot.ground import UP
 from lab3_usd.check.robot.wheels import has_no_joints, unknown_joints, wheel_joints
-from lab3_usd.check.rules.world import AT_REST
+from lab3_usd.check.rules.world import at_rest
 from lab3_usd.model.changes import (
     ApplySchema,
     ClearValue,
@@ -35,21 +35,25 @@ from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import UnresolvedAsset
 from lab3_usd.model.transforms import angle_between, decompose
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.scene import LinkSpec
-
-_ARTICULATED = "Scene/articulation"
+from lab3_usd.spec.scene import LinkSpec, RobotSpec
 
 
 def _articulation(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     del checkpoint
-    spec = lab.scene.robot.articulation
-    if spec.target:
-        title = "one articulation root"
-        yield Demand(_ARTICULATED, title, spec.target, spec.handout, part="assembly")
+    for robot in lab.scene.robots:
+        spec = robot.articulation
+        if spec.target:
+            title = "one articulation root"
+            yield Demand(_articulated(robot), title, spec.target, spec.handout, part="assembly")
 
 
-@rule("S11", "articulation", scope="stage", demands=_articulation)
-def articulation(subject: StageSubject) -> Iterator[Problem]:
+def _articulated(robot: RobotSpec) -> str:
+    """Return the id of the requirement that a robot is an articulation."""
+    return f"{robot.group}/articulation"
+
+
+@rule("S11", "articulation", scope="robot", demands=_articulation)
+def articulation(subject: RobotSubject) -> Iterator[Problem]:
     """The articulation root is missing, doubled or misplaced.
 
     Why: the Articulation Controller looks for the articulation at its target prim and below.
@@ -61,11 +65,11 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `PhysicsArticulationRootAPI` removed from `{robot}/{base}`.
     """
-    spec = subject.lab.scene.robot.articulation
+    spec = subject.robot.articulation
     target = spec.target
     if not target:  # the lab's robot has none
         return
-    root = subject.stage.prim(subject.lab.scene.robot.path)
+    root = subject.stage.prim(subject.robot.path)
     base = subject.stage.prim(target)
     if root is None or base is None:
         return
@@ -86,7 +90,7 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
                 handout=spec.handout,
                 related=(target,) if prim.path != target else (),
                 fix=(RemoveSchema(prim.path, spec.api), ApplySchema(target, spec.api)),
-                unmet=(_ARTICULATED,),
+                unmet=(_articulated(subject.robot),),
             )
             if not right:
                 return
@@ -99,7 +103,7 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
             expected=ARTICULATION_API,
             handout=spec.handout,
             fix=(ApplySchema(target, spec.api), ClearValue(target, spec.switch)),
-            unmet=(_ARTICULATED,),
+            unmet=(_articulated(subject.robot),),
             rests_on=subject.stage.unknown(target),
         )
 
@@ -107,16 +111,21 @@ def articulation(subject: StageSubject) -> Iterator[Problem]:
 def joined_links(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     """Yield that joints tie each link to the robot; those of the wheels are asked for apart."""
     del checkpoint
-    robot = lab.scene.robot
-    for name, link in robot.links.items():
-        is_base = name == robot.base_frame
-        if name not in robot.wheels.joints.values() and (link.held or not is_base):
-            title = f"joints tie {name} to the {'world' if is_base else 'robot'}"
-            yield Demand(f"Scene/joined/{name}", title, f"{robot.path}/{name}", link.handout)
+    for robot in lab.scene.robots:
+        for name, link in robot.links.items():
+            is_base = name == robot.base_frame
+            if name not in robot.wheels.joints.values() and (link.held or not is_base):
+                title = f"joints tie {name} to the {'world' if is_base else 'robot'}"
+                yield Demand(joined(robot, name), title, robot.path_of(name), link.handout)
 
 
-@rule("S12", "loose-link", scope="stage", demands=joined_links)
-def loose_link(subject: StageSubject) -> Iterator[Problem]:
+def joined(robot: RobotSpec, link: str) -> str:
+    """Return the id of the requirement that joints tie a link."""
+    return f"{robot.group}/joined/{link}"
+
+
+@rule("S12", "loose-link", scope="robot", demands=joined_links)
+def loose_link(subject: RobotSubject) -> Iterator[Problem]:
     """A link is tied to no other link, or can move; or nothing holds a robot that is to stand.
 
     Why: the robot separates at Play: the link stays behind or falls. {wheels?}Other rules check the
@@ -130,7 +139,7 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the joint of `{robot}/{link}` deleted: `{link}` falls down.
     """
-    robot = subject.lab.scene.robot
+    robot = subject.robot
     wheels = robot.wheels.joints.values()
     links = list(robot.link_paths)
     present = [path for path in links if subject.stage.prim(path) is not None]
@@ -149,7 +158,7 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
         yield _not_bolted(subject, base, robot.links[robot.base_frame].handout)
     judged = [groups[base], *(groups[_link_of(body, links)] for body in held)]
     for name, link in robot.links.items():
-        path = f"{robot.path}/{name}"
+        path = robot.path_of(name)
         if path in present and name not in wheels and groups[path] not in judged:
             judged.append(groups[path])
             message, hint = f"no joint ties {name} to {robot.base_frame}", None
@@ -165,7 +174,7 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
                 related=off,
                 hint=hint,
                 fix=tuple(Restore(joint, JOINT_ENABLED) for joint in off) or (Restore(path),),
-                unmet=(f"Scene/joined/{name}",),
+                unmet=(joined(robot, name),),
                 covers=tuple((joint, JOINT_ENABLED) for joint in off),
             )
         elif path in present and _is_held(link) and groups[path] == groups[base]:
@@ -173,11 +182,11 @@ def loose_link(subject: StageSubject) -> Iterator[Problem]:
             yield from _tilted(subject, path, link.handout)
 
 
-def _not_bolted(subject: StageSubject, base: str, handout: str) -> Problem:
+def _not_bolted(subject: RobotSubject, base: str, handout: str) -> Problem:
     """Return that no joint fixes the base to the world."""
     off = _switched_off(subject, base)
     off = tuple(joint for joint in off if not all(bodies(subject.stage.prims[joint])))
-    name = base.rpartition("/")[2]
+    name = subject.robot.base_frame
     message, hint = f"no joint fixes {name} to the world: the robot falls over at Play", None
     if off:
         message += f"; {off[0]} is switched off"
@@ -190,15 +199,15 @@ def _not_bolted(subject: StageSubject, base: str, handout: str) -> Problem:
         related=off,
         hint=hint,
         fix=tuple(Restore(joint, JOINT_ENABLED) for joint in off),
-        unmet=(f"Scene/joined/{name}",),
+        unmet=(joined(subject.robot, name),),
         covers=tuple((joint, JOINT_ENABLED) for joint in off),
         rests_on=unknown_joints(subject),
     )
 
 
-def _is_to_stand(subject: StageSubject) -> bool:
+def _is_to_stand(subject: RobotSubject) -> bool:
     """Whether the base is to be fixed to the world."""
-    robot = subject.lab.scene.robot
+    robot = subject.robot
     base = robot.links.get(robot.base_frame)
     return base is not None and base.held
 
@@ -210,7 +219,7 @@ def _is_held(link: LinkSpec) -> bool:
     return link.held or link.offset is not None
 
 
-def _tilted(subject: StageSubject, link: str, handout: str) -> Iterator[Problem]:
+def _tilted(subject: RobotSubject, link: str, handout: str) -> Iterator[Problem]:
     """Say that a link is held tilted, by the joint that tilts it."""
     tolerance = subject.lab.scene.tolerance.axle_angle
     rest = rest_frames(subject)
@@ -231,7 +240,7 @@ def _tilted(subject: StageSubject, link: str, handout: str) -> Iterator[Problem]
                 handout,
                 related=(link,),
                 fix=(Restore(joint.path, name),),
-                unmet=(f"Scene/joined/{link.rpartition('/')[2]}",),
+                unmet=(joined(subject.robot, subject.robot.link_at(link)),),
             )
             return
 
@@ -242,7 +251,7 @@ def _may_hold(joint: Prim) -> bool:
     return joint.type == FIXED or len(limited) == len(_SIX_AXES)
 
 
-def _movable(subject: StageSubject, link: str, handout: str) -> Iterator[Problem]:
+def _movable(subject: RobotSubject, link: str, handout: str) -> Iterator[Problem]:
     """Say that a link that must be held hangs on a joint that moves, on what is held itself."""
     rest = rest_frames(subject)
     for joint in joints(subject.stage) if link not in rest else ():
@@ -256,13 +265,13 @@ def _movable(subject: StageSubject, link: str, handout: str) -> Iterator[Problem
                 handout=handout,
                 related=(link,),
                 fix=(Restore(joint.path),),
-                unmet=(f"Scene/joined/{link.rpartition('/')[2]}",),
+                unmet=(joined(subject.robot, subject.robot.link_at(link)),),
                 rests_on=subject.stage.unknown(joint.path),
             )
 
 
-@rule("S21", "held-by-the-world", scope="stage", needs="wheels")
-def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
+@rule("S21", "held-by-the-world", scope="robot", needs="wheels")
+def held_by_the_world(subject: RobotSubject) -> Iterator[Problem]:
     """A joint ties the robot to the world.
 
     Why: the joint holds the robot in place: the wheels turn and odometry stays at zero. An empty
@@ -274,9 +283,9 @@ def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
     Example: `{robot}/root_joint`, a fixed joint with `physics:body1` `{base}` and no
     `physics:body0`.
     """
-    robot = subject.lab.scene.robot.path
-    section = subject.lab.handout.behind("S21", subject.lab.scene.robot.handout)
-    if not subject.lab.scene.robot.wheels.joints or _is_to_stand(subject):  # as an arm may be
+    robot = subject.robot.path
+    section = subject.lab.handout.behind("S21", subject.robot.handout)
+    if not subject.robot.wheels.joints or _is_to_stand(subject):  # as an arm may be
         return
     for joint, side, asset in _holds(subject):
         ends = bodies(joint)
@@ -290,12 +299,12 @@ def held_by_the_world(subject: StageSubject) -> Iterator[Problem]:
             section,
             (robot,),
             fix=(RemovePrim(joint.path),),
-            unmet=(AT_REST,),
+            unmet=(at_rest(subject.robot),),
             rests_on=asset,
         )
 
 
-def _holds(subject: StageSubject) -> Iterator[tuple[Prim, int, UnresolvedAsset | None]]:
+def _holds(subject: RobotSubject) -> Iterator[tuple[Prim, int, UnresolvedAsset | None]]:
     """Yield each joint with one body on the robot and one off it, and which one is on it.
 
     The third is the missing asset that could name the other body, where the joint names none.
@@ -314,25 +323,25 @@ def _holds(subject: StageSubject) -> Iterator[tuple[Prim, int, UnresolvedAsset |
             yield joint, on_robot.index(True), asset
 
 
-def _is_on_robot(body: str, subject: StageSubject) -> bool:
+def _is_on_robot(body: str, subject: RobotSubject) -> bool:
     """Whether a joint's target is below the robot's root, or is the root and moves itself.
 
     A root that is no body stands for the world, as whatever has no body above it does.
     """
-    path = subject.lab.scene.robot.path
+    path = subject.robot.path
     root = subject.stage.prim(path)
     moves = root is not None and is_body(root)
     return is_at_or_below(body, path) and (body != path or moves)
 
 
-def _switched_off(subject: StageSubject, link: str) -> tuple[str, ...]:
+def _switched_off(subject: RobotSubject, link: str) -> tuple[str, ...]:
     """Return the joints of the scene that would tie a link and are switched off."""
     every_joint = subject.stage.of_type(is_joint_type)
     off = (prim for prim in every_joint if prim.present and is_switched_off(prim, JOINT_ENABLED))
     return tuple(prim.path for prim in off if any(is_at_or_below(b, link) for b in bodies(prim)))
 
 
-def _let_go(subject: StageSubject, links: list[str]) -> list[str]:
+def _let_go(subject: RobotSubject, links: list[str]) -> list[str]:
     """Return the links that joints of the file name which are switched off or deactivated."""
     return [
         _link_of(body, links)
@@ -342,7 +351,7 @@ def _let_go(subject: StageSubject, links: list[str]) -> list[str]:
     ]
 
 
-def _groups(subject: StageSubject, links: list[str]) -> dict[str, str]:
+def _groups(subject: RobotSubject, links: list[str]) -> dict[str, str]:
     """Map each link and body to one name for all that joints tie together."""
     group = {link: link for link in links}
     for joint in joints(subject.stage):
@@ -356,4 +365,4 @@ def _groups(subject: StageSubject, links: list[str]) -> dict[str, str]:
 
 def _link_of(body: str, links: list[str]) -> str:
     """Return the link that a joint's target moves with."""
-    return next((link for link in links if is_at_or_below(body, link)), body)
+    return max((link for link in links if is_at_or_below(body, link)), key=len, default=body)

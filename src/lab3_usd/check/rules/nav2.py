@@ -162,7 +162,7 @@ def wrong_base_frame(subject: NavigationSubject) -> Iterator[Problem]:
             if parameter.value in robot:
                 continue
             message = f"{parameter.name} is {shortened(parameter.value)}, no frame of the robot"
-            expected = subject.frames.deeper_under
+            expected = next(iter(subject.frames.deeper), "")
             yield parameter_problem(subject, parameter, message, expected=expected)
 
 

@@ -10,7 +10,7 @@ from itertools import chain, count
 
 from lab3_usd.check.hints import note_if_harmless, shown_graph
 from lab3_usd.check.match.diagnosis import absent_nodes, in_another_graph, missing_roles
-from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
+from lab3_usd.check.match.rule_inputs import GraphSubject, RobotSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, VERSION, edits_at
 from lab3_usd.check.robot.wheels import is_doubtful, second_commanders
@@ -307,8 +307,8 @@ def script_node(subject: StageSubject) -> Iterator[Problem]:
         )
 
 
-@rule("N12", "wheels-commanded-twice", scope="stage", needs="wheels")
-def wheels_commanded_twice(subject: StageSubject) -> Iterator[Problem]:
+@rule("N12", "wheels-commanded-twice", scope="robot", needs="wheels")
+def wheels_commanded_twice(subject: RobotSubject) -> Iterator[Problem]:
     """A second node commands the wheels.
 
     Why: both controllers write the wheel velocities in every frame, and the last one wins. The
@@ -319,9 +319,9 @@ def wheels_commanded_twice(subject: StageSubject) -> Iterator[Problem]:
     Example: `/Graph/differential_controller/ArticulationController`, created by Tools > Robotics >
     OmniGraph Controllers > Differential Controller.
     """
-    stage, lab, robot = subject.stage, subject.lab, subject.lab.scene.robot
+    stage, lab, robot = subject.stage, subject.lab, subject.robot
     live = live_nodes(stage, lab.platform)
-    for node, own in second_commanders(stage, lab, subject.roles):
+    for node, own in second_commanders(subject):
         doubtful = (
             "warning"
             if is_doubtful(node, live)

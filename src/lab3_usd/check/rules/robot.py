@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.axles import disc_of
 from lab3_usd.check.robot.poses import (
@@ -17,7 +17,7 @@ from lab3_usd.check.robot.poses import (
     vector_text,
 )
 from lab3_usd.check.robot.wheels import unknown_joints
-from lab3_usd.check.rules.world import AT_REST, SHAPE
+from lab3_usd.check.rules.world import SHAPE, at_rest
 from lab3_usd.model.changes import (
     Activate,
     ApplySchema,
@@ -48,32 +48,38 @@ from lab3_usd.spec.scene import LinkSpec
 def link_bodies(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     """Yield what is asked of each link by itself."""
     del checkpoint
-    robot = lab.scene.robot
-    for name, link in robot.links.items():
-        path = f"{robot.path}/{name}"
-        yield Demand(f"Scene/body/{name}", f"{name} is a rigid body", path, robot.handout)
-        if link.mass is not None:
-            title = f"{name} weighs {link.mass:g} kg"
-            yield Demand(f"Scene/mass/{name}", title, path, link.handout)
-        if link.collision:
-            title = f"{name} has collision geometry"
-            yield Demand(f"Scene/collision/{name}", title, path, link.handout)
+    for robot in lab.scene.robots:
+        group = robot.group
+        for name, link in robot.links.items():
+            path = robot.path_of(name)
+            yield Demand(f"{group}/body/{name}", f"{name} is a rigid body", path, robot.handout)
+            if link.mass is not None:
+                title = f"{name} weighs {link.mass:g} kg"
+                yield Demand(f"{group}/mass/{name}", title, path, link.handout)
+            if link.collision:
+                title = f"{name} has collision geometry"
+                yield Demand(f"{group}/collision/{name}", title, path, link.handout)
 
 
-def _links(subject: StageSubject) -> Iterator[tuple[Prim, LinkSpec]]:
+def _asked(subject: RobotSubject, what: str, link: Prim) -> str:
+    """Return the id of what is asked of a link."""
+    return f"{subject.robot.group}/{what}/{subject.robot.link_at(link.path)}"
+
+
+def _links(subject: RobotSubject) -> Iterator[tuple[Prim, LinkSpec]]:
     """Yield the links that are in the scene; those that are not are S01's.
 
     An over of a link whose asset is missing counts: what it says itself holds.
     """
-    robot, stage = subject.lab.scene.robot, subject.stage
+    robot, stage = subject.robot, subject.stage
     for name, spec in robot.links.items():
-        prim = stage.prims.get(f"{robot.path}/{name}")
+        prim = stage.prims.get(robot.path_of(name))
         if prim is not None and prim.active and (prim.defined or stage.unknown(prim.path)):
             yield prim, spec
 
 
-@rule("S04", "link-mass", scope="stage", demands=link_bodies)
-def link_mass(subject: StageSubject) -> Iterator[Problem]:
+@rule("S04", "link-mass", scope="robot", demands=link_bodies)
+def link_mass(subject: RobotSubject) -> Iterator[Problem]:
     """A link has another mass.
 
     Why: the joints are tuned for these masses. {wheels?}A heavier base may slip or
@@ -109,13 +115,13 @@ def link_mass(subject: StageSubject) -> Iterator[Problem]:
             actual_text,
             spec.handout,
             fix=(fix,),
-            unmet=(f"Scene/mass/{prim.name}",),
+            unmet=(_asked(subject, "mass", prim),),
             rests_on=asset if actual is None else None,
         )
 
 
-@rule("S05", "rigid-body", scope="stage", demands=link_bodies)
-def rigid_body(subject: StageSubject) -> Iterator[Problem]:
+@rule("S05", "rigid-body", scope="robot", demands=link_bodies)
+def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
     """A link is no movable rigid body, or the root is one.
 
     Why: a prim that is not a rigid body has no mass and no joints. {wheels?}The wheel does not
@@ -129,9 +135,9 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `PhysicsRigidBodyAPI` removed from `{robot}/{link}`.
     """
-    handout = subject.lab.scene.robot.handout
+    handout = subject.robot.handout
     for prim, _ in _links(subject):
-        path, name, unmet = prim.path, BODY_ENABLED, (f"Scene/body/{prim.name}",)
+        path, name, unmet = prim.path, BODY_ENABLED, (_asked(subject, "body", prim),)
         fix = Restore(path, name)
         if BODY_API in prim.apis and prim.placeless:
             yield Problem(
@@ -162,7 +168,7 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
             yield Problem(
                 path, message, KINEMATIC, "False", "True", handout, fix=(fix,), unmet=unmet
             )
-    root = subject.stage.prim(subject.lab.scene.robot.path)
+    root = subject.stage.prim(subject.robot.path)
     if root is not None and _falls_alone(root, subject):
         yield Problem(
             root.path,
@@ -172,16 +178,16 @@ def rigid_body(subject: StageSubject) -> Iterator[Problem]:
             BODY_API,
             handout,
             fix=(RemoveSchema(root.path, BODY_API),),
-            unmet=(AT_REST,),
+            unmet=(at_rest(subject.robot),),
         )
 
 
-def _falls_alone(root: Prim, subject: StageSubject) -> bool:
+def _falls_alone(root: Prim, subject: RobotSubject) -> bool:
     """Whether the robot's root is a body that moves apart from the links below it."""
     is_body = BODY_API in root.apis and not is_switched_off(root, BODY_ENABLED)
     if not is_body or root.attributes.get(KINEMATIC) is True:
         return False
-    if root.path in subject.lab.scene.robot.link_paths or unknown_joints(subject):
+    if root.path in subject.robot.link_paths or unknown_joints(subject):
         return False
     return not any(root.path in bodies(joint) for joint in joints(subject.stage))
 
@@ -189,8 +195,8 @@ def _falls_alone(root: Prim, subject: StageSubject) -> bool:
 _GROUPS = ("Xform", "Scope")
 
 
-@rule("S06", "wheel-collision", scope="stage", demands=link_bodies, needs="wheels")
-def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
+@rule("S06", "wheel-collision", scope="robot", demands=link_bodies, needs="wheels")
+def wheel_collision(subject: RobotSubject) -> Iterator[Problem]:
     """A wheel has no enabled collision geometry, or one of another size than the other wheel.
 
     Why: nothing supports the robot on that side. It drops to its base plate and turns in circles.
@@ -235,7 +241,7 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
             spec.handout,
             related=(prim.path,) if site != prim.path else (),
             fix=(fix,),
-            unmet=(f"Scene/collision/{prim.name}",),
+            unmet=(_asked(subject, "collision", prim),),
             rests_on=None if off else asset,
         )
         is_whole = False
@@ -246,7 +252,7 @@ def wheel_collision(subject: StageSubject) -> Iterator[Problem]:
 _SAME_SIZE = 0.02  # by how much the radii of two wheels may differ
 
 
-def _wheels_of_two_sizes(subject: StageSubject) -> Iterator[Problem]:
+def _wheels_of_two_sizes(subject: RobotSubject) -> Iterator[Problem]:
     """Say that a wheel is smaller than another; of a scaled one another rule speaks."""
     wheels = [(prim, spec) for prim, spec in _links(subject) if spec.collision]
     if any(is_scaled(prim, subject.lab.scene.tolerance.scale) for prim, _ in wheels):
@@ -267,14 +273,14 @@ def _wheels_of_two_sizes(subject: StageSubject) -> Iterator[Problem]:
                 f"{largest:.4g}",
                 f"{radius:.4g}",
                 spec.handout,
-                unmet=(f"Scene/collision/{prim.name}",),
+                unmet=(_asked(subject, "collision", prim),),
                 assumes=tuple((f"{link.path}/", name) for link in (prim, other) for name in SHAPE),
                 rests_on=subject.stage.unknown_below(prim.path),
             )
 
 
-@rule("S24", "link-scale", scope="stage", demands=link_bodies)
-def link_scale(subject: StageSubject) -> Iterator[Problem]:
+@rule("S24", "link-scale", scope="robot", demands=link_bodies)
+def link_scale(subject: RobotSubject) -> Iterator[Problem]:
     """A link is scaled.
 
     Why: the scale of a body scales its shapes and the positions of its joints. {wheels?}A wheel of
@@ -286,13 +292,13 @@ def link_scale(subject: StageSubject) -> Iterator[Problem]:
     Example: `xformOp:scale` (1, 1, 1.5) on `{robot}/{link}`.
     """
     tolerance = subject.lab.scene.tolerance.scale
-    handout = subject.lab.scene.robot.handout
+    handout = subject.robot.handout
     for prim, _ in _links(subject):
         if is_scaled(prim, tolerance):
             actual, expected = vector_text(scale_on_parent(prim)), vector_text(UNSCALED)
             message = f"{prim.name}'s scale is {actual}, expected {expected}"
             scale = pose_property(prim, "scale")
-            fix, unmet = (Restore(prim.path, scale),), (f"Scene/body/{prim.name}",)
+            fix, unmet = (Restore(prim.path, scale),), (_asked(subject, "body", prim),)
             yield Problem(
                 prim.path, message, scale, expected, actual, handout, fix=fix, unmet=unmet
             )

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from lab3_usd.check.match.rule_inputs import StageSubject
-from lab3_usd.check.registry import SCENE, Demand, rule
+from lab3_usd.check.match.rule_inputs import RobotSubject, StageSubject
+from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.axles import held_at, holder_of, rest_frames
 from lab3_usd.check.robot.location import demanded_prims, same_named_prims
 from lab3_usd.check.robot.poses import (
@@ -33,20 +33,21 @@ from lab3_usd.model.stage import (
 )
 from lab3_usd.model.transforms import IDENTITY, Vector, decompose, relative_transform
 from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.scene import SceneSpec
 
 
 def _supplied_prims(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     del checkpoint
     for path, handout in demanded_prims(lab).items():
-        yield Demand(_prim_demand(path), f"{path} exists", path, handout)
+        yield Demand(_prim_demand(lab.scene, path), f"{path} exists", path, handout)
 
 
-def _prim_demand(path: str) -> str:
-    return f"Scene/prim/{path.rpartition('/')[2]}"
+def _prim_demand(scene: SceneSpec, path: str) -> str:
+    return f"{scene.group_of(path)}/prim/{path.rpartition('/')[2]}"
 
 
-@rule("S01", "missing-prim", scope="stage", demands=_supplied_prims)
-def missing_prim(subject: StageSubject) -> Iterator[Problem]:
+@rule("S01", "missing-prim", scope="robot", demands=_supplied_prims)
+def missing_prim(subject: RobotSubject) -> Iterator[Problem]:
     """Robot, link or parent of the graphs is missing or elsewhere.
 
     Why: graphs, sensors and TF refer to these prims by their paths. Prims below a missing prim are
@@ -58,19 +59,19 @@ def missing_prim(subject: StageSubject) -> Iterator[Problem]:
     Example: `{robot}/{link}` deactivated in the Stage panel.
     """
     scene, stage = subject.lab.scene, subject.stage
-    root = scene.robot
+    root = subject.robot
     for expected, home in subject.relocations.items():
         if home == root.path:  # everything else is judged where it is
             yield Problem(
                 home,
-                f"the robot is at {home}, expected at {expected}{subject.missing_with(home)}",
+                f"{root.called} is at {home}, expected at {expected}{subject.missing_with(home)}",
                 expected=expected,
                 actual=home,
                 handout=root.handout,
                 related=(expected,),
                 hint=f"rename or drag the robot in the Stage panel, back to {expected}",
                 fix=(MovePrim(home, expected),),
-                unmet=(_prim_demand(expected),),
+                unmet=(f"{root.group}/prim/{expected.rpartition('/')[2]}",),
             )
     wanted = {scene.world.graph_parent.path: scene.world.graph_parent.handout}
     wanted[root.path] = root.handout
@@ -164,11 +165,13 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
 
 def _robot_pose(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     del checkpoint
-    yield from pose_demands(SCENE, lab.scene.robot.path, lab.scene.robot.pose)
+    for robot in lab.scene.robots:
+        if robot.pose is not None:
+            yield from pose_demands(robot.group, robot.path, robot.pose)
 
 
-@rule("S03", "robot-pose", scope="stage", demands=_robot_pose)
-def robot_pose(subject: StageSubject) -> Iterator[Problem]:
+@rule("S03", "robot-pose", scope="robot", demands=_robot_pose)
+def robot_pose(subject: RobotSubject) -> Iterator[Problem]:
     """The robot root has another pose than the starter's.
 
     Why: all places in the handout assume this pose. In later checkpoints it is a warning, because
@@ -179,9 +182,9 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `xformOp:translate` (0, 0, 0).
     """
-    spec, stage = subject.lab.scene.robot, subject.stage
+    spec, stage = subject.robot, subject.stage
     root = stage.prim(spec.path)
-    if root is None:
+    if root is None or spec.pose is None:
         return
     severity: Severity | None = None
     if subject.lab.is_after(subject.checkpoint.id, spec.pose_is_error_until) and not root.placeless:
@@ -198,22 +201,23 @@ def robot_pose(subject: StageSubject) -> Iterator[Problem]:
             severity=severity,
             hint=f"select the robot root and {wrong.hint}",
             fix=() if root.placeless else (Restore(root.path, wrong.property),),
-            unmet=(part_of_pose(SCENE, wrong.kind),),
+            unmet=(part_of_pose(spec.group, wrong.kind),),
             # An unset pose would be that of the origin.
             rests_on=stage.unknown_pose(root),
         )
 
 
 def _link_offsets(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
-    robot = lab.scene.robot
-    for name, link in robot.links.items() if checkpoint.id == lab.first else ():
-        if link.offset is not None:
-            title = f"{name} sits at {list(link.offset)} on the robot"
-            yield Demand(f"Scene/offset/{name}", title, f"{robot.path}/{name}", link.handout)
+    for robot in lab.scene.robots if checkpoint.id == lab.first else ():
+        for name, link in robot.links.items():
+            if link.offset is not None:
+                title = f"{name} sits at {list(link.offset)} on the robot"
+                path = robot.path_of(name)
+                yield Demand(f"{robot.group}/offset/{name}", title, path, link.handout)
 
 
-@rule("S17", "link-place", scope="stage", formerly="scan-offset", demands=_link_offsets)
-def link_place(subject: StageSubject) -> Iterator[Problem]:
+@rule("S17", "link-place", scope="robot", formerly="scan-offset", demands=_link_offsets)
+def link_place(subject: RobotSubject) -> Iterator[Problem]:
     """A link with a sensor is at another place.
 
     Why: a sensor measures at its link and publishes in that frame. At another place it sees parts
@@ -227,9 +231,9 @@ def link_place(subject: StageSubject) -> Iterator[Problem]:
     Example: `{robot}/{link}` 3 cm beside its place.
     """
     scene, stage = subject.lab.scene, subject.stage
-    units, robot = units_of(scene, stage), scene.robot
+    units, robot = units_of(scene, stage), subject.robot
     for name, link in robot.links.items():
-        prim, expected = stage.prim(f"{robot.path}/{name}"), link.offset
+        prim, expected = stage.prim(robot.path_of(name)), link.offset
         if prim is None or expected is None:
             continue
         for place in _link_places(subject, prim):
@@ -245,7 +249,7 @@ def link_place(subject: StageSubject) -> Iterator[Problem]:
                     related=() if place.prim == prim.path else (prim.path,),
                     hint=f"{place.hint} {offset_text}",
                     fix=(Restore(place.prim, place.property),),
-                    unmet=(f"Scene/{place.demand}/{name}",),
+                    unmet=(f"{robot.group}/{place.demand}/{name}",),
                     rests_on=place.unknown,
                 )
 
@@ -266,9 +270,9 @@ class _LinkPlace(Struct, frozen=True):
     unknown: UnresolvedAsset | None = None
 
 
-def _link_places(subject: StageSubject, link: Prim) -> Iterator[_LinkPlace]:
+def _link_places(subject: RobotSubject, link: Prim) -> Iterator[_LinkPlace]:
     """Yield where a link stands in the first checkpoint, and where its joint holds it."""
-    robot = subject.lab.scene.robot
+    robot = subject.robot
     root, base = subject.stage.prim(robot.path), robot.links.get(robot.base_frame)
     is_first = subject.checkpoint.id == subject.lab.first
     seen = root and root.world and link.world and relative_transform(link.world, root.world)
@@ -348,9 +352,10 @@ def _severity(moving: AnimatedAttribute, subject: StageSubject) -> Severity | No
 
 def _severity_of_place(path: str, subject: StageSubject) -> Severity | None:
     stage, scene = subject.stage, subject.lab.scene
-    robot = scene.robot.path
+    robots = [robot.path for robot in scene.robots]
     sensors = [scene.sensors[name].path for name in subject.checkpoint.sensors]
-    parts = [robot, *sensors, *bodies_below(stage, robot)]
+    links = (body for robot in robots for body in bodies_below(stage, robot))
+    parts = [*robots, *sensors, *links]
     if any(is_at_or_below(part, path) for part in parts):
         return "error"
     is_solid = bool(bodies_below(stage, path)) or any(True for _ in stage.colliders.below(path))

@@ -61,7 +61,7 @@ def pose_demands(group: str, path: str, pose: PoseSpec) -> Iterator[Demand]:
     """Yield position, rotation and scale of a prim."""
     for kind in OPERATIONS:
         title = f"{path.rpartition('/')[2]}: {_PARTS[kind]} {getattr(pose, kind)}"
-        yield Demand(part_of_pose(group, kind), title, path, pose.handout, group)
+        yield Demand(part_of_pose(group, kind), title, path, pose.handout)
 
 
 def attribute_demand(group: str, name: str) -> str:
@@ -82,7 +82,7 @@ def sensor_demands(kind: str, of_sensor: Callable[[SensorSpec, str], Iterator[De
 
 def sensor_prim(spec: SensorSpec, group: str) -> Iterator[Demand]:
     """Yield that the sensor is at its path."""
-    yield Demand(f"{group}/prim", f"{spec.path} exists", spec.path, spec.handout, group)
+    yield Demand(f"{group}/prim", f"{spec.path} exists", spec.path, spec.handout)
 
 
 def sensor_place(spec: SensorSpec, group: str) -> Iterator[Demand]:
@@ -95,7 +95,7 @@ def sensor_values(spec: SensorSpec, group: str) -> Iterator[Demand]:
     for name, entry in spec.required.items():
         value = list(entry.value) if isinstance(entry.value, tuple) else entry.value
         title = f"{group}: {name} {value}"
-        yield Demand(attribute_demand(group, name), title, spec.path, entry.handout, group)
+        yield Demand(attribute_demand(group, name), title, spec.path, entry.handout)
 
 
 class PresentSensor(NamedTuple):
@@ -221,7 +221,8 @@ def left_behind_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
 def enclosed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     """Yield each shape that stands right around a sensor and is no part of the robot's looks."""
     for sensor in present_sensors(subject, kind):
-        for shape in enclosing(sensor.prim, subject):
+        robot = subject.robot_of(sensor.prim.path)
+        for shape in enclosing(sensor.prim, robot) if robot is not None else ():
             yield Problem(
                 shape.path,
                 f"{shape.name} stands around {sensor.prim.name}, which sees nothing else",
@@ -378,7 +379,7 @@ def sensor_attribute(subject: StageSubject) -> Iterator[Problem]:
 
 def _schemas(spec: SensorSpec, group: str) -> Iterator[Demand]:
     for api in spec.required_apis:
-        yield Demand(f"{group}/{api}", f"{group} has {api}", spec.path, spec.handout, group)
+        yield Demand(f"{group}/{api}", f"{group} has {api}", spec.path, spec.handout)
 
 
 @rule("D06", "sensor-schema", scope="stage", demands=sensor_demands(OTHER, _schemas))
@@ -484,5 +485,5 @@ def _early_on_robot(subject: StageSubject, kind: str) -> Iterator[Problem]:
     }
     for prim in candidates.values():
         # One of the world may have any name.
-        if prim.path not in others and is_at_or_below(prim.path, lab.scene.robot.path):
+        if prim.path not in others and lab.scene.robot_of(prim.path):
             yield _early(subject, prim)

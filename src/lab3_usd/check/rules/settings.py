@@ -54,7 +54,7 @@ def _frames_forbidden(subject: GraphSubject, found: Found) -> bool:
     if tf is None or found.setting.port not in tf.names:
         return False
     child = effective_value(found.node, tf.names[1], subject.live_nodes)
-    return child == subject.lab.frames.unplaced != ""
+    return child in subject.lab.frames.guarded
 
 
 def _swapped(subject: GraphSubject) -> dict[tuple[str, str], str]:

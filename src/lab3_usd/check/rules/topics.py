@@ -68,8 +68,8 @@ def second_subscriber(subject: StageSubject) -> Iterator[Problem]:
     ]
     taken = {_heard(e, subject): e.node.path for e in takers if e.topic and e.node.path in played}
     lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
-    commanders = second_commanders(subject.stage, subject.lab, subject.roles)
-    lab_graphs |= {node.path.rpartition("/")[0] for node, _ in commanders}
+    commanders = (node for robot in subject.robots for node, _ in second_commanders(robot))
+    lab_graphs |= {node.path.rpartition("/")[0] for node in commanders}
     for endpoint in takers:
         path = endpoint.node.path
         heard = _heard(endpoint, subject)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.ground import highest_ground
 from lab3_usd.check.robot.wheels import WheelJoint, turning_joints
@@ -38,8 +38,8 @@ _WORDS = {DAMPING: "damping", MAX_FORCE: "the drive's largest force"}
 _DRIVEN = of_each_joint(stiffness="has stiffness 0", damping="has damping and force")
 
 
-@rule("S10", "joint-drive", scope="stage", demands=_DRIVEN, needs="wheels")
-def joint_drive(subject: StageSubject) -> Iterator[Problem]:
+@rule("S10", "joint-drive", scope="robot", demands=_DRIVEN, needs="wheels")
+def joint_drive(subject: RobotSubject) -> Iterator[Problem]:
     """A wheel joint has no velocity drive, or a weak one.
 
     Why: velocity commands act through damping. Without damping, or with a largest force of 0, the
@@ -53,7 +53,7 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `drive:angular:physics:damping` 0 on `{joint}`.
     """
-    handout = subject.lab.scene.robot.wheels.handout
+    handout = subject.robot.wheels.handout
     for joint in turning_joints(subject):
         prim = joint.prim
         if prim is None:
@@ -68,7 +68,7 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
                 handout=handout,
                 related=joint.related,
                 fix=(ApplySchema(prim.path, DRIVE_API),),
-                unmet=(f"Scene/damping/{joint.name}",),
+                unmet=(f"{subject.robot.group}/damping/{joint.name}",),
                 rests_on=asset,
             )
             if asset is None:
@@ -85,7 +85,7 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
                 handout,
                 joint.related,
                 fix=(Restore(prim.path, STIFFNESS),),
-                unmet=(f"Scene/stiffness/{joint.name}",),
+                unmet=(f"{subject.robot.group}/stiffness/{joint.name}",),
             )
         for name, unset in ((DAMPING, 0.0), (MAX_FORCE, None)):
             set_to = prim.attributes.get(name, unset)
@@ -102,7 +102,7 @@ def joint_drive(subject: StageSubject) -> Iterator[Problem]:
                     handout,
                     joint.related,
                     fix=(Restore(prim.path, name),),
-                    unmet=(f"Scene/damping/{joint.name}",),
+                    unmet=(f"{subject.robot.group}/damping/{joint.name}",),
                     rests_on=subject.stage.unknown_value(prim, name),
                 )
         yield from _weak_drive(joint, subject, handout)
@@ -112,9 +112,9 @@ _LEAST_PULL = 0.1  # metres a second squared: at half a second it goes 5 cm/s
 _LONGEST_LAG = 0.5  # seconds in which a robot comes up to most of its speed
 
 
-def _weak_drive(joint: WheelJoint, subject: StageSubject, handout: str) -> Iterator[Problem]:
+def _weak_drive(joint: WheelJoint, subject: RobotSubject, handout: str) -> Iterator[Problem]:
     """Say that a drive that is one does not move the robot's weight."""
-    robot, stage, prim = subject.lab.scene.robot, subject.stage, joint.prim
+    robot, stage, prim = subject.robot, subject.stage, joint.prim
     boxes = list(stage.colliders.below(joint.link))
     weight = sum(link.mass or 0.0 for link in robot.links.values())
     if prim is None or not boxes or not weight or stage.meters_per_unit != 1.0:
@@ -123,7 +123,7 @@ def _weak_drive(joint: WheelJoint, subject: StageSubject, handout: str) -> Itera
     force = math.inf if force is None else force
     if not (damping and damping > 0 and force > 0):
         return
-    own = robot.links[joint.link.rpartition("/")[2]].mass or 0.0
+    own = robot.links[robot.link_at(joint.link)].mass or 0.0
     radius = max(box.high[2] - box.low[2] for box in boxes) / 2
     load = Load((weight - own) / len(robot.wheels.joints), own, radius)
     is_acceleration = prim.attributes.get(DRIVE_TYPE) == "acceleration"
@@ -150,12 +150,12 @@ def _weak_drive(joint: WheelJoint, subject: StageSubject, handout: str) -> Itera
         handout,
         joint.related,
         fix=(Restore(prim.path, name),),
-        unmet=(f"Scene/damping/{joint.name}",),
+        unmet=(f"{subject.robot.group}/damping/{joint.name}",),
     )
 
 
-@rule("S25", "wheel-grip", scope="stage", demands=link_bodies, needs="wheels")
-def wheel_grip(subject: StageSubject) -> Iterator[Problem]:
+@rule("S25", "wheel-grip", scope="robot", demands=link_bodies, needs="wheels")
+def wheel_grip(subject: RobotSubject) -> Iterator[Problem]:
     """A wheel has no friction on the ground.
 
     Why: the wheels turn, and the robot stands or slides. The Friction Combine Mode combines the two
@@ -167,7 +167,7 @@ def wheel_grip(subject: StageSubject) -> Iterator[Problem]:
 
     Example: 0 for both frictions, of the material of the ground and of that of the tyres.
     """
-    stage, robot = subject.stage, subject.lab.scene.robot
+    stage, robot = subject.stage, subject.robot
     ground = highest_ground(subject)
     if ground is None:
         return
@@ -175,7 +175,7 @@ def wheel_grip(subject: StageSubject) -> Iterator[Problem]:
     floor = surface_of(floor_material.attributes if floor_material is not None else None)
     slick: dict[str, list[str]] = {}  # wheels without friction, by the material of their shapes
     for name in robot.wheels.joints.values():
-        link = f"{robot.path}/{name}"
+        link = robot.path_of(name)
         shapes = [part for part in stage.with_api(COLLISION_API) if is_at_or_below(part.path, link)]
         materials = [_material(stage, shape.path) for shape in shapes if collides(shape)]
         surfaces = [
@@ -195,9 +195,9 @@ def wheel_grip(subject: StageSubject) -> Iterator[Problem]:
             FRICTIONS[1],
             "above 0",
             handout=subject.lab.handout.behind("S25", robot.handout),
-            related=tuple(dict.fromkeys((*(f"{robot.path}/{name}" for name in names), *sites[1:]))),
+            related=tuple(dict.fromkeys((*map(robot.path_of, names), *sites[1:]))),
             fix=tuple(Restore(path, name) for path in dict.fromkeys(sites) for name in FRICTIONS),
-            unmet=tuple(f"Scene/collision/{name}" for name in names),
+            unmet=tuple(f"{subject.robot.group}/collision/{name}" for name in names),
         )
 
 

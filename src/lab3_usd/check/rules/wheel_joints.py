@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, Demands, rule
 from lab3_usd.check.robot.axles import AXIS, anchor, axle, own_axle
 from lab3_usd.check.robot.poses import vector_text
@@ -40,7 +40,7 @@ from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import absence_reason
 from lab3_usd.model.transforms import Vector, angle_between, distance, dot, scaled
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.scene import WheelSpec
+from lab3_usd.spec.scene import RobotSpec
 
 _PAIR = 2  # wheels that are a distance apart
 
@@ -50,11 +50,11 @@ def of_each_joint(**titles: str) -> Demands:
 
     def demands(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
         del checkpoint
-        robot = lab.scene.robot
-        for name in robot.wheels.joints:
-            path, handout = robot.joint_path(name), robot.wheels.handout
-            for part, title in titles.items():
-                yield Demand(f"Scene/{part}/{name}", f"{name} {title}", path, handout)
+        for robot in lab.scene.robots:
+            for name in robot.wheels.joints:
+                path, handout = robot.joint_path(name), robot.wheels.handout
+                for part, title in titles.items():
+                    yield Demand(f"{robot.group}/{part}/{name}", f"{name} {title}", path, handout)
 
     return demands
 
@@ -68,8 +68,8 @@ def _wheel_fix(joint: WheelJoint, name: str) -> tuple[Edit, ...]:
 _TURNS_A_WHEEL = of_each_joint(joint="turns a wheel")
 
 
-@rule("S07", "wheel-joint", scope="stage", demands=_TURNS_A_WHEEL, needs="wheels")
-def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
+@rule("S07", "wheel-joint", scope="robot", demands=_TURNS_A_WHEEL, needs="wheels")
+def wheel_joint(subject: RobotSubject) -> Iterator[Problem]:
     """A wheel joint is missing, renamed, or cannot turn.
 
     Why: the drive graph commands the joints by name. An unknown name stops the whole controller
@@ -81,7 +81,7 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `{joint_path}` deactivated.
     """
-    robot = subject.lab.scene.robot
+    robot = subject.robot
     handout = robot.wheels.handout or robot.handout
     if has_no_joints(subject):
         if not _is_below_missing_link(subject):
@@ -104,7 +104,7 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
                 handout=handout,
                 related=joint.related,
                 fix=fix,
-                unmet=(f"Scene/joint/{joint.name}",),
+                unmet=(f"{subject.robot.group}/joint/{joint.name}",),
                 absent=joint.live is None,
                 rests_on=unknown_joints(subject) if is_gone else None,
             )
@@ -119,7 +119,7 @@ def wheel_joint(subject: StageSubject) -> Iterator[Problem]:
                 handout,
                 joint.related,
                 fix=(Restore(joint.site, name),),
-                unmet=(f"Scene/joint/{joint.name}",),
+                unmet=(f"{subject.robot.group}/joint/{joint.name}",),
             )
 
 
@@ -136,17 +136,17 @@ def _wrong_value(joint: Prim) -> tuple[str, str, str, str] | None:
     return f"cannot turn past {value:g} degrees", name, "no limit", f"{value:g}"
 
 
-def _is_below_missing_link(subject: StageSubject) -> bool:
+def _is_below_missing_link(subject: RobotSubject) -> bool:
     """Whether the joints are gone with a link that holds them, which S01 misses."""
-    robot = subject.lab.scene.robot
+    robot = subject.robot
     home = f"{robot.path}/{robot.wheels.joints_below}"
     missing = (link for link in robot.link_paths if not subject.stage.prim(link))
     return any(is_at_or_below(home, link) for link in missing)
 
 
-def _no_joints(subject: StageSubject, handout: str) -> Problem:
+def _no_joints(subject: RobotSubject, handout: str) -> Problem:
     """Say once that the robot has lost all of its joints, and which links fall apart."""
-    robot = subject.lab.scene.robot
+    robot = subject.robot
     site = f"{robot.path}/{robot.wheels.joints_below}".rstrip("/")
     message = f"the robot has no joints: {site} {absence_reason(subject.stage, site)}"
     if subject.stage.prim(site) is not None:
@@ -158,12 +158,16 @@ def _no_joints(subject: StageSubject, handout: str) -> Problem:
         handout=handout,
         related=robot.link_paths,
         fix=tuple(map(Restore, (site, *robot.link_paths))),
-        unmet=tuple(demand.id for demand in joined_links(subject.lab, subject.checkpoint)),
+        unmet=tuple(
+            demand.id
+            for demand in joined_links(subject.lab, subject.checkpoint)
+            if demand.group == robot.group
+        ),
         absent=True,
     )
 
 
-def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
+def _why_useless(joint: WheelJoint, subject: RobotSubject) -> str | None:
     prim = joint.prim
     if prim is None or not prim.present:
         return f"{joint.name} {absence_reason(subject.stage, joint.site)}"
@@ -177,11 +181,11 @@ def _why_useless(joint: WheelJoint, subject: StageSubject) -> str | None:
 @rule(
     "S08",
     "joint-bodies",
-    scope="stage",
+    scope="robot",
     demands=of_each_joint(bodies="connects its wheel"),
     needs="wheels",
 )
-def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
+def joint_bodies(subject: RobotSubject) -> Iterator[Problem]:
     """A wheel joint does not connect its wheel to the robot.
 
     Why: with the wheels exchanged the robot turns the wrong way. A wheel tied to the world holds
@@ -192,7 +196,7 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
     Example: `physics:body1` of `{joint}` names `{other_wheel}`.
     """
     lab = subject.lab
-    section = lab.handout.behind("S08", lab.scene.robot.wheels.handout)
+    section = lab.handout.behind("S08", subject.robot.wheels.handout)
     for joint in turning_joints(subject):
         for name, actual in wrong_ends(joint, subject):
             is_wheel = base_side(joint) is None
@@ -207,13 +211,13 @@ def joint_bodies(subject: StageSubject) -> Iterator[Problem]:
                 section,
                 joint.related,
                 fix=(Restore(joint.site, name),),
-                unmet=(f"Scene/bodies/{joint.name}",),
+                unmet=(f"{subject.robot.group}/bodies/{joint.name}",),
                 rests_on=None if actual else subject.stage.unknown(joint.site),
             )
 
 
-@rule("S23", "second-wheel-joint", scope="stage", demands=_TURNS_A_WHEEL, needs="wheels")
-def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
+@rule("S23", "second-wheel-joint", scope="robot", demands=_TURNS_A_WHEEL, needs="wheels")
+def second_wheel_joint(subject: RobotSubject) -> Iterator[Problem]:
     """A second joint ties a wheel.
 
     Why: the second joint holds or drags the wheel, or couples it to another body. The robot stands
@@ -226,7 +230,7 @@ def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
     wheels = wheel_joints(subject)
     own = [wheel.prim for wheel in wheels]
     lab = subject.lab
-    section = lab.handout.behind("S23", lab.scene.robot.wheels.handout)
+    section = lab.handout.behind("S23", subject.robot.wheels.handout)
     for joint in joints(subject.stage):
         tied = [] if joint in own else [wheel for wheel in wheels if _ties(joint, wheel)]
         for wheel in [wheel for wheel in tied if _may_turn(wheel, subject)][:1]:
@@ -241,7 +245,7 @@ def second_wheel_joint(subject: StageSubject) -> Iterator[Problem]:
                 section,
                 (wheel.link, wheel.path),
                 fix=(RemovePrim(joint.path),),
-                unmet=(f"Scene/joint/{wheel.name}",),
+                unmet=(f"{subject.robot.group}/joint/{wheel.name}",),
             )
 
 
@@ -250,7 +254,7 @@ def _ties(joint: Prim, wheel: WheelJoint) -> bool:
     return [is_at_or_below(end, wheel.link) for end in bodies(joint)].count(True) == 1
 
 
-def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
+def _may_turn(wheel: WheelJoint, subject: RobotSubject) -> bool:
     """Whether the wheel has its own joint, or may have it; S07 speaks of one that has none."""
     if wheel.prim is None:
         return unknown_joints(subject) is not None
@@ -260,11 +264,11 @@ def _may_turn(wheel: WheelJoint, subject: StageSubject) -> bool:
 @rule(
     "S20",
     "wheel-distance",
-    scope="stage",
+    scope="robot",
     demands=of_each_joint(place="sits at its place"),
     needs="wheels",
 )
-def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
+def wheel_distance(subject: RobotSubject) -> Iterator[Problem]:
     """The wheels have another distance, are exchanged, or stand beside the robot's centre.
 
     Why: the controller computes the turn rate from this distance. The robot turns too much or too
@@ -277,7 +281,7 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     Example: `physics:localPos0` (0, 0.1, 0.023) on `{joint}`.
     """
     scene = subject.lab.scene
-    wheels, limit = scene.robot.wheels, scene.tolerance.link_position
+    wheels, limit = subject.robot.wheels, scene.tolerance.link_position
     places = {
         joint: place
         for joint in tied_joints(subject)
@@ -292,8 +296,8 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
     if min(abs(apart - wheels.distance), abs(apart / units - wheels.distance)) <= limit:
         axles = [axle(joint, subject) for joint in places]
         if all(place and dot(place, wheels.axle) > 0 for place in axles):  # else S09 speaks
-            yield from _exchanged(places, wheels)
-        yield from _off_centre(places, wheels, limit * units)
+            yield from _exchanged(places, subject.robot)
+        yield from _off_centre(places, subject.robot, limit * units)
         return
     half = wheels.distance / 2
     is_first = abs(abs(first_place[1]) - half) >= abs(abs(second_place[1]) - half)
@@ -310,14 +314,15 @@ def wheel_distance(subject: StageSubject) -> Iterator[Problem]:
         wheels.handout,
         joint.related,
         fix=_wheel_fix(joint, name),
-        unmet=(f"Scene/place/{joint.name}",),
+        unmet=(f"{subject.robot.group}/place/{joint.name}",),
     )
 
 
 def _off_centre(
-    places: Mapping[WheelJoint, Vector], wheels: WheelSpec, limit: float
+    places: Mapping[WheelJoint, Vector], robot: RobotSpec, limit: float
 ) -> Iterator[Problem]:
     """Say that the middle between the wheels is not where the robot is to turn."""
+    wheels = robot.wheels
     middle = [sum(axis) / len(places) for axis in zip(*places.values(), strict=True)][:2]
     off = math.dist(middle, wheels.centre)
     if off > limit:
@@ -332,12 +337,13 @@ def _off_centre(
             wheels.handout,
             related=(*joint.related, f"{other.site}.{beside}"),
             fix=(*_wheel_fix(joint, name), *_wheel_fix(other, beside)),
-            unmet=(f"Scene/place/{joint.name}",),
+            unmet=(f"{robot.group}/place/{joint.name}",),
         )
 
 
-def _exchanged(places: Mapping[WheelJoint, Vector], wheels: WheelSpec) -> Iterator[Problem]:
+def _exchanged(places: Mapping[WheelJoint, Vector], robot: RobotSpec) -> Iterator[Problem]:
     """Say that the left wheel is on the right: a wheel rolls forward about what points left."""
+    wheels = robot.wheels
     left = next((joint for joint in places if joint.name == wheels.left), None)
     if left is None:
         return
@@ -355,14 +361,17 @@ def _exchanged(places: Mapping[WheelJoint, Vector], wheels: WheelSpec) -> Iterat
         wheels.handout,
         related=(*left.related, f"{right.site}.{on_right}"),
         fix=(*fix, Restore(right.site, on_right)) if fix else (),
-        unmet=(f"Scene/place/{left.name}", f"Scene/place/{right.name}"),
+        unmet=(
+            f"{robot.group}/place/{left.name}",
+            f"{robot.group}/place/{right.name}",
+        ),
     )
 
 
 @rule(
-    "S09", "joint-axis", scope="stage", demands=of_each_joint(axis="turns forward"), needs="wheels"
+    "S09", "joint-axis", scope="robot", demands=of_each_joint(axis="turns forward"), needs="wheels"
 )
-def joint_axis(subject: StageSubject) -> Iterator[Problem]:
+def joint_axis(subject: RobotSubject) -> Iterator[Problem]:
     """A wheel joint has a wrong or inverted axis.
 
     Why: with one axis inverted the robot spins instead of driving straight. With both inverted it
@@ -375,7 +384,7 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
     Example: `physics:axis` X on `{joint}` and Z on `{other_joint}`.
     """
     scene = subject.lab.scene
-    wanted, limit = scene.robot.wheels.axle, scene.tolerance.axle_angle
+    wanted, limit = subject.robot.wheels.axle, scene.tolerance.axle_angle
     axles = {
         joint: direction for joint in tied_joints(subject) if (direction := axle(joint, subject))
     }
@@ -385,7 +394,7 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
         if not angle_between(direction, wanted) <= limit
     }
     back = scaled(wanted, -1.0)
-    section = subject.lab.handout.behind("S09", scene.robot.wheels.handout)
+    section = subject.lab.handout.behind("S09", subject.robot.wheels.handout)
     for joint, direction in wrong.items():
         if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
             continue
@@ -403,13 +412,13 @@ def joint_axis(subject: StageSubject) -> Iterator[Problem]:
             section,
             joint.related,
             fix=_wheel_fix(joint, name),
-            unmet=(f"Scene/axis/{joint.name}",),
+            unmet=(f"{subject.robot.group}/axis/{joint.name}",),
         )
     for joint in (joint for joint in axles if joint not in wrong):
         yield from _lying_wheel(joint, subject, section)
 
 
-def _lying_wheel(joint: WheelJoint, subject: StageSubject, section: str) -> Iterator[Problem]:
+def _lying_wheel(joint: WheelJoint, subject: RobotSubject, section: str) -> Iterator[Problem]:
     """Say that a joint turns its wheel about another axis than that of its own cylinder."""
     side, seen = wheel_side(joint), own_axle(joint, subject)
     if side is None or seen is None:
@@ -427,7 +436,7 @@ def _lying_wheel(joint: WheelJoint, subject: StageSubject, section: str) -> Iter
         section,
         joint.related,
         fix=(Restore(joint.site, name),),
-        unmet=(f"Scene/axis/{joint.name}",),
+        unmet=(f"{subject.robot.group}/axis/{joint.name}",),
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 from msgspec.structs import replace
 
-from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, Demands, rule
 from lab3_usd.check.robot.ground import (
     AXIS,
@@ -57,7 +57,7 @@ from lab3_usd.model.transforms import (
     transform_point,
 )
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.scene import WorldPart, WorldSpec
+from lab3_usd.spec.scene import RobotSpec, WorldPart, WorldSpec
 
 _GROUND, _LIGHT, _SCENE = "Scene/ground", "Scene/light", "Scene/physics_scene"
 
@@ -79,8 +79,8 @@ _HAS_LIGHT = _part_demand(_LIGHT, "a light", lambda world: world.light)
 _HAS_SCENE = _part_demand(_SCENE, "a physics scene", lambda world: world.physics_scene)
 
 
-@rule("S13", "ground", scope="stage", demands=_HAS_GROUND)
-def ground(subject: StageSubject) -> Iterator[Problem]:
+@rule("S13", "ground", scope="robot", demands=_HAS_GROUND)
+def ground(subject: RobotSubject) -> Iterator[Problem]:
     """There is no fixed ground with a collision.
 
     Why: at Play the robot falls for ever. A ground that is a rigid body falls with it.
@@ -96,7 +96,7 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
         return
     asset = _missing_environment(subject)
     falling = falling_ground(subject)
-    steep = next(steep_planes(subject.stage, subject.lab.scene.robot.path), None)
+    steep = next(steep_planes(subject.stage, subject.robot.path), None)
     off = _silent_ground(subject)
     if falling is not None:
         plane, body = falling
@@ -152,17 +152,17 @@ def ground(subject: StageSubject) -> Iterator[Problem]:
         yield _missing(subject, part, "a ground with collision", planes, _GROUND)
 
 
-def _silent_ground(subject: StageSubject) -> Prim | None:
+def _silent_ground(subject: RobotSubject) -> Prim | None:
     """Return what would be ground if it collided."""
-    robot = subject.lab.scene.robot.path
+    robot = subject.robot.path
     for prim in subject.stage.of_type(PLANE):
         if prim.present and not is_at_or_below(prim.path, robot):
             return prim
     return next((subject.stage.prims[box.path] for box in boxes(subject)), None)
 
 
-@rule("S14", "light", scope="stage", demands=_HAS_LIGHT)
-def light(subject: StageSubject) -> Iterator[Problem]:
+@rule("S14", "light", scope="robot", demands=_HAS_LIGHT)
+def light(subject: RobotSubject) -> Iterator[Problem]:
     """There is no light, or all lights are dark.
 
     Why: {camera?}images may be black{else}the stage is black in the viewport, and so is every
@@ -201,7 +201,7 @@ def light(subject: StageSubject) -> Iterator[Problem]:
 _INTENSITY = "inputs:intensity"
 
 
-def _darkened(light: Prim, subject: StageSubject) -> tuple[Prim, str] | None:
+def _darkened(light: Prim, subject: RobotSubject) -> tuple[Prim, str] | None:
     """Return the prim and the property by which a light is dark, None for one that shines."""
     intensity = number(light.attributes.get(_INTENSITY))
     if intensity is not None and intensity <= 0:
@@ -210,8 +210,8 @@ def _darkened(light: Prim, subject: StageSubject) -> tuple[Prim, str] | None:
     return None if hiding is None else (hiding, next(iter(INVISIBLE)))
 
 
-@rule("S15", "physics-scene", scope="stage", demands=_HAS_SCENE)
-def physics_scene(subject: StageSubject) -> Iterator[Problem]:
+@rule("S15", "physics-scene", scope="robot", demands=_HAS_SCENE)
+def physics_scene(subject: RobotSubject) -> Iterator[Problem]:
     """There is no physics scene, or its gravity does not pull down.
 
     Why: Isaac Sim then uses its own gravity and time step, and the handout asks for the prim.
@@ -240,8 +240,8 @@ def physics_scene(subject: StageSubject) -> Iterator[Problem]:
         yield _missing(subject, part, "a physics scene", scenes, _SCENE)
 
 
-@rule("S16", "observation-camera", scope="stage", severity="warning", needs="observation camera")
-def observation_camera(subject: StageSubject) -> Iterator[Problem]:
+@rule("S16", "observation-camera", scope="robot", severity="warning", needs="observation camera")
+def observation_camera(subject: RobotSubject) -> Iterator[Problem]:
     """The observation camera is missing.
 
     Why: the supplied file has one. Without it the screenshots show another view, and it
@@ -251,30 +251,30 @@ def observation_camera(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the world's camera dragged onto `{base}` and renamed.
     """
-    robot, world = subject.lab.scene.robot.path, subject.lab.scene.world
-    part = world.observation_camera
+    scene = subject.lab.scene
+    world, part = scene.world, scene.world.observation_camera
     is_gone = subject.stage.prim(world.graph_parent.path) is None  # which is S01's
     if part is None or is_gone:
         return
     typed = subject.stage.of_type(part.type)
-    cameras = [prim for prim in typed if not is_at_or_below(prim.path, robot)]
+    cameras = [prim for prim in typed if scene.robot_of(prim.path) is None]
     if not any(prim.present for prim in cameras):
         yield _missing(subject, part, "an observation camera", cameras)
 
 
-def _missing_environment(subject: StageSubject) -> UnresolvedAsset | None:
+def _missing_environment(subject: RobotSubject) -> UnresolvedAsset | None:
     """Return a missing asset that could hold parts of the world."""
-    return subject.stage.unknown_outside(subject.lab.scene.robot.path)
+    return subject.stage.unknown_outside(subject.robot.path)
 
 
-def _asked(subject: StageSubject, part: WorldPart | None) -> WorldPart | None:
+def _asked(subject: RobotSubject, part: WorldPart | None) -> WorldPart | None:
     """Return a part of the world that the lab has, None for one below a prim that S01 misses."""
     above = subject.lab.scene.world.graph_parent.path
     is_gone = subject.stage.prim(above) is None
     return None if part is None or (is_gone and is_at_or_below(part.usual, above)) else part
 
 
-def _is_lost_with_ground(subject: StageSubject, light: WorldPart) -> bool:
+def _is_lost_with_ground(subject: RobotSubject, light: WorldPart) -> bool:
     """Whether ground and light are gone because one prim that holds both is switched off."""
     ground = _asked(subject, subject.lab.scene.world.ground)
     if ground is None or ground.usual != light.usual:
@@ -284,13 +284,13 @@ def _is_lost_with_ground(subject: StageSubject, light: WorldPart) -> bool:
 
 
 def _missing(
-    subject: StageSubject, part: WorldPart, title: str, parts: Iterable[Prim], *unmet: str
+    subject: RobotSubject, part: WorldPart, title: str, parts: Iterable[Prim], *unmet: str
 ) -> Problem:
     """Say that a part is missing: at the prim that is switched off, else where it usually is.
 
     One that was dragged below the robot moves with it, and is no part of the world.
     """
-    usual, robot = part.usual, subject.lab.scene.robot.path
+    usual, robot = part.usual, subject.robot.path
     off = [prim.path for prim in parts if not prim.present]
     top = subject.stage.prims.get(usual)
     if top is not None and not top.present:
@@ -319,21 +319,25 @@ def _missing(
     )
 
 
-AT_REST = "Scene/rest"
 # What shapes a link, and so how low it reaches: the beginnings of properties.
 SHAPE = ("radius", "height", "size", "axis", "points", "xformOp:*")
 
 
+def at_rest(robot: RobotSpec) -> str:
+    """Return the id of the requirement that a robot rests on the ground."""
+    return f"{robot.group}/rest"
+
+
 def _rest(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     del checkpoint
-    robot = lab.scene.robot
-    if lab.scene.world.ground is not None:
+    for robot in lab.scene.robots if lab.scene.world.ground is not None else ():
         handout = lab.handout.behind("S19", robot.handout)
-        yield Demand(AT_REST, "robot rests on the ground", robot.path, handout, part="assembly")
+        title = f"{robot.title} rests on the ground"
+        yield Demand(at_rest(robot), title, robot.path, handout, part="assembly")
 
 
-@rule("S19", "not-at-rest", scope="stage", demands=_rest)
-def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
+@rule("S19", "not-at-rest", scope="robot", demands=_rest)
+def not_at_rest(subject: RobotSubject) -> Iterator[Problem]:
     """Part of the robot is below the ground{wheels?}, or a wheel above it{/}.
 
     Why: at Play the robot drops, tips, or is thrown up by the overlap. A sensor below the ground
@@ -351,8 +355,8 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
         return
     height, ground = highest
     lows = {body: low - height for body, low in _lows(subject).items()}
-    spec = subject.lab.scene.robot
-    wheels = [f"{spec.path}/{name}" for name in spec.wheels.joints.values()]
+    spec = subject.robot
+    wheels = [*map(spec.path_of, spec.wheels.joints.values())]
     limit = _limit(subject)
     off = {body: low for body, low in lows.items() if low < -limit}
     off |= {body: lows[body] for body in wheels if body in lows and lows[body] > limit}
@@ -376,15 +380,15 @@ def not_at_rest(subject: StageSubject) -> Iterator[Problem]:
             related=(basis,),
             severity=severity,
             fix=_moved_back(subject, body, basis),
-            unmet=(AT_REST,),
+            unmet=(at_rest(spec),),
             covers=tuple((path, OPERATIONS["translate"][0]) for path in _upward(basis)),
             assumes=tuple((f"{body}/", name) for name in SHAPE),
         )
 
 
-def _moved_back(subject: StageSubject, body: str, basis: str) -> tuple[Edit, ...]:
+def _moved_back(subject: RobotSubject, body: str, basis: str) -> tuple[Edit, ...]:
     """Return the repair of a body or its ground; a ground may be displaced by a prim above it."""
-    if body != subject.lab.scene.robot.path:
+    if body != subject.robot.path:
         return (Restore(body), Restore(basis))
     prims = ((path, subject.stage.prim(path)) for path in _upward(basis))
     placed = [path for path, prim in prims if prim is not None and ORDER in prim.attributes]
@@ -399,33 +403,41 @@ def _upward(path: str) -> Iterator[str]:
         path = path.rpartition("/")[0]
 
 
-def _root_stands_right(subject: StageSubject) -> bool:
-    spec = subject.lab.scene.robot
+def _root_stands_right(subject: RobotSubject) -> bool:
+    spec = subject.robot
     root = subject.stage.prim(spec.path)
     if root is None or root.local is None:
         return False
+    if spec.pose is None:
+        return True
     tolerance = root_tolerance(subject.lab.scene, subject.stage)
     return not any(pose_errors(root, root.local or IDENTITY, spec.pose, tolerance))
 
 
-def _limit(subject: StageSubject) -> float:
+def _limit(subject: RobotSubject) -> float:
     """Allow the wheels as much as the robot's own height is allowed."""
-    spec = subject.lab.scene.robot
+    spec = subject.robot
     root = subject.stage.prim(spec.path)
     height = root.world[14] if root is not None and root.world else 0.0
-    given = abs(height * subject.stage.meters_per_unit - spec.pose.translate[2])
+    expected = 0.0 if spec.pose is None else spec.pose.translate[2]
+    given = abs(height * subject.stage.meters_per_unit - expected)
     tolerance = subject.lab.scene.tolerance
     return tolerance.rest + min(given, tolerance.root_position)
 
 
-def _lows(subject: StageSubject) -> dict[str, float]:
+def _lows(subject: RobotSubject) -> dict[str, float]:
     """Return how low each link reaches, in metres: its collision shapes, else its own origin."""
-    spec, stage = subject.lab.scene.robot, subject.stage
+    spec, stage = subject.robot, subject.stage
     size = subject.lab.scene.tolerance.scale
     lows: dict[str, float] = {}
     for name, link in spec.links.items():
-        path = f"{spec.path}/{name}"
-        boxes = [(stage.prim(box.path), box.low[2]) for box in stage.colliders.below(path)]
+        path = spec.path_of(name)
+        nested = [other for other in spec.link_paths if other.startswith(f"{path}/")]
+        boxes = [
+            (stage.prim(box.path), box.low[2])
+            for box in stage.colliders.below(path)
+            if not any(is_at_or_below(box.path, link) for link in nested)
+        ]
         shapes = [low for part, low in boxes if part is not None and collides(part)]
         prim = stage.prim(path)
         is_told = prim is not None and (prim.placeless or is_scaled(prim, size))
@@ -438,8 +450,8 @@ def _lows(subject: StageSubject) -> dict[str, float]:
     return lows
 
 
-@rule("S22", "starts-elsewhere", scope="stage", severity="note")
-def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
+@rule("S22", "starts-elsewhere", scope="robot", severity="note")
+def starts_elsewhere(subject: RobotSubject) -> Iterator[Problem]:
     """The robot's base is not at its root.
 
     Why: at Play the robot starts where its bodies are, as after a saved run. The root stays behind.
@@ -450,7 +462,7 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `{robot}/{base}` at (-1.4, 1.2, 0) on its root, facing 90 degrees.
     """
-    robot, stage = subject.lab.scene.robot, subject.stage
+    robot, stage = subject.robot, subject.stage
     root = stage.prim(robot.path)
     base = stage.prim(robot.base)
     if root is None or base is None or robot.base_frame not in robot.links:
@@ -470,7 +482,8 @@ def starts_elsewhere(subject: StageSubject) -> Iterator[Problem]:
     message = f"the robot starts {at}; its root has it {root_at}"
     translate = pose_property(base, "translate")
     unknown = stage.unknown_pose(root, base)
-    yield Problem(base.path, message, translate, root_at, at, robot.pose.handout, rests_on=unknown)
+    handout = robot.handout if robot.pose is None else robot.pose.handout
+    yield Problem(base.path, message, translate, root_at, at, handout, rests_on=unknown)
 
 
 def _start(pose: Pose, metres: float) -> str:

@@ -9,7 +9,7 @@ from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.requirements import demands_of
 from lab3_usd.check.robot.ground import planes
-from lab3_usd.check.rules.world import AT_REST
+from lab3_usd.check.rules.world import at_rest
 from lab3_usd.facts.changes import effect_on_run, writing_nodes, written_paths
 from lab3_usd.facts.execution_order import effective_value, live_nodes, severity_if_uncertain
 from lab3_usd.isaac.behaviour import WriterPorts
@@ -53,13 +53,13 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
         severity: Severity | None = "warning"
         if is_harmful:
             severity = severity_if_uncertain(stage, lab.platform, path)
-        role = played.get(hit)
+        role, robot = played.get(hit), lab.scene.robot_of(hit or "")
         yield Problem(
             path,
             message,
             expected="no node that writes",
             actual=node.saved_type,
-            handout=role.handout if role is not None else lab.scene.robot.handout,
+            handout=role.handout if role is not None else (robot or lab.scene.robot).handout,
             related=(hit,) if hit else (),
             severity=severity,
             fix=(RemovePrim(path),),
@@ -75,10 +75,10 @@ def _takes(path: str, ports: WriterPorts, subject: StageSubject) -> bool:
 
 def _is_of_lab(path: str, subject: StageSubject) -> bool:
     """Whether a prim is, holds or belongs to the robot, what carries it, or a graph of the lab."""
-    robot = subject.lab.scene.robot.path
-    if is_at_or_below(path, robot) or path in role_specs(subject):
+    if subject.lab.scene.robot_of(path) or path in role_specs(subject):
         return True
-    parts = [robot, *(prim.path for prim in planes(subject.stage, robot))]
+    robots = [robot.path for robot in subject.lab.scene.robots]
+    parts = [*robots, *(prim.path for robot in robots for prim in planes(subject.stage, robot))]
     parts += [prim.path for prim in subject.stage.of_type(SCENE) if prim.present]
     parts += [roles.graph.path for roles in subject.roles.values() if roles.graph is not None]
     return any(is_at_or_below(part, path) for part in parts)
@@ -100,4 +100,5 @@ def _unmet(path: str, subject: StageSubject) -> tuple[str, ...]:
         if path in roles.role_of:
             return (f"{name}/node/{roles.role_of[path]}",)
     demands = demands_of(subject.lab, subject.checkpoint)
-    return tuple(demand.id for demand in demands if demand.prim == path) or (AT_REST,)
+    robot = subject.lab.scene.robot_of(path) or subject.lab.scene.robot
+    return tuple(demand.id for demand in demands if demand.prim == path) or (at_rest(robot),)

@@ -131,7 +131,7 @@ def _branches(frames: FrameSpec, edges: Sequence[Edge], *, required: bool) -> It
         if (
             edge_of_lab not in published
             and required
-            and frames.deeper_under not in heard.above(edge_of_lab[1])
+            and not {*frames.deeper} & {*heard.above(edge_of_lab[1])}
         ):
             yield DrawnEdge(*edge_of_lab, (), "missing")
     order: list[Pair] = [pair for pair in frames.edges if pair in published]
@@ -141,7 +141,7 @@ def _branches(frames: FrameSpec, edges: Sequence[Edge], *, required: bool) -> It
         state = _state(pair, frames, heard)
         if len(publishers) > 1:
             state = "wrong"
-        elif not required and frames.root not in pair:
+        elif not required and not {*frames.roots} & {*pair}:
             state = "ok"
         yield DrawnEdge(*pair, publishers, state, sure=pair in certain)
 
@@ -151,13 +151,12 @@ def _state(pair: Pair, frames: FrameSpec, heard: Tree[Edge]) -> State:
     if pair in frames.edges:
         return "ok"
     parent, child = pair
-    top = frames.root
-    if child in {parent, top, *heard.several_parents}:
+    if child in {parent, *frames.roots, *heard.several_parents}:
         return "wrong"
-    above = heard.above(child)
-    if frames.deeper_under in above:
+    above = {*heard.above(child)}
+    if above & {*frames.deeper}:
         return "ok"
-    return "extra" if top in above else "wrong"
+    return "extra" if above & {*frames.roots} else "wrong"
 
 
 def _counts_text(branches: Sequence[DrawnEdge]) -> str:

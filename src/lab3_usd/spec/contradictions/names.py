@@ -157,19 +157,15 @@ def _frames_of_prims(
     lab: Lab, graph: GraphSpec, node: NodeSpec, ports: tuple[str, ...]
 ) -> Iterator[GraphFrame]:
     targets = {target.port: target.prims for target in node.targets}
-    above = next((_name(path) for path in targets.get(ports[0], ())), lab.platform.world_frame)
-    robot = lab.scene.robot
+    parents = (lab.frame_of(path) for path in targets.get(ports[0], ()))
+    above = next(parents, lab.platform.world_frame)
+    links = {robot.path: robot.link_paths for robot in lab.scene.robots}
     for path in targets.get(ports[1], ()):
         # The root of an articulation stands for its links.
-        names = tuple(robot.links) if path == robot.path else (_name(path),)
-        for name in names:
+        for name in map(lab.frame_of, links.get(path) or (path,)):
             if name != above:
                 key = f"{node.role}: {_short(ports[1])}"
                 yield GraphFrame(above, name, file_of(graph), key)
-
-
-def _name(path: str) -> str:
-    return path.rpartition("/")[2]
 
 
 def named_frames(lab: Lab) -> Iterator[GraphFrame]:
@@ -249,13 +245,15 @@ def _graph_references(lab: Lab, given: list[GraphFrame]) -> Iterator[tuple[str, 
 def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
     """Yield file, key and frame of everything beside the graphs that names one."""
     frames = lab.frames
-    if frames.deeper_under:
-        yield CHECKPOINTS, "frames: deeper_under", frames.deeper_under
-    if frames.forbidden is not None:
-        yield CHECKPOINTS, "frames: forbidden: child", frames.forbidden.child
+    for name in frames.deeper:
+        yield CHECKPOINTS, "frames: deeper_under", name
+    for forbidden in frames.forbidden_transforms:
+        yield CHECKPOINTS, "frames: forbidden: child", forbidden.child
     for name in () if frames.localization is None else frames.localization.chain:
         yield CHECKPOINTS, "frames: localization: chain", name
-    yield SCENE, "robot: base_frame", lab.scene.robot.base_frame
+    for robot in lab.scene.robots:
+        if robot.base_frame:
+            yield SCENE, f"{robot.key}: base_frame", lab.frame_of(robot.base)
     yield from _ros_references(lab)
 
 

@@ -42,9 +42,9 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
     """Yield file, key and checkpoint of everything that names one."""
     if lab.frames.localization is not None:
         yield CHECKPOINTS, "frames: localization: from", lab.frames.localization.since
-    until = lab.scene.robot.pose_is_error_until
-    if until:
-        yield SCENE, "robot: pose_is_error_until", until
+    for robot in lab.scene.robots:
+        if robot.pose_is_error_until:
+            yield SCENE, f"{robot.key}: pose_is_error_until", robot.pose_is_error_until
     for name in lab.submission.stages.differ:
         yield SUBMISSION, "stages: differ", name
     for line in lab.submission.checklist:

@@ -27,18 +27,18 @@ def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFau
     Raises:
         SpecError: the description of the starter is no YAML.
     """
-    robot = lab.scene.robot
-    for name, link in robot.links.items():
-        if link.mass is not None and link.mass < 0:
-            message = f"{link.mass:g} kg is negative"
-            yield LabFault(SCENE, f"robot: links: {name}: mass", message)
-    for joint, name in robot.wheels.joints.items():
-        if name not in robot.links:
-            meant = nearest(name, robot.links)
-            hint = f", '{meant}' is" if meant else ""
-            message = f"'{name}' is not a link{hint}"
-            key = f"robot: wheels: joints: {joint}"
-            yield LabFault(SCENE, key, message, f"{SCENE}: robot: links")
+    for robot in lab.scene.robots:
+        for name, link in robot.links.items():
+            if link.mass is not None and link.mass < 0:
+                message = f"{link.mass:g} kg is negative"
+                yield LabFault(SCENE, f"{robot.key}: links: {name}: mass", message)
+        for joint, name in robot.wheels.joints.items():
+            if name not in robot.links:
+                meant = nearest(name, robot.links)
+                hint = f", '{meant}' is" if meant else ""
+                message = f"'{name}' is not a link{hint}"
+                key = f"{robot.key}: wheels: joints: {joint}"
+                yield LabFault(SCENE, key, message, f"{SCENE}: {robot.key}: links")
     yield from _sensor_faults(lab)
     yield from _target_faults(lab, (*_starter_scene(lab), *stages))
 

@@ -181,8 +181,9 @@ def by_ids(lab: Lab) -> Lab:
         ),
         scene=replace(
             lab.scene,
-            robot=replace(
-                lab.scene.robot, pose_is_error_until=named(lab.scene.robot.pose_is_error_until)
+            robots=tuple(
+                replace(robot, pose_is_error_until=named(robot.pose_is_error_until))
+                for robot in lab.scene.robots
             ),
         ),
         ros=replace(

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from msgspec import Struct
+from msgspec import UNSET, Struct, UnsetType
 from msgspec.structs import replace
 
 from lab3_usd.data import data_folder, lab_folder
@@ -19,7 +19,15 @@ from lab3_usd.spec.lab import CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab, 
 from lab3_usd.spec.load.checkpoints import accumulate, by_ids, read_checkpoint_file
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.positions import located
-from lab3_usd.spec.scene import SceneSpec
+from lab3_usd.spec.scene import (
+    ForbiddenPrims,
+    RobotSpec,
+    SceneSpec,
+    SensorSpec,
+    StageUnits,
+    Tolerances,
+    WorldSpec,
+)
 from lab3_usd.spec.submission import (
     ChecklistSpec,
     Deliverable,
@@ -89,18 +97,29 @@ def _command(
     return record({**entry, "kind": kinds[name]}, ros.Command, f"{where} ({name})")
 
 
+class SceneFile(Struct, forbid_unknown_fields=True):
+    """The scene: units, robots, sensors, world and map.
+
+    `robots` are described by name; `robot` is the only one, without a name.
+    """
+
+    stage: StageUnits
+    tolerance: Tolerances
+    world: WorldSpec
+    robot: RobotSpec | UnsetType = UNSET
+    robots: _ByName = {}
+    forbidden: ForbiddenPrims = ForbiddenPrims()
+    sensors: dict[str, SensorSpec] = {}
+    map: ros.MapFacts | None = None
+
+
 def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
     """Return what a scene file that has been read asks for.
 
     Raises:
         SpecError: it lacks a part, or holds a value of the wrong kind; the line names the part.
     """
-    scene = record(data, SceneSpec, SCENE)
-    wheels = scene.robot.wheels
-    if wheels.left and wheels.left not in wheels.joints:
-        raise SpecError(
-            f"{SCENE}: robot: wheels: left: '{wheels.left}' is not a joint of the wheels"
-        )
+    scene = record(data, SceneFile, SCENE)
     places: dict[str, str] = {}
     sensors = {}
     for sensor, spec in scene.sensors.items():
@@ -115,7 +134,36 @@ def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
             for name, attribute in spec.attributes.items()
         }
         sensors[sensor] = replace(spec, attributes=typed)
-    return replace(scene, sensors=sensors)
+    return SceneSpec(
+        stage=scene.stage,
+        tolerance=scene.tolerance,
+        robots=tuple(_robots(scene)),
+        world=scene.world,
+        forbidden=scene.forbidden,
+        sensors=sensors,
+        map=scene.map,
+    )
+
+
+def _robots(scene: SceneFile) -> Iterator[RobotSpec]:
+    """Yield the robots of a scene file: the only one, or those with names."""
+    if (scene.robot is UNSET) == (not scene.robots):
+        what = "both are given" if scene.robots else "both are missing"
+        raise SpecError(f"{SCENE}: 'robot' or 'robots': {what}, expected one of them")
+    named = records(scene.robots, RobotSpec, f"{SCENE}: robots")
+    known = {f"robots: {name}": robot for name, robot in named.items()}
+    known |= {} if isinstance(scene.robot, UnsetType) else {"robot": scene.robot}
+    places: dict[str, str] = {}
+    for where, robot in known.items():
+        wheels = robot.wheels
+        if wheels.left and wheels.left not in wheels.joints:
+            raise SpecError(
+                f"{SCENE}: {where}: wheels: left: '{wheels.left}' is not a joint of the wheels"
+            )
+        if robot.path in places:
+            raise SpecError(f"{SCENE}: {where}: '{robot.path}' is the path of {places[robot.path]}")
+        places[robot.path] = where
+        yield robot
 
 
 class SubmissionFile(Struct, forbid_unknown_fields=True):

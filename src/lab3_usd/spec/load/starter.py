@@ -114,7 +114,7 @@ def _starter_of(folder: Path) -> StarterSpec:
     for name, kind in starter.kinds.items():
         kinds[name] = _like(kind, kinds, f"{STARTER}: kind {name}")
     prims = {prim.path: prim for prim in _prims(starter.prims, "", kinds)}
-    for fact in _handout_facts(scene.robot):
+    for fact in (fact for robot in scene.robots for fact in _handout_facts(robot)):
         if fact.path not in prims:
             raise SpecError(f"{STARTER}: {fact.path} is missing, {SCENE} asks for it")
         prims[fact.path] = _with_fact(prims[fact.path], fact)
@@ -174,9 +174,11 @@ def _attributes(values: _Data, where: str) -> Iterator[AttributeSpec]:
 def _handout_facts(robot: RobotSpec) -> Iterator[PrimSpec]:
     """Yield the prims of the robot with no more than the handout says of them."""
     pose = robot.pose
-    yield PrimSpec(robot.path, pose=PoseSpec(pose.translate, pose.rotate, pose.scale))
-    for path, link in zip(robot.link_paths, robot.links.values(), strict=True):
-        place = None if link.offset is None else PoseSpec(link.offset)
+    place = None if pose is None else PoseSpec(pose.translate, pose.rotate, pose.scale)
+    yield PrimSpec(robot.path, pose=place)
+    for name, link in robot.links.items():
+        path, is_nested = robot.path_of(name), "/" in name
+        place = None if link.offset is None or is_nested else PoseSpec(link.offset)
         mass = () if link.mass is None else (AttributeSpec("physics:mass", link.mass),)
         yield PrimSpec(path, pose=place, attributes=mass)
 

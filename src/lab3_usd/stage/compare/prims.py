@@ -28,6 +28,7 @@ from lab3_usd.stage.compare.values import (
     is_authored,
     is_collision_shape,
     is_light_or_camera,
+    is_on_robot,
     is_physical,
     pattern,
     place_differences,
@@ -69,7 +70,7 @@ def differences(pair: PairedPrim, terms: Terms, *, same_parent: bool) -> list[Di
                 poses.append(difference.name)
             elif kind != "never":
                 changed.extend(_changed_property(difference, kind, was.prim, now, terms))
-    if was.path != terms.root and (poses or not same_parent):  # its own place has its own rule
+    if was.path not in terms.roots and (poses or not same_parent):  # its own place has its own rule
         if pair.is_hidden:
             changed.extend(authored_place_differences(was.prim, now, poses, terms))
         else:
@@ -129,10 +130,11 @@ def _removed_schema(
 def _is_elsewhere(api: str, prim: Usd.Prim, twin: Usd.Prim, terms: Terms) -> bool:
     """Whether the schema went with the articulation root to the other prim that may carry it."""
     path, (root_api, *_) = str(prim.GetPath()), terms.rules.articulation
-    if api not in terms.rules.articulation or path not in terms.articulated:
+    both = next((paths for paths in terms.articulated if path in paths), ())
+    if api not in terms.rules.articulation or not both:
         return False
     stage = twin.GetStage()
-    carriers = [stage.GetPrimAtPath(carrier) for carrier in terms.articulated if carrier != path]
+    carriers = [stage.GetPrimAtPath(carrier) for carrier in both if carrier != path]
     return any(carrier and root_api in applied_schemas(carrier) for carrier in carriers)
 
 
@@ -190,7 +192,7 @@ def _added_differences(
 ) -> Iterator[Difference]:
     """Yield what one prim has of physics that the starter's does not."""
     prim = was.prim
-    is_robots = is_at_or_below(was.path, terms.root)
+    is_robots = is_on_robot(was.path, terms)
     idle = () if is_robots or not _stays(twin, terms) else (terms.rules.body, *_SWITCHES)
     is_judged = is_robots or is_physical(prim, terms.rules)
     for difference in raw:
@@ -323,7 +325,7 @@ def _acts(prim: Usd.Prim, kind: str, terms: Terms) -> bool:
 
 
 def _is_robots(path: str, terms: Terms) -> bool:
-    return path.startswith(f"{terms.root}/")
+    return any(path.startswith(f"{root}/") for root in terms.roots)
 
 
 def _value(prim: Usd.Prim, name: str) -> Any:

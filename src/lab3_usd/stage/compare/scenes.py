@@ -9,8 +9,8 @@ from msgspec import Struct
 from pxr import Usd
 
 from lab3_usd.model.changes import ChangeKind, Part, StageChange
-from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.scene import SceneSpec
 from lab3_usd.stage.compare.pairs import (
     GonePrim,
     PairedPrim,
@@ -47,13 +47,13 @@ class _Terms(Struct, frozen=True):
     """The terms of a comparison of two stages; `path` returns the new path of a target."""
 
     scope: Scope
-    robot: str
+    scene: SceneSpec
     path: Callable[[str], str]
     never: Callable[[str], Any]
 
     def part(self, path: str) -> Part:
         """Return what a prim at this path belongs to."""
-        return "robot" if is_at_or_below(path, self.robot) else "scene"
+        return "scene" if self.scene.robot_of(path) is None else "robot"
 
 
 _METADATA = ("defaultPrim", "timeCodesPerSecond", "framesPerSecond", "startTimeCode", "endTimeCode")
@@ -82,7 +82,7 @@ def scene_changes(
     rules, form = lab.submission.starter, lab.platform.graph
     never = pattern(name for name in rules.never if name not in _SENSORS).match
     scope = Scope(rules.ignored_prims, frozenset((form.type, form.node_type)))
-    terms = _Terms(scope, lab.scene.robot.path, path, never)
+    terms = _Terms(scope, lab.scene, path, never)
     gone: list[PrimRecord] = []
     new: dict[Signature, list[Usd.Prim]] = {}
 

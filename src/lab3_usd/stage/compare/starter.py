@@ -11,7 +11,6 @@ from msgspec.structs import replace
 from pxr import Usd, UsdGeom
 
 from lab3_usd.model.changes import Change, StarterSubject
-from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import UnresolvedAsset
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.submission import StarterRules
@@ -34,6 +33,7 @@ from lab3_usd.stage.compare.values import (
     body_of,
     classifier,
     is_light_or_camera,
+    is_on_robot,
     is_physical,
 )
 from lab3_usd.stage.read.assets import IS_PRESENT, find_unresolved
@@ -78,7 +78,7 @@ def compare_starter(
 
 
 def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool) -> Terms:
-    robot, tolerance = lab.scene.robot, lab.scene.tolerance
+    robots, tolerance = lab.scene.robots, lab.scene.tolerance
     # A stage without a unit is reported elsewhere; here it only must not divide by it.
     length = tolerance.sensor_position / (UsdGeom.GetStageMetersPerUnit(stage) or 1.0)
     return Terms(
@@ -86,8 +86,10 @@ def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool
         classes=classifier(rules),
         tolerance=ValueTolerance(tolerance.number, length, tolerance.sensor_angle, tolerance.scale),
         mass=tolerance.mass,
-        root=robot.path,
-        articulated=tuple(filter(None, (robot.path, robot.articulation.target))),
+        roots=tuple(robot.path for robot in robots),
+        articulated=tuple(
+            tuple(filter(None, (robot.path, robot.articulation.target))) for robot in robots
+        ),
         bodies_rest=bodies_rest,
     )
 
@@ -189,10 +191,10 @@ def _gone_changes(
 
 def _moved_to(record: PrimRecord, new_prims: _NewPrims, terms: Terms) -> Usd.Prim | None:
     """Return the prim that this one became: of its type and name, else of its type alone."""
-    is_robots = is_at_or_below(record.path, terms.root)
+    is_robots = is_on_robot(record.path, terms)
 
     def is_beside(twin: Usd.Prim) -> bool:
-        return is_at_or_below(str(twin.GetPath()), terms.root) == is_robots
+        return is_on_robot(str(twin.GetPath()), terms) == is_robots
 
     for twin in new_prims.get((record.kind, record.name), []):
         if is_beside(twin):

@@ -20,6 +20,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import Difference
 from lab3_usd.model.finding import display
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.spec.submission import StarterRules
 from lab3_usd.stage.read.properties import plain_value
 from lab3_usd.stage.read.transforms import ORDER, RESET, TransformCache, local_transform
@@ -43,20 +44,25 @@ class ValueTolerance(Struct, frozen=True):
 class Terms(Struct, frozen=True):
     """How prims are compared.
 
-    `classes` tells what a property is about. `root` is the robot, whose own place is not compared;
-    `articulated` are the prims that may carry the articulation root instead of each other.
+    `classes` tells what a property is about. `roots` are the robots, whose own places are not
+    compared; of each, `articulated` are the prims that may carry the articulation root.
     """
 
     rules: StarterRules
     classes: Callable[[str], Class]
     tolerance: ValueTolerance
     mass: float
-    root: str
-    articulated: tuple[str, ...]
+    roots: tuple[str, ...]
+    articulated: tuple[tuple[str, ...], ...]
     bodies_rest: bool
     """Whether the bodies still stand where the starter has them."""
     unknown: tuple[str, ...] = ()
     """Prims of the starter that lack an asset: what a stage has there may be the asset's."""
+
+
+def is_on_robot(path: str, terms: Terms) -> bool:
+    """Whether a prim is a robot, or a part of one."""
+    return any(is_at_or_below(path, root) for root in terms.roots)
 
 
 @lru_cache(maxsize=4)

@@ -13,9 +13,9 @@ from typing import Any
 from msgspec import Struct, field
 from pxr import Sdf, Usd
 
-from lab3_usd.spec.lab import STARTER, Checkpoint, Lab, articulated_at_root
+from lab3_usd.spec.lab import STARTER, Checkpoint, Lab, articulated_at_roots
 from lab3_usd.stage.write.builder import checkpoint_layer, described_layer
-from lab3_usd.stage.write.starter import is_root_articulated
+from lab3_usd.stage.write.starter import robots_articulated_at_root
 
 # The fields of a prim that edits change, beside its specifier and type.
 _FIELDS = ("active", "apiSchemas")
@@ -155,8 +155,8 @@ class EditSession(Struct, eq=False):
             if self.has_starter:
                 layer = checkpoint_layer(self.lab, self.starter, self.checkpoint)
             else:
-                is_at_root = is_root_articulated(self.lab, self.stage)
-                lab = articulated_at_root(self.lab) if is_at_root else self.lab
+                at_root = robots_articulated_at_root(self.lab, self.stage)
+                lab = articulated_at_roots(self.lab, at_root)
                 layer = described_layer(lab, self.checkpoint)
             self._reference.append(Usd.Stage.Open(layer))
         return self._reference[0]

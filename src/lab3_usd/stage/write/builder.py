@@ -14,12 +14,12 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
 from lab3_usd.errors import Lab3Error, NoRoomError, StageError, UsageError, unwritten
 from lab3_usd.files import temporary_beside
 from lab3_usd.model.physics import MASS
-from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_root
+from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import open_stage, quiet
 from lab3_usd.stage.write.graphs import author_graph, author_pose, author_sensor, define_parents
-from lab3_usd.stage.write.starter import is_root_articulated, starter_layer, starter_problems
+from lab3_usd.stage.write.starter import robots_articulated_at_root, starter_layer, starter_problems
 
 _URI = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")
 LIDAR = "lidar"
@@ -75,8 +75,7 @@ def checkpoint_layer(lab: Lab, starter: str | None, checkpoint: Checkpoint) -> S
     path = None if starter is None else Path(starter)
     target = Path(f"{checkpoint.file}.usda")
     stage = _open_starter(lab, path)
-    if is_root_articulated(lab, stage):
-        lab = articulated_at_root(lab)
+    lab = articulated_at_roots(lab, robots_articulated_at_root(lab, stage))
     # The layer would grow on to later checkpoints.
     _, layer = next(_checkpoint_layers(lab, stage, {target: checkpoint}, BuildOptions()))
     return layer
@@ -86,19 +85,21 @@ def checkpoint_layer(lab: Lab, starter: str | None, checkpoint: Checkpoint) -> S
 def described_layer(lab: Lab, checkpoint: Checkpoint) -> Sdf.Layer:
     """Return a checkpoint in memory as a lab alone describes it, without the starter scene.
 
-    It has the sensors and graphs, and overs with the robot's pose and the masses of its links.
+    It has the sensors and graphs, and overs with the poses of robots and the masses of links.
     """
     stage = Usd.Stage.CreateInMemory()
-    units, robot = lab.scene.stage, lab.scene.robot
+    units = lab.scene.stage
     UsdGeom.SetStageUpAxis(stage, units.up_axis)
     UsdGeom.SetStageMetersPerUnit(stage, units.meters_per_unit)
     UsdPhysics.SetStageKilogramsPerUnit(stage, units.kilograms_per_unit)
-    root = Sdf.CreatePrimInLayer(stage.GetRootLayer(), robot.path)
-    author_pose(root, robot.pose, units.meters_per_unit)
-    for name, link in robot.links.items():
-        if link.mass is not None:
-            over = Sdf.CreatePrimInLayer(stage.GetRootLayer(), f"{robot.path}/{name}")
-            Sdf.AttributeSpec(over, MASS, Sdf.ValueTypeNames.Float).default = link.mass
+    for robot in lab.scene.robots:
+        root = Sdf.CreatePrimInLayer(stage.GetRootLayer(), robot.path)
+        if robot.pose is not None:
+            author_pose(root, robot.pose, units.meters_per_unit)
+        for name, link in robot.links.items():
+            if link.mass is not None:
+                over = Sdf.CreatePrimInLayer(stage.GetRootLayer(), robot.path_of(name))
+                Sdf.AttributeSpec(over, MASS, Sdf.ValueTypeNames.Float).default = link.mass
     target = Path(f"{checkpoint.file}.usda")
     _, layer = next(_checkpoint_layers(lab, stage, {target: checkpoint}, BuildOptions()))
     return layer
@@ -122,8 +123,7 @@ def build_files(
         StarterError, StageError, UsageError: as `build_checkpoint`; nothing is written then.
     """
     stage = _open_starter(lab, starter)
-    if is_root_articulated(lab, stage):
-        lab = articulated_at_root(lab)
+    lab = articulated_at_roots(lab, robots_articulated_at_root(lab, stage))
     _check_targets(plan, stage, options)
     for target in plan:
         _make_folder(target.parent)

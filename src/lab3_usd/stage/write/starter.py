@@ -14,6 +14,7 @@ from lab3_usd.files import write_whole
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.spec.lab import STARTER, Lab
 from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec, load_starter_spec
+from lab3_usd.spec.scene import ArticulationSpec, RobotSpec
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.write.graphs import quaternion, usd_value
@@ -76,14 +77,14 @@ def _short(value: float | str) -> str:
 def _needed(lab: Lab) -> Iterator[str]:
     """Yield the prims that the lab hangs something on, outermost first."""
     made = {sensor.path for sensor in lab.sensors.values()}
-    robot = lab.scene.robot
+    robots = [robot.path for robot in lab.scene.robots]
     yield lab.scene.world.graph_parent.path
-    yield robot.path
+    yield from robots
     for sensor in lab.sensors.values():
         yield sensor.path.rpartition("/")[0]
     for graph in lab.graphs.values():
         parent = graph.path.rpartition("/")[0]
-        if parent not in made and is_at_or_below(parent, robot.path):
+        if parent not in made and any(is_at_or_below(parent, robot) for robot in robots):
             yield parent
         targets = (path for node in graph.nodes.values() for t in node.targets for path in t.prims)
         yield from (path for path in targets if path not in made)
@@ -115,17 +116,19 @@ def _namesakes_text(stage: Usd.Stage, path: str) -> str:
     return f"; {' and '.join(paths)} {verb} that name" if paths else ""
 
 
-def is_root_articulated(lab: Lab, stage: Usd.Stage) -> bool:
-    """Whether the robot root carries the articulation, and the handout's prim does not."""
-    robot = lab.scene.robot
-    target = robot.articulation.target
-    if not target:
-        return False
-    return _is_articulated(lab, stage, robot.path) and not _is_articulated(lab, stage, target)
+def robots_articulated_at_root(lab: Lab, stage: Usd.Stage) -> list[RobotSpec]:
+    """Return the robots whose root carries the articulation, and the handout's prim does not."""
+    return [
+        robot
+        for robot in lab.scene.robots
+        if robot.articulation.target
+        and _is_articulated(robot.articulation, stage, robot.path)
+        and not _is_articulated(robot.articulation, stage, robot.articulation.target)
+    ]
 
 
-def _is_articulated(lab: Lab, stage: Usd.Stage, path: str) -> bool:
-    prim, spec = stage.GetPrimAtPath(path), lab.scene.robot.articulation
+def _is_articulated(spec: ArticulationSpec, stage: Usd.Stage, path: str) -> bool:
+    prim = stage.GetPrimAtPath(path)
     if not prim or spec.api not in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
         return False
     switch = prim.GetAttribute(spec.switch)
@@ -134,8 +137,8 @@ def _is_articulated(lab: Lab, stage: Usd.Stage, path: str) -> bool:
 
 def deviations(lab: Lab, stage: Usd.Stage) -> Iterator[tuple[str, str]]:
     """Yield each prim because of which the build deviates from the handout, and how."""
-    if is_root_articulated(lab, stage):
-        root, target = lab.scene.robot.path, lab.scene.robot.articulation.target
+    for robot in robots_articulated_at_root(lab, stage):
+        root, target = robot.path, robot.articulation.target
         message = f"the articulation root is on {root}; Isaac Sim finds no articulation at the"
         yield root, f"{message} handout's target {target}, so the graphs name {root} instead"
 
