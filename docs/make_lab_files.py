@@ -1,7 +1,7 @@
 """Writes `lab-files.md`, every key of a lab, and schemas, from the records of its files.
 
 Run `python docs/make_lab_files.py` after a record has changed; a test compares the two. Examples
-are the first values in the bundled lab and in the second one.
+are the first values in the bundled lab and in the examples.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from lab3_usd.yaml_file import read_yaml
 
 PAGE = Path(__file__).with_name("lab-files.md")
 ROOT = PAGE.parent.parent
-LABS = (ROOT / "graphs", PAGE.parent / "examples" / "labs" / "jetbot")
+_EXAMPLES = PAGE.parent / "examples" / "labs"
+LABS = (ROOT / "graphs", _EXAMPLES / "jetbot", _EXAMPLES / "warehouse")
 INTRODUCTION = """\
 # The files of a lab
 
@@ -52,7 +53,7 @@ def page() -> str:
 
 
 def _paths(file: str) -> Iterator[Path]:
-    """Yield the files of the two labs that are of a kind."""
+    """Yield the files of the labs that are of a kind."""
     for lab in LABS:
         if file == GRAPH:
             yield from (path for path in sorted(lab.glob("*.yaml")) if path.name not in FILES)

@@ -57,7 +57,7 @@ def test_what_comes_beside_a_stage_makes_no_difference() -> None:
 
 def test_a_robot_that_may_have_driven_makes_a_difference() -> None:
     robot = replace(LAB.scene.robot, pose_is_error_until="07")
-    lab = replace(LAB, scene=replace(LAB.scene, robot=robot))
+    lab = replace(LAB, scene=replace(LAB.scene, robots=(robot,)))
     assert lab.same_demands("08").id == "08"
 
 

@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.registry import rules_of
 from lab3_usd.check.robot.wheels import joint_names
+from lab3_usd.check.rule_runs import problems_of
 from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel, UnresolvedAsset
 
@@ -19,8 +20,8 @@ UNKNOWN = "omni.graph.nodes.Concatenate"
 
 
 def said(stage: StageModel) -> list[tuple[str, str | None]]:
-    (rule,) = (rule for rule in rules_of("stage", "N") if rule.id == "N12")
-    return [(p.prim, p.severity) for p in rule.check(m.subject(stage, "02"))]
+    (rule,) = (rule for rule in rules_of("robot", "N") if rule.id == "N12")
+    return [(p.prim, p.severity) for p in problems_of(rule, m.subject(stage, "02"))]
 
 
 def copied(*changed: Node) -> GraphModel:
@@ -92,6 +93,6 @@ def test_without_the_labs_own_nobody_is_second() -> None:
     without = tuple(graph for graph in stage.graphs if graph.path != DRIVE.path)
     found = replace(stage, graphs=without)
     subject = m.subject(found, "02")
-    (rule,) = (rule for rule in rules_of("stage", "N") if rule.id == "N12")
+    (rule,) = (rule for rule in rules_of("robot", "N") if rule.id == "N12")
     roles = {name: r for name, r in subject.roles.items() if name != "ROS_Drive"}
-    assert list(rule.check(replace(subject, roles=roles))) == []
+    assert list(problems_of(rule, replace(subject, roles=roles))) == []

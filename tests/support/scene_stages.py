@@ -9,7 +9,7 @@ from scene_changes import Change
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Rule, rules_of
 from lab3_usd.check.requirements import with_unmet
-from lab3_usd.check.rule_runs import finding_of
+from lab3_usd.check.rule_runs import finding_of, problems_of
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.load.loader import load_lab
@@ -27,7 +27,7 @@ def model_of(stage: Usd.Stage) -> StageModel:
 
 def stage_rules() -> dict[str, Rule]:
     """The rules about files, scene, lidar and camera that judge a stage, by id."""
-    found = (*rules_of("model", "F"), *rules_of("stage", *FAMILIES))
+    found = (*rules_of("model", "F"), *rules_of("stage", *FAMILIES), *rules_of("robot", *FAMILIES))
     by_id = {rule.id: rule for rule in found if rule.id[0] in FAMILIES}
     return dict(sorted(by_id.items()))
 
@@ -39,7 +39,7 @@ def findings_of(stage: Usd.Stage, checkpoint: str) -> list[Finding]:
     findings = (
         finding_of(rule, problem, lab)
         for rule in stage_rules().values()
-        for problem in rule.check(subject)
+        for problem in problems_of(rule, subject)
         if problem.rests_on is None
     )
     return [*with_unmet(findings, subject, lab)]

@@ -87,11 +87,9 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         relocations=relocations,
         graphs=subjects,
     )
-    for rule in (*rules_of("model", "F"), *rules_of("stage", *STAGE_FAMILIES)):
+    of_stage = (*rules_of("stage", *STAGE_FAMILIES), *rules_of("robot", *STAGE_FAMILIES))
+    for rule in (*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id)):
         run.rule(rule, whole)
-    for rule in rules_of("robot", *STAGE_FAMILIES):
-        for robot in whole.robots:
-            run.rule(rule, robot)
     if checkpoint.frames:
         transforms = tf_view(whole)
         for rule in rules_of("frames", *STAGE_FAMILIES):

@@ -76,12 +76,18 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
 
 
 def _problems(rule: Rule, subject: Any) -> Iterator[Problem]:
-    problems = rule.check(subject)
+    problems = problems_of(rule, subject)
     if not holds_without_lab(rule):
         return problems
     from lab3_usd.check.demands import with_demand
 
     return (with_demand(problem, subject) for problem in problems)
+
+
+def problems_of(rule: Rule, subject: Any) -> Iterator[Problem]:
+    """Yield what a rule finds; one about robots looks at each robot of a stage."""
+    for seen in subject.robots if rule.scope == "robot" else (subject,):
+        yield from rule.check(seen)
 
 
 def merge_results(results: Iterable[RuleResults]) -> RuleResults:

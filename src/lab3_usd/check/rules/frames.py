@@ -28,7 +28,7 @@ from lab3_usd.facts.frame_targets import (
 )
 from lab3_usd.facts.frames import Edge, certain_edges, unknown_publishers
 from lab3_usd.facts.tree import tree
-from lab3_usd.model.changes import ClearValue
+from lab3_usd.model.changes import ClearValue, Edit, SetValue
 from lab3_usd.model.finding import Finding, Problem, Severity, display
 from lab3_usd.model.physics import bodies_below
 from lab3_usd.model.prims import is_at_or_below
@@ -65,15 +65,18 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
     targets = maker.node.targets(maker.port)
     renamed = {frame for frame in missing if frame_name(maker.prims[frame], stage) != frame}
     for frame in sorted(renamed):
+        prim, actual = maker.prims[frame], frame_name(maker.prims[frame], stage)
+        is_own = prim.endswith(f"/{actual}")
         yield Problem(
-            maker.prims[frame],
-            f"the prim's frame is named '{frame_name(maker.prims[frame], stage)}' by its override",
+            prim,
+            f"the prim's frame is named '{actual}'{'' if is_own else ' by its override'}",
             property=NAME_OVERRIDE,
             expected=frame,
-            actual=frame_name(maker.prims[frame], stage),
+            actual=actual,
             handout=maker.handout,
-            fix=(ClearValue(maker.prims[frame], NAME_OVERRIDE),),
-            frames=(frame, frame_name(maker.prims[frame], stage)),
+            hint=_naming_hint(prim, frame),
+            fix=(_naming(prim, frame),),
+            frames=(frame, actual),
         )
     rest = [frame for frame in missing if frame not in renamed]
     why = _why_not_all(maker, rest, view)
@@ -93,6 +96,19 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
             covers=tuple((maker.node.path, f"{maker.port}[{path}]") for path in strangers),
             frames=tuple(frames),
         )
+
+
+def _naming(prim: str, frame: str) -> Edit:
+    """Return the edit by which a prim gets the name of its frame."""
+    if prim.endswith(f"/{frame}"):
+        return ClearValue(prim, NAME_OVERRIDE)
+    return SetValue(prim, NAME_OVERRIDE, "string", frame)
+
+
+def _naming_hint(prim: str, frame: str) -> str | None:
+    if prim.endswith(f"/{frame}"):
+        return None
+    return f"give {prim} the attribute {NAME_OVERRIDE}, of type string, with the value {frame}"
 
 
 def _why_not_all(maker: FrameSource, missing: list[str], view: TfView) -> str:
@@ -159,7 +175,7 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
     prim = next(iter(node.targets(port)), None)
     if cause in view.role_specs and prim and frame_name(prim, view.subject.stage) != expected:
         site = (prim, NAME_OVERRIDE)
-        fix = (ClearValue(*site),)
+        fix = (_naming(prim, expected),)
     return Problem(
         site[0],
         f"'{actual}' is the parent of {frame_list_text(frames)}, expected '{expected}'",

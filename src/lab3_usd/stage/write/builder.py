@@ -12,6 +12,7 @@ from msgspec import Struct
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from lab3_usd.errors import Lab3Error, NoRoomError, StageError, UsageError, unwritten
+from lab3_usd.facts.frame_targets import NAME_OVERRIDE
 from lab3_usd.files import temporary_beside
 from lab3_usd.model.physics import MASS
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
@@ -186,6 +187,9 @@ def _checkpoint_layers(
                 spec = lab.sensors[sensor]
                 asset = options.lidar_asset if spec.kind == LIDAR else None
                 author_sensor(layer, spec, lab.scene.stage.meters_per_unit, asset)
+                if spec.path in lab.frames.names:
+                    prim, name = layer.GetPrimAtPath(spec.path), lab.frames.names[spec.path]
+                    Sdf.AttributeSpec(prim, NAME_OVERRIDE, Sdf.ValueTypeNames.String).default = name
             for name in checkpoint.new:
                 define_parents(layer, stage, lab.graphs[name].path)
                 author_graph(layer, lab.graphs[name], lab.platform)

@@ -1,0 +1,250 @@
+"""The lab of two robots, `docs/examples/labs/warehouse`, beside what its handout says, typed here.
+
+Paths, values and frames in this file are written without a look at the files of the lab.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+from invoking import invoke
+from places import REPOSITORY
+from pxr import Gf, Sdf, Usd
+
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.model.finding import StageResult
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
+
+WAREHOUSE = REPOSITORY / "docs" / "examples" / "labs" / "warehouse"
+R1, R2 = "/World/r1", "/World/r2"
+STAGES = ("start", "clock", "drive", "sensors", "odometry", "topics")
+DOMAIN = 42
+# Property, value: what the handout's tables ask of the last stage.
+TABLE: dict[str, Any] = {
+    f"{R1}/DriveR1/controller.inputs:maxLinearSpeed": 1.2,
+    f"{R1}/DriveR1/controller.inputs:maxAngularSpeed": 1.5,
+    f"{R1}/DriveR1/controller.inputs:wheelDistance": 0.36,
+    f"{R1}/DriveR1/controller.inputs:wheelRadius": 0.08,
+    f"{R1}/DriveR1/twist.inputs:topicName": "/r1/cmd_vel",
+    f"{R2}/DriveR2/controller.inputs:maxLinearSpeed": 0.4,
+    f"{R2}/DriveR2/controller.inputs:maxAngularSpeed": 2.0,
+    f"{R2}/DriveR2/controller.inputs:wheelDistance": 0.24,
+    f"{R2}/DriveR2/controller.inputs:wheelRadius": 0.05,
+    f"{R2}/DriveR2/twist.inputs:topicName": "/r2/cmd_vel",
+    f"{R1}/mast/Cloud.omni:sensor:tickRate": 10.0,
+    f"{R1}/mast/Cloud/PointCloud/helper.inputs:type": "point_cloud",
+    f"{R1}/mast/Cloud/PointCloud/helper.inputs:frameId": "r1/mast",
+    f"{R1}/base/Imu.sensorPeriod": 0.01,
+    f"{R1}/Measure/publisher.inputs:frameId": "r1/imu",
+    f"{R2}/body/tower/Scan.omni:sensor:tickRate": 15.0,
+    f"{R2}/body/tower/Scan/LaserScan/helper.inputs:type": "laser_scan",
+    f"{R2}/FrontImage/product.inputs:width": 640,
+    f"{R2}/BackImage/product.inputs:width": 320,
+    f"{R2}/body/Front.focalLength": 18.0,
+    f"{R2}/body/Back.focalLength": 12.0,
+    f"{R1}/OdometryR1/publish_base.inputs:parentFrameId": "r1/odom",
+    f"{R1}/OdometryR1/publish_base.inputs:childFrameId": "r1/base",
+    f"{R2}/OdometryR2/publish_base.inputs:parentFrameId": "r2/odom",
+    f"{R2}/OdometryR2/publish_base.inputs:childFrameId": "r2/body",
+    f"{R1}/base/Imu.isaac:nameOverride": "r1/imu",
+    f"{R2}/body/Back.isaac:nameOverride": "r2/back",
+}
+TREE = {
+    "r1/odom": ["r1/base"],
+    "r1/base": ["r1/left_wheel", "r1/right_wheel", "r1/castor", "r1/mast", "r1/imu"],
+    "r2/odom": ["r2/body"],
+    "r2/body": ["r2/left_wheel", "r2/right_wheel", "r2/tower", "r2/front", "r2/back"],
+}
+
+
+def run(*arguments: object) -> Result:
+    return invoke("--lab", WAREHOUSE, *arguments)
+
+
+@pytest.fixture(scope="module")
+def lab() -> Lab:
+    return load_lab(WAREHOUSE)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("warehouse") / "stages"
+    assert run("build", "--out", out).exit_code == 0
+    return out
+
+
+def file_of(number: int) -> str:
+    return f"fleet_w{number}_{STAGES[number - 1]}.usda"
+
+
+def put(path: str, value: Any) -> Callable[[Usd.Stage], None]:
+    """Give a property, written `PRIM.NAME`, a value."""
+
+    def change(stage: Usd.Stage) -> None:
+        prim, _, name = path.partition(".")
+        assert stage.GetPrimAtPath(prim).GetAttribute(name).Set(value)
+
+    return change
+
+
+def switch_off(path: str) -> Callable[[Usd.Stage], None]:
+    return lambda stage: stage.GetPrimAtPath(path).SetActive(active=False)
+
+
+def changed(built: Path, folder: Path, number: int, *changes: Callable[[Any], None]) -> Path:
+    path = folder / file_of(number)
+    shutil.copyfile(built / path.name, path)
+    stage = Usd.Stage.Open(str(path))
+    for change in changes:
+        change(stage)
+    stage.GetRootLayer().Save()
+    return path
+
+
+def errors(result: StageResult) -> list[tuple[str, str, tuple[str, ...]]]:
+    return [(f.rule, f.prim, f.costs) for f in result.findings if f.severity == "error"]
+
+
+def test_no_file_of_the_lab_is_code() -> None:
+    assert {path.suffix for path in WAREHOUSE.iterdir()} == {".yaml"}
+
+
+def test_the_lab_does_not_contradict_itself() -> None:
+    assert invoke("lab", "check", WAREHOUSE).output == "Warehouse fleet: 0 errors, 0 warnings\n"
+
+
+def test_every_built_stage_passes(built: Path) -> None:
+    result = run("check", "--format", "json", built)
+    found = json.loads(result.stdout)["results"]
+    assert [Path(each["path"]).name for each in found] == [file_of(n) for n in range(1, 7)]
+    assert {each["verdict"] for each in found} == {"pass"}
+    assert {f["rule"] for each in found for f in each["findings"]} == {"P09"}
+
+
+def test_the_last_stage_holds_what_the_handout_says(built: Path) -> None:
+    stage = Usd.Stage.Open(str(built / file_of(6)))
+    found = {path: stage.GetPropertyAtPath(path).Get() for path in TABLE}
+    assert found == {path: pytest.approx(value) for path, value in TABLE.items()}
+    contexts = [prim for prim in stage.Traverse() if prim.GetName() == "context"]
+    assert {prim.GetAttribute("inputs:domain_id").Get() for prim in contexts} == {DOMAIN}
+
+
+def test_each_robot_has_a_tree_of_its_own(lab: Lab, built: Path) -> None:
+    shown = json.loads(run("tf", "--format", "json", built / file_of(5)).stdout)
+    edges = {(edge["parent"], edge["child"]) for edge in shown["transforms"]}
+    assert edges == {(parent, child) for parent, below in TREE.items() for child in below}
+    assert lab.frames.roots == ("r1/odom", "r2/odom")
+
+
+def test_requirements_speak_of_each_robot_by_its_name(lab: Lab, built: Path) -> None:
+    result = check_stage(built / file_of(1), lab=lab)
+    groups = [requirement.group for requirement in result.requirements]
+    assert list(dict.fromkeys(groups)) == ["Scene", "r1", "r2"]
+    ids = {requirement.id for requirement in result.requirements}
+    assert {"r1/mass/castor", "r2/mass/body/tower", "r1/rest", "r2/rest"} <= ids
+
+
+MISTAKES: list[tuple[str, Callable[[Any], None], tuple[str, str, str]]] = [
+    ("r1 weighs more", put(f"{R1}/base.physics:mass", 90.0), ("S04", f"{R1}/base", "r1")),
+    ("r2 weighs more", put(f"{R2}/body.physics:mass", 90.0), ("S04", f"{R2}/body", "r2")),
+    (
+        "a wheel below another link weighs more",
+        put(f"{R2}/body/left_wheel.physics:mass", 3.0),
+        ("S04", f"{R2}/body/left_wheel", "r2"),
+    ),
+    (
+        "a wheel of r2 rolls free",
+        put(f"{R2}/joints/left_joint.drive:angular:physics:damping", 0.0),
+        ("S10", f"{R2}/joints/left_joint", "r2"),
+    ),
+    (
+        "a wheel of r1 rolls free",
+        put(f"{R1}/joints/right_joint.drive:angular:physics:damping", 0.0),
+        ("S10", f"{R1}/joints/right_joint", "r1"),
+    ),
+    (
+        "r2 stands elsewhere",
+        put(f"{R2}.xformOp:translate", Gf.Vec3d(-2.0, 1.0, 0.0)),
+        ("S03", R2, "r2"),
+    ),
+    (
+        "the tower of r2 is lower",
+        put(f"{R2}/joints/tower_joint.physics:localPos0", Gf.Vec3f(0.0, 0.0, 0.2)),
+        ("S17", f"{R2}/joints/tower_joint", "r2"),
+    ),
+    (
+        "the wheels of r2 are wider apart",
+        put(f"{R2}/joints/left_joint.physics:localPos0", Gf.Vec3f(0.0, 0.16, 0.05)),
+        ("S20", f"{R2}/joints/left_joint", "r2"),
+    ),
+    ("r2 is switched off", switch_off(R2), ("S01", R2, "r2")),
+    (
+        "a link below another one is switched off",
+        switch_off(f"{R2}/body/tower"),
+        ("S01", f"{R2}/body/tower", "r2"),
+    ),
+    ("the castor of r1 is switched off", switch_off(f"{R1}/castor"), ("S01", f"{R1}/castor", "r1")),
+]
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [pytest.param(change, expected, id=name) for name, change, expected in MISTAKES],
+)
+def test_a_mistake_of_a_robot_is_one_error_that_costs_its_own_group(
+    lab: Lab,
+    built: Path,
+    tmp_path: Path,
+    change: Callable[[Any], None],
+    expected: tuple[str, str, str],
+) -> None:
+    rule, prim, group = expected
+    result = check_stage(changed(built, tmp_path, 1, change), lab=lab)
+    assert errors(result) == [(rule, prim, (group,))]
+    assert {item.group for item in result.requirements if not item.met} == {group}
+
+
+def test_a_robot_that_was_renamed_is_not_taken_for_the_other(
+    lab: Lab, built: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / file_of(5)
+    shutil.copyfile(built / path.name, path)
+    layer = Sdf.Layer.FindOrOpen(str(path))
+    edit = Sdf.BatchNamespaceEdit()
+    edit.Add("/World/r2", "/World/picker")
+    assert layer.Apply(edit)
+    layer.Save()
+    found = [f for f in check_stage(path, lab=lab).findings if f.rule == "S01"]
+    assert [(f.prim, f.message.partition(";")[0]) for f in found] == [
+        ("/World/picker", "r2 is at /World/picker, expected at /World/r2")
+    ]
+
+
+def test_a_frame_that_lost_its_override_is_named_as_the_lab_has_it(
+    lab: Lab, built: Path, tmp_path: Path
+) -> None:
+    def rename(stage: Usd.Stage) -> None:
+        stage.GetPrimAtPath(f"{R2}/body/Front").RemoveProperty("isaac:nameOverride")
+
+    result = check_stage(changed(built, tmp_path, 5, rename), lab=lab)
+    assert [(f.rule, f.prim, f.expected) for f in result.findings if f.severity == "error"] == [
+        ("T01", f"{R2}/body/Front", "r2/front")
+    ]
+
+
+@pytest.mark.parametrize("robot", ["r1", "r2"])
+def test_no_node_may_place_the_odometry_of_either_robot(
+    lab: Lab, built: Path, tmp_path: Path, robot: str
+) -> None:
+    graph = f"/World/{robot}/Odometry{robot.upper()}/publish_base"
+    change = put(f"{graph}.inputs:childFrameId", f"{robot}/odom")
+    other = put(f"{graph}.inputs:parentFrameId", "world")
+    result = check_stage(changed(built, tmp_path, 5, change, other), lab=lab)
+    assert ("T07", graph) in [(rule, prim) for rule, prim, _ in errors(result)]
