@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import yaml
 from breaking import broken
+from foreign_robots import car_and_arm
 from invoking import invoke
 from pxr import Gf
 
@@ -38,6 +39,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = invoke("sim", stage, "--bag", folder / "run", "--format", "json")
     assert done.exit_code == 0
     (folder / "run.json").write_text(done.stdout)
+    (folder / "run.err").write_text(done.stderr)
     return folder / "run"
 
 
@@ -51,6 +53,44 @@ def heard(bag: Path) -> dict[str, list[tuple[float, Any]]]:
         for _, channel, message, said in made.iter_decoded_messages():
             found.setdefault(channel.topic, []).append((message.log_time / 1e9, said))
     return found
+
+
+def messages_in(bag: Path) -> dict[str, list[Any]]:
+    (file,) = bag.glob("*.mcap")
+    found: dict[str, list[Any]] = {}
+    with file.open("rb") as stream:
+        made = reader.make_reader(stream, decoder_factories=[decoder.DecoderFactory()])
+        for _, channel, _, said in made.iter_decoded_messages():
+            found.setdefault(channel.topic, []).append(said)
+    return found
+
+
+def test_every_robot_is_driven_in_the_bag_of_its_domain(tmp_path: Path) -> None:
+    car_and_arm(5).GetRootLayer().Export(str(tmp_path / "both.usda"))
+    bag = tmp_path / "run"
+    done = invoke("sim", tmp_path / "both.usda", "--bag", bag, "--drive", "0.1,0,1")
+    first, second = (messages_in(bag / name) for name in ("domain_0", "domain_5"))
+    assert {*first} == {"/drive", "/odom"}
+    assert {*second} == {"/clock", "/imu", "/joint_command", "/joint_states", "/tf"}
+    assert first["/drive"][0].drive.steering_angle == pytest.approx(0.0)
+    assert first["/odom"][-1].pose.pose.position.x > 0.1
+    places = {name: set[float]() for name in second["/joint_states"][0].name}
+    for states in second["/joint_states"]:
+        for name, place in zip(states.name, states.position, strict=True):
+            places[name].add(place)
+    moved = {name: round(max(seen) - min(seen), 2) for name, seen in places.items()}
+    assert moved == {"shoulder_joint": 0.1, "elbow_joint": 0.2, "tool_joint": 0.3}
+    counts = [sum(map(len, part.values())) for part in (first, second)]
+    assert [line for line in done.stdout.splitlines() if line.startswith("recorded: ")] == [
+        f"recorded: {bag / 'domain_0'}: {counts[0]} messages on 2 topics",
+        f"recorded: {bag / 'domain_5'}: {counts[1]} messages on 5 topics",
+    ]
+
+
+def test_what_the_bag_cannot_hold_is_named(bag: Path) -> None:
+    assert bag.with_suffix(".err").read_text().splitlines()[1:] == [
+        "  without content, so not recorded: /camera/image_raw"
+    ]
 
 
 def seconds(stamp: Any) -> float:

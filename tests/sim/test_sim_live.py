@@ -19,11 +19,11 @@ from typing import Any
 import pytest
 from breaking import broken, correct_stage, the_lab
 from dry_runs import EXPECTED, driven
-from foreign_robots import arm, car, rover
+from foreign_robots import arm, car_and_arm, rover
 from invoking import invoke
 from msgspec.structs import replace
 from places import REPOSITORY
-from pxr import Sdf, Usd
+from pxr import Usd
 
 from lab3_usd.commands import sim as live_run
 from lab3_usd.commands.sim import closing_lines
@@ -348,17 +348,6 @@ def test_the_command_says_what_it_sent(
     assert third == f"listens to /cmd_vel ({TWIST}) in domain {domain}"
     assert "/clock               rosgraph_msgs/msg/Clock     29 sent" in done.stdout
     assert last.startswith("0.5 s played")
-
-
-def car_and_arm(domain: int) -> Usd.Stage:
-    """A car and an arm in one stage, the arm in a domain of its own."""
-    stage, other = car(), arm()
-    for path in ("/arm", "/ActionGraph"):
-        Sdf.CopySpec(other.GetRootLayer(), path, stage.GetRootLayer(), path)
-    context = stage.GetPrimAtPath("/ActionGraph/ros2_context")
-    context.CreateAttribute("inputs:useDomainIDEnvVar", Sdf.ValueTypeNames.Bool).Set(False)  # noqa: FBT003
-    context.CreateAttribute("inputs:domain_id", Sdf.ValueTypeNames.UChar).Set(domain)
-    return stage
 
 
 def sender(link: DdsLink, domain: int, topic: str, kind: str, data: Any) -> Callable[[], None]:

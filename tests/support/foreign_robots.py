@@ -497,6 +497,17 @@ def arm() -> Usd.Stage:
     return stage
 
 
+def car_and_arm(domain: int) -> Usd.Stage:
+    """A car and an arm in one stage, the arm in a domain of its own."""
+    stage, other = car(), arm()
+    for path in ("/arm", "/ActionGraph"):
+        Sdf.CopySpec(other.GetRootLayer(), path, stage.GetRootLayer(), path)
+    context = stage.GetPrimAtPath("/ActionGraph/ros2_context")
+    context.CreateAttribute("inputs:useDomainIDEnvVar", Sdf.ValueTypeNames.Bool).Set(False)  # noqa: FBT003
+    context.CreateAttribute("inputs:domain_id", Sdf.ValueTypeNames.UChar).Set(domain)
+    return stage
+
+
 _TICKED = ("clock", "read_joints", "command", "controller", "imu", "frames")
 _STAMPED = ("clock", "joint_states", "publish_imu", "tf")
 _IN_CONTEXT = (*_STAMPED, "command")

@@ -26,6 +26,8 @@ from lab3_usd.installation import install_command
 
 if TYPE_CHECKING:
     from lab3_usd.model.finding import Finding, StageResult
+    from lab3_usd.sim.dry_run import DryRun
+    from lab3_usd.sim.judge.expectations import Trial
     from lab3_usd.sim.live import Lived
     from lab3_usd.spec.lab import Lab
 
@@ -221,18 +223,33 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
 
         html = render(behaviour, run.replay, lab, findings)
         write_whole(page, html.encode("utf-8", "replace"), force=True)
-    if bag is not None and run.trial is not None:
-        from lab3_usd.sim.bag.writer import write_bag
-
-        bag.parent.mkdir(parents=True, exist_ok=True)
-        write_bag(bag, run.trial)
-    if options["form"] == "json":
+    is_json = options["form"] == "json"
+    if is_json:
         click.echo(text.render_json(behaviour, findings), nl=False)
     else:
         shown = text.render(behaviour, width(), findings, color=wants_color())
         click.echo(shown, nl=False, color=True)
+    if bag is not None and run.trial is not None:
+        for line in _record(run, run.trial, lab, bag, options["drive"]):
+            click.echo(line, err=is_json)
     exits = {"bad": EXIT_FOUND, "not judged": EXIT_FOUND, "unreadable": EXIT_USAGE}
     return 0 if behaviour.is_early else exits.get(behaviour.verdict, 0)
+
+
+def _record(run: DryRun, trial: Trial, lab: Lab, bag: Path, drive: str | None) -> Iterator[str]:
+    """Write a run as a bag for each domain, and yield what each holds, and what it cannot hold."""
+    from lab3_usd.report.safe_text import printable
+    from lab3_usd.sim.bag.tape import tape_of, tape_of_robots
+    from lab3_usd.sim.bag.writer import write_bags
+
+    tape = tape_of(trial)
+    if run.scene is not None and len(run.robots) > 1:
+        tape = tape_of_robots(run.scene, lab.platform, run.robots, drive)
+    for written in write_bags(bag, tape):
+        holds = f"{written.messages} messages on {written.topics} topics"
+        yield printable(f"recorded: {written.folder}: {holds}")
+        if written.left_out:
+            yield printable(f"  without content, so not recorded: {', '.join(written.left_out)}")
 
 
 def with_dry_run(result: StageResult, shown: dict[str, object]) -> StageResult:

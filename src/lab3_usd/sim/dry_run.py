@@ -39,7 +39,7 @@ from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.motion import leg_fault
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.judge.topics import expected_at
-from lab3_usd.sim.robots import expected_of, labels
+from lab3_usd.sim.robots import Robot, expected_of, labels
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
 
@@ -243,10 +243,15 @@ _RAYS = 180  # drawn of a scan, as it may have thousands
 
 
 class DryRun(Struct, frozen=True):
-    """The results of a dry run, and its trial, None for an unreadable stage."""
+    """The results of a dry run, its scene, and its trial, None for an unreadable stage.
+
+    `robots` are those of a stage without a checkpoint.
+    """
 
     behaviour: Behaviour
     trial: Trial | None = None
+    scene: Scene | None = None
+    robots: tuple[Robot, ...] = ()
 
     @property
     def replay(self) -> Replay | None:
@@ -295,7 +300,7 @@ def dry_run(
     platform = lab.platform
     if not checkpoint:
         played = play_any(scene, platform, drive, topic)
-        return DryRun(outcome_of_any(str(path), played), played.plays[0])
+        return DryRun(outcome_of_any(str(path), played), played.plays[0], scene, played.robots)
     sessions = sessions or fixed_drive(wanted.limits)
     if wanted.goes_with_environment:
         sessions = tuple(session for session in sessions if not session.environment)
@@ -307,7 +312,7 @@ def dry_run(
         behaviour = _with_joints(behaviour, scene, platform, wanted)
     if not behaviour.checks and not lab.checkpoints[checkpoint].graphs:
         behaviour = replace(behaviour, missing=_nothing_yet(lab, checkpoint), is_early=True)
-    return DryRun(behaviour, trial)
+    return DryRun(behaviour, trial, scene)
 
 
 def _with_joints(

@@ -127,14 +127,8 @@ class Player:
         frame = 0
         for leg in session.legs:
             for _ in range(round(leg.seconds * RATE)):
-                sent = commands.get(frame)
-                if sent is not None and sent.steer is not None:
-                    self.hear(Steering(sent.forward, sent.steer))
-                elif sent is not None and sent.command is not None:
-                    ahead, left, turn = sent.command
-                    self.hear(((ahead, left, 0.0), (0.0, 0.0, turn)))
-                elif sent is not None:
-                    self.hear(joint_command(sent))
+                if frame in commands:
+                    self.hear(content_of(commands[frame]))
                 self.step()
                 frame += 1
                 self.recording.path.append(self._pose(leg))
@@ -209,6 +203,16 @@ class Player:
         return Pose(
             world.session, world.since_play, leg.name, x, y, turned, z, blocked=robot.blocked
         )
+
+
+def content_of(leg: Leg) -> Twist | JointStates | Steering:
+    """Return what the command of a leg says."""
+    if leg.steer is not None:
+        return Steering(leg.forward, leg.steer)
+    if leg.command is not None:
+        ahead, left, turn = leg.command
+        return ((ahead, left, 0.0), (0.0, 0.0, turn))
+    return joint_command(leg)
 
 
 def physics_rate(scene: Scene) -> float:

@@ -23,7 +23,8 @@ from ruamel.yaml import YAML
 from lab3_usd.model.dry_run import Quaternion
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.bag.files import NOT_SENT
-from lab3_usd.sim.execution.drive import RATE, Leg, command_frames, joint_command
+from lab3_usd.sim.bag.tape import Tape
+from lab3_usd.sim.execution.drive import Leg, joint_command
 from lab3_usd.sim.execution.recording import (
     Inertia,
     JointStates,
@@ -35,7 +36,6 @@ from lab3_usd.sim.execution.recording import (
     Transform,
     View,
 )
-from lab3_usd.sim.judge.expectations import Trial
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 TWIST, JOINTS = "geometry_msgs/msg/Twist", "sensor_msgs/msg/JointState"
@@ -225,16 +225,36 @@ class Record(NamedTuple):
     profile: Profile = Profile()
 
 
-def write_bag(folder: Path, trial: Trial) -> int:
-    """Write a bag into a new folder, and return how many messages it holds.
+class Written(NamedTuple):
+    """A bag that was written: its folder, what it holds, and the topics that it cannot hold."""
 
-    It has what came in the lab's domain from Play to the first Stop, and the commands: after
-    another Play the robot is back where it began. Pictures are not in it: its metadata name their
-    topics, so that they do not look silent.
+    folder: Path
+    messages: int
+    topics: int
+    left_out: tuple[str, ...]
+
+
+def write_bags(folder: Path, tape: Tape) -> list[Written]:
+    """Write a bag into a new folder; one for each domain into folders there, if there are several.
+
+    As `ros2 bag record`, a bag has what came in one domain. What has no content in a dry run,
+    pictures for one, is not in it: its metadata name the topics, so that they do not look silent.
     """
-    records = sorted(_records(trial), key=lambda record: record[:2])
+    domains = {tape.domain(message) for message in tape.messages}
+    domains |= {command.domain for command in tape.commands}
+    several = len(domains) > 1
+    return [
+        _write_bag(folder / f"domain_{domain}" if several else folder, tape, domain)
+        for domain in sorted(domains or {tape.home})
+    ]
+
+
+def _write_bag(folder: Path, tape: Tape, domain: int) -> Written:
+    records = sorted(_records(tape, domain), key=lambda record: record[:2])
+    left_out = _without_content(tape, domain)
+    folder.parent.mkdir(parents=True, exist_ok=True)
     with Writer(folder, version=_WRITTEN, storage_plugin=StoragePlugin.MCAP) as writer:
-        writer.set_custom_data(NOT_SENT, " ".join(_without_content(trial)))
+        writer.set_custom_data(NOT_SENT, " ".join(left_out))
         connections: dict[tuple[str, str], Any] = {}
         for record in records:
             key = (record.topic, record.type)
@@ -244,32 +264,27 @@ def write_bag(folder: Path, trial: Trial) -> int:
                 )
             writer.write(connections[key], record.nanoseconds, record.data)
     _as_humble(folder / "metadata.yaml")
-    return len(records)
+    return Written(folder, len(records), len(connections), left_out)
 
 
-def _without_content(trial: Trial) -> list[str]:
+def _without_content(tape: Tape, domain: int) -> tuple[str, ...]:
     """Return the topics whose messages a dry run does not make."""
-    came = {message.topic: message for message in _sent(trial)}
-    return sorted(topic for topic, message in came.items() if serialized(message) is None)
+    there = (message for message in tape.messages if tape.domain(message) == domain)
+    came = {message.topic: message for message in there}
+    return tuple(sorted(topic for topic, sent in came.items() if serialized(sent) is None))
 
 
-def _records(trial: Trial) -> Iterator[Record]:
+def _records(tape: Tape, domain: int) -> Iterator[Record]:
     """Yield the commands, then the messages, in seconds since Play."""
-    for frame, leg in command_frames(trial.drive[0]):
-        yield Record(nanoseconds((frame + 1) / RATE), trial.wanted.commands, *command(leg))
-    for message in _sent(trial):
-        data = serialized(message)
+    for sent in tape.commands:
+        if sent.domain == domain:
+            yield Record(nanoseconds(sent.at), sent.topic, *command(sent.leg))
+    for message in tape.messages:
+        data = serialized(message) if tape.domain(message) == domain else None
         if data is not None:
             yield Record(
                 nanoseconds(message.at), message.topic, message.type, data, message.profile
             )
-
-
-def _sent(trial: Trial) -> Iterator[Message]:
-    """Yield what came in the lab's domain from the first Play to Stop."""
-    for message in trial.recording.messages:
-        if message.away is None and not message.session:
-            yield message
 
 
 def _offered(profile: Profile) -> Qos:

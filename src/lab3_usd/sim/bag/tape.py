@@ -1,0 +1,81 @@
+"""What a bag is to hold: messages and commands of one play, in which every robot is driven."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from msgspec import Struct
+
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.dry_run import Scene
+from lab3_usd.sim.execution.drive import RATE, Leg, command_frames, drive_of
+from lab3_usd.sim.execution.recording import Message
+from lab3_usd.sim.judge.expectations import Trial
+from lab3_usd.sim.robots import NO_LIMITS, TWIST, Robot, drive_for, expected_of
+from lab3_usd.sim.timeline import content_of, player_of
+
+
+class SentCommand(NamedTuple):
+    """A command: seconds after Play, where it comes, and the leg that says what it is."""
+
+    at: float
+    domain: int
+    topic: str
+    leg: Leg
+
+
+class Tape(Struct, frozen=True):
+    """What came from Play to Stop; `home` is the domain of messages that name none."""
+
+    messages: tuple[Message, ...]
+    commands: tuple[SentCommand, ...]
+    home: int
+
+    def domain(self, message: Message) -> int:
+        """Return the domain in which a message came."""
+        return self.home if message.away is None else message.away
+
+
+def tape_of(trial: Trial) -> Tape:
+    """Return the first session of a run: after another Play the robot is back where it began."""
+    wanted = trial.wanted
+    commands = (
+        SentCommand((frame + 1) / RATE, wanted.domain, wanted.commands, leg)
+        for frame, leg in command_frames(trial.drive[0])
+    )
+    messages = (message for message in trial.recording.messages if not message.session)
+    return Tape(tuple(messages), tuple(commands), wanted.domain)
+
+
+def tape_of_robots(
+    scene: Scene, platform: Platform, robots: Sequence[Robot], drive: str | None
+) -> Tape:
+    """Play a stage with the commands of all its robots at once; `drive` is that of `lab3 sim`.
+
+    Raises:
+        UsageError: the drive is none.
+    """
+    player = player_of(scene, platform, expected_of(robots[0]))
+    network = player.world.network
+    network.inbox = {}
+    told: dict[int, list[tuple[tuple[int, str], Leg]]] = {}
+    frames, known = 0, set[tuple[int, str]]()
+    for robot in robots:
+        place = (robot.commands.domain, robot.commands.topic)
+        if place in known:
+            continue  # what one robot hears there, another does as well
+        known.add(place)
+        legs = drive_for(robot, scene.meters_per_unit)
+        if drive is not None and robot.kind == TWIST:
+            legs = drive_of(drive, NO_LIMITS)
+        for frame, leg in command_frames(legs[0]):
+            told.setdefault(frame, []).append((place, leg))
+        frames = max(frames, sum(round(leg.seconds * RATE) for leg in legs[0].legs))
+    commands = []
+    for frame in range(frames):
+        for place, leg in told.get(frame, ()):
+            player.hear(content_of(leg), place)
+            commands.append(SentCommand((frame + 1) / RATE, *place, leg))
+        player.step()
+    return Tape(tuple(network.sent), tuple(commands), network.commands.domain)
