@@ -111,9 +111,13 @@ def articulations(top: str, stage: StageModel) -> Iterator[str]:
 
 
 def is_empty(root: str, stage: StageModel) -> bool:
-    """Whether nothing moves in an articulation: joints tie no bodies to its root."""
+    """Whether nothing moves in an articulation: joints tie no bodies to its root.
+
+    A missing asset beside the root may hold joints.
+    """
     prim = stage.prim(root)
-    if prim is None or is_joint_type(prim.type):
+    may_have_joints = stage.unknown_below(root.rpartition("/")[0] or root)
+    if prim is None or is_joint_type(prim.type) or may_have_joints:
         return False
     links = articulation_links(prim, stage) or {}
     return not any(
