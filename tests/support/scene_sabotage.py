@@ -363,6 +363,19 @@ def _world() -> list[Sabotage]:
             several(*(author(light, "inputs:intensity", "Float", 0.0) for light in LIGHTS)),
             (LIGHTS[0], "inputs:intensity"),
         ),
+        # UsdLuxLightAPI: emission is intensity * 2^exposure * color.
+        Sabotage(
+            "lights underexposed",
+            "04",
+            several(*(author(light, "inputs:exposure", "Float", -40.0) for light in LIGHTS)),
+            (LIGHTS[0], "inputs:exposure"),
+        ),
+        Sabotage(
+            "lights of black",
+            "04",
+            several(*(author(light, "inputs:color", "Color3f", Gf.Vec3f(0)) for light in LIGHTS)),
+            (LIGHTS[0], "inputs:color"),
+        ),
         Sabotage("no physics", "01", remove("/physicsScene"), ("/physicsScene", None)),
         Sabotage("physics off", "01", deactivate("/physicsScene"), ("/physicsScene", None)),
         Sabotage(

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import RobotSubject, StageSubject
+from lab3_usd.model.physics import number, numbers
 from lab3_usd.model.prims import Collider, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import Vector, scaled
@@ -15,6 +16,9 @@ _SHAPES = (*_SOLID, "Mesh")
 _ROOM = 1.5  # metres to a side: what is larger around a sensor is a room, or the sky
 INVISIBLE = {"visibility": "invisible"}
 _HIDDEN = {**INVISIBLE, "purpose": "guide"}
+_INTENSITY, _EXPOSURE, _COLOR = "inputs:intensity", "inputs:exposure", "inputs:color"
+_BRIGHTEST = 50_000.0  # the largest intensity that a schema gives (DistantLight)
+_DARK = 0.01  # intensity below which nothing is seen
 
 
 def place_of(prim: Prim, subject: StageSubject) -> Vector | None:
@@ -93,3 +97,18 @@ def hidden_by(prim: Prim, stage: StageModel, hiding: Mapping[str, str] = _HIDDEN
             return above
         path = path.rpartition("/")[0]
     return None
+
+
+def darkened(light: Prim, stage: StageModel) -> tuple[Prim, str] | None:
+    """Return the prim and the property by which a light is dark, None for one that shines."""
+    intensity, exposure = (number(light.attributes.get(n)) for n in (_INTENSITY, _EXPOSURE))
+    if intensity is not None and intensity <= 0:
+        return light, _INTENSITY
+    # UsdLux multiplies the intensity by two to the power of the exposure, and by the color.
+    if math.log2(intensity or _BRIGHTEST) + (exposure or 0.0) < math.log2(_DARK):
+        return light, _EXPOSURE
+    color = numbers(light.attributes.get(_COLOR))
+    if color and max(color) <= 0:
+        return light, _COLOR
+    hiding = hidden_by(light, stage, INVISIBLE)
+    return None if hiding is None else (hiding, next(iter(INVISIBLE)))

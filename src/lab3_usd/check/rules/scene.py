@@ -9,6 +9,7 @@ from msgspec import Struct
 from lab3_usd.check.match.rule_inputs import RobotSubject, StageSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.axles import held_at, holder_of, rest_frames
+from lab3_usd.check.robot.ground import UP
 from lab3_usd.check.robot.location import demanded_prims, same_named_prims
 from lab3_usd.check.robot.poses import (
     is_near,
@@ -31,7 +32,15 @@ from lab3_usd.model.stage import (
     UnresolvedAsset,
     absence_reason,
 )
-from lab3_usd.model.transforms import IDENTITY, Vector, decompose, relative_transform
+from lab3_usd.model.transforms import (
+    AXES,
+    IDENTITY,
+    Vector,
+    angle_between,
+    decompose,
+    relative_transform,
+    rotation_difference,
+)
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import SceneSpec
 
@@ -223,7 +232,8 @@ def link_place(subject: RobotSubject) -> Iterator[Problem]:
     Why: a sensor measures at its link and publishes in that frame. At another place it sees parts
     of the robot, or its data is displaced. The link's own transform is judged in the first
     checkpoint only, because a later stage may have been saved during a run. At Play the link goes
-    where its joint holds it.
+    where its joint holds it. A turned link is a warning: its frame turns with it, so that its data
+    stay right in TF, but the handout has it unturned.
 
     Fix: select the link and set Translate to the value expected here in the Property panel, or
     restore the local positions of its joint, or start again from the supplied file.
@@ -252,11 +262,25 @@ def link_place(subject: RobotSubject) -> Iterator[Problem]:
                     unmet=(f"{robot.group}/{place.demand}/{name}",),
                     rests_on=place.unknown,
                 )
+            elif place.turn > scene.tolerance.axle_angle:
+                yield Problem(
+                    place.prim,
+                    f"{name} {place.how} turned by {place.turn:.3g} degrees, expected 0",
+                    place.turned_by,
+                    "0 degrees",
+                    f"{place.turn:.3g} degrees",
+                    link.handout,
+                    severity="warning",
+                    related=() if place.prim == prim.path else (prim.path,),
+                    fix=(Restore(place.prim, place.turned_by),),
+                    rests_on=place.unknown,
+                )
 
 
 class _LinkPlace(Struct, frozen=True):
     """Where a link is on the robot, which property says so, and how that is repaired.
 
+    `turn` is by how many degrees the property `turned_by` turns it.
     `demand` is what is unmet where that is elsewhere: the link's own place, or that it is held.
     `unknown` is a missing asset that could put the link elsewhere.
     """
@@ -264,6 +288,8 @@ class _LinkPlace(Struct, frozen=True):
     prim: str
     property: str
     at: Vector
+    turned_by: str
+    turn: float
     how: str
     hint: str
     demand: str
@@ -279,17 +305,25 @@ def _link_places(subject: RobotSubject, link: Prim) -> Iterator[_LinkPlace]:
     if is_first and seen and not link.placeless:  # else it is no body, of which S05 speaks
         hint = f"in the Property panel of {link.name}, set Translate to"
         translate = pose_property(link, "translate")
-        at = decompose(seen).translation
-        unknown = subject.stage.unknown_pose(link)
-        yield _LinkPlace(link.path, translate, at, "sits", hint, "offset", unknown)
+        at, unknown = decompose(seen), subject.stage.unknown_pose(link)
+        turned_by, turn = pose_property(link, "rotate"), rotation_difference(at.rotation, AXES)
+        point = at.translation
+        yield _LinkPlace(
+            link.path, translate, point, turned_by, turn, "sits", hint, "offset", unknown
+        )
     joint = holder_of(subject, link.path)
     rest = held_at(subject, joint, link.path) if joint is not None else None
     if joint is not None and rest is not None and base is not None and base.offset is None:
         side = 1 - bodies(joint).index(link.path)
         hint = f"restore the local positions of {joint.name}, so that it holds {link.name} at"
-        at = decompose(rest).translation
+        at = decompose(rest)
+        # Of a link that is tilted S12 speaks.
+        is_level = angle_between(at.rotation[2], UP) <= subject.lab.scene.tolerance.axle_angle
+        turn = rotation_difference(at.rotation, AXES) if is_level else 0.0
         how = "is held" if link.path in rest_frames(subject) else "would be held"
-        yield _LinkPlace(joint.path, f"physics:localPos{side}", at, how, hint, "joined")
+        place, turned_by = f"physics:localPos{side}", f"physics:localRot{side}"
+        point = at.translation
+        yield _LinkPlace(joint.path, place, point, turned_by, turn, how, hint, "joined")
 
 
 _OPERATION, _ORDER = "xformOp:", "xformOpOrder"

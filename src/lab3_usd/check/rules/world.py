@@ -31,7 +31,7 @@ from lab3_usd.check.robot.poses import (
     root_tolerance,
     vector_text,
 )
-from lab3_usd.check.robot.surroundings import INVISIBLE, hidden_by
+from lab3_usd.check.robot.surroundings import darkened
 from lab3_usd.model.changes import ApplySchema, Edit, MovePrim, RemoveSchema, Restore
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.physics import (
@@ -42,7 +42,6 @@ from lab3_usd.model.physics import (
     PLANE,
     SCENE,
     collides,
-    number,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import UnresolvedAsset, absence_reason
@@ -169,14 +168,14 @@ def light(subject: RobotSubject) -> Iterator[Problem]:
     image{/}.
 
     Fix: activate the light of the supplied file, or choose Create > Light > Dome Light. Make it
-    visible, and give it an intensity above 0.
+    visible, and give it an intensity above 0, a color and no low exposure.
 
     Example: the only DistantLight deactivated, or its intensity 0.
     """
     prims = list(lights(subject.stage))
     part = _asked(subject, subject.lab.scene.world.light)
     present = [prim for prim in prims if prim.present]
-    dark = [found for prim in present if (found := _darkened(prim, subject)) is not None]
+    dark = [found for prim in present if (found := darkened(prim, subject.stage)) is not None]
     if part is None or len(dark) < len(present):
         return
     if dark:
@@ -196,18 +195,6 @@ def light(subject: RobotSubject) -> Iterator[Problem]:
         )
     elif not _is_lost_with_ground(subject, part):
         yield _missing(subject, part, "a light", prims, _LIGHT)
-
-
-_INTENSITY = "inputs:intensity"
-
-
-def _darkened(light: Prim, subject: RobotSubject) -> tuple[Prim, str] | None:
-    """Return the prim and the property by which a light is dark, None for one that shines."""
-    intensity = number(light.attributes.get(_INTENSITY))
-    if intensity is not None and intensity <= 0:
-        return light, _INTENSITY
-    hiding = hidden_by(light, subject.stage, INVISIBLE)
-    return None if hiding is None else (hiding, next(iter(INVISIBLE)))
 
 
 @rule("S15", "physics-scene", scope="robot", demands=_HAS_SCENE)
