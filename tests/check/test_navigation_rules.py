@@ -131,6 +131,23 @@ FAULTS = [
         changed("nav2_amcl::DifferentialMotionModel", "nav2_amcl/DifferentialMotionModel"),
         "amcl.robot_model_type",
     ),
+    # The names of Galactic: nav2_amcl/src/amcl_node.cpp:177, nav2_recoveries/recovery_plugin.xml.
+    ("V09", changed("nav2_amcl::DifferentialMotionModel", "differential"), "amcl.robot_model_type"),
+    (
+        "V09",
+        changed("nav2_amcl::DifferentialMotionModel", "omnidirectional"),
+        "amcl.robot_model_type",
+    ),
+    (
+        "V09",
+        changed("nav2_behaviors/Spin", "nav2_recoveries/Spin"),
+        "behavior_server.spin.plugin",
+    ),
+    (
+        "V09",
+        changed("nav2_controller::SimpleGoalChecker", "nav2_controller::GoalChecker"),
+        "controller_server.goal_checker.plugin",
+    ),
     (
         "V10",
         changed("max_velocity: [0.22, 0.0, 1.0]", "max_velocity: [0.22, 0, 1.0]"),

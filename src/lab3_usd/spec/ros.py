@@ -155,7 +155,8 @@ class NavigationSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """Nav2's parameters, in metres, radians and seconds.
 
     `behaviors` are plugins by name, `rviz` topics by display, `timed` nodes with a clock of their
-    own; `types` lists the last names of parameters by type, `plugins` all of the distribution.
+    own; `types` lists the last names of parameters by type, `plugins` all of the distribution, and
+    `former_plugins` gives those of earlier ones by their names there.
     """
 
     handout: str
@@ -178,6 +179,7 @@ class NavigationSpec(Struct, frozen=True, forbid_unknown_fields=True):
     planner: str
     behaviors: Mapping[str, str]
     rviz: Mapping[str, str]
+    former_plugins: Mapping[str, str] = {}
 
 
 class SystemSpec(Struct, frozen=True, forbid_unknown_fields=True):

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import shortened
+from lab3_usd.facts.endpoints import did_you_mean, likely_name
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import NavigationSubject, Parameter
 
@@ -26,26 +27,35 @@ def parameter_problem(
 
 @rule("V09", "other-release-plugin", scope="navigation", formerly="plugin-of-another-release")
 def other_release_plugin(subject: NavigationSubject) -> Iterator[Problem]:
-    """A plugin has the name of another release.
+    """A plugin has a name that Humble does not know, as that of another release.
 
     Why: Humble names some plugins with a slash, and others with two colons. With another name the
-    node cannot load the plugin, and the lifecycle manager activates nothing.
+    node cannot load the plugin, and the lifecycle manager activates nothing. Plugins of packages
+    that are no part of Nav2 are not judged.
 
     Fix: write the name that Humble uses.
 
     Example: `nav2_navfn_planner::NavfnPlanner` instead of `nav2_navfn_planner/NavfnPlanner`, or
-    `nav2_controller/SimpleGoalChecker` instead of `nav2_controller::SimpleGoalChecker`.
+    `differential` instead of `nav2_amcl::DifferentialMotionModel`.
     """
     navigation = subject.navigation
-    ours = {_plain(name): name for name in navigation.plugins}
+    ours = {_plain(name): name for name in (*navigation.plugins, *navigation.former_plugins)}
+    ours |= {_plain(name): now for name, now in navigation.former_plugins.items()}
+    packages = {name.partition("/")[0] for name in ours if "/" in name}
     for parameter in subject.parameters:
         if parameter.last not in navigation.parameters.plugin:
             continue
         value = str(parameter.value)
-        name = ours.get(_plain(value), value)
+        plain = _plain(value)
+        name = ours.get(plain, value)
         if value != name:
             message = f"{parameter.name} is {shortened(value)}, here it is called {name}"
             yield parameter_problem(subject, parameter, message, expected=name)
+        elif plain not in ours and plain.partition("/")[0] in packages:
+            likely = likely_name(plain, ours)
+            hint = did_you_mean(ours[likely] if likely else None)
+            message = f"{parameter.name} is {shortened(value)}, which is no plugin of Humble{hint}"
+            yield parameter_problem(subject, parameter, message, expected="a plugin of Humble")
 
 
 def _plain(plugin: str) -> str:
