@@ -141,6 +141,47 @@ def test_what_is_found_elsewhere_after_a_repair_is_not_repaired(tmp_path: Path) 
     assert "1 would be repaired" in lines[-2]
 
 
+def test_what_is_likely_is_repaired_on_demand(tmp_path: Path) -> None:
+    path = tmp_path / "carter.usda"
+    shutil.copy(REPOSITORY / "docs" / "examples" / "carter.usda", path)
+    text = lab3("lint", path).stdout
+    assert "hint      drag a wire from left_joint.inputs:value, which alone fits" in text
+    assert text.endswith("; 3 more with --unsafe\n")
+    assert "5 repaired, 0 left" in lab3("fix", "--lint", "--unsafe", "--in-place", path).stdout
+    assert lint_stage(path).verdict == "pass"
+
+
+TIME = "/World/Clock/clock.inputs:timeStamp"
+TREE = "/World/Odometry/tree.inputs:timeStamp"
+NOT_LIKELY: dict[str, list[Step]] = {
+    "two nodes read the time": [
+        {"node": ["/World/Clock/again", "isaacsim.core.nodes.IsaacReadSimulationTime"]},
+        {"disconnect": TIME},
+    ],
+    "two times are wired beside": [
+        {"node": ["/World/Odometry/again", "isaacsim.core.nodes.IsaacReadSystemTime"]},
+        {
+            "connect": [
+                "/World/Odometry/joints.inputs:timeStamp",
+                "/World/Odometry/again.outputs:systemTime",
+            ]
+        },
+        {"disconnect": TREE},
+    ],
+    "two constants are not read": [
+        {"node": ["/World/Drive/third", "omni.graph.nodes.ConstantToken"]},
+        {"disconnect": "/World/Drive/names.inputs:input0"},
+    ],
+}
+
+
+@pytest.mark.parametrize("fault", NOT_LIKELY)
+def test_of_two_candidates_none_is_offered(tmp_path: Path, fault: str) -> None:
+    found = lint_stage(saved(tmp_path, NOT_LIKELY[fault])).findings
+    unset = [finding for finding in found if finding.rule in {"K10", "K11"}]
+    assert [finding.fix for finding in unset] == [None]
+
+
 def test_a_node_is_triggered_by_the_one_that_computes_what_it_takes(tmp_path: Path) -> None:
     behind = "K01 behind the node that computes"
     path = saved(tmp_path, [dict(slip) for slip in SLIPS[behind]])

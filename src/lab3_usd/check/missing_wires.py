@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject, ModelSubject
+from lab3_usd.facts.clocks import CLOCK, READER_RESET, STAMP
 from lab3_usd.facts.execution_order import event_of, live_nodes, live_sources, run_states
-from lab3_usd.isaac.node_types import OUTPUT
-from lab3_usd.model.changes import Connect, Edit
+from lab3_usd.isaac.node_types import INPUT, OUTPUT
+from lab3_usd.model.changes import Connect, CreateNode, Edit
 from lab3_usd.model.stage import Node
 
-_CONTEXT = f"{OUTPUT}context"
+_CONTEXT, _CONTEXT_INPUT = f"{OUTPUT}context", f"{INPUT}context"
+_TIME = "double"
 _SUBSCRIBER = "subscriber"
 
 
@@ -82,6 +84,93 @@ def context_wire(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ...
         if other.type is not None and _CONTEXT in other.type.ports
     ]
     return _connect(node, port, outputs)
+
+
+def likely_wire(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ...]:
+    """Return the wire that an input of a node most likely had.
+
+    It is the one that this input of the other nodes of the graph has, where all of them have the
+    same one, or for a time the one from the one node of the graph that reads simulation time.
+    """
+    beside = [other for other in _beside(node, subject) if other.path != node.path]
+    outputs = {
+        f"{source.path}.{output}"
+        for other in beside
+        for source, output in live_sources(other, port, subject.live)
+    }
+    if not outputs and port == STAMP:
+        outputs = {path for other in beside for path in _times(other)}
+    return _connect(node, port, sorted(outputs))
+
+
+def _times(node: Node) -> Iterator[str]:
+    """Yield the outputs with the simulation time."""
+    if node.type is not None and READER_RESET in node.type.ports:
+        for name, port in node.type.ports.items():
+            if name.startswith(OUTPUT) and port.usd_type == _TIME:
+                yield f"{node.path}.{name}"
+
+
+def lost_constant(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ...]:
+    """Return the wire from the one constant of a node's graph that nobody reads.
+
+    Its type is that of the constants that are wired into the inputs beside.
+    """
+    live = subject.live
+    stem = port.rstrip("0123456789")
+    makers = {
+        source.type_name
+        for name in node.ports
+        if name.startswith(stem)
+        for source, output in live_sources(node, name, live)
+        if output.startswith(INPUT)
+    }
+    read = {
+        (source.path, output)
+        for other in live.values()
+        for name in other.ports
+        for source, output in live_sources(other, name, live)
+    }
+    outputs = [
+        f"{other.path}.{name}"
+        for other in _beside(node, subject)
+        if other.type is not None and other.type_name in makers
+        for name, known in other.type.ports.items()
+        if known.is_source and name.startswith(INPUT) and (other.path, name) not in read
+    ]
+    return _connect(node, port, outputs)
+
+
+def clock_publisher(stamped: Node, subject: LintSubject) -> tuple[Edit, ...]:
+    """Return what adds a publisher of the clock to the graph of a node that stamps messages.
+
+    It takes event, time and context from where the graph has them.
+    """
+    graph = stamped.path.rpartition("/")[0]
+    kinds = [kind for kind in subject.platform.types.values() if kind.message.get("") == CLOCK]
+    kind = min(kinds, key=lambda kind: kind.type, default=None)
+    if kind is None or f"{graph}/{kind.prim_name}" in subject.live:
+        return ()
+    path = f"{graph}/{kind.prim_name}"
+    wires: list[Edit] = []
+    for port, outputs in (
+        *(
+            (name, [p for event in _events(stamped, subject) for p in _signals(event)])
+            for name in kind.execution_inputs
+        ),
+        (STAMP, _wired(stamped, STAMP, subject)),
+        (_CONTEXT_INPUT, _wired(stamped, _CONTEXT_INPUT, subject)),
+    ):
+        if len(outputs) == 1:
+            wires.append(Connect(path, port, kind.ports[port].usd_type, tuple(outputs)))
+        elif port != _CONTEXT_INPUT:
+            return ()
+    return (CreateNode(path, kind.type), *wires)
+
+
+def _wired(node: Node, port: str, subject: LintSubject) -> list[str]:
+    sources = live_sources(node, port, subject.live)
+    return [f"{source.path}.{output}" for source, output in sources]
 
 
 def _connect(node: Node, port: str, outputs: list[str]) -> tuple[Edit, ...]:

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.as_written import as_written
 from lab3_usd.check.manual import in_words_of
 from lab3_usd.check.registry import SCENE, TF, Rule, Scope, holds_without_lab, rules_of
 from lab3_usd.errors import StageError
-from lab3_usd.model.changes import repair_by
+from lab3_usd.model.changes import Repair, repair_by
 from lab3_usd.model.finding import Crash, Finding, NotJudged, Problem
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Lab
@@ -100,6 +101,11 @@ def merge_results(results: Iterable[RuleResults]) -> RuleResults:
     )
 
 
+def _repair(problem: Problem) -> Repair:
+    repair = repair_by(problem.fix)
+    return replace(repair, safe=False) if problem.likely else repair
+
+
 def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
     """Stamp the rule's id, name and severity on what it yielded."""
     section = None if lab is None else lab.handout.rules.get(rule.id)
@@ -116,7 +122,7 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         handout=problem.handout or section,
         hint=problem.hint or in_words_of(lab, rule.section("Fix")) or None,
         related=problem.related,
-        fix=repair_by(problem.fix) if problem.fix and severity != "note" else None,
+        fix=_repair(problem) if problem.fix and severity != "note" else None,
         unopened=problem.unopened,
         unmet=problem.unmet,
         absent=problem.absent,

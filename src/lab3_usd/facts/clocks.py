@@ -15,7 +15,7 @@ from lab3_usd.model.stage import Node, StageModel
 
 STAMP = "inputs:timeStamp"
 _SYSTEM, _RESET = "inputs:useSystemTime", "inputs:resetSimulationTimeOnStop"
-_READER_RESET = "inputs:resetOnStop"
+READER_RESET = "inputs:resetOnStop"
 CLOCK = "rosgraph_msgs/msg/Clock"
 
 
@@ -66,7 +66,7 @@ def _stamp_by_wire(endpoint: Endpoint, stage: StageModel, platform: Platform) ->
         return None
     source, _ = sources[0]
     is_clock, topic = endpoint.type == CLOCK, str(endpoint.topic)
-    restarts = effective_value(source, _READER_RESET, live_nodes(stage, platform))
+    restarts = effective_value(source, READER_RESET, live_nodes(stage, platform))
     if source.type is None:
         return Stamp(node, topic, STAMP, "unknown", None, is_clock, endpoint.domain)
     if any("systemTime" in port for port in source.type.ports):

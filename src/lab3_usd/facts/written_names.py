@@ -110,12 +110,16 @@ def message_frames(stage: StageModel, platform: Platform) -> tuple[MessageFrame,
 
 
 class OdometryPair(Struct, frozen=True, eq=False):
-    """A message and a transform that tell the same pose, with the frames of both."""
+    """A message and a transform that tell the same pose, with the frames of both.
+
+    The ports are those that name the children.
+    """
 
     publisher: Node
     port: str
     message: tuple[str, str]
     tree: Node
+    tree_port: str
     transform: tuple[str, str]
 
 
@@ -142,7 +146,12 @@ def odometry_pairs(stage: StageModel, platform: Platform) -> Iterator[OdometryPa
                 continue
             if transform.is_transform and not message.is_transform:
                 yield OdometryPair(
-                    message.node, message.port, message.frames, transform.node, transform.frames
+                    message.node,
+                    message.port,
+                    message.frames,
+                    transform.node,
+                    transform.port,
+                    transform.frames,
                 )
 
 

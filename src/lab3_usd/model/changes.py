@@ -101,6 +101,13 @@ class AddGraph(Struct, frozen=True, tag="add-graph", tag_field="edit"):
     graph: str
 
 
+class CreateNode(Struct, frozen=True, tag="create-node", tag_field="edit"):
+    """Add a node of a type, with its ports as the editor writes them, and no connections."""
+
+    prim: str
+    type: str
+
+
 class RemovePrim(Struct, frozen=True, tag="remove-prim", tag_field="edit"):
     """Remove a prim with all that is below it."""
 
@@ -127,6 +134,7 @@ Edit: TypeAlias = (
     | Restore
     | AddNode
     | AddGraph
+    | CreateNode
     | RemovePrim
     | MovePrim
 )
@@ -136,7 +144,8 @@ class Repair(Struct, frozen=True):
     """The edits that repair one finding, with a title.
 
     A repair is `safe` where it changes values, connections, targets or schemas of prims that are
-    there. One that adds, removes or moves prims is done only when it is asked for.
+    there. One that adds, removes or moves prims, or that is only likely what was meant, is done
+    only when it is asked for.
     """
 
     title: str
@@ -144,7 +153,7 @@ class Repair(Struct, frozen=True):
     safe: bool = True
 
 
-_NEEDS_CONSENT = (AddGraph, AddNode, RemovePrim, MovePrim)
+_NEEDS_CONSENT = (AddGraph, AddNode, CreateNode, RemovePrim, MovePrim)
 
 
 def repair_by(edits: tuple[Edit, ...]) -> Repair:

@@ -36,7 +36,8 @@ class Problem(Struct, frozen=True):
     """What a rule yields: the site (prim and property) and what is wrong there.
 
     `severity` is None where the rule's own severity holds. `handout` names the section of the
-    handout that asks for it (`C9`, `8.11`). `fix` are the edits that repair it, `unmet` the ids of
+    handout that asks for it (`C9`, `8.11`). `fix` are the edits that repair it, which is `likely`
+    where they are only the likely ones; `unmet` are the ids of
     the requirements that it fails; where the prim is `absent`, so does all that is asked of it and
     of what lies below it. One that fails none takes points from the parts that it `costs` (a graph,
     a sensor, Scene, TF); where none is named, from the part in which it stands. `unopened` is what
@@ -62,6 +63,7 @@ class Problem(Struct, frozen=True):
     severity: Severity | None = None
     hint: str | None = None
     fix: tuple[Edit, ...] = ()
+    likely: bool = False
     unmet: tuple[str, ...] = ()
     absent: bool = False
     costs: tuple[str, ...] = ()
@@ -150,7 +152,9 @@ def is_among(rule: str, names: Collection[str]) -> bool:
 
 
 def site_of(finding: Finding) -> Site:
-    """Return rule, prim and property, the key of a finding within a stage."""
+    """Return the key of a finding within a stage: its rule and place, or what it is about."""
+    if finding.identity is not None:
+        return finding.rule, finding.identity, None
     return finding.rule, finding.prim, finding.property
 
 

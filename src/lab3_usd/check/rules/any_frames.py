@@ -13,6 +13,8 @@ from lab3_usd.check.match.rule_inputs import TransformsSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.frames import Edge
 from lab3_usd.facts.tree import Tree, tree
+from lab3_usd.facts.written_names import odometry_pairs
+from lab3_usd.model.changes import SetValue
 from lab3_usd.model.finding import Problem, Severity
 
 
@@ -223,14 +225,40 @@ def disconnected_frames(subject: TransformsSubject) -> Iterator[Problem]:
             is_cyclic = any(edge.child in heard.tree.cycle for edge in loose)
             if loose and not is_cyclic and frames.isdisjoint(tops):
                 names = ", ".join(dict.fromkeys(f"{edge.parent} -> {edge.child}" for edge in loose))
+                joins = _joining_frame(loose, heard.tree, subject)
                 yield Problem(
                     loose[0].cause,
                     f"publishes {names}, which is not connected with '{tops[0]}'",
                     actual=names,
+                    hint=_JOINS.format(joins[0].prim, joins[0].value) if joins else None,
+                    fix=joins,
+                    likely=True,
                     severity=_severity(((edge,) for edge in loose), subject),
                     assumes=subject.assumed(loose),
                     identity=min(frames - {edge.child for edge in loose}, default=""),
                 )
+
+
+_JOINS = "set the child frame of {} to {}, as the odometry message of the same pose names it"
+
+
+def _joining_frame(
+    loose: Sequence[Edge], whole: Tree[Edge], subject: TransformsSubject
+) -> tuple[SetValue, ...]:
+    """Return what names the child of a loose transform as the message of the same pose does.
+
+    It does where that frame is in the largest tree.
+    """
+    publishers = {edge.publisher for edge in loose}
+    _, largest = whole.parts[0]
+    return tuple(
+        SetValue(pair.tree.path, pair.tree_port, "string", pair.message[1])
+        for pair in odometry_pairs(subject.stage, subject.platform)
+        if publishers == {pair.tree.path}
+        and pair.message[0] == pair.transform[0]
+        and pair.message[1] in largest
+        and not pair.tree.sources(pair.tree_port)
+    )[:1]
 
 
 @rule("K55", "unpublished-frame", scope="lint", severity="warning", formerly="frame-of-nobody")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.check.missing_wires import context_wire
+from lab3_usd.check.missing_wires import clock_publisher, context_wire
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.clocks import CLOCK, Stamp, stamps
 from lab3_usd.facts.domains import (
@@ -267,5 +267,6 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
                 expected="a publisher of /clock",
                 related=tuple(dict.fromkeys(stamp.node.path for stamp in simulated[1:])),
                 rests_on=next(iter(subject.stage.unresolved), None),
+                fix=clock_publisher(first.node, subject),
                 identity="/",
             )

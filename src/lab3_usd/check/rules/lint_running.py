@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.check.missing_wires import execution_wire
+from lab3_usd.check.missing_wires import execution_wire, likely_wire, lost_constant
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.articulations import commands
 from lab3_usd.facts.changes import effect_on_run, writing_nodes
@@ -33,7 +33,8 @@ from lab3_usd.facts.stalled_nodes import (
     unmet_needs,
 )
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.changes import Connect, Edit
+from lab3_usd.model.finding import Problem, Severity, short_source
 from lab3_usd.model.stage import OVER, Node
 
 _REASONS = {
@@ -89,15 +90,16 @@ def _stopped(stop: Stop, subject: LintSubject) -> Problem:
     waiting = ", ".join(node.name for node in stop.waiting)
     waiting_text = f"; waiting for it: {waiting}" if waiting else ""
     is_off = stop.reason == "off"
+    wire = execution_wire(stop.node, stop.port, subject) if stop.reason == "unwired" else ()
     return Problem(
         stop.node.path,
         f"{subject.title(stop.node)} never executes: {reason}{waiting_text}",
         property=stop.port,
         expected="a wire from an event",
         related=tuple(node.path for node in stop.waiting),
-        hint=f"switch {stop.cause} on again" if is_off else None,
+        hint=f"switch {stop.cause} on again" if is_off else _hint_of(wire),
         severity="note" if is_off else None,
-        fix=execution_wire(stop.node, stop.port, subject) if stop.reason == "unwired" else (),
+        fix=wire,
         rests_on=subject.stage.unknown_inputs(stop.node),
     )
 
@@ -330,14 +332,26 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
             is_unset = (
                 "are not connected and have" if len(known) > 1 else "is not connected and has"
             )
+            wire = likely_wire(node, f"inputs:{known[0]}", subject) if len(known) == 1 else ()
             yield Problem(
                 node.path,
                 f"{names} {is_unset} no value: {need.effect}",
                 property=f"inputs:{known[0]}",
                 expected="a wire or a value",
+                hint=_hint_of(wire),
+                fix=wire,
+                likely=True,
                 severity="warning" if need.severity == "warning" or may_be_filled else None,
                 rests_on=subject.stage.unknown_inputs(node),
             )
+
+
+def _hint_of(wire: tuple[Edit, ...]) -> str | None:
+    """Name what a likely wire comes from."""
+    sources = [source for edit in wire if isinstance(edit, Connect) for source in edit.sources]
+    if not sources:
+        return None
+    return f"drag a wire from {short_source(sources[0])}, which alone fits, to this input"
 
 
 @rule("K11", "array-gaps", scope="lint", formerly="array-with-gaps")
@@ -377,11 +391,15 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
                 )
         if items.filled:
             for port in items.empty:
+                wire = lost_constant(node, port, subject) if len(items.empty) == 1 else ()
                 yield Problem(
                     node.path,
                     f"{port} is not connected and has no value: an element of the array is empty",
                     property=port,
                     expected="a wire or a value",
+                    hint=_hint_of(wire),
+                    fix=wire,
+                    likely=True,
                     rests_on=subject.stage.unknown_inputs(node),
                 )
         for port in items.beyond:

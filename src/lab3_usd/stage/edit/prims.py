@@ -16,6 +16,7 @@ from lab3_usd.model.changes import (
     ApplySchema,
     ClearValue,
     Connect,
+    CreateNode,
     MovePrim,
     RemovePrim,
     RemoveSchema,
@@ -24,6 +25,7 @@ from lab3_usd.model.changes import (
     SetType,
     SetValue,
 )
+from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.write.graphs import author_graph, catalog_value, define_parents
 
@@ -240,6 +242,16 @@ def add_node(session: EditSession, edit: AddNode) -> None:
     for attribute in source.GetPrimAtPath(node).attributes:
         attribute.connectionPathList.ClearEdits()
     copy_prim(session, source, node, edit.prim)
+
+
+def create_node(session: EditSession, edit: CreateNode) -> None:
+    """Add a node of a type of the platform, as the editor does."""
+    graph, _, name = edit.prim.rpartition("/")
+    kind = session.lab.platform.types[edit.type]
+    spec = GraphSpec("", graph, "", {name: NodeSpec(name, kind, (0.0, 0.0), "")}, ())
+    source = Sdf.Layer.CreateAnonymous(".usda")
+    author_graph(source, spec, session.lab.platform)
+    copy_prim(session, source, edit.prim, edit.prim)
 
 
 def copy_prim(session: EditSession, source: Sdf.Layer, path: str, to: str) -> None:
