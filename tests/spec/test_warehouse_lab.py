@@ -248,3 +248,39 @@ def test_no_node_may_place_the_odometry_of_either_robot(
     other = put(f"{graph}.inputs:parentFrameId", "world")
     result = check_stage(changed(built, tmp_path, 5, change, other), lab=lab)
     assert ("T07", graph) in [(rule, prim) for rule, prim, _ in errors(result)]
+
+
+def played(path: Path) -> dict[tuple[str, str], dict[str, Any]]:
+    """The checks of a dry run, by robot ('' for the whole stage) and name."""
+    shown = json.loads(run("sim", path, "--format", "json").stdout)
+    return {(check.get("of", ""), check["name"]): check for check in shown["checks"]}
+
+
+def test_each_robot_is_driven_by_its_own_commands_and_judged_by_its_own_limits(built: Path) -> None:
+    checks = played(built / file_of(5))
+    assert {check["verdict"] for check in checks.values()} == {"ok"}
+    for robot in ("r1", "r2"):
+        assert {name for of, name in checks if of == robot} >= {"follows", "limits", "odometry"}
+    assert ("r2", "scan") in checks
+    assert ("r1", "scan") not in checks
+    assert ("", "tree") in checks
+
+
+PLAYED = [
+    ("slower", f"{R2}/DriveR2/controller.inputs:maxLinearSpeed", 0.2, ("r2", "limits")),
+    ("slower", f"{R1}/DriveR1/controller.inputs:maxLinearSpeed", 0.6, ("r1", "limits")),
+    ("turns more", f"{R2}/DriveR2/controller.inputs:wheelDistance", 0.36, ("r2", "follows")),
+    ("named", f"{R2}/OdometryR2/publish_odometry.inputs:odomFrameId", "odom", ("r2", "odometry")),
+    ("other rate", f"{R2}/body/tower/Scan.omni:sensor:tickRate", 10.0, ("r2", "scan")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("what", "path", "value", "expected"), PLAYED)
+def test_a_fault_of_one_robot_is_shown_by_its_own_checks(
+    built: Path, tmp_path: Path, what: str, path: str, value: Any, expected: tuple[str, str]
+) -> None:
+    checks = played(changed(built, tmp_path, 5, put(path, value)))
+    bad = {key for key, check in checks.items() if check["verdict"] == "bad"}
+    assert expected in bad, what
+    assert {of for of, _ in bad} <= {expected[0], ""}
+    assert not any("castor" in str(check) for check in checks.values())  # a ball joint has no drive

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from msgspec import Struct
@@ -33,12 +33,12 @@ from lab3_usd.model.dry_run import (
 from lab3_usd.sim.any_stage import Played, commanded_joints, domain_of, play_any
 from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Scan
-from lab3_usd.sim.judge.checks import judge, whole_verdict
+from lab3_usd.sim.judge.checks import OF_STAGE, judge, whole_verdict
 from lab3_usd.sim.judge.expectations import Expected, Stretch, Trial, displacement, in_root
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.motion import leg_fault
 from lab3_usd.sim.judge.sensors import rate_of
-from lab3_usd.sim.judge.topics import expected_at
+from lab3_usd.sim.judge.topics import expected_at, expected_of_each
 from lab3_usd.sim.robots import Robot, expected_of, labels
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
@@ -49,6 +49,42 @@ EVERY = 6  # frames of the path, for each kept one
 def outcome(stage: str, checkpoint: str, trial: Trial) -> Behaviour:
     """Return the results of a run, judged by the requirements of its checkpoint."""
     checks = tuple(check for check in judge(trial) if is_asked(check.name, trial))
+    return _outcome(stage, checkpoint, trial, checks)
+
+
+def outcome_of_robots(
+    stage: str, checkpoint: str, plays: Mapping[str, Trial], everything: Expected
+) -> Behaviour:
+    """Return the results of the plays of several robots, by name.
+
+    What the stage shows as a whole is judged by `everything` that the lab asks for, in the first.
+    """
+    first = next(iter(plays.values()))
+    whole = replace(first, wanted=everything)
+    checks = [c for c in judge(whole) if c.name in OF_STAGE and is_asked(c.name, whole)]
+    legs: list[Leg] = []
+    for name, trial in plays.items():
+        own = [c for c in judge(trial) if c.name not in OF_STAGE and is_asked(c.name, trial)]
+        checks += [replace(check, of=name) for check in own]
+        legs += [replace(leg, name=f"{name}: {leg.name}") for leg in driven_legs(trial, own)]
+    behaviour = _outcome(stage, checkpoint, whole, tuple(checks))
+    remarks = [f"{name}: {text}" for name, play in plays.items() for text in _remarks(play, checks)]
+    sizes = [
+        f"{name}: {text}"
+        for name, play in plays.items()
+        for text in _sizes(play, " with the radius of the lab")
+    ]
+    return replace(
+        behaviour,
+        seconds=sum(play.recording.seconds for play in plays.values()),
+        legs=tuple(legs),
+        remarks=tuple(remarks),
+        sizes=tuple(sizes),
+        fit=next((play.fit for play in plays.values() if play.fit is not None), None),
+    )
+
+
+def _outcome(stage: str, checkpoint: str, trial: Trial, checks: tuple[Check, ...]) -> Behaviour:
     recording = trial.recording
     reasons = {**recording.not_simulated, **recording.assumed}
     verdict, missing = whole_verdict(checks)
@@ -289,8 +325,13 @@ def dry_run(
     Raises:
         UsageError: the drive is none, or the topic is not that of a robot.
     """
-    wanted = expected_at(lab, lab.checkpoints[checkpoint]) if checkpoint else expected_of(None)
-    sessions = () if drive is None else drive_of(drive, wanted.limits)
+    asked = {"": expected_of(None)}
+    if checkpoint:
+        asked = expected_of_each(lab, lab.checkpoints[checkpoint])
+    drives = {
+        name: fixed_drive(wanted.limits) if drive is None else drive_of(drive, wanted.limits)
+        for name, wanted in asked.items()
+    }
     try:
         scene = scene_of(path, lab.platform)
     except StageError as error:
@@ -301,30 +342,39 @@ def dry_run(
     if not checkpoint:
         played = play_any(scene, platform, drive, topic)
         return DryRun(outcome_of_any(str(path), played), played.plays[0], scene, played.robots)
-    sessions = sessions or fixed_drive(wanted.limits)
-    if wanted.goes_with_environment:
-        sessions = tuple(session for session in sessions if not session.environment)
-    trial = record(scene, platform, sessions, wanted)
-    if lab.checkpoints[checkpoint].localization:
-        _lay_on_map(trial, path, maps, lab)
-    behaviour = outcome(str(path), checkpoint, trial)
-    if wanted.joint_commands:
-        behaviour = _with_joints(behaviour, scene, platform, wanted)
+    plays = {}
+    for name, wanted in asked.items():
+        stays = wanted.goes_with_environment
+        sessions = tuple(s for s in drives[name] if not (stays and s.environment))
+        plays[name] = record(scene, platform, sessions, wanted)
+        is_localized = lab.checkpoints[checkpoint].localization
+        if is_localized and (not name or wanted.root == lab.frames.root):
+            _lay_on_map(plays[name], path, maps, lab)
+    trial = next(iter(plays.values()))
+    if "" in plays:
+        behaviour = outcome(str(path), checkpoint, trial)
+    else:
+        everything = expected_at(lab, lab.checkpoints[checkpoint])
+        behaviour = outcome_of_robots(str(path), checkpoint, plays, everything)
+    for name, wanted in asked.items():
+        if wanted.joint_commands:
+            behaviour = _with_joints(behaviour, scene, platform, wanted, name)
     if not behaviour.checks and not lab.checkpoints[checkpoint].graphs:
         behaviour = replace(behaviour, missing=_nothing_yet(lab, checkpoint), is_early=True)
     return DryRun(behaviour, trial, scene)
 
 
 def _with_joints(
-    behaviour: Behaviour, scene: Scene, platform: Platform, wanted: Expected
+    behaviour: Behaviour, scene: Scene, platform: Platform, wanted: Expected, name: str
 ) -> Behaviour:
     """Add what the joints show that the lab moves by commands of their own."""
     robot, shown = commanded_joints(scene, platform, wanted)
-    of = wanted.joint_commands if wanted.commands else ""
+    of = name or (wanted.joint_commands if wanted.commands else "")
     checks = (*behaviour.checks, *(replace(check, of=of) for check in shown))
     verdict, missing = whole_verdict(checks)
     topic, domain = wanted.joint_commands, wanted.domain
-    robots = (Driven(robot.name, topic, domain),) if robot is not None else ()
+    driven = (Driven(robot.name, topic, domain),) if robot is not None else ()
+    robots = (*behaviour.robots, *driven)
     return replace(behaviour, checks=checks, verdict=verdict, missing=missing, robots=robots)
 
 

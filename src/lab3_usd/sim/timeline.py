@@ -113,7 +113,7 @@ class Player:
     def __init__(self, world: World, platform: Platform, body: str = "") -> None:
         self.world = world
         self.program: Program = compile_graphs(world.scene, platform)
-        self.robot = world.machines.member.get(body) or driven(world)
+        self.robot = world.machines.member.get(body) if body else driven(world)
         self.body = body or (self.robot.base if self.robot is not None else "")
         self.recording = Recording()
         self.commands = 0

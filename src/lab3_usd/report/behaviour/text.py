@@ -55,6 +55,9 @@ PASSED_IN_ANY_STAGE = {
     "scan": "scans show the walls where TF has the lidar",
     **PASSED_BY_JOINTS,
 }
+PASSED_BY_TREES = {
+    "tree": "each frame has one parent and one publisher, below the top of a robot's tree"
+}
 PASSED_IN_A_RECORDING = {
     **PASSED,
     "topics": "every topic is received, of its type",
@@ -78,7 +81,10 @@ def passed_texts(behaviour: Behaviour) -> Mapping[str, str]:
     if behaviour.recording:
         return PASSED_IN_A_RECORDING
     if behaviour.checkpoint:
-        return PASSED | PASSED_BY_JOINTS if behaviour.robots else PASSED
+        texts = PASSED | PASSED_BY_JOINTS if behaviour.robots else PASSED
+        children = {frame.child for frame in behaviour.frames}
+        tops = {frame.parent for frame in behaviour.frames} - children
+        return texts | PASSED_BY_TREES if len(tops) > 1 else texts
     return PASSED_IN_ANY_STAGE
 
 

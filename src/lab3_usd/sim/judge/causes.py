@@ -17,7 +17,7 @@ from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import Program, is_within
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.judge.expectations import Cause, RunFault
-from lab3_usd.sim.robot.machine import Joint, Machine
+from lab3_usd.sim.robot.machine import DRIVE, Joint, Machine
 
 _RADIUS = "wheelRadius"
 _TYPE = "type"  # the input of a helper that says what it publishes
@@ -281,9 +281,10 @@ def _of_robot(robot: Machine) -> Iterator[Cause]:
 
 
 def _rolling(robot: Machine) -> Iterator[Joint]:
-    """Yield the joints of a robot but those that steer its wheels."""
+    """Yield the joints of a robot that a drive may turn, but those that steer its wheels."""
     steering = [joint for wheel in robot.wheels for joint in robot.above(wheel.carrier)]
-    return (joint for joint in robot.joints.values() if joint not in steering)
+    turned = (joint for joint in robot.joints.values() if joint.kind in DRIVE)
+    return (joint for joint in turned if joint not in steering)
 
 
 def _of_joint(joint: Joint, site: str) -> Cause | None:

@@ -50,6 +50,10 @@ def judge(trial: Trial) -> list[Check]:
     return [verdict(name, list(check(trial)), trial) for name, check in CHECKS.items()]
 
 
+# What a stage shows as a whole, whichever robot is driven.
+OF_STAGE = ("graphs", "topics", "clock", "stamps", "tree")
+
+
 def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     """Return the verdict of a check from its faults; what did not happen is not judged."""
     unplayed = why_unplayed(name, trial) or trial.recording.unplayed.get("", "")

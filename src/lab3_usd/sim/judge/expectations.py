@@ -70,6 +70,7 @@ class Expected(Struct, frozen=True):
     upward: tuple[float, float, float]
     turn_rate: float = 0.0  # of the lidar, a second
     frames: tuple[str, ...] = ()  # that the tree is to have below its root
+    roots: tuple[str, ...] = ()  # of all trees, where there are several
     joint_commands: str = ""  # the topic by which joints are commanded
     wheel_radius: float = 0.0  # that the lab asks of controllers, metres
     centre: tuple[float, float] = (0.0, 0.0)  # of its turns, in the frame of the base, metres

@@ -7,17 +7,19 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
+from msgspec.structs import replace
+
 from lab3_usd.facts.tree import SentTransform, Tree
 from lab3_usd.facts.tree import tree as build_tree
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
-from lab3_usd.spec.contradictions.names import value_of
+from lab3_usd.spec.contradictions.names import graph_topics, value_of
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.ros import FROM_THE_FIRST, TopicSpec
-from lab3_usd.spec.scene import SensorSpec
+from lab3_usd.spec.scene import RobotSpec, SensorSpec
 
 # The parts that topics play, by the type of their messages.
 _PARTS = {
@@ -39,19 +41,26 @@ _BY_ENVIRONMENT = f"{INPUT}useDomainIDEnvVar"
 _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 
 
-def expected_at(lab: Lab, checkpoint: Checkpoint) -> Expected:
-    """Return what a ROS node should see of a stage of this checkpoint."""
+def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None) -> Expected:
+    """Return what a ROS node should see of a stage of this checkpoint.
+
+    With a robot of the lab, the topics of others are left out.
+    """
     reached = (FROM_THE_FIRST, *lab.until(checkpoint.id))
+    foreign = _topics_of_others(lab, robot) if robot is not None else set()
     required = [
         topic
         for topic in lab.topics.values()
         if topic.since in reached
         and (topic.subscribed or topic.source is None)
         and not topic.optional
+        and topic.name not in foreign
     ]
     names: dict[str, Any] = {part: _named(required, kind) for part, kind in _PARTS.items()}
-    root, base = _frames_of_odometry(lab)
-    lidar, camera = map(lab.first_sensor, ("lidar", "camera"))
+    root, base = _frames_of_odometry(lab, robot)
+    lidar = _sensor_behind(lab, names["scan"], "lidar", robot)
+    camera = _sensor_behind(lab, names["image"], "camera", robot)
+    driven = robot or lab.scene.robot
     view = camera.looks if camera else None
     return Expected(
         types={topic.name: topic.type for topic in required if not topic.subscribed},
@@ -60,16 +69,17 @@ def expected_at(lab: Lab, checkpoint: Checkpoint) -> Expected:
         joint_commands=_named([topic for topic in required if topic.subscribed], _JOINTS),
         **names,
         root=root or lab.frames.root,
-        base=base or lab.scene.robot.base_frame,
+        base=base or lab.frame_of(driven.base),
         scan_rate=_rate(lidar, _RATE),
         image_rate=_rate(camera, _RATE),
-        limits=_limits(lab),
+        limits=_limits(lab, robot),
         view=view.along if view else (0.0, 0.0, 0.0),
         upward=view.up if view else (0.0, 0.0, 0.0),
         turn_rate=_rate(lidar, _TURNS),
         frames=tuple(child for _, child in lab.frames.edges) if checkpoint.frames else (),
-        wheel_radius=_drive_settings(lab, _RADIUS)[0],
-        centre=lab.scene.robot.wheels.centre,
+        roots=lab.frames.roots if len(lab.scene.robots) > 1 else (),
+        wheel_radius=_drive_settings(lab, robot, _RADIUS)[0],
+        centre=driven.wheels.centre,
         profile={name: attribute.value for name, attribute in lidar.attributes.items()}
         if lidar
         else {},
@@ -79,12 +89,79 @@ def expected_at(lab: Lab, checkpoint: Checkpoint) -> Expected:
     )
 
 
-def _frames_of_odometry(lab: Lab) -> tuple[str, str]:
+def expected_of_each(lab: Lab, checkpoint: Checkpoint) -> dict[str, Expected]:
+    """Return what is to be seen of each robot that shows something, by name; '' for the only one.
+
+    Of several robots the body that is watched is the base.
+    """
+    if len(lab.scene.robots) == 1:
+        return {"": expected_at(lab, checkpoint)}
+    each = {
+        robot.title: replace(expected_at(lab, checkpoint, robot), robot=robot.base)
+        for robot in lab.scene.robots
+    }
+    shown = {
+        name: wanted
+        for name, wanted in each.items()
+        if wanted.commands or wanted.joint_commands or wanted.odometry or wanted.scan
+    }
+    return shown or dict(list(each.items())[:1])
+
+
+def _robots_of(lab: Lab, graph: GraphSpec, role: str) -> set[str]:
+    """Return the paths of the robots to which a node belongs: those of prims up or down its wires.
+
+    What it shares with the nodes of other robots, as a tick, names no prim.
+    """
+    before, after = {role}, {role}
+    for _ in graph.nodes:
+        before |= {wire.source.role for wire in graph.wires if wire.target.role in before}
+        after |= {wire.target.role for wire in graph.wires if wire.source.role in after}
+    targets = (target for name in before | after for target in graph.nodes[name].targets)
+    robots = (lab.scene.robot_of(prim) for target in targets for prim in target.prims)
+    return {robot.path for robot in robots if robot is not None}
+
+
+def _is_of(robot: RobotSpec | None, lab: Lab, graph: GraphSpec, role: str) -> bool:
+    """Whether a node belongs to a robot, or to none."""
+    found = _robots_of(lab, graph, role) if robot is not None else set()
+    return robot is None or not found or robot.path in found
+
+
+def _topics_of_others(lab: Lab, robot: RobotSpec) -> set[str]:
+    own, foreign = set[str](), set[str]()
+    for topic in graph_topics(lab):
+        is_own = _is_of(robot, lab, lab.graphs[topic.graph], topic.role)
+        (own if is_own else foreign).add(topic.name)
+    return foreign - own
+
+
+def _sensor_behind(lab: Lab, topic: str, kind: str, robot: RobotSpec | None) -> SensorSpec | None:
+    """Return the sensor of a kind whose data comes on a topic, else the first of the kind."""
+    sensors = [sensor for sensor in lab.sensors.values() if sensor.kind == kind]
+    for known in graph_topics(lab):
+        graph = lab.graphs[known.graph]
+        if known.name == topic and known.role in graph.nodes:
+            roles = {known.role}
+            for _ in graph.nodes:
+                roles |= {wire.source.role for wire in graph.wires if wire.target.role in roles}
+            prims = {p for r in roles for target in graph.nodes[r].targets for p in target.prims}
+            found = next((sensor for sensor in sensors if sensor.path in prims), None)
+            if found is not None:
+                return found
+    of_robot = (s for s in sensors if robot is None or lab.scene.robot_of(s.path) is robot)
+    return next(of_robot, None)
+
+
+def _frames_of_odometry(lab: Lab, robot: RobotSpec | None) -> tuple[str, str]:
     """Return the frames that odometry is to name, by its graph, else by `ros.yaml`; '' for none."""
-    for _, node in _publishers(lab, _PARTS["odometry"]):
-        root, base = (str(value_of(node, port) or "") for port in node.type.frames)
-        return root, base
+    for graph, node in _publishers(lab, _PARTS["odometry"]):
+        if _is_of(robot, lab, graph, node.role):
+            root, base = (str(value_of(node, port) or "") for port in node.type.frames)
+            return root, base
+    foreign = _topics_of_others(lab, robot) if robot is not None else set()
     topics = (topic for topic in lab.topics.values() if topic.type == _PARTS["odometry"])
+    topics = (topic for topic in topics if topic.name not in foreign)
     fields = next((topic.fields for topic in topics if topic.fields), {})
     return fields.get(_PARENT, ""), fields.get(_CHILD, "")
 
@@ -145,9 +222,11 @@ def _rate(sensor: SensorSpec | None, name: str) -> float:
     return 0.0 if rate is None else float(rate.value)
 
 
-def _limits(lab: Lab) -> tuple[float, float]:
+def _limits(lab: Lab, robot: RobotSpec | None) -> tuple[float, float]:
     """Return how fast the lab's controllers let a robot go and turn; 0 where they do not say."""
-    ahead, turning, radius, distance, rim = _drive_settings(lab, *_LIMITS, _RADIUS, _DISTANCE, _RIM)
+    ahead, turning, radius, distance, rim = _drive_settings(
+        lab, robot, *_LIMITS, _RADIUS, _DISTANCE, _RIM
+    )
     by_wheels = (rim * radius, 2 * rim * radius / distance if distance else 0.0)
     limits = (
         min(filter(None, both), default=0.0)
@@ -156,7 +235,7 @@ def _limits(lab: Lab) -> tuple[float, float]:
     return (next(limits), next(limits))
 
 
-def _drive_settings(lab: Lab, *names: str) -> tuple[float, ...]:
+def _drive_settings(lab: Lab, robot: RobotSpec | None, *names: str) -> tuple[float, ...]:
     """Return the values that the lab asks of controllers, by input; 0 where it asks for none.
 
     Lengths are metres.
@@ -164,7 +243,7 @@ def _drive_settings(lab: Lab, *names: str) -> tuple[float, ...]:
     settings: dict[str, Any] = {}
     for graph in lab.graphs.values():
         for node in graph.nodes.values():
-            for setting in node.settings:
+            for setting in node.settings if _is_of(robot, lab, graph, node.role) else ():
                 name = setting.port.rpartition(":")[2]
                 if name in names:
                     unit = _unit_of(lab, graph, node) if name in _LENGTHS else 1.0
@@ -201,7 +280,7 @@ def topics(trial: Trial) -> Iterator[RunFault]:
         if odd is not None:
             yield RunFault(f"{topic} is {odd.type}, not {kind}", "wrong-message-type", odd.node)
         senders = list(dict.fromkeys(message.node for message in messages))
-        if topic != wanted.transforms and len(senders) > 1:
+        if kind != _PARTS["transforms"] and len(senders) > 1:
             yield RunFault(
                 f"{len(senders)} nodes publish {topic}", "duplicate-publisher", senders[1]
             )
@@ -306,8 +385,8 @@ def _tree_faults(trial: Trial, session: int) -> Iterator[RunFault]:
 
 def _loose_frames(trial: Trial, heard: Tree[SentTransform], session: int) -> Iterator[RunFault]:
     """Yield the first frame that is not below the root; without one, below that of the tree."""
-    root = trial.wanted.root or heard.roots[0]
-    tied = heard.below(root)
+    roots = trial.wanted.roots or (trial.wanted.root or heard.roots[0],)
+    tied = heard.below(*roots)
     named = {trial.wanted.base: ""}  # the frames that are spoken of, with a node that does so
     for topic in trial.wanted.types:
         for message in trial.recording.topic(topic, session):
@@ -316,6 +395,6 @@ def _loose_frames(trial: Trial, heard: Tree[SentTransform], session: int) -> Ite
     for frame in (*heard.by_child, *sorted(named)):
         if frame not in tied:
             kind: FaultKind = "disconnected-frame" if frame in heard.by_child else "unknown-frame"
-            text = f"{frame} is not below {root}"
+            text = f"{frame} is not below {' or '.join(roots)}"
             yield RunFault(text, kind, named.get(frame, ""))
             return

@@ -59,6 +59,7 @@ class GraphTopic(Struct, frozen=True):
     type: str | None
     is_subscribed: bool
     graph: str
+    role: str
     place: str
     frames: tuple[str, ...] = ()
 
@@ -102,6 +103,7 @@ def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
                 type=message.get("") or message.get(str(value_of(node, _KIND))),
                 is_subscribed=node.type.role == "subscriber",
                 graph=graph.name,
+                role=node.role,
                 place=f"{file_of(graph)}: {node.role}: {_short(port)}",
                 frames=tuple(_frames_of_topic(graph, node, port)),
             )
