@@ -12,7 +12,7 @@ import quick_yaml
 from html_pages import read
 from invoking import invoke
 from mini_lab import LAB, LAST, MINI, cut_wire, files_below, stage, starter, submission
-from pxr import Gf, Usd
+from pxr import Gf, Sdf, Usd
 from workers_here import graded_here
 
 from lab3_usd.errors import UsageError
@@ -183,6 +183,30 @@ def renamed(path: Path) -> None:
     node.GetAttribute("ui:nodegraph:node:pos").Set(Gf.Vec2f(7, 8))
     stage.GetRootLayer().comment = "my own work"
     stage.Save()
+
+
+def in_layers(path: Path, topic: str) -> None:
+    """Move a stage into a layer, below a root layer that says nothing of its own."""
+    layers = path.parent / "layers"
+    layers.mkdir(exist_ok=True)
+    path.rename(layers / path.name)
+    values = Sdf.Layer.CreateNew(str(layers / f"values_{path.name}"))
+    node = Sdf.CreatePrimInLayer(values, f"{LAB.graphs['ROS_Clock'].path}/ros2_publish_clock")
+    Sdf.AttributeSpec(node, "inputs:topicName", Sdf.ValueTypeNames.String).default = topic
+    values.Save()
+    root = Sdf.Layer.CreateNew(str(path))
+    root.subLayerPaths[:] = [f"layers/values_{path.name}", f"layers/{path.name}"]
+    root.Save()
+
+
+def test_the_same_root_layer_over_other_layers_is_not_the_same_work(tmp_path: Path) -> None:
+    place = tmp_path / "class"
+    for student in ("ann", "bob"):
+        in_layers(submission(place / student) / "work" / stage(LAST).name, f"/{student}")
+    list(graded_here(ClassSettings(place, starter(), tmp_path / "book")))
+    found = read_gradebook(tmp_path / "book")["alike"]
+    assert all(LAST not in group["checkpoints"] for group in found)
+    assert {group["what"] for group in found} == {"the same files"}
 
 
 def test_the_same_work_is_listed_and_not_judged(tmp_path: Path) -> None:

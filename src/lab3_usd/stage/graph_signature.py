@@ -1,60 +1,69 @@
-"""A signature of the graphs that ignores comments, node names and positions."""
+"""A signature of the graphs that ignores comments, layers, node names and positions."""
 
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from pxr import Sdf
+from pxr import Usd
 
 from lab3_usd.errors import StageError
-from lab3_usd.stage.read.opening import open_stage
+from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
+from lab3_usd.stage.read.properties import AuthoredProperties
 
 _GRAPH, _NODE, _TYPE = "OmniGraph", "OmniGraphNode", "node:type"
 _OF_THE_EDITOR = "ui:"
 
 
 def graph_signature(path: Path) -> str:
-    """Return a digest of the graphs in a stage's own layer, which renaming does not change.
+    """Return a digest of the graphs of a composed stage, which renaming does not change.
 
-    A node counts by its graph, its type and what its inputs hold or come from; '' where the stage
-    cannot be opened.
+    A node counts by its graph, its type and what its inputs hold or come from, whichever layer says
+    so; '' where the stage has no graph or cannot be read.
     """
     try:
-        stage = open_stage(path)  # which keeps its layer
+        stage = open_stage(path)  # which keeps its layers
+        with quiet(), stage_errors(path):
+            lines = sorted(_lines(stage))
     except StageError:
         return ""
-    lines = sorted(_lines(stage.GetRootLayer()))
-    return hashlib.sha256("\n".join(lines).encode("utf-8", "replace")).hexdigest()
+    text = "\n".join(lines).encode("utf-8", "replace")
+    return hashlib.sha256(text).hexdigest() if lines else ""
 
 
-def _lines(layer: Sdf.Layer) -> Iterator[str]:
-    prims = [prim for prim in _prims(layer) if prim.typeName in {_GRAPH, _NODE}]
-    names: dict[str, str] = {}
-    for prim in prims:
-        kind = prim.attributes.get(_TYPE)
-        if prim.typeName == _NODE:
-            names[str(prim.path)] = f"<{'' if kind is None else kind.default}>"
-    for prim in prims:
-        place = _renamed(str(prim.path), names)
-        yield f"{place} {prim.specifier} {prim.typeName}"
-        for attribute in prim.attributes:
-            if not attribute.name.startswith(_OF_THE_EDITOR):
-                sources = attribute.connectionPathList.GetAddedOrExplicitItems()
-                renamed = sorted(_renamed(str(source), names) for source in sources)
-                yield f"{place}.{attribute.name} {attribute.typeName} {attribute.default} {renamed}"
-        for relationship in prim.relationships:
-            targets = relationship.targetPathList.GetAddedOrExplicitItems()
-            yield f"{place}.{relationship.name} {sorted(map(str, targets))}"
+def files_read(path: Path) -> tuple[str, ...]:
+    """Return the files of the layers that a stage is composed of, relative to this folder.
+
+    Nothing where it cannot be read.
+    """
+    try:
+        stage = open_stage(path)  # which keeps its layers
+    except StageError:
+        return ()
+    layers = stage.GetUsedLayers()
+    return tuple(sorted(os.path.relpath(layer.realPath) for layer in layers if layer.realPath))
 
 
-def _prims(layer: Sdf.Layer) -> Iterator[Sdf.PrimSpec]:
-    rest = [*layer.rootPrims]
-    while rest:
-        prim = rest.pop()
-        yield prim
-        rest += prim.nameChildren
+def _lines(stage: Usd.Stage) -> Iterator[str]:
+    everything = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+    found = Usd.PrimRange(stage.GetPseudoRoot(), everything)
+    prims = {str(p.GetPath()): p for p in found if p.GetTypeName() in {_GRAPH, _NODE}}
+    holds = {path: AuthoredProperties(prim) for path, prim in prims.items()}
+    names = {
+        path: f"<{holds[path][_TYPE].value()}>"
+        for path, prim in prims.items()
+        if prim.GetTypeName() == _NODE
+    }
+    for path, prim in prims.items():
+        place = _renamed(path, names)
+        yield f"{place} {prim.GetTypeName()}"
+        for name in holds[path].names():
+            if not name.startswith(_OF_THE_EDITOR):
+                held = holds[path][name]
+                leads = sorted(_renamed(to, names) for to in (*held.sources(), *held.targets()))
+                yield f"{place}.{name} {held.type} {held.value()} {leads}"
 
 
 def _renamed(path: str, names: dict[str, str]) -> str:

@@ -36,7 +36,7 @@ from lab3_usd.judge.starter import Starter
 from lab3_usd.model.finding import Crash, Finding, Report, Submission, ordered
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.graph_signature import graph_signature
+from lab3_usd.stage.graph_signature import files_read, graph_signature
 from lab3_usd.stage.read.opening import PLACEHOLDER
 from lab3_usd.stage.sandboxed_open import BlockedAsset, Fence, fenced
 
@@ -150,8 +150,20 @@ def _work(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) -> Json:
         for stage in facts.stages
         if stage.readable and lab.checkpoints[stage.checkpoint].graphs
     ]
-    files = {stage.checkpoint: digests[stage.path] for stage in stages if stage.path in digests}
+    files = {
+        stage.checkpoint: _digest_of_all(stage.path, digests)
+        for stage in stages
+        if stage.path in digests
+    }
     return {"files": files, "likeness": graph_signature(Path(stages[-1].path)) if stages else ""}
+
+
+def _digest_of_all(path: str, digests: Mapping[str, str]) -> str:
+    """Return the digest of a stage, with those of its further layers where it has any."""
+    others = sorted({digests[name] for name in files_read(Path(path)) if name in digests})
+    if others in ([], [digests[path]]):
+        return digests[path]
+    return hashlib.sha256("".join((digests[path], *others)).encode()).hexdigest()
 
 
 def _without_repairs(judged: FolderResult) -> FolderResult:
