@@ -447,12 +447,24 @@ def test_a_car_that_is_steered_the_other_way_is_wrong(tmp_path: Path) -> None:
 def test_a_robot_on_rollers_goes_to_any_side(tmp_path: Path) -> None:
     found = played(rollers(), tmp_path)
     assert (by_name(found)["follows"].message, found.verdict) == ("", "ok")
+    assert any("gives 0.35 m for each metre commanded" in remark for remark in found.remarks)
     stage = rollers()
     names = stage.GetAttributeAtPath("/World/Drive/move.inputs:jointNames")
     names.ClearConnections()
     ends = ("front_right", "front_left", "rear_left", "rear_right")  # two are swapped
     names.Set([f"{end}_joint" for end in ends])
     assert by_name(played(stage, tmp_path))["follows"].verdict == "bad"
+
+
+def test_a_robot_on_rollers_goes_as_far_as_the_wheels_of_its_controller(tmp_path: Path) -> None:
+    stage = rollers()
+    radius = stage.GetAttributeAtPath("/World/Drive/holonomic.inputs:wheelRadius")
+    radius.ClearConnections()
+    radius.Set([0.05] * 4)
+    check = by_name(played(stage, tmp_path))["follows"]
+    assert (check.verdict, check.kind) == ("bad", "wrong-distance")
+    assert "went 0.21 m ahead" in check.message
+    assert "would do 0.11 m" in check.message
 
 
 def test_a_turn_to_the_right_for_one_to_the_left_is_wrong(tmp_path: Path) -> None:

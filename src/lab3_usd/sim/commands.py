@@ -6,12 +6,15 @@ import math
 from collections.abc import Iterator, Sequence
 
 from lab3_usd.model.dry_run import Check
+from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.arms import JOINTS, shown_prims
+from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
 from lab3_usd.sim.judge.expectations import RunFault, Trial, displacement
 from lab3_usd.sim.judge.motion import again, follows
 from lab3_usd.sim.robots import Robot, owners_of
 
+SIZES = (0.9, 1.1)  # of what a controller gives, that the robot does
 LEAST = 0.1  # part of a command that a robot on rollers does at least
 
 
@@ -106,7 +109,11 @@ def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:
         for joint in braking:
             text = f"no command reaches {joint.name}, whose drive brakes its wheel"
             yield RunFault(text, "wrong-command-count", joint.path)
-        yield from _moved_as_commanded(trial)
+        given = _given_motion(trial, robot)
+        if given and not SIZES[0] <= math.hypot(*given[0][:2]) <= SIZES[1]:
+            text = f"{robot.name}: its controller gives {math.hypot(*given[0][:2]):.2f} m"
+            trial.recording.remarks.append(f"{text} for each metre commanded, by its gains")
+        yield from _moved_as_commanded(trial, given)
         return
     turns = [stretch for stretch in trial.stretches("left", "right", "arc") if stretch.leg.turn]
     is_right = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
@@ -115,8 +122,18 @@ def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:
             yield fault
 
 
-def _moved_as_commanded(trial: Trial) -> Iterator[RunFault]:
-    """The robot moves in the commanded direction; its speed depends on the controller's gains."""
+def _given_motion(trial: Trial, robot: Robot) -> tuple[Vector, ...]:
+    """Return what motion the controller of a robot on rollers gives, nothing where that is open."""
+    if not isinstance(trial.causes, RunCauses):
+        return ()
+    nodes = trial.causes.program.nodes
+    feeding = (node.path for path in robot.controllers for node in nodes[path].feeding)
+    gives = trial.recording.gives
+    return next((gives[path] for path in feeding if path in gives), ())
+
+
+def _moved_as_commanded(trial: Trial, given: Sequence[Vector]) -> Iterator[RunFault]:
+    """The robot moves in the commanded direction, as fast as its controller's arithmetic has it."""
     if trial.stands():
         yield trial.motion_fault("does not move", "does-not-move")
         return
@@ -130,9 +147,18 @@ def _moved_as_commanded(trial: Trial) -> Iterator[RunFault]:
         # Left is positive (REP 103), whatever the angles of its wheels are.
         is_right = along > LEAST * size and off < 0.1 * along
         is_right = is_right if size else stretch.turned * leg.turn > 0
+        told = ""
+        if is_right and given:
+            rows = [[k * v for v in row] for k, row in zip((x, y, leg.turn), given, strict=True)]
+            moved = [sum(parts) for parts in zip(*rows, strict=True)]
+            ideal = leg.seconds * (math.hypot(*moved[:2]) if size else moved[2])
+            driven = along if size else stretch.turned
+            is_right = SIZES[0] <= driven / ideal <= SIZES[1] if ideal else True
+            told = f"{ideal:.2f} m" if size else f"{math.degrees(ideal):.0f} degrees"
         if not is_right:
             text = f"commanded to go {leg.name}, went {ahead:.2f} m ahead, {left:.2f} m to the left"
             text += f" and turned {math.degrees(stretch.turned):.0f} degrees"
+            text += f"; the wheels that its controller has would do {told}" if told else ""
             yield trial.motion_fault(text, "wrong-distance" if size else "wrong-turn")
             return
 

@@ -271,6 +271,7 @@ def record(
         for transform in message.transforms
     )
     recording.assumed, recording.unplayed = world.assumed, world.unplayed
+    recording.gives = world.gives
     recording.not_simulated = unknown_in(world)
     if wanted.has_ground and scene.up != "Z":
         recording.not_simulated["/"] = f"robots drive with Z up only, not with {scene.up}"

@@ -187,6 +187,7 @@ class Recording(Struct):
     # Why it shows nothing of a check, or of what a node sends: in truth that may be otherwise.
     unplayed: dict[str, str] = field(default_factory=dict)
     assumed: dict[str, str] = field(default_factory=dict)
+    gives: dict[str, tuple[Vector, ...]] = field(default_factory=dict)  # as of the world
     remarks: list[str] = field(default_factory=list)
     radii: tuple[float, float] | None = None  # of wheels, and as the controller has it, in metres
     fired: dict[str, int] = field(default_factory=dict)

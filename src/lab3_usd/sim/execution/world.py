@@ -212,6 +212,8 @@ class World(Struct):
     assumed: dict[str, str] = field(default_factory=dict)
     # By node why it sends something else, by check why it shows nothing, "" for all checks.
     unplayed: dict[str, str] = field(default_factory=dict)
+    # What motion controllers give for 1 m/s ahead and to the left and for 1 rad/s, by their paths.
+    gives: dict[str, tuple[Vector, ...]] = field(default_factory=dict)
     products: dict[str, Product] = field(default_factory=dict)
     writers: list[Writer] = field(default_factory=list)
     dt: float = 1.0 / RATE

@@ -6,6 +6,8 @@ WC is the extension of experimental wheeled robots, RN ROS 2 nodes.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 from lab3_usd.model.dry_run import AXES, Affine, about, rotation, turned
 from lab3_usd.model.transforms import Vector, length, minus
@@ -128,12 +130,13 @@ def holonomic_controller(node: NodeInstance, world: World) -> bool:
     stand still, and with a maxLinearSpeed of 0 the speeds are no numbers (:172-190), which leave
     the joints as they are.
     """
-    columns: list[tuple[Vector, float]] | None = node.memory.get("columns")
+    columns: list[_Roller] | None = node.memory.get("columns")
     if columns is None:
         columns = _columns(node, world)
         if columns is None:
             return False
         node.memory["columns"] = columns
+        world.gives.setdefault(node.path, _given_motion(node, columns, world))
     names = [f"max{n}Speed" for n in ("Linear", "Angular", "Wheel")]
     limits = [node.number(name, world) for name in names]
     x, y, turn = node.vector("inputVelocity", world)
@@ -146,22 +149,61 @@ def holonomic_controller(node: NodeInstance, world: World) -> bool:
         return node.fails(f"its {stopped} is 0, with which no wheel turns", "wrong-speed-limit")
     if size > limits[0]:
         x, y = x / size * limits[0], y / size * limits[0]
-    command = (x, y, _within(limits[1], turn))
-    weights = [weight for _, weight in columns]
-    matrix = [
-        [sum(c[i] * c[j] / k for (c, _), k in zip(columns, weights, strict=True)) for j in range(3)]
-        for i in range(3)
-    ]
-    part = Affine(tuple(map(tuple, matrix))).inverse().turn(command)  # type: ignore[arg-type]
-    speeds = [sum(a * b for a, b in zip(c, part, strict=True)) / k for c, k in columns]
+    speeds = _speeds(columns, (x, y, _within(limits[1], turn)))
     most = max(map(abs, speeds))
     scale = limits[2] / most if most and most > limits[2] else 1.0
+    if scale < 1.0 or size > limits[0] or abs(turn) > limits[1]:
+        world.gives[node.path] = ()
     node.outputs["jointVelocityCommand"] = tuple(speed * scale for speed in speeds)
     return True
 
 
-def _columns(node: NodeInstance, world: World) -> list[tuple[Vector, float]] | None:
-    """Return what each wheel adds to the motion (x, y, turn), and its weight."""
+class _Roller(NamedTuple):
+    """What a wheel adds to a motion (x, y, turn), its weight, and the part of its way it passes."""
+
+    column: Vector
+    weight: float
+    share: float
+
+
+def _speeds(rollers: Sequence[_Roller], command: Vector) -> list[float]:
+    """Return the least speeds of wheels that add up to a motion."""
+    rows = [(each.column, 1.0 / each.weight) for each in rollers]
+    part = _inverse(rows).turn(command)
+    return [sum(a * b for a, b in zip(row, part, strict=True)) * k for row, k in rows]
+
+
+def _inverse(rows: Sequence[tuple[Vector, float]]) -> Affine:
+    """Return the inverse of the sum of rows by themselves, each with its weight."""
+    matrix = [[sum(c[i] * c[j] * k for c, k in rows) for j in range(3)] for i in range(3)]
+    return Affine(tuple(map(tuple, matrix))).inverse()  # type: ignore[arg-type]
+
+
+def _given_motion(
+    node: NodeInstance, rollers: Sequence[_Roller], world: World
+) -> tuple[Vector, ...]:
+    """Return what motion comes of 1 m/s ahead, 1 m/s to the left and 1 rad/s, without slipping.
+
+    Wheels as the controller has them turn as it tells them to; the way is in metres.
+    """
+    unit = world.scene.meters_per_unit
+    linear, angular = (node.number(f"{name}Gain", world) for name in ("linear", "angular"))
+    way = unit / node.unit(unit)
+    sizes = [math.hypot(*each.column[:2]) for each in rollers]
+    rows = [(x / r, y / r, -z / r) for ((x, y, z), _, _), r in zip(rollers, sizes, strict=True)]
+    back = _inverse([(row, 1.0) for row in rows])
+    made: list[Vector] = []
+    for command in ((linear, 0.0, 0.0), (0.0, linear, 0.0), (0.0, 0.0, angular)):
+        speeds = _speeds(rollers, command)
+        rims = [e.share * r * w for e, r, w in zip(rollers, sizes, speeds, strict=True)]
+        sums = [sum(row[i] * rim for row, rim in zip(rows, rims, strict=True)) for i in range(3)]
+        x, y, turn = back.turn((sums[0], sums[1], sums[2]))
+        made.append((x * way, y * way, turn))
+    return tuple(made)
+
+
+def _columns(node: NodeInstance, world: World) -> list[_Roller] | None:
+    """Return the wheels as the controller has them."""
     radii, angles = (node.numbers(name, world) for name in ("wheelRadius", "mecanumAngles"))
     places = node.vectors("wheelPositions", world, 3)
     turns = node.vectors("wheelOrientations", world, 4)
@@ -179,13 +221,15 @@ def _columns(node: NodeInstance, world: World) -> list[tuple[Vector, float]] | N
         return None
     up = node.vector("upAxis", world)
     largest = max(radii)
-    made: list[tuple[Vector, float]] = []
+    made: list[_Roller] = []
     for radius, place, (w, *turn), angle in zip(radii, places, turns, angles, strict=True):
         axle = turned(rotation((w, turn[0], turn[1], turn[2])), node.vector("wheelAxis", world))
         way = turned(about(up, math.radians(angle)), axle)
         k = radius / (length(way) or 1.0)
         x, y = way[0] * k, way[1] * k
-        made.append(((x, y, x * place[1] - y * place[0]), radius / largest))
+        flat = math.hypot(axle[0], axle[1]) * math.hypot(x, y) or 1.0
+        share = (axle[1] * x - axle[0] * y) / flat
+        made.append(_Roller((x, y, x * place[1] - y * place[0]), radius / largest, share))
     return made
 
 
