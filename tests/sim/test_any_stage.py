@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -434,6 +434,30 @@ def test_a_car_whose_axles_are_further_apart_than_told_turns_less(tmp_path: Path
     stage = car()
     set_value(stage, "/World/Drive/ackermann.inputs:wheelBase", 0.3)
     assert by_name(played(stage, tmp_path))["follows"].kind == "wrong-arc"
+
+
+@pytest.mark.parametrize(
+    ("node", "names"),
+    [
+        ("steer", ("front_right_steer", "front_left_steer")),
+        (
+            "roll",
+            [f"{end}_joint" for end in ("front_right", "front_left", "rear_right", "rear_left")],
+        ),
+    ],
+)
+def test_wheels_of_a_car_that_are_exchanged_are_wrong(
+    tmp_path: Path, node: str, names: Sequence[str]
+) -> None:
+    stage = car()
+    stage.GetAttributeAtPath(f"/World/Drive/{node}.inputs:jointNames").Set(list(names))
+    assert by_name(played(stage, tmp_path))["follows"].kind == "wrong-arc"
+
+
+def test_wheels_of_a_car_that_are_steered_by_one_angle_are_not_exchanged(tmp_path: Path) -> None:
+    stage = car()
+    set_value(stage, "/World/Drive/ackermann.inputs:trackWidth", 0.0)
+    assert "two points" not in by_name(played(stage, tmp_path))["follows"].message
 
 
 def test_a_car_that_is_steered_the_other_way_is_wrong(tmp_path: Path) -> None:

@@ -42,5 +42,6 @@ def world(**known: Any) -> Any:
         "products": {},
         "writers": [],
         "not_simulated": {},
+        "gives": {},
     }
     return SimpleNamespace(**{**given, **known})

@@ -383,14 +383,21 @@ def driven_pairs(
     stage: StageModel, platform: Platform
 ) -> Iterator[tuple[Command, Node, tuple[Prim, Prim]]]:
     """Yield the commands of two wheels, with what computes them and the joints in its order."""
+    for command, controller, wheels in driven_wheels(stage, platform):
+        if len(wheels) == _PAIR:
+            yield command, controller, (wheels[0], wheels[1])
+
+
+def driven_wheels(
+    stage: StageModel, platform: Platform
+) -> Iterator[tuple[Command, Node, tuple[Prim, ...]]]:
+    """Yield the commands of wheels, with what computes them and the joints in its order."""
     for command in commands(stage, platform):
         controller = controller_of(command, stage, platform)
-        if controller is None or len(command.names or ()) != _PAIR:
-            continue
-        known = joints_of(command, stage) if command.roots else {}
-        pair = [known[name] for name in command.names or () if name in known]
-        if len(pair) == _PAIR:
-            yield command, controller, (pair[0], pair[1])
+        known = joints_of(command, stage) if command.roots and controller is not None else {}
+        names = command.names or ()
+        if controller is not None and names and all(name in known for name in names):
+            yield command, controller, tuple(known[name] for name in names)
 
 
 class Followed(Struct, frozen=True, eq=False):

@@ -5,16 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from lab3_usd.model.dry_run import Check
+from lab3_usd.model.dry_run import Check, heading
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.arms import JOINTS, shown_prims
 from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
 from lab3_usd.sim.judge.expectations import RunFault, Trial, displacement
 from lab3_usd.sim.judge.motion import again, follows
+from lab3_usd.sim.robot.machine import Wheel
 from lab3_usd.sim.robots import Robot, owners_of
 
 SIZES = (0.9, 1.1)  # of what a controller gives, that the robot does
+STRAIGHT = 0.01  # radians up to which a wheel is not steered
+EXCHANGED = (
+    1.5  # times the distance of steered wheels, from which on their points are too far apart
+)
 LEAST = 0.1  # part of a command that a robot on rollers does at least
 
 
@@ -115,11 +120,48 @@ def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:
             trial.recording.remarks.append(f"{text} for each metre commanded, by its gains")
         yield from _moved_as_commanded(trial, given)
         return
+    yield from _turns_about_a_point(trial, robot)
     turns = [stretch for stretch in trial.stretches("left", "right", "arc") if stretch.leg.turn]
     is_right = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
     for fault in follows(trial):
         if not (trial.scrubs and is_right and fault.kind in {"wrong-turn", "wrong-arc"}):
             yield fault
+
+
+def _turns_about_a_point(trial: Trial, robot: Robot) -> Iterator[RunFault]:
+    """The wheels of a car are steered about one point, or at least by one angle.
+
+    Where the left and the right one are exchanged, their points are twice their distance apart.
+    """
+    machine, held = robot.machine, trial.recording.held
+    if machine is None or not held or not robot.wheel_base:
+        return
+    base = held[0].links[machine.base]
+    fixed: list[Wheel] = []
+    steered: list[tuple[Wheel, float]] = []
+    for wheel in machine.wheels:
+        carrier = held[0].links[wheel.carrier]
+        turned = base.inverse().then(carrier).then(machine.rest[wheel.carrier].inverse())
+        angle = heading(turned)
+        if abs(angle) > STRAIGHT:
+            steered.append((wheel, angle))
+        else:
+            fixed.append(wheel)
+    if not fixed or len(steered) < len("lr"):
+        return
+    u, v = fixed[0].along
+    x, y = (sum(wheel.contact[i] for wheel in fixed) / len(fixed) for i in (0, 1))
+    points: list[tuple[float, float, str]] = []  # how far aside, the wheel's side, its joint
+    for wheel, angle in steered:
+        c, s = math.cos(angle), math.sin(angle)
+        a, b = c * wheel.along[0] - s * wheel.along[1], s * wheel.along[0] + c * wheel.along[1]
+        across = (u * b - v * a) or 1e-9  # of the wheel's direction and the others'
+        dx, dy = wheel.contact[0] - x, wheel.contact[1] - y
+        points.append(((dx * a + dy * b) / across, u * dy - v * dx, wheel.joint.name))
+    (one, left, first), (other, right, second) = min(points), max(points)
+    if abs(one - other) > EXCHANGED * abs(left - right):
+        text = f"{first} and {second} are steered about two points, the inner wheel by less"
+        yield trial.motion_fault(text, "wrong-arc")
 
 
 def _given_motion(trial: Trial, robot: Robot) -> tuple[Vector, ...]:

@@ -132,7 +132,7 @@ class Player:
                 self.step()
                 frame += 1
                 self.recording.path.append(self._pose(leg))
-            if leg.joints and self.robot is not None:
+            if (leg.joints or leg.steer) and self.robot is not None:
                 self.recording.held.append(self._held(leg, self.robot))
         self.recording.seconds += world.since_play
         self.program.reset()

@@ -16,6 +16,7 @@ from lab3_usd.facts.articulations import (
     Followed,
     commands,
     driven_pairs,
+    driven_wheels,
     followed_bodies,
     has_joint,
     is_empty,
@@ -384,39 +385,69 @@ def _shared(one: Command, other: Command, subject: LintSubject) -> tuple[list[st
 
 @rule("K66", "joint-order", scope="lint", severity="warning", formerly="left-and-right")
 def joint_order(subject: LintSubject) -> Iterator[Problem]:
-    """The wheel joints are named right, left.
+    """The wheel joints are named right, left, or those of the rear first.
 
-    Why: the controller gives the speeds in the order left, right. With the names exchanged, the
-    robot turns the wrong way.
+    Why: the controller gives speeds and angles in the order left, right, and an Ackermann
+    Controller the speeds of the front wheels before those of the rear. With the names exchanged,
+    the robot turns the wrong way, or its wheels slide in turns.
 
-    Fix: exchange the two names.
+    Fix: exchange the names.
 
     Example: `jointNames = ["wheel_right_joint", "wheel_left_joint"]`.
     """
-    for command, controller, (first, second) in driven_pairs(subject.stage, subject.platform):
-        says_so = (_side(first), _side(second)) == ("right", "left")
-        places = [_anchor(joint, subject.stage) for joint in (first, second)]
-        is_so = True
-        if places[0] is not None and places[1] is not None and subject.stage.up_axis == "Z":
-            is_so = places[0][1] <= places[1][1]
-        if says_so and is_so:
+    for command, controller, wheels in driven_wheels(subject.stage, subject.platform):
+        expected = _in_order(wheels, subject.stage) if len(wheels) in _ORDERS else wheels
+        if expected != wheels:
+            names = ", ".join(joint.name for joint in wheels)
             yield Problem(
                 command.node.path,
-                f"{controller.name} gives the speeds of the left and the right wheel, but the "
-                f"joint names are {first.name}, {second.name}",
+                f"{controller.name} gives the {_ORDERS[len(wheels)]} wheel, but the joint names "
+                f"are {names}",
                 property=command.ports.joints,
-                expected=f"{second.name}, {first.name}",
-                actual=f"{first.name}, {second.name}",
+                expected=", ".join(joint.name for joint in expected),
+                actual=names,
                 related=(controller.path,),
                 rests_on=command.unknown,
             )
 
 
-def _side(joint: Prim) -> str | None:
-    """Return the side that the name of a joint says, in full or as a letter."""
+_ORDERS = {
+    2: "values of the left and the right",
+    4: "values of the front left, front right, rear left and rear right",
+}
+
+
+def _in_order(wheels: tuple[Prim, ...], stage: StageModel) -> tuple[Prim, ...]:
+    """Return wheels as a controller has them, the left before the right and the front before."""
+    pairs = [(wheels[at], wheels[at + 1]) for at in range(0, len(wheels), 2)]
+    if len(pairs) > 1 and _are_swapped(pairs[0][0], pairs[1][0], _ENDS, 0, stage):
+        pairs.reverse()
+    ordered = (pair[::-1] if _are_swapped(*pair, _SIDES, 1, stage) else pair for pair in pairs)
+    return tuple(joint for pair in ordered for joint in pair)
+
+
+def _are_swapped(
+    first: Prim, second: Prim, words: Mapping[str, str], axis: int, stage: StageModel
+) -> bool:
+    """Whether names say the second of two words before the first, and no place denies it."""
+    says_so = [_word(joint, words) for joint in (first, second)] == [*words][::-1]
+    one, other = (_anchor(joint, stage) for joint in (first, second))
+    if one is None or other is None or stage.up_axis != "Z":
+        return says_so
+    return says_so and one[axis] <= other[axis]
+
+
+# What names of joints say, and their first letters where these are words.
+_SIDES = {"left": "l", "right": "r"}
+_ENDS = {"front": "", "rear": ""}
+
+
+def _word(joint: Prim, words: Mapping[str, str]) -> str | None:
+    """Return which of some words the name of a joint says, in full or as a letter."""
     name = joint.name.lower()
-    words = re.split(r"[^a-z]+", name)
-    return next((side for side in ("left", "right") if side in name or side[0] in words), None)
+    parts = re.split(r"[^a-z]+", name)
+    found = (w for w, letter in words.items() if w in name or (letter and letter in parts))
+    return next(found, None)
 
 
 def _body(joint: Prim, side: int, stage: StageModel) -> Prim | None:

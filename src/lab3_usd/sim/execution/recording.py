@@ -138,9 +138,9 @@ class Pose(Struct, frozen=True):
 
 
 class Held(Struct, frozen=True):
-    """Where joints and links were when a leg of joint commands ended; the links in the world.
+    """Where joints and links were when a leg of joint commands, or of steering, ended.
 
-    `commanded` are positions, velocities or efforts, as `kind` says.
+    Links are in the world; `commanded` are positions, velocities or efforts, as `kind` says.
     """
 
     session: int
