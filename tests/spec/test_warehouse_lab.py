@@ -19,8 +19,9 @@ from pxr import Gf, Sdf, Usd
 
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import StageResult
+from lab3_usd.new_lab.lab import describe_lab, write_folder
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import load_lab, load_platform
 
 WAREHOUSE = REPOSITORY / "docs" / "examples" / "labs" / "warehouse"
 R1, R2 = "/World/r1", "/World/r2"
@@ -284,3 +285,24 @@ def test_a_fault_of_one_robot_is_shown_by_its_own_checks(
     assert expected in bad, what
     assert {of for of, _ in bad} <= {expected[0], ""}
     assert not any("castor" in str(check) for check in checks.values())  # a ball joint has no drive
+
+
+def test_lab_new_describes_both_robots_their_sensors_and_frames(
+    lab: Lab, built: Path, tmp_path: Path
+) -> None:
+    paths = [built / file_of(number) for number in range(1, 7)]
+    description = describe_lab(paths, load_lab(), load_platform())
+    assert description.left_out == ()
+    write_folder(tmp_path / "new", description.files)
+    new = load_lab(tmp_path / "new")
+    for found, robot in zip(new.scene.robots, lab.scene.robots, strict=True):
+        assert (found.name, found.path, found.base) == (robot.name, robot.path, robot.base)
+        assert {name: link.mass for name, link in found.links.items()} == {
+            name: link.mass for name, link in robot.links.items()
+        }
+        assert found.wheels.distance == pytest.approx(robot.wheels.distance)
+        assert found.wheels.joints == robot.wheels.joints
+    paths_of = [{sensor.path for sensor in each.sensors.values()} for each in (new, lab)]
+    assert paths_of[0] == paths_of[1]
+    assert set(new.frames.edges) == set(lab.frames.edges)
+    assert new.frames.names == lab.frames.names

@@ -11,17 +11,18 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.check.robot.sensors import sensor_group
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
 from lab3_usd.new_lab.yaml_text import document
-from lab3_usd.spec.contradictions.names import FRAME_FIELDS, GraphTopic, graph_topics
+from lab3_usd.spec.contradictions.names import FRAME_FIELDS, GraphTopic, graph_topics, value_of
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, Lab
 from lab3_usd.spec.load.checkpoints import is_checkpoint_id
-from lab3_usd.spec.scene import SensorSpec
+from lab3_usd.spec.scene import SCENE_GROUP
 
 FIRST = "start"
-SCENE_GROUP, TREE_GROUP = "Scene", "TF"
+TREE_GROUP, KEPT = "TF", "transient_local"
 _NUMBER = re.compile(r"(?<![A-Za-z0-9])\d+(?![A-Za-z0-9])")
 _NUMBERED = re.compile(r"(\d+)(?:([_ -]+)(.+))?")
 _WORD = re.compile(r"[A-Za-z0-9]+")
@@ -280,17 +281,18 @@ def submission_text(steps: Sequence[Step]) -> str:
     return document(_HEAD, data, {"stages": _DIFFER})
 
 
-def rubric_text(title: str, steps: Sequence[Step], sensors: Mapping[str, SensorSpec]) -> str:
+def rubric_text(title: str, steps: Sequence[Step], lab: Lab) -> str:
     """Return `rubric.yaml`: the same points for each checkpoint, and what a changed robot costs."""
     items: dict[str, Any] = {}
+    supplied = (robot.group for robot in lab.scene.robots)
     for step in steps:
-        groups = [*step.graphs, *(sensors[name].name for name in step.sensors)]
+        groups = [*step.graphs, *(sensor_group(lab, name) for name in step.sensors)]
         groups += [TREE_GROUP] if step.frames else []
         if step is steps[0]:
             items[_SUPPLIED] = {
                 "title": "The supplied robot and scene",
                 "checkpoint": step.id,
-                "groups": [SCENE_GROUP],
+                "groups": list(dict.fromkeys([SCENE_GROUP, *supplied])),
                 "points": _POINTS,
             }
             if not groups:
@@ -372,7 +374,16 @@ def _topics(lab: Lab, steps: Sequence[Step]) -> Iterator[tuple[str, dict[str, An
             fields = dict(zip(FRAME_FIELDS, frames.pop() if len(frames) == 1 else (), strict=False))
             if any(fields.values()):
                 entry["fields"] = {field: frame for field, frame in fields.items() if frame}
+        elif all(_is_static(lab, topic) for topic in same if not topic.is_subscribed):
+            entry["durability"] = KEPT
         yield name, entry
+
+
+def _is_static(lab: Lab, topic: GraphTopic) -> bool:
+    """Whether a publisher sends transforms once, for those who come late as well."""
+    node = lab.graphs[topic.graph].nodes[topic.role]
+    port = node.type.tf.static or "" if node.type.tf is not None else ""
+    return bool(port) and value_of(node, port) is True
 
 
 def _commands(topics: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
@@ -383,5 +394,6 @@ def _commands(topics: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, Any
         command = {"of": name, "from": entry["from"], "handout": entry["handout"]}
         yield {"kind": "topic_type", **command}
         if not entry.get("subscribed"):
-            yield {"kind": "topic_hz", **command}
+            if entry.get("durability") != KEPT:  # what comes once has no rate
+                yield {"kind": "topic_hz", **command}
             yield {"kind": "topic_echo", **command}

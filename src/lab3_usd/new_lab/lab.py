@@ -12,6 +12,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError, unwritten
+from lab3_usd.facts.frame_targets import frame_name
 from lab3_usd.facts.frames import published_edges
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import StageModel
@@ -104,7 +105,7 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Platform) -> Descriptio
         steps=steps,
         left_out=(
             *(line for text in parts.texts for line in text.left_out),
-            *parts.outside,
+            *dict.fromkeys(parts.outside),
             *filter(None, (starter.reason,)),
         ),
     )
@@ -127,7 +128,9 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     robots = [scene["robot"]] if "robot" in scene else scene["robots"].values()
     for path, looks in looks_below(source, lab).items():
         next(robot for robot in robots if robot["path"] == path)["looks_below"] = looks
-    lab = replace(lab, scene=parse_scene(scene))
+    overrides = dict(_frame_names(stage, replace(lab, scene=parse_scene(scene))))
+    frame_spec = replace(lab.frames, names=overrides, localization=None)
+    lab = replace(lab, scene=parse_scene(scene), frames=frame_spec)
     edges, bases = _edges(stage, lab), [lab.frame_of(robot.base) for robot in lab.scene.robots]
     frames: dict[str, Any] = {
         "handout": texts[-1].spec.handout,
@@ -136,6 +139,7 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     deeper = [base for base in bases if any(base in edge for edge in edges)]
     if deeper:
         frames["deeper_under"] = deeper if deeper[1:] else deeper[0]
+    frames |= {"names": overrides} if overrides else {}
     return _Parts(texts, names, scene, frames, lab, tuple(_frames_outside(frames, lab)))
 
 
@@ -202,7 +206,7 @@ def _files(
         SCENE: document(_SCENE_HEAD, parts.scene, _SCENE_NOTES),
         ROS: ros_text(parts.lab, steps),
         SUBMISSION: submission_text(steps),
-        RUBRIC: rubric_text(title, steps, parts.lab.sensors),
+        RUBRIC: rubric_text(title, steps, parts.lab),
         **({CATALOG: types} if types else {}),
     }
 
@@ -213,6 +217,18 @@ def _graph_text(text: GraphText) -> str:
         lines = "\n".join(f"  {line}" for line in text.left_out)
         head += f"\nNot described, because a lab cannot contain it:\n{lines}"
     return document(head, text.data)
+
+
+def _frame_names(stage: StageModel, lab: Lab) -> Iterator[tuple[str, str]]:
+    """Yield the prims whose frames an override names, of links, sensors and targets of TF."""
+    named = {path for robot in lab.scene.robots for path in (robot.path, *robot.link_paths)}
+    named |= {sensor.path for sensor in lab.sensors.values()}
+    for graph in lab.graphs.values():
+        nodes = (node for node in graph.nodes.values() if node.type.tf is not None)
+        named |= {prim for node in nodes for target in node.targets for prim in target.prims}
+    for path in sorted(named):
+        if frame_name(path, stage) != path.rpartition("/")[2]:
+            yield path, frame_name(path, stage)
 
 
 def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:

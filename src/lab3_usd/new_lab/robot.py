@@ -18,7 +18,9 @@ from lab3_usd.model.physics import (
     KINEMATIC,
     MASS,
     MASS_API,
+    PLANE,
     REVOLUTE,
+    SCENE,
     bodies,
     bodies_below,
     is_articulated,
@@ -141,9 +143,23 @@ def _root(stage: StageModel, target: str) -> str:
     missing = stage.unresolved_above(target)
     if missing is not None and missing.prim != "/":
         return missing.prim
-    if len(bodies_below(stage, target)) > 1:
+    parent = target.rpartition("/")[0]
+    if len(bodies_below(stage, target)) > 1 and (not parent or _is_root(stage, target, parent)):
         return target
-    return target.rpartition("/")[0] or target
+    return parent or target
+
+
+def _is_root(stage: StageModel, target: str, parent: str) -> bool:
+    """Whether a prim with links below it is the robot itself, and no link that holds the others.
+
+    A link below the world is the robot's root: what holds the world's ground is no robot.
+    """
+    prim = stage.prim(target)
+    if prim is None or BODY_API not in prim.apis:
+        return True
+    roots = sum(is_at_or_below(root.path, parent) for root in stage.with_api(ARTICULATION_API))
+    world = (*stage.of_type(SCENE), *stage.of_type(PLANE))
+    return roots > 1 or any(is_at_or_below(part.path, parent) for part in world)
 
 
 def _base(stage: StageModel, target: str, root: str, graphs: Iterable[GraphSpec]) -> str:
@@ -162,11 +178,16 @@ def _base(stage: StageModel, target: str, root: str, graphs: Iterable[GraphSpec]
     carrier = stage.prims.get(target)
     if carrier is not None and is_joint(carrier):  # of an arm that is fixed to the world
         held = next(filter(None, reversed(bodies(carrier))), target)
-        return held.removeprefix(f"{root}/")
+        return _below(held, root)
     prim = stage.prims.get(root)
     links = None if prim is None or target != root else articulation_links(prim, stage)
     first = next((path for path, parent in (links or {}).items() if not parent), target)
-    return first.removeprefix(f"{root}/")
+    return _below(first, root)
+
+
+def _below(path: str, root: str) -> str:
+    """Return the name of a link, '' for the robot itself."""
+    return "" if path == root else path.removeprefix(f"{root}/")
 
 
 def _links(stage: StageModel, root: str) -> Iterator[Prim]:
