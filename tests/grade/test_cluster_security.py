@@ -87,6 +87,7 @@ def lab3_grade(
     place: Path, out: Path, cluster: str, *options: str, **variables: str
 ) -> forking.CompletedProcess[str]:
     command = [sys.executable, "-m", "lab3_usd", "grade", str(place), "--starter", str(starter())]
+    forking.preload("distributed")
     return forking.run(
         [*command, "--output", str(out), "--cluster", cluster, *options],
         capture_output=True,

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
+import forking
 import pytest
 from mini_lab import MINI, files_below, starter
 
@@ -85,6 +86,8 @@ asyncio.run(main())
 # How a machine without this package answers each import of it.
 WITHOUT_LAB3 = """
 import sys
+for name in [name for name in sys.modules if name.partition(".")[0] == "lab3_usd"]:
+    del sys.modules[name]
 class Nowhere:
     def find_spec(self, name, *_):
         if name.partition(".")[0] == "lab3_usd":
@@ -123,7 +126,8 @@ def _running(arguments: list[str], temporary: Path) -> Iterator[Process]:
         LAB_VARIABLE: str(MINI),
         "DASK_LOGGING__DISTRIBUTED": "critical",
     }
-    with subprocess.Popen(
+    forking.preload("distributed")
+    with forking.Popen(
         [sys.executable, "-c", *arguments],
         stdout=subprocess.PIPE,
         env=environment,

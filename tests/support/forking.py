@@ -65,6 +65,13 @@ def run(*args: Any, **options: Any) -> CompletedProcess[Any]:
         return subprocess.run(*args, **options)  # noqa: PLW1510 - as is asked
 
 
+@cache
+def preload(module: str) -> None:
+    """Have a module imported before further processes are forked; to import some takes a second."""
+    if sys.platform == "linux":
+        _forked(marshal.dumps(module), [0, 1, 2])
+
+
 def shim(path: Path, module: str) -> None:
     """Write a program for shells that runs a module of Python; `PYTHONPATH` is one folder."""
     if sys.platform == "linux":
