@@ -87,7 +87,10 @@ NO_VECTOR = (0.0, 0.0, 0.0)
 
 def are_numbers(values: Iterable[object]) -> bool:
     """Whether all of some values are numbers."""
-    return all(isinstance(value, (int, float)) for value in values)
+    for value in values:  # noqa: SIM110 - at each step; a generator takes twice as long
+        if not isinstance(value, (int, float)):
+            return False
+    return True
 
 
 class Failure(Struct, frozen=True):
@@ -159,8 +162,10 @@ class NodeInstance(Struct):
     def vectors(self, name: str, world: World, size: int) -> tuple[tuple[float, ...], ...]:
         """Return the array of vectors that reaches an input, an empty one where none does."""
         value = self.items(name, world)
-        is_right = all(isinstance(each, tuple) and len(each) == size for each in value)
-        return value if is_right and all(map(are_numbers, value)) else ()
+        for each in value:
+            if not isinstance(each, tuple) or len(each) != size or not are_numbers(each):
+                return ()
+        return value
 
     def vector(self, name: str, world: World) -> Vector:
         """Return the three numbers that reach an input, zeros where they do not."""

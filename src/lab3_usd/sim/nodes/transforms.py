@@ -232,13 +232,16 @@ def compute_transform_tree(node: NodeInstance, world: World) -> bool:
     if tree is None:
         parents, targets = node.targets("parentPrim"), node.targets("targetPrims")
         tree = node.memory["tree"] = Tree.of(world.scene, parents[0] if parents else "", targets)
+        pairs = tree.pairs
+        node.memory["names"] = tuple(p.parent for p in pairs), tuple(p.child for p in pairs)
     if not tree.pairs:
         node.memory.clear()
         return node.fails("none of its target prims exists", "no-target-prim")
     poses = [pair.pose(world) for pair in tree.pairs]
+    parents, children = node.memory["names"]
     node.outputs.update(
-        parentFrames=tuple(pair.parent for pair in tree.pairs),
-        childFrames=tuple(pair.child for pair in tree.pairs),
+        parentFrames=parents,
+        childFrames=children,
         translations=tuple(pose.origin for pose in poses),
         orientations=tuple(xyzw(pose) for pose in poses),
     )
