@@ -64,6 +64,18 @@ def test_a_gate_lets_every_so_many_signals_pass_and_counts_on_over_stop(
     assert found == passed
 
 
+@pytest.mark.parametrize(
+    "name", ["omni.graph.nodes.StopTimeline", "omni.graph.action.ExitApplication"]
+)
+def test_the_first_node_that_stops_the_timeline_is_named(name: str) -> None:
+    now = world(stopped_by="")
+    first, second = node(name), node(name)
+    first.path = "/Graph/first"
+    assert first.compute(now)
+    assert second.compute(now)
+    assert now.stopped_by == "/Graph/first"
+
+
 def test_system_time_is_that_of_the_wall() -> None:
     read = node(f"{ISAAC}IsaacReadSystemTime")
     assert read.compute(world())
