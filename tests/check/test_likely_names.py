@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lab3_usd.facts.endpoints import likely_name, likely_type
+from lab3_usd.facts.likely_names import likely_name, likely_type
 
 TYPES = ["acme.Filter", "omni.graph.action.OnTick", "omni.graph.nodes.Break3Vector"]
 

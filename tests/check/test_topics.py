@@ -226,14 +226,12 @@ def test_a_helper_that_the_tick_drives_still_needs_a_render_product() -> None:
 
 def test_the_pace_is_the_events_or_the_sensors() -> None:
     stage = m.stage()
-    assert of(stage, LIDAR).rate == "On Playback Tick"
+    assert of(stage, LIDAR).rate == "sensor at 10 Hz"  # as its schema says
     sensor = f"{m.ROBOT}/base_scan/Lidar2D"
-    stage = m.with_prim(stage, sensor, attributes={"omni:sensor:tickRate": 10.0})
-    assert of(stage, LIDAR).rate == "sensor at 10 Hz"
+    stage = m.with_prim(stage, sensor, attributes={"omni:sensor:tickRate": 20.0})
+    assert of(stage, LIDAR).rate == "sensor at 20 Hz"
     stage = m.with_prim(stage, sensor, attributes={"omni:sensor:tickRate": 0.0})
     assert of(stage, LIDAR).rate == "On Playback Tick"
-    stage = m.with_prim(stage, sensor, attributes={}, apis=("OmniSensorGenericLidarCoreAPI",))
-    assert of(stage, LIDAR).rate == "sensor at 10 Hz"
     assert (
         of(changed(m.RAW, m.ODOM_TF, staticPublisher=True), m.RAW).rate
         == "once after On Playback Tick"
@@ -484,3 +482,45 @@ def test_every_column_is_there_where_the_terminal_is_narrow() -> None:
     for endpoint in report.endpoints:
         told = [cell for cell in cells(endpoint, report) if cell != "-"]
         assert [cell for cell in told if cell not in "\n".join(lines)] == []
+
+
+@pytest.mark.parametrize(
+    ("role", "graph", "port", "target", "topic", "why"),
+    [
+        (
+            "isaac_compute_odometry",
+            m.ODOM_TF,
+            "inputs:chassisPrim",
+            f"{m.ROBOT}/gone",
+            "/odom",
+            ": inputs:chassisPrim names /turtlebot3_burger/gone, which is missing",
+        ),
+        (
+            "isaac_create_render_product",
+            "ROS_Lidar2D",
+            "inputs:cameraPrim",
+            m.BASE,
+            "/scan",
+            "/turtlebot3_burger/base_footprint is no OmniLidar",
+        ),
+    ],
+)
+def test_a_node_with_a_prim_that_is_no_good_publishes_nothing_and_says_why(
+    role: str, graph: str, port: str, target: str, topic: str, why: str
+) -> None:
+    stage = m.stage()
+    stage = m.with_node(stage, m.aimed(m.role(stage, role, graph), port, target))
+    (silent,) = (end for end in endpoints(stage, m.lab().platform) if end.topic == topic)
+    assert not silent.runs
+    assert silent.silence.endswith(why)
+
+
+def test_a_context_of_an_unregistered_type_leaves_the_domain_to_the_environment() -> None:
+    stage = m.stage()
+    context = replace(
+        m.role(stage, "ros2_context", "ROS_Clock"),
+        type=None,
+        type_name="isaacsim.ros2.nodes.ROS2Context",
+    )
+    domain = of(m.with_node(stage, context), "ros2_publish_clock").domain
+    assert (domain.number, domain.from_environment) == (0, True)

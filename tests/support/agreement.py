@@ -143,10 +143,9 @@ def published_topics(said: Answers) -> Iterator[str]:
     told |= {path for each in found(said.lint) for path in each["related"]}
     for end in sending:
         key = (end["domain"], end["topic"])
-        if end["sure"] and end["topic"] and key not in sent and end["node"] not in told:
-            causes = [each for each in failed(said.play) if end["node"] in each["message"]]
-            if not any(explained(said, each) for each in causes):
-                yield f"topics says {end['node']} publishes {end['topic']}, sim receives nothing"
+        is_lost = end["sure"] and end["topic"] and key not in sent and end["node"] not in told
+        if is_lost and not is_explained(said, end["node"]):
+            yield f"topics says {end['node']} publishes {end['topic']}, sim receives nothing"
 
 
 def unsimulated(run: Mapping[str, Any]) -> set[str]:
@@ -158,6 +157,11 @@ def explained(said: Answers, check: Mapping[str, Any]) -> bool:
     return check["rule"] in {each["rule"] for each in said.lint["findings"]}
 
 
+def is_explained(said: Answers, node: str) -> bool:
+    """Whether the dry run says of a node that it fails, for a reason that lint reports."""
+    return any(explained(said, each) for each in failed(said.play) if node in each["message"])
+
+
 def nodes_that_run(said: Answers) -> Iterator[str]:
     """Does a publisher or subscriber run?"""
     graphs = {prim.rpartition("/")[0] for prim in sites(said.lint["findings"])}
@@ -165,7 +169,8 @@ def nodes_that_run(said: Answers) -> Iterator[str]:
     idle = {each["prim"] for each in said.lint["findings"] if each["rule"] == "K01"}
     for end in said.topics["topics"]:
         node = end["node"]
-        if not end["runs"] and node.rpartition("/")[0] not in graphs:
+        is_said = node.rpartition("/")[0] in graphs or is_explained(said, node)
+        if not end["runs"] and not is_said:
             yield f"topics says {node} never runs, lint has nothing in its graph"
         if end["runs"] and end["sure"] and node in idle:
             yield f"lint says {node} never runs, topics says it does"

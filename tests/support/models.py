@@ -139,7 +139,7 @@ def robot() -> dict[str, Prim]:
             for path, (parent, child) in zip(joints, JOINTS.values(), strict=True)
         ),
         Prim(CAMERA, "Camera", ()),
-        Prim(f"{ROBOT}/base_scan/Lidar2D", "OmniLidar", ()),
+        Prim(f"{ROBOT}/base_scan/Lidar2D", "OmniLidar", ("OmniSensorGenericLidarCoreAPI",)),
         Prim("/World", "Xform", ()),
     ]
     prims[1] = replace(prims[1], apis=(*prims[1].apis, "PhysicsArticulationRootAPI"))

@@ -30,7 +30,7 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "no-number-input": ("W01", ""),
     "no-vector-input": ("W01", ""),
     "wrong-array-type": ("P01", ""),
-    "invalid-context": ("W02", ""),
+    "invalid-context": ("W02", "K12"),
     "invalid-qos-profile": ("P04", "K42"),
     "invalid-topic-name": ("P01", "K37"),
     # commands and the drive
@@ -116,7 +116,7 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "missing-camera-prim": ("R02", "K14"),
     "empty-image": ("P01", "K75"),
     "no-render-product": ("W01", "K10"),
-    "wrong-render-product": ("R04", ""),
+    "wrong-render-product": ("R04", "K75"),
     "unknown-output": ("P01", ""),
     "not-a-camera": ("C03", "K70"),
     "not-a-lidar": ("L03", "K70"),

@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from lab3_usd.check.match.conformance import setting_matches, source_path
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
-from lab3_usd.facts.endpoints import likely_name
+from lab3_usd.facts.likely_names import likely_name
 from lab3_usd.isaac.names import origin
 from lab3_usd.isaac.node_types import NodeType, Port
 from lab3_usd.isaac.platform import Platform

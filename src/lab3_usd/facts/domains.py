@@ -7,8 +7,10 @@ from collections.abc import Iterable, Iterator
 from msgspec import Struct
 
 from lab3_usd.facts.execution_order import Nodes, effective_value, live_nodes, live_sources
+from lab3_usd.facts.likely_names import is_unregistered
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import Node, StageModel
 
 _CONTEXT = "context"
@@ -67,12 +69,27 @@ def context_inputs(stage: StageModel, platform: Platform) -> Iterator[ContextInp
             yield ContextInput(node, port, contexts, bool(node.sources(port) or node.value(port)))
 
 
-def domain_of(node: Node, live: Nodes) -> Domain:
+def invalid_contexts(stage: StageModel, platform: Platform) -> Iterator[tuple[Node, str, Value]]:
+    """Yield the nodes that hold a number as their context, with its input and the number.
+
+    Nothing made a context of that number (Ros2Node.h:152-161).
+    """
+    for entry in context_inputs(stage, platform):
+        handle = entry.node.value(entry.port)
+        if handle and not entry.node.sources(entry.port):
+            yield entry.node, entry.port, handle
+
+
+def domain_of(node: Node, live: Nodes, platform: Platform) -> Domain:
     """Return the domain in which a node talks: that of its context, else the environment's.
+
+    Isaac Sim opens a stage without a context of a type that it surely does not have.
 
     Source: `Ros2Node.h:152-161`, `OgnROS2Context.cpp:41-120`.
     """
     for source, _ in live_sources(node, INPUT + _CONTEXT, live):
+        if source.type is None and is_unregistered(source.type_name, platform):
+            continue
         if source.type is None or OUTPUT + _CONTEXT not in source.type.ports:
             return Domain(source.path, from_environment=False)
         return _domain_of_context(source, live)

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping
-from functools import cache
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from msgspec import Struct
@@ -26,81 +25,14 @@ from lab3_usd.facts.execution_order import (
     live_sources,
     rate_source,
     run_states,
-    running_nodes,
     sensor_of,
 )
 from lab3_usd.facts.render_products import two_sizes
+from lab3_usd.facts.stuck_nodes import obstacle, working_nodes, working_states
 from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
-
-_ALIKE = 0.8
-_NEAR_TYPE = 0.92
-_NUMBER = re.compile(r"\d+")
-
-
-def likely_name(written: str, known: Collection[str]) -> str | None:
-    """Return the known name that a name was likely meant to be, None where none is near."""
-    same = [name for name in known if name.lower() == written.lower()]
-    return same[0] if same else _near(written, known, _ALIKE)
-
-
-def likely_type(written: str, known: Collection[str]) -> str | None:
-    """Return the node type that was likely meant: of the same last name, or of one alike.
-
-    One of the same last name that somebody else publishes is a type of its own, and so is one that
-    differs in a number.
-    """
-    *before, last = written.split(".")
-    parts = {part for name in known for part in name.split(".")[:-1]}
-    last = last.removeprefix("Ogn")
-    same = [name for name in known if name.rpartition(".")[2].removeprefix("Ogn") == last]
-    if len(same) == 1 and last and (not before or before[0] in parts):
-        return same[0]
-    near = _of_like_length(written, known, _NEAR_TYPE)
-    if not near:
-        return None
-    letters = _NUMBER.sub("", written)  # of any text, which is not kept
-    return _near(written, [name for name in near if _letters(name) != letters], _NEAR_TYPE)
-
-
-def is_unregistered(name: str, platform: Platform) -> bool:
-    """Whether a type is surely none of a release: of another one, or a name for one of its own.
-
-    Of any other unknown type nothing is known: somebody else may have it.
-    """
-    known = {*platform.types, *platform.events, *platform.once}
-    releases = platform.releases_of(name)
-    if name in known or platform.scripts.runs(name) or platform.release in releases:
-        return False
-    is_meant = name in platform.lookalikes or likely_type(name, platform.types) is not None
-    return bool(releases) or is_meant
-
-
-@cache
-def _letters(name: str) -> str:
-    return _NUMBER.sub("", name)
-
-
-def _of_like_length(written: str, known: Collection[str], least: float) -> list[str]:
-    """Return the names that can be near: what two have in common is no longer than the shorter."""
-    length = len(written)
-    return [name for name in known if 2 * min(length, len(name)) >= least * (length + len(name))]
-
-
-def _near(written: str, known: Collection[str], least: float) -> str | None:
-    from difflib import get_close_matches
-
-    fitting = _of_like_length(written, known, least)
-    near = get_close_matches(written, fitting, 1, least) if fitting else ()
-    return near[0] if near else None
-
-
-def did_you_mean(name: str | None) -> str:
-    """Return the end of a sentence that offers a name, nothing without one."""
-    return f"; did you mean {name}?" if name else ""
-
 
 PROFILE = "inputs:qosProfile"
 QUEUE = "inputs:queueSize"
@@ -244,7 +176,8 @@ class Endpoint(Struct, frozen=True):
 
     `topic` is the resolved name, None where ROS 2 refuses it or a wire brings it; `written` is
     the setting. `type` is None where the stage does not say. `runs` tells whether anything is
-    sent or received at all, `sure` whether that is certain, `rate` what sets the pace.
+    sent or received at all, `sure` whether that is certain, `rate` what sets the pace. `silence`
+    says why nothing is sent or received, '' where something is.
     """
 
     topic: str | None
@@ -260,6 +193,7 @@ class Endpoint(Struct, frozen=True):
     runs: bool
     sure: bool
     domain: Domain = Domain()
+    silence: str = ""
 
 
 def resolve(namespace: str, written: str) -> str | None:
@@ -275,8 +209,8 @@ def resolve(namespace: str, written: str) -> str | None:
 @once_per_stage
 def endpoints(stage: StageModel, platform: Platform) -> tuple[Endpoint, ...]:
     """Return every topic of every node in an active graph, in the order of topic and node."""
-    live, running = live_nodes(stage, platform), running_nodes(stage, platform)
-    states = run_states(stage, platform)
+    live, running = live_nodes(stage, platform), working_nodes(stage, platform)
+    states = working_states(stage, platform)
     certain = {path: node for path, node in running.items() if states[path] == "runs"}
     nodes = (live, running, certain)
     unordered = [
@@ -343,8 +277,24 @@ def _endpoint(
         rate=rate_source(node, stage, platform, running, static=static),
         runs=runs,
         sure=runs and is_sure,
-        domain=domain_of(node, live),
+        domain=domain_of(node, live, platform),
+        silence="" if runs else _silence(node, port, stage, platform),
     )
+
+
+def _silence(node: Node, port: str, stage: StageModel, platform: Platform) -> str:
+    """Say why a node neither sends nor receives a topic."""
+    live, states = live_nodes(stage, platform), run_states(stage, platform)
+    stuck = obstacle(node, stage, platform)
+    if not is_switched_on(node, live):
+        return "it is switched off"
+    if is_refused(node, live):
+        return f"it has no {KIND.removeprefix(INPUT)} {effective_value(node, KIND, live)}"
+    if stuck is not None and stuck.sure:
+        return stuck.why if stuck.node is node else f"{stuck.node.path}: {stuck.why}"
+    if node.path in states:
+        return f"nothing reaches {product_input(port)}"
+    return "nothing triggers it"
 
 
 def _is_at_work(node: Node, port: str, live: Nodes, running: Nodes) -> bool:

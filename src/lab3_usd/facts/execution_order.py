@@ -5,7 +5,7 @@ Everything that asks whether something happens asks here: rules, topics, frames 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from typing import Literal
 
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, is_refused
@@ -45,7 +45,7 @@ def run_states(stage: StageModel, platform: Platform) -> dict[str, State]:
     signal on. A publisher or subscriber that is signalled a single time does not run: the first
     signal opens it, the second would have it work. Nodes that are not named do not run.
     """
-    return _states(stage, platform, frozenset())
+    return states_without(stage, platform)
 
 
 @once_per_stage
@@ -54,11 +54,19 @@ def nodes_of_their_own(stage: StageModel, platform: Platform) -> dict[str, Node]
     live = live_nodes(stage, platform)
     if not any(node.type_name in platform.by_hand for node in live.values()):
         return running_nodes(stage, platform)
-    return {path: live[path] for path in _states(stage, platform, platform.by_hand)}
+    return {path: live[path] for path in states_without(stage, platform, platform.by_hand)}
 
 
-def _states(stage: StageModel, platform: Platform, quiet: Collection[str]) -> dict[str, State]:
-    """Return the states of the nodes where events of these types do not fire."""
+def states_without(
+    stage: StageModel,
+    platform: Platform,
+    quiet: Container[str] = (),
+    stuck: Container[str] = (),
+) -> dict[str, State]:
+    """Return the states of the nodes where events of the types `quiet` do not fire.
+
+    Nodes with the paths `stuck` run, and pass no signal on.
+    """
     live = live_nodes(stage, platform)
     computing: dict[str, Node] = {}
     states: dict[str, State] = {}
@@ -78,8 +86,9 @@ def _states(stage: StageModel, platform: Platform, quiet: Collection[str]) -> di
         is_certain = is_usual and not graph.instanced
         states.update(dict.fromkeys(nodes, "runs" if is_certain else "may run"))
     for followers in _followers(computing, platform):
+        passing = {path: some for path, some in followers.items() if path not in stuck}
         for state in _SUREST_FIRST:
-            _spread(state, states, followers, live, platform)
+            _spread(state, states, passing, live, platform)
     return {path: states[path] for path in computing if path in states}
 
 
@@ -182,7 +191,7 @@ def _spread(
 def _is_unsure(node: Node, platform: Platform) -> bool:
     """Whether it is unknown if the node passes a signal on that reaches it."""
     kind = node.type
-    is_doubtful = kind is not None and kind.may_have_more
+    is_doubtful = kind is None or kind.may_have_more
     name = node.type_name
     is_told = name in platform.once or name in platform.passing or name in platform.events
     return is_doubtful and not is_told

@@ -18,8 +18,6 @@ from lab3_usd.facts.execution_order import (
     effective_value,
     live_nodes,
     live_sources,
-    running_nodes,
-    severity_if_uncertain,
     signal_inputs,
 )
 from lab3_usd.facts.frame_targets import (
@@ -33,6 +31,7 @@ from lab3_usd.facts.frame_targets import (
     unresolved_frames_of,
 )
 from lab3_usd.facts.joined_bodies import joined_bodies
+from lab3_usd.facts.stuck_nodes import working_nodes, working_states
 from lab3_usd.facts.tree import Tree, tree
 from lab3_usd.isaac.node_types import TfPorts
 from lab3_usd.isaac.platform import Platform
@@ -101,7 +100,7 @@ def published_transforms(stage: StageModel, platform: Platform) -> tuple[Publish
     All graphs count. A node publishes when an event reaches it over execution wires; the order
     is that of the nodes and their targets.
     """
-    scene = _Scene(stage, platform, live_nodes(stage, platform), running_nodes(stage, platform))
+    scene = _Scene(stage, platform, live_nodes(stage, platform), working_nodes(stage, platform))
     own = platform.ros.tree_topics
     senders = sorted(
         _transform_publishers(stage, platform), key=lambda sender: sender[1] not in own
@@ -269,7 +268,7 @@ def is_tree_known(stage: StageModel, platform: Platform) -> bool:
 def _transform_publishers(stage: StageModel, platform: Platform) -> tuple[tuple[Node, str], ...]:
     """Return the running nodes that publish transforms, with the topic they publish on."""
     live, senders = live_nodes(stage, platform), list[tuple[Node, str]]()
-    for node in running_nodes(stage, platform).values():
+    for node in working_nodes(stage, platform).values():
         kind = node.type
         if kind is None or kind.role != "publisher":
             continue
@@ -298,14 +297,15 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
             return PublishedTransforms(node, topic, None)
         parent, child = tf2_name(parent), tf2_name(child)
         edge = Edge(parent, child, node.path, node.path, topic, static)
-        domain = domain_of(node, scene.live_nodes)
+        domain = domain_of(node, scene.live_nodes, scene.platform)
         edge = replace(edge, sure=_is_sure(scene, node), domain=domain)
         return PublishedTransforms(node, topic, (edge,))
     arrays = _arrays(node, ports, scene) if ports.prims else None
     if arrays is None:
         return PublishedTransforms(node, topic, None)
     maker = arrays.maker
-    is_sure, domain = _is_sure(scene, node, maker), domain_of(node, scene.live_nodes)
+    is_sure = _is_sure(scene, node, maker)
+    domain = domain_of(node, scene.live_nodes, scene.platform)
     edges = []
     for pair in arrays.pairs:
         parent, child = ((pair.parent, pair.child)[place] for place in arrays.order)
@@ -323,9 +323,9 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
 
 
 def _is_sure(scene: _Scene, *nodes: Node) -> bool:
-    return (
-        severity_if_uncertain(scene.stage, scene.platform, *(node.path for node in nodes)) is None
-    )
+    states = working_states(scene.stage, scene.platform)
+    # A node that is only read has no state.
+    return not any(states.get(node.path) == "may run" for node in nodes)
 
 
 class _Arrays(Struct, frozen=True):

@@ -213,6 +213,8 @@ def _obstacle(node: Node, stage: StageModel, platform: Platform) -> tuple[str, s
                 return "shut", source.path
             if is_opened_first(node) and signals_once(source, out, live, platform):
                 return "once", source.path
+    if is_opened_first(node):  # what runs and signals it, runs once itself
+        return "once", next(signal_sources(node, live)).path
     return "broken", ""
 
 

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Iterator, Sequence
+from textwrap import wrap
 
 from msgspec import Struct
 from msgspec.structs import asdict
@@ -71,6 +72,11 @@ def as_table(report: TopicReport, width: int = 80, *, verbose: bool = False) -> 
             yield f"    {row[len(_FIRST) - 1]}"
         if is_broken and verbose:
             yield f"    {'; '.join(_details(row))}"
+    for endpoint in report.endpoints:
+        if endpoint.silence:
+            verb = "published" if endpoint.direction == "publishes" else "received"
+            text = f"nothing is {verb} by {endpoint.node.path}: {endpoint.silence}"
+            yield from wrap(printable(text), width, subsequent_indent="    ")
 
 
 def _details(row: Sequence[str]) -> Iterator[str]:
@@ -112,6 +118,7 @@ def as_json(report: TopicReport) -> str:
             "rate": endpoint.rate if endpoint.runs else "never",
             "runs": endpoint.runs,
             "sure": endpoint.sure,
+            "silence": endpoint.silence,
         }
         for endpoint in report.endpoints
     ]

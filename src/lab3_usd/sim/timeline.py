@@ -25,7 +25,7 @@ from lab3_usd.sim.execution.world import RosEndpoint, Twist, World, Writer, send
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
 from lab3_usd.sim.judge.expectations import SIZE, Expected, Trial
 from lab3_usd.sim.lidar import Beam, Ranges, sweep
-from lab3_usd.sim.nodes.sensors import IMAGES, UNSEEN
+from lab3_usd.sim.nodes.sensors import UNSEEN
 from lab3_usd.sim.nodes.transforms import OPTICAL
 from lab3_usd.sim.robot.machine import Machine
 from lab3_usd.sim.robot.unmodelled import unmodelled
@@ -60,12 +60,12 @@ def _picture(writer: Writer, world: World, stamp: float) -> Message | None:
         if world.scene.prims[product.sensor].type != "Camera":
             return None
         if writer.kind in UNSEEN:
-            return Message(IMAGES[writer.kind], stamp, writer.frame_id)
+            return Message(writer.node.type.message[writer.kind], stamp, writer.frame_id)
         place = world.machines.place(product.sensor).then(OPTICAL)
         view = View(
             product.width, product.height, place=in_metres(place, world.scene.meters_per_unit)
         )
-        return Message(IMAGES[writer.kind], stamp, writer.frame_id, view)
+        return Message(writer.node.type.message[writer.kind], stamp, writer.frame_id, view)
     return Message(
         "sensor_msgs/msg/LaserScan", stamp, writer.frame_id, _scan(writer, writer.beam, world)
     )

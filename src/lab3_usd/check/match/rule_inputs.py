@@ -25,12 +25,12 @@ from lab3_usd.facts.frames import (
     shared_tf_topics,
 )
 from lab3_usd.facts.stalled_nodes import is_needed
+from lab3_usd.facts.stuck_nodes import is_module
 from lab3_usd.facts.wires import connections, find_cycles
 from lab3_usd.facts.written_names import MessageFrame, message_frames
 from lab3_usd.isaac.graph_form import GraphAttribute
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding, Place, Problem, Requirement
-from lab3_usd.model.physics import ARTICULATION_API, BODY_API
 from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -260,9 +260,6 @@ class Outcome(Struct, frozen=True, eq=False):
     findings: tuple[Finding, ...]
 
 
-_SENSORS = ("Camera", "OmniLidar", "OmniRadar")
-
-
 class LintSubject(Struct, frozen=True, eq=False):
     """A stage without a spec, beside the release of Isaac Sim by which it is judged."""
 
@@ -281,12 +278,7 @@ class LintSubject(Struct, frozen=True, eq=False):
     @property
     def is_module(self) -> bool:
         """Whether the stage holds graphs and neither robot nor sensor, for others to refer to."""
-        if self.stage.unresolved:
-            return False
-        made = self.platform.application_prims
-        bodies = (*self.stage.with_api(ARTICULATION_API), *self.stage.with_api(BODY_API))
-        sensors = (prim for kind in _SENSORS for prim in self.stage.of_type(kind))
-        return not bodies and all(prim.path in made for prim in sensors)
+        return is_module(self.stage, self.platform)
 
     def graphs(self) -> Iterator[GraphModel]:
         """Yield the graphs that no application made for itself, in the scene or not."""

@@ -10,6 +10,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import VERSION, other_names
 from lab3_usd.facts.execution_order import live_nodes, unevaluated_by
 from lab3_usd.facts.stalled_nodes import has_side_effects, stopping_limits, unknown_limits
+from lab3_usd.facts.stuck_nodes import is_made_later
 from lab3_usd.model.changes import RemovePrim, SetValue
 from lab3_usd.model.finding import Problem, display, node_title, short_source
 from lab3_usd.model.stage import DEACTIVATED, OVER, absence_reason, nodes_outside_graphs
@@ -216,12 +217,9 @@ def unresolved_target(subject: GraphsSubject) -> Iterator[Problem]:
     Example: `inputs:cameraPrim` still names the camera's old path.
     """
     is_module = isinstance(subject, LintSubject) and subject.is_module
-    live, platform = live_nodes(subject.stage, subject.platform), subject.platform
     for node in subject.nodes():
         for port, path in subject.judged_targets(node):
-            # The bundle that a node gives is a prim below it, and the application makes some prims.
-            is_made = path in live or path.rpartition("/")[0] in live
-            is_made = is_made or path in platform.application_prims or platform.graph.ignores(path)
+            is_made = is_made_later(path, subject.stage, subject.platform)
             if is_made or subject.stage.prim(path) is not None:
                 continue
             is_one_of_several = len(node.targets(port)) > 1

@@ -74,7 +74,7 @@ def _placements(view: TfView) -> Iterator[_Placement]:
     for path, node in view.live_nodes.items():
         names = tf_ports(node).names
         is_away = path not in view.role_specs and not view.is_heard(
-            domain_of(node, view.live_nodes)
+            domain_of(node, view.live_nodes, view.platform)
         )
         if names and not is_away and path not in seen:
             parent, child = (effective_value(node, name, view.live_nodes) for name in names)

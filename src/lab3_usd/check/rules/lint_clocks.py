@@ -16,21 +16,25 @@ from lab3_usd.facts.domains import (
     context_inputs,
     domain_of,
     domains,
+    invalid_contexts,
     may_meet,
 )
-from lab3_usd.facts.endpoints import running_endpoints
+from lab3_usd.facts.endpoints import moving_prims, running_endpoints
 from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.facts.stalled_nodes import has_side_effects
-from lab3_usd.model.finding import Problem
+from lab3_usd.model.changes import ClearValue
+from lab3_usd.model.finding import Place, Problem
+from lab3_usd.model.stage import Node
 
 
 @rule("K12", "context-missing", scope="lint", severity="warning")
 def context_missing(subject: LintSubject) -> Iterator[Problem]:
-    """A ROS node has no context, unlike others.
+    """A ROS node has no context, unlike others, or a number in its place.
 
     Why: without a context a node uses the domain in the environment variable `ROS_DOMAIN_ID`, or 0.
     The others use the domain of their ROS2 Context. If the domains differ, the node cannot
-    communicate with the others.
+    communicate with the others. With a number that no ROS2 Context has made, the node does nothing,
+    without a message: an error.
 
     Fix: connect Context of the ROS2 Context to Context of this node.
 
@@ -52,6 +56,17 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
                 property=entry.port,
                 expected=f"{context}.outputs:context",
                 fix=context_wire(entry.node, entry.port, subject),
+            )
+    for node, port, handle in invalid_contexts(subject.stage, subject.platform):
+        if has_side_effects(node):
+            yield Problem(
+                node.path,
+                f"{port} is {handle}, which no context has made: the node does nothing",
+                property=port,
+                expected="a wire from a ROS2 Context",
+                actual=str(handle),
+                severity="error",
+                fix=context_wire(node, port, subject) or (ClearValue(node.path, port),),
             )
 
 
@@ -131,9 +146,9 @@ def domain_range(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K44", "two-clocks", scope="lint", severity="warning")
-def two_clocks(subject: LintSubject) -> Iterator[Problem]:
-    """The clock is published on several topics.
+@rule("K44", "clock-elsewhere", scope="lint", severity="warning", formerly="two-clocks")
+def clock_elsewhere(subject: LintSubject) -> Iterator[Problem]:
+    """The clock is published on another topic than `/clock`.
 
     Why: nodes that use simulation time subscribe to `/clock` only. A clock on another topic, such
     as one in the namespace of a robot, reaches only nodes that remap it.
@@ -153,15 +168,26 @@ def two_clocks(subject: LintSubject) -> Iterator[Problem]:
             for clock in clocks
             if clock.topic != endpoint.topic and clock.domain.name == endpoint.domain.name
         ]
-        if others and endpoint.topic != "/clock":
+        if endpoint.topic != "/clock":
+            known = (
+                f"another clock is on {others[0].topic}" if others else "programs listen to /clock"
+            )
             yield Problem(
                 endpoint.node.path,
-                f"publishes a clock on {endpoint.topic}; another clock is on {others[0].topic}",
+                f"publishes a clock on {endpoint.topic}; {known}",
                 property=endpoint.port,
                 expected="/clock",
                 actual=endpoint.topic,
                 related=tuple(other.node.path for other in others),
+                assumes=tuple(_namespaces(endpoint.node, subject)),
             )
+
+
+def _namespaces(node: Node, subject: LintSubject) -> Iterator[Place]:
+    """Yield the attributes of prims that put a node's topics into a namespace."""
+    attribute = subject.platform.ros.namespace_attribute
+    moving = moving_prims(node, subject.stage, subject.platform, subject.live)
+    return ((path, attribute) for path, _ in moving)
 
 
 @rule("K45", "system-time", scope="lint", severity="warning")
@@ -258,7 +284,9 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
         and all(node.type is not None for node in subject.live.values())
     )
     for domain, simulated in stamped.items() if is_known else ():
-        if not any(may_meet(domain, domain_of(clock, subject.live)) for clock in clocks):
+        if not any(
+            may_meet(domain, domain_of(clock, subject.live, subject.platform)) for clock in clocks
+        ):
             first, count = simulated[0], len(simulated)
             others = "" if count == 1 else f", as {count - 1} more"
             yield Problem(

@@ -27,8 +27,8 @@ from lab3_usd.facts.articulations import (
     unused_indices,
     wired_commands,
 )
-from lab3_usd.facts.endpoints import did_you_mean, likely_name
 from lab3_usd.facts.execution_order import effective_value, live_sources
+from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.quantities import unit_of
 from lab3_usd.facts.stalled_nodes import array_items
 from lab3_usd.isaac.releases import is_within

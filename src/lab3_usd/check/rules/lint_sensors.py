@@ -7,26 +7,27 @@ from collections.abc import Iterator
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import effective_value, sensor_of
-from lab3_usd.isaac.behaviour import SensorOf, TargetOf
+from lab3_usd.facts.stuck_nodes import (
+    paths_above,
+    refused_target,
+    silencing_values,
+)
+from lab3_usd.isaac.behaviour import SensorOf
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.changes import ApplySchema
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import is_body, number
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import Node, StageModel
+from lab3_usd.model.stage import Node
 from lab3_usd.model.transforms import AXES, angle_between, decompose, rotate_vector
 
 _TICK = "omni:sensor:tickRate"
 _CORE = "omni:sensor:Core:"
-_SCAN, _FIRING = f"{_CORE}scanRateBaseHz", f"{_CORE}patternFiringRateHz"
+_SCAN = f"{_CORE}scanRateBaseHz"
 _NEAR, _FAR = f"{_CORE}nearRangeM", f"{_CORE}farRangeM"
-_TYPE, _SOLID = f"{_CORE}scanType", "SOLID_STATE"  # OgnROS2RtxLidarHelper.py:117
 _PRODUCT = "inputs:renderProductPath"
-_OWN_PRODUCT, _MADE = "inputs:renderProductPrim", "outputs:renderProductPath"
 _KIND, _FLAT = "inputs:type", "laser_scan"
 _STEEP = 45.0  # degrees
-_SIZE = ("inputs:width", "inputs:height")
 
 
 def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
@@ -51,16 +52,9 @@ def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
     `OmniLidar`.
     """
     for node in subject.live.values():
-        asked = None if node.type is None else subject.platform.targets.get(node.type.type)
-        path = next(iter(node.targets(INPUT + asked.input)), "") if asked is not None else ""
-        prim = subject.stage.prim(path)
-        if (
-            asked is None
-            or prim is None
-            or not is_within(subject.platform.release, asked.since, "")
-        ):
-            continue
-        if not _is_readable(prim, asked, subject.stage):
+        unread = refused_target(node, subject.stage, subject.platform)
+        if unread is not None:
+            asked, path = unread.asked, unread.prim.path
             yield Problem(
                 node.path,
                 f"{INPUT}{asked.input} is {path}, which is not {asked.what}: {asked.effect}",
@@ -68,26 +62,8 @@ def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
                 expected=asked.what,
                 actual=path,
                 related=(path,),
-                rests_on=subject.stage.unknown_below(path),
+                rests_on=unread.unknown,
             )
-
-
-def _is_readable(prim: Prim, asked: TargetOf, stage: StageModel) -> bool:
-    above = [carrier for path in _paths_above(prim.path) if (carrier := stage.prim(path))]
-    is_held = any(asked.holds in held.apis for held in stage.below(prim.path) if held.present)
-    is_inside = any(asked.inside in carrier.apis for carrier in above)
-    return (
-        (not asked.types or prim.type in asked.types)
-        and (not asked.schemas or bool(set(asked.schemas) & set(prim.apis)))
-        and (not asked.inside or is_inside)
-        # A link stands for its articulation in some engines of physics.
-        and (not asked.holds or is_held or any(asked.holds in link.apis for link in above))
-    )
-
-
-def _paths_above(path: str) -> Iterator[str]:
-    while path := path.rpartition("/")[0]:
-        yield path
 
 
 @rule("K70", "product-of-another-sensor", scope="lint")
@@ -149,21 +125,27 @@ def no_scan_from_this(subject: LintSubject) -> Iterator[Problem]:
     """A value prevents any scan.
 
     Why: a rotary lidar with a rate of 0 has no angle between two rays, and the helper of a laser
-    scan rejects it. With the near range beyond the far range, nothing is in range.
+    scan rejects it. Without an emitter there are no rays. With the near range beyond the far range,
+    nothing is in range.
 
-    Fix: set rates above 0, and a far range beyond the near range.
+    Fix: set rates above 0, one entry for each emitter, and a far range beyond the near range.
 
     Example: `omni:sensor:Core:scanRateBaseHz = 0`.
 
-    Basis: `OgnROS2RtxLidarHelper.py:119-134` for the rates. The renderer, which uses the ranges, is
-    not public.
+    Basis: `OgnROS2RtxLidarHelper.py:119-134` for the rates. The renderer, which uses emitters and
+    ranges, is not public.
     """
     for prim in _lidars(subject):
-        turns = prim.attributes.get(_TYPE) != _SOLID
-        for name in (_SCAN, _FIRING) if turns else ():
-            value = number(prim.attributes.get(name))
-            if value is not None and value <= 0:
-                yield Problem(prim.path, f"{name} is {value:g}", property=name, expected="above 0")
+        readers = tuple(node.path for node, _, path in _read_sensors(subject) if path == prim.path)
+        for name, fault in silencing_values(prim):
+            expected = "above 0" if number(prim.attributes.get(name)) is not None else "an emitter"
+            yield Problem(
+                prim.path,
+                f"{name} {fault}",
+                property=name,
+                expected=expected,
+                related=readers,
+            )
         near, far = (number(prim.attributes.get(name)) for name in (_NEAR, _FAR))
         if near is not None and far is not None and near >= far:
             yield Problem(
@@ -239,27 +221,40 @@ def unused_camera(subject: LintSubject) -> Iterator[Problem]:
 
 def _is_carried(prim: Prim, subject: LintSubject) -> bool:
     """Whether a prim moves with a body."""
-    bodies = (subject.stage.prims.get(path) for path in _paths_above(prim.path))
+    bodies = (subject.stage.prims.get(path) for path in paths_above(prim.path))
     return any(body is not None and is_body(body) for body in bodies)
 
 
 @rule("K75", "empty-render-product", scope="lint")
 def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
-    """A render product has no width or height.
+    """A render product has no width, no height or no camera.
 
-    Why: there are no pixels to render. A node that reads the product reports an error or publishes
+    Why: there is nothing to render. A node that reads the product reports an error or publishes
     nothing.
 
-    Fix: set Width and Height to the size of the image.
+    Fix: set Width and Height to the size of the image. Clear Render Product Prim, or choose a
+    render product with a camera: it is used as it is.
 
     Example: `inputs:width = 0` on an Isaac Create Render Product.
     """
     for node in subject.live.values():
-        kind = node.type
-        if kind is None or not {_MADE, *_SIZE} <= set(kind.ports):
+        ports = None if node.type is None else node.type.product
+        if ports is None:
             continue
+        named = next(iter(node.targets(ports.named)), "")
+        product = subject.stage.products.get(named)
+        if product is not None and not product.camera:
+            yield Problem(
+                node.path,
+                f"{ports.named} is {named}, which shows no camera",
+                property=ports.named,
+                expected="a render product",
+                actual=named,
+                related=(named,),
+                rests_on=subject.stage.unknown(named),
+            )
         # A product that is named is used as it is, with its own size.
-        for port in () if node.targets(_OWN_PRODUCT) else _SIZE:
+        for port in ports.size if product is None else ():
             if effective_value(node, port, subject.live) == 0:
                 yield Problem(
                     node.path,

@@ -13,13 +13,12 @@ from lab3_usd.facts.endpoints import (
     PROFILE,
     Endpoint,
     Qos,
-    did_you_mean,
     endpoints,
-    likely_name,
     resolve,
     running_endpoints,
 )
 from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.written_names import refused_namespaces, written_frames, written_topics
 from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.model.changes import ClearValue, Edit, SetValue

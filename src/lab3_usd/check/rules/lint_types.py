@@ -10,7 +10,7 @@ from msgspec import Struct
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, VERSION
-from lab3_usd.facts.endpoints import did_you_mean, likely_type
+from lab3_usd.facts.likely_names import did_you_mean, likely_type
 from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
 from lab3_usd.isaac.releases import order
 from lab3_usd.model.changes import SetValue

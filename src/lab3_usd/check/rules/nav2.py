@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import shortened
-from lab3_usd.facts.endpoints import did_you_mean, likely_name
+from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import NavigationSubject, Parameter
 

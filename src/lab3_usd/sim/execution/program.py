@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
-from lab3_usd.facts.endpoints import is_unregistered
+from lab3_usd.facts.likely_names import is_unregistered
 from lab3_usd.isaac.node_types import (
     INPUT,
     OUTPUT,

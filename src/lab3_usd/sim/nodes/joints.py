@@ -63,10 +63,10 @@ def publish_joint_state(node: NodeInstance, world: World) -> bool:
             return node.fails("no unit of the stage reaches it", "unequal-joint-arrays")
     else:
         targets = node.targets("targetPrim")
-        machine = world.machines.articulation(targets[0]) if targets else None
+        machine = world.machines.around(targets[0]) if targets else None
         if machine is None:
             place = f"at or below {targets[0]}" if targets else "without a target"
-            return node.fails(f"there is no articulation with joints {place}", "no-articulation")
+            return node.fails(f"there is no articulation {place}", "no-articulation")
         joints = [*machine.articulated.values()]
         names = tuple(joint.name for joint in joints)
         positions = tuple(joint.position for joint in joints)

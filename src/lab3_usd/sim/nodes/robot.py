@@ -6,9 +6,9 @@ CN is core nodes, RN ROS 2 nodes, WR wheeled robots.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
-from lab3_usd.model.dry_run import Affine
+from lab3_usd.model.dry_run import Affine, ScenePrim
 from lab3_usd.model.joint_drives import DRIVEN_AXES
 from lab3_usd.model.transforms import Vector, cross, dot, length
 from lab3_usd.sim.execution.node_instance import NodeInstance, computes
@@ -236,14 +236,23 @@ def _chassis(node: NodeInstance, world: World) -> str | None:
     prim = world.scene.prims.get(targets[0]) if targets else None
     body, root = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI"
     if prim is not None and not prim.apis & {body, root} and "IsaacRobotAPI" in prim.apis:
-        links = prim.targets.get("isaac:physics:robotLinks", ())
-        prim = world.scene.prims.get(links[0]) if links else None
+        prim = next(_links(prim, world), None)
     if prim is None or not prim.apis & {body, root}:
         return None
     if body in prim.apis:
         return str(prim.path)
     machine = world.machines.articulation(prim.path)
     return machine.base if machine is not None else None
+
+
+def _links(robot: ScenePrim, world: World, depth: int = 8) -> Iterator[ScenePrim]:
+    """Yield the links of a robot and of those that it lists (utils.h:121-164 of robot.schema)."""
+    if "IsaacLinkAPI" in robot.apis:
+        yield robot
+    elif "IsaacRobotAPI" in robot.apis and depth:
+        for path in robot.targets.get("isaac:physics:robotLinks", ()):
+            if path in world.scene.prims:
+                yield from _links(world.scene.prims[path], world, depth - 1)
 
 
 @computes("ROS2PublishOdometry")

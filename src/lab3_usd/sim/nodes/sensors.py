@@ -18,6 +18,7 @@ from lab3_usd.sim.execution.world import Product, World, Writer, open_endpoint
 from lab3_usd.sim.lidar import Beam
 
 RESOLUTION = "resolution"
+_PRODUCT_SIZE = (2048, 1080)  # of UsdRender's schema
 
 
 @computes("OgnIsaacRunOneSimulationFrame")
@@ -47,7 +48,7 @@ def create_render_product(node: NodeInstance, world: World) -> bool:
         camera, size = next(iter(prim.targets.get("camera", ())), ""), prim.values.get(RESOLUTION)
         if prim.type != RENDER_PRODUCT or camera not in world.scene.prims:
             return node.fails(f"{prim.path} shows no camera", "wrong-render-product")
-        width, height = size if isinstance(size, tuple) and len(size) == 2 else (0, 0)  # noqa: PLR2004
+        width, height = size if isinstance(size, tuple) and len(size) == 2 else _PRODUCT_SIZE  # noqa: PLR2004
         product = Product(camera, width, height)
     if width <= 0 or height <= 0:
         return node.fails("its picture has no size", "empty-image")
@@ -100,17 +101,6 @@ def attach(
     return writer
 
 
-IMAGES = {
-    "rgb": "sensor_msgs/msg/Image",
-    "depth": "sensor_msgs/msg/Image",
-    "rgb_h264": "sensor_msgs/msg/CompressedImage",
-    "depth_pcl": "sensor_msgs/msg/PointCloud2",
-    "instance_segmentation": "sensor_msgs/msg/Image",
-    "semantic_segmentation": "sensor_msgs/msg/Image",
-    "bbox_2d_tight": "vision_msgs/msg/Detection2DArray",
-    "bbox_2d_loose": "vision_msgs/msg/Detection2DArray",
-    "bbox_3d": "vision_msgs/msg/Detection3DArray",
-}
 UNSEEN = ("instance_segmentation", "semantic_segmentation", "bbox_2d_tight", "bbox_2d_loose",
           "bbox_3d")  # fmt: skip
 
@@ -122,7 +112,7 @@ def camera_helper(node: NodeInstance, world: World) -> bool:
     if product is None:
         return bool(node.memory)
     kind = node.text("type", world)
-    if kind not in IMAGES:
+    if kind not in node.type.message:
         return node.fails(f"it publishes no {kind or 'type'}", "unknown-output")
     if kind in UNSEEN:
         world.not_simulated[node.path] = f"what camera type {kind} shows"

@@ -250,17 +250,35 @@ class Machines:
     def articulation(self, path: str) -> Machine | None:
         """Return the articulation at or below a prim.
 
-        Its root may be the joint that fixes it to the world (UsdPhysics, ArticulationRootAPI).
+        Its root may be the joint that fixes it to the world (UsdPhysics, ArticulationRootAPI). One
+        without joints that move is left out.
         """
+        machine = self._articulation(path)
+        return machine if machine is not None and machine.joints else None
+
+    def around(self, path: str) -> Machine | None:
+        """Return the articulation at or below a prim, or that of which it is a link or a joint.
+
+        NVIDIA-Omniverse/PhysX, BaseSimulationView.cpp, `getArticulationAtPath`.
+        """
+        found = self._articulation(path)
+        if found is not None:
+            return found
+        joints = (m for m in self.machines for j in m.joints.values() if j.path == path)
+        member = self.member.get(path) or next(joints, None)
+        roots = (prim.path for prim in self.scene.prims.values() if ROOT in prim.apis)
+        return member if any(self._articulation(root) is member for root in roots) else None
+
+    def _articulation(self, path: str) -> Machine | None:
         for prim in self.scene.below(path) if path else ():
             enabled = prim.values.get("physxArticulation:articulationEnabled") is not False
             if ROOT in prim.apis and enabled:
                 ends = (prim.targets.get(f"physics:body{number}", ()) for number in (1, 0))
                 tied = [body for end in ends for body in end]
                 bodies = [*tied, *(below.path for below in self.scene.below(prim.path))]
-                bodies = [body for body in bodies if body in self.member]
-                machines = [self.member[body] for body in bodies if self.member[body].joints]
-                return machines[0] if machines else None
+                machines = [self.member[body] for body in bodies if body in self.member]
+                moving = (machine for machine in machines if machine.joints)
+                return next(moving, next(iter(machines), None))
         return None
 
     def place(self, path: str) -> Affine:

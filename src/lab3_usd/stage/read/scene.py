@@ -73,6 +73,11 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
     nodes = {
         graph: [_of_platform(node, platform) for node in found] for graph, found in nodes.items()
     }
+    named = (paths for found in nodes.values() for node in found for paths in node.targets.values())
+    targets = {path for paths in named for path in paths}
+    for path in platform.application_prims:
+        if path in targets and path not in prims:
+            prims[path] = _made_camera(path)
     known = {
         node.path: others
         for found in nodes.values()
@@ -87,7 +92,7 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
         tuple(
             SceneGraph(
                 path,
-                str(_value(prim, "evaluator:type") or "push"),
+                str(_value(prim, "evaluator:type") or platform.graph.value("evaluator:type")),
                 str(_value(prim, "pipelineStage") or "pipelineStageSimulation"),
                 str(_value(prim, "evaluationMode") or "Automatic"),
                 tuple(_named(node, known) for node in nodes[path]),
@@ -102,6 +107,13 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
         prims,
         missing,
     )
+
+
+def _made_camera(path: str) -> ScenePrim:
+    """Return a camera that the application makes, as its schema has it."""
+    stage = Usd.Stage.CreateInMemory()
+    made = UsdGeom.Camera.Define(stage, path).GetPrim()
+    return _prim(made, path, str(made.GetTypeName()), NO_TIME, {}, {})
 
 
 def _of_platform(node: SceneNode, platform: Platform) -> SceneNode:

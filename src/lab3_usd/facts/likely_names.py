@@ -1,0 +1,75 @@
+"""Which known name a written one was likely meant to be, and which types a release surely lacks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from functools import cache
+
+from lab3_usd.isaac.platform import Platform
+
+_ALIKE = 0.8
+_NEAR_TYPE = 0.92
+_NUMBER = re.compile(r"\d+")
+
+
+def likely_name(written: str, known: Collection[str]) -> str | None:
+    """Return the known name that a name was likely meant to be, None where none is near."""
+    same = [name for name in known if name.lower() == written.lower()]
+    return same[0] if same else _near(written, known, _ALIKE)
+
+
+def likely_type(written: str, known: Collection[str]) -> str | None:
+    """Return the node type that was likely meant: of the same last name, or of one alike.
+
+    One of the same last name that somebody else publishes is a type of its own, and so is one that
+    differs in a number.
+    """
+    *before, last = written.split(".")
+    parts = {part for name in known for part in name.split(".")[:-1]}
+    last = last.removeprefix("Ogn")
+    same = [name for name in known if name.rpartition(".")[2].removeprefix("Ogn") == last]
+    if len(same) == 1 and last and (not before or before[0] in parts):
+        return same[0]
+    near = _of_like_length(written, known, _NEAR_TYPE)
+    if not near:
+        return None
+    letters = _NUMBER.sub("", written)  # of any text, which is not kept
+    return _near(written, [name for name in near if _letters(name) != letters], _NEAR_TYPE)
+
+
+def is_unregistered(name: str, platform: Platform) -> bool:
+    """Whether a type is surely none of a release: of another one, or a name for one of its own.
+
+    Of any other unknown type nothing is known: somebody else may have it.
+    """
+    known = {*platform.types, *platform.events, *platform.once}
+    releases = platform.releases_of(name)
+    if name in known or platform.scripts.runs(name) or platform.release in releases:
+        return False
+    is_meant = name in platform.lookalikes or likely_type(name, platform.types) is not None
+    return bool(releases) or is_meant
+
+
+@cache
+def _letters(name: str) -> str:
+    return _NUMBER.sub("", name)
+
+
+def _of_like_length(written: str, known: Collection[str], least: float) -> list[str]:
+    """Return the names that can be near: what two have in common is no longer than the shorter."""
+    length = len(written)
+    return [name for name in known if 2 * min(length, len(name)) >= least * (length + len(name))]
+
+
+def _near(written: str, known: Collection[str], least: float) -> str | None:
+    from difflib import get_close_matches
+
+    fitting = _of_like_length(written, known, least)
+    near = get_close_matches(written, fitting, 1, least) if fitting else ()
+    return near[0] if near else None
+
+
+def did_you_mean(name: str | None) -> str:
+    """Return the end of a sentence that offers a name, nothing without one."""
+    return f"; did you mean {name}?" if name else ""

@@ -1,0 +1,289 @@
+"""Which nodes run and yet do nothing, because of the prims and values that they are given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from lab3_usd.facts.articulations import articulations, followed_bodies, is_empty
+from lab3_usd.facts.domains import invalid_contexts
+from lab3_usd.facts.execution_order import (
+    Nodes,
+    State,
+    effective_value,
+    live_nodes,
+    live_sources,
+    signal_sources,
+    states_without,
+)
+from lab3_usd.facts.render_products import shown_by
+from lab3_usd.facts.stalled_nodes import is_given, unmet_needs
+from lab3_usd.isaac.behaviour import TargetOf
+from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.releases import is_within
+from lab3_usd.isaac.topics import product_input
+from lab3_usd.model.physics import (
+    ARTICULATION_API,
+    BODY_API,
+    bodies_below,
+    is_body,
+    is_joint,
+    number,
+)
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, absence_reason, once_per_stage
+
+_KIND, _FLAT = "inputs:type", "laser_scan"
+_CORE = "omni:sensor:Core:"
+_TURNS, _FIRINGS = f"{_CORE}scanRateBaseHz", f"{_CORE}patternFiringRateHz"
+_EMITTERS, _EMITTER = f"{_CORE}numberOfEmitters", f"{_CORE}emitterState:"
+_TYPE, _SOLID = f"{_CORE}scanType", "SOLID_STATE"  # OgnROS2RtxLidarHelper.py:117
+_SENSORS = ("Camera", "OmniLidar", "OmniRadar")
+
+
+class Stuck(Struct, frozen=True, eq=False):
+    """A node that does nothing and passes no signal on, and why.
+
+    `sure` is False where only a missing asset, or the stage that uses this one, could tell.
+    """
+
+    node: Node
+    why: str
+    sure: bool = True
+
+
+@once_per_stage
+def stuck_nodes(stage: StageModel, platform: Platform) -> dict[str, Stuck]:
+    """Return the nodes that do nothing although they may run, by path."""
+    found: dict[str, Stuck] = {}
+    for one in (
+        *_without_body(stage, platform),
+        *_without_prim(stage, platform),
+        *_without_context(stage, platform),
+        *_without_camera(stage, platform),
+        *_without_scan(stage, platform),
+    ):
+        found.setdefault(one.node.path, one)
+    return found
+
+
+@once_per_stage
+def working_states(stage: StageModel, platform: Platform) -> dict[str, State]:
+    """Return how surely each node does its work while the timeline plays, by path.
+
+    As `run_states`, but for nodes that are stuck and those that wait for their signals.
+    """
+    stuck = stuck_nodes(stage, platform)
+    surely = {path for path, one in stuck.items() if one.sure}
+    at_most = states_without(stage, platform, stuck=surely)
+    at_least = states_without(stage, platform, stuck=stuck)
+    return {
+        path: "runs" if at_least.get(path) == "runs" and path not in stuck else "may run"
+        for path in at_most
+        if path not in surely
+    }
+
+
+def working_nodes(stage: StageModel, platform: Platform) -> dict[str, Node]:
+    """Return the nodes that do their work, or may, by path."""
+    live = live_nodes(stage, platform)
+    return {path: live[path] for path in working_states(stage, platform)}
+
+
+def obstacle(node: Node, stage: StageModel, platform: Platform) -> Stuck | None:
+    """Return the stuck node for which a node does nothing: itself, or one that it waits for."""
+    stuck, live = stuck_nodes(stage, platform), live_nodes(stage, platform)
+    ahead = {node.path: node}
+    for path in (waiting := [node.path]):
+        if path in stuck:
+            return stuck[path]
+        before = [*signal_sources(ahead[path], live), *_products(ahead[path], live)]
+        waiting += [each.path for each in before if each.path not in ahead]
+        ahead.update((each.path, each) for each in before)
+    return None
+
+
+def _products(node: Node, live: Nodes) -> Iterator[Node]:
+    """Yield the nodes whose render product another one reads."""
+    for port in node.ports:
+        for source, _ in live_sources(node, port, live):
+            if source.type is not None and source.type.product is not None:
+                yield source
+
+
+def is_module(stage: StageModel, platform: Platform) -> bool:
+    """Whether a stage holds graphs and neither robot nor sensor, for others to refer to."""
+    if stage.unresolved:
+        return False
+    bodies = (*stage.with_api(ARTICULATION_API), *stage.with_api(BODY_API))
+    sensors = (prim for kind in _SENSORS for prim in stage.of_type(kind))
+    return not bodies and all(prim.path in platform.application_prims for prim in sensors)
+
+
+def is_made_later(path: str, stage: StageModel, platform: Platform) -> bool:
+    """Whether the application makes a prim, or it is a node or a graph."""
+    live = live_nodes(stage, platform)
+    made = path in platform.application_prims or platform.graph.ignores(path)
+    # The bundle that a node gives is a prim below it.
+    return made or path in live or path.rpartition("/")[0] in live
+
+
+def _without_target(
+    node: Node, port: str, stage: StageModel, platform: Platform
+) -> Iterator[Stuck]:
+    """Yield that the only prim which an input names is not there, or that it names none."""
+    path = next(iter(node.targets(port)), "")
+    if not path:
+        yield Stuck(node, f"{port} names no prim")
+    elif stage.prim(path) is None and not is_made_later(path, stage, platform):
+        is_open = stage.unknown(path) is not None or is_module(stage, platform)
+        why = f"{port} names {path}, which {absence_reason(stage, path)}"
+        yield Stuck(node, why, sure=not is_open)
+
+
+def _without_body(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
+    for node in live_nodes(stage, platform).values():
+        asked = None if node.type is None else platform.bodies.get(node.type.type)
+        if asked is not None:
+            yield from _without_target(node, INPUT + asked.prim, stage, platform)
+    for followed in followed_bodies(stage, platform):
+        if not followed.is_body or (
+            followed.body is not None and _is_hollow(followed.body.path, stage)
+        ):
+            why = f"{followed.port} is {followed.prim.path}, which gives no body to follow"
+            yield Stuck(followed.node, why, sure=followed.unknown is None)
+
+
+def _without_prim(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
+    for node in live_nodes(stage, platform).values():
+        asked = None if node.type is None else platform.targets.get(node.type.type)
+        if asked is None:
+            continue
+        port = INPUT + asked.input
+        lacking = [need for need in unmet_needs(node, platform) if asked.input in need.inputs]
+        if lacking:
+            yield Stuck(node, f"{port} names no prim")
+        elif node.targets(port) and not _has_other(node, asked, platform):
+            yield from _without_target(node, port, stage, platform)
+            unread = refused_target(node, stage, platform)
+            path = node.targets(port)[0]
+            if unread is not None or (asked.holds and _is_hollow(path, stage)):
+                is_open = unread is not None and unread.unknown is not None
+                yield Stuck(node, f"{port} is {path}, which is not {asked.what}", not is_open)
+
+
+def _is_hollow(path: str, stage: StageModel) -> bool:
+    """Whether an articulation begins at or below a prim, and has neither body nor joint."""
+    roots = list(articulations(path, stage))
+    has_body = any(bodies_below(stage, root) for root in roots)
+    return bool(roots) and not has_body and all(is_empty(root, stage) for root in roots)
+
+
+def _has_other(node: Node, asked: TargetOf, platform: Platform) -> bool:
+    """Whether a node is given something that it works with instead of its prim."""
+    needs = platform.needs.get(node.type.type, ()) if node.type is not None else ()
+    others = (name for need in needs if asked.input in need.inputs for name in need.inputs)
+    return any(is_given(node, name) for name in others if name != asked.input)
+
+
+class RefusedTarget(Struct, frozen=True, eq=False):
+    """A prim that a node cannot read; `unknown` is a missing asset that could make it so."""
+
+    asked: TargetOf
+    prim: Prim
+    unknown: UnresolvedAsset | None
+
+
+def refused_target(node: Node, stage: StageModel, platform: Platform) -> RefusedTarget | None:
+    """Return the prim that a node is to read and cannot, None where there is none."""
+    asked = None if node.type is None else platform.targets.get(node.type.type)
+    if asked is None or not is_within(platform.release, asked.since, ""):
+        return None
+    prim = stage.prim(next(iter(node.targets(INPUT + asked.input)), ""))
+    if prim is None or _is_readable(prim, asked, stage):
+        return None
+    return RefusedTarget(asked, prim, stage.unknown_below(prim.path))
+
+
+def _is_readable(prim: Prim, asked: TargetOf, stage: StageModel) -> bool:
+    above = [carrier for path in paths_above(prim.path) if (carrier := stage.prim(path))]
+    is_held = any(asked.holds in held.apis for held in stage.below(prim.path) if held.present)
+    # Physics also finds an articulation by its links and joints (PhysX, BaseSimulationView.cpp).
+    is_part = is_body(prim) or is_joint(prim)
+    is_inside = any(asked.inside in carrier.apis for carrier in above)
+    return (
+        (not asked.types or prim.type in asked.types)
+        and (not asked.schemas or bool(set(asked.schemas) & set(prim.apis)))
+        and (not asked.inside or is_inside)
+        and (not asked.holds or is_held or is_part)
+    )
+
+
+def paths_above(path: str) -> Iterator[str]:
+    """Yield the paths above one, nearest first."""
+    while path := path.rpartition("/")[0]:
+        yield path
+
+
+def _without_context(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
+    for node, port, handle in invalid_contexts(stage, platform):
+        yield Stuck(node, f"{port} is {handle}, which no context has made")
+
+
+def _without_camera(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
+    """Yield the nodes that make no render product: OgnIsaacCreateRenderProduct.py:77-160."""
+    live = live_nodes(stage, platform)
+    for node in live.values():
+        ports = None if node.type is None else node.type.product
+        if ports is None:
+            continue
+        yield from _without_target(node, ports.camera, stage, platform)
+        named = next(iter(node.targets(ports.named)), "")
+        product = stage.products.get(named)
+        if product is not None:
+            is_there = stage.prim(product.camera) or product.camera in platform.application_prims
+            if not is_there:
+                is_open = stage.unknown(named, product.camera or named) is not None
+                yield Stuck(node, f"{ports.named} is {named}, which shows no camera", not is_open)
+            continue
+        for size in ports.size:
+            if effective_value(node, size, live) == 0:
+                yield Stuck(node, f"{size} is 0")
+
+
+def _without_scan(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
+    """Yield the nodes that refuse the sensor of their render product."""
+    live = live_nodes(stage, platform)
+    for node in live.values():
+        asked = None if node.type is None else platform.sensors.get(node.type.type)
+        if node.type is None or asked is None or not asked.needs:
+            continue
+        shown = shown_by(node, product_input(node.type.topics[0]), stage, live)
+        prim = None if shown is None else stage.prim(shown.sensor)
+        if prim is None:
+            continue
+        is_open = stage.unknown(prim.path) is not None
+        if not {prim.type, *prim.apis} & {*asked.types, *asked.schemas_in(platform.release)}:
+            yield Stuck(node, f"{prim.path} is no {' or '.join(asked.types)}", not is_open)
+        elif prim.type in asked.types and asked.needs not in prim.apis:
+            yield Stuck(node, f"{prim.path} has no {asked.needs}", not is_open)
+        elif effective_value(node, _KIND, live) == _FLAT:
+            for name, fault in silencing_values(prim):
+                yield Stuck(node, f"{name} of {prim.path} {fault}")
+
+
+def silencing_values(lidar: Prim) -> Iterator[tuple[str, str]]:
+    """Yield the attributes with which a lidar gives no scan, and what is wrong with each.
+
+    Source: `OgnROS2RtxLidarHelper.py:110-134`; NVIDIA's checker of sensors for the emitters.
+    """
+    turns = lidar.attributes.get(_TYPE) != _SOLID
+    for name in (_TURNS, _FIRINGS, _EMITTERS) if turns else (_EMITTERS,):
+        value = number(lidar.attributes.get(name))
+        if value is not None and value <= 0:
+            yield name, f"is {value:g}"
+    for name, items in lidar.attributes.items():
+        if name.startswith(_EMITTER) and items == ():
+            yield name, "is empty"
