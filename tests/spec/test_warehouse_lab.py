@@ -38,7 +38,8 @@ TABLE: dict[str, Any] = {
     f"{R2}/DriveR2/controller.inputs:maxAngularSpeed": 2.0,
     f"{R2}/DriveR2/controller.inputs:wheelDistance": 0.24,
     f"{R2}/DriveR2/controller.inputs:wheelRadius": 0.05,
-    f"{R2}/DriveR2/twist.inputs:topicName": "/r2/cmd_vel",
+    f"{R2}/DriveR2/twist.inputs:topicName": "cmd_vel",
+    f"{R2}.isaac:namespace": "r2",
     f"{R1}/mast/Cloud.omni:sensor:tickRate": 10.0,
     f"{R1}/mast/Cloud/PointCloud/helper.inputs:type": "point_cloud",
     f"{R1}/mast/Cloud/PointCloud/helper.inputs:frameId": "r1/mast",
@@ -52,8 +53,8 @@ TABLE: dict[str, Any] = {
     f"{R2}/body/Back.focalLength": 12.0,
     f"{R1}/OdometryR1/publish_base.inputs:parentFrameId": "r1/odom",
     f"{R1}/OdometryR1/publish_base.inputs:childFrameId": "r1/base",
-    f"{R2}/OdometryR2/publish_base.inputs:parentFrameId": "r2/odom",
-    f"{R2}/OdometryR2/publish_base.inputs:childFrameId": "r2/body",
+    "/World/OdometryR2/publish_base.inputs:parentFrameId": "r2/odom",
+    "/World/OdometryR2/publish_base.inputs:childFrameId": "r2/body",
     f"{R1}/base/Imu.isaac:nameOverride": "r1/imu",
     f"{R2}/body/Back.isaac:nameOverride": "r2/back",
 }
@@ -185,6 +186,7 @@ MISTAKES: list[tuple[str, Callable[[Any], None], tuple[str, str, str]]] = [
         put(f"{R2}/joints/left_joint.physics:localPos0", Gf.Vec3f(0.0, 0.16, 0.05)),
         ("S20", f"{R2}/joints/left_joint", "r2"),
     ),
+    ("the topics of r2 move", put(f"{R2}.isaac:namespace", "r3"), ("P10", R2, "r2")),
     ("r2 is switched off", switch_off(R2), ("S01", R2, "r2")),
     (
         "a link below another one is switched off",
@@ -244,7 +246,7 @@ def test_a_frame_that_lost_its_override_is_named_as_the_lab_has_it(
 def test_no_node_may_place_the_odometry_of_either_robot(
     lab: Lab, built: Path, tmp_path: Path, robot: str
 ) -> None:
-    graph = f"/World/{robot}/Odometry{robot.upper()}/publish_base"
+    graph = {"r1": f"{R1}/OdometryR1", "r2": "/World/OdometryR2"}[robot] + "/publish_base"
     change = put(f"{graph}.inputs:childFrameId", f"{robot}/odom")
     other = put(f"{graph}.inputs:parentFrameId", "world")
     result = check_stage(changed(built, tmp_path, 5, change, other), lab=lab)
@@ -271,7 +273,7 @@ PLAYED = [
     ("slower", f"{R2}/DriveR2/controller.inputs:maxLinearSpeed", 0.2, ("r2", "limits")),
     ("slower", f"{R1}/DriveR1/controller.inputs:maxLinearSpeed", 0.6, ("r1", "limits")),
     ("turns more", f"{R2}/DriveR2/controller.inputs:wheelDistance", 0.36, ("r2", "follows")),
-    ("named", f"{R2}/OdometryR2/publish_odometry.inputs:odomFrameId", "odom", ("r2", "odometry")),
+    ("named", "/World/OdometryR2/publish_odometry.inputs:odomFrameId", "odom", ("r2", "odometry")),
     ("other rate", f"{R2}/body/tower/Scan.omni:sensor:tickRate", 10.0, ("r2", "scan")),
 ]  # fmt: skip
 
@@ -306,3 +308,5 @@ def test_lab_new_describes_both_robots_their_sensors_and_frames(
     assert paths_of[0] == paths_of[1]
     assert set(new.frames.edges) == set(lab.frames.edges)
     assert new.frames.names == lab.frames.names
+    assert new.scene.namespaces == {R2: "r2"}
+    assert new.topics.keys() == lab.topics.keys()

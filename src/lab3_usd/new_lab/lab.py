@@ -12,6 +12,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError, unwritten
+from lab3_usd.facts.endpoints import namespaces_above
 from lab3_usd.facts.frame_targets import frame_name
 from lab3_usd.facts.frames import published_edges
 from lab3_usd.isaac.platform import Platform
@@ -124,6 +125,10 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     sections = {prim.path: graphs[_home(prim.path, texts)].handout for prim in source.sensors}
     sensors = describe_sensors(source, sections)
     scene |= {"sensors": sensors} if sensors else {}
+    places = [graph.path for graph in graphs.values()] + [prim.path for prim in source.sensors]
+    platform = source.lab.platform
+    namespaces = dict(s for path in places for s in namespaces_above(path, stage, platform))
+    scene |= {"namespaces": namespaces} if namespaces else {}
     lab = replace(source.lab, graphs=graphs, scene=parse_scene(scene))
     robots = [scene["robot"]] if "robot" in scene else scene["robots"].values()
     for path, looks in looks_below(source, lab).items():

@@ -6,6 +6,7 @@ Every one the handout names, once, active, of the right type; and those that it 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from itertools import chain, count
 
 from lab3_usd.check.hints import note_if_harmless, shown_graph
@@ -16,7 +17,6 @@ from lab3_usd.check.repairs import TYPE, VERSION, edits_at
 from lab3_usd.check.robot.wheels import is_doubtful, second_commanders
 from lab3_usd.facts.endpoints import Endpoint, endpoints
 from lab3_usd.facts.execution_order import live_nodes, severity_if_uncertain
-from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.model.changes import Activate, AddNode, Edit, RemovePrim
 from lab3_usd.model.finding import Problem, node_title, role_title
 from lab3_usd.model.stage import (
@@ -27,6 +27,7 @@ from lab3_usd.model.stage import (
     AbsentPrim,
     Node,
 )
+from lab3_usd.spec.contradictions.names import graph_topics
 from lab3_usd.spec.graph import NodeSpec, PortRef
 from lab3_usd.spec.lab import Lab
 
@@ -193,9 +194,6 @@ def old_node_version(subject: GraphSubject) -> Iterator[Problem]:
             )
 
 
-_PUBLISHES = ("publisher", "helper")
-
-
 @rule("N02", "extra-node", scope="graph", severity="warning")
 def extra_node(subject: GraphSubject) -> Iterator[Problem]:
     """The graph contains a node that the lab does not use.
@@ -226,9 +224,7 @@ def _published_again(subject: GraphSubject, node: Node) -> tuple[Endpoint, Endpo
     """Return where an extra node publishes a topic of the lab, and where another node does."""
     asked = _topics_asked(subject.lab)
     if subject.checkpoint.frames:
-        asked -= set(
-            subject.lab.platform.ros.tree_topics
-        )  # the rules of frames judge what it sends
+        asked -= {*subject.lab.platform.ros.tree_topics}  # which the rules of frames judge
     published = [
         endpoint
         for endpoint in endpoints(subject.stage, subject.lab.platform)
@@ -247,14 +243,10 @@ def _is_sure(pair: tuple[Endpoint, Endpoint]) -> bool:
     return all(endpoint.sure for endpoint in pair)
 
 
-def _topics_asked(lab: Lab) -> set[str]:
-    return {
-        resolved_topic(str(setting.value))
-        for spec in lab.graphs.values()
-        for node in spec.nodes.values()
-        for setting in node.settings
-        if setting.port in node.type.topics and node.type.role in _PUBLISHES
-    }
+@lru_cache(maxsize=16)
+def _topics_asked(lab: Lab) -> frozenset[str]:
+    """Return the topics that the graphs of a lab publish, which is the same for every stage."""
+    return frozenset(topic.name for topic in graph_topics(lab) if not topic.is_subscribed)
 
 
 @rule("N07", "repeated-publisher", scope="graph")

@@ -16,17 +16,18 @@ from lab3_usd.check.match.conformance import (
     wrong_product,
 )
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.repairs import edits_at
 from lab3_usd.facts.endpoints import moving_prims
 from lab3_usd.facts.execution_order import effective_value, live_nodes
 from lab3_usd.isaac.node_types import INPUT, Port
 from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.changes import ClearValue
+from lab3_usd.model.changes import ClearValue, SetValue
 from lab3_usd.model.finding import Problem, display, format_paths, role_title, short_source
 from lab3_usd.model.stage import Node, once_per_stage, same_value
 from lab3_usd.spec.graph import NodeSpec
+from lab3_usd.spec.lab import Checkpoint, Lab
 
 
 def setting_problem(subject: GraphSubject, found: Found, message: str) -> Problem:
@@ -358,9 +359,20 @@ def _with_value(
                 yield node.path, name
 
 
-@rule("P10", "namespace-attribute", scope="stage")
+def _namespaces(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    made = {sensor.path: name for name, sensor in lab.sensors.items()}
+    made |= {graph.path: name for name, graph in lab.graphs.items()}
+    there = {*checkpoint.sensors, *checkpoint.graphs}
+    for path, name in lab.scene.namespaces.items():
+        if made.get(path) is None or made[path] in there:
+            group, handout = lab.scene.group_of(path), lab.policy.handout
+            title = f"{path} has the namespace {name}"
+            yield Demand(f"{group}/namespace/{path.rpartition('/')[2]}", title, path, handout)
+
+
+@rule("P10", "namespace-attribute", scope="stage", demands=_namespaces)
 def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
-    """A namespace on a prim changes the name of a topic.
+    """A namespace on a prim changes the name of a topic, or one that the lab asks for is missing.
 
     Why: Isaac Sim joins the namespaces of the prim and all its ancestors and puts them before the
     topic name. A sensor helper uses those of its sensor. `{scan}` becomes `/<namespace>{scan}`
@@ -377,8 +389,24 @@ def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
         node = live.get(path) if role.type.topics else None
         for site in () if node is None else moving_prims(node, stage, lab.platform, live):
             moved.setdefault(site, []).append(path)
+    asked = lab.scene.namespaces
+    for demand in _namespaces(lab, subject.checkpoint):
+        prim, name = stage.prim(demand.prim), asked[demand.prim]
+        actual = None if prim is None else prim.attributes.get(attribute, "")
+        if prim is not None and actual != name:
+            yield Problem(
+                demand.prim,
+                f"{attribute} is {display(actual)}, expected {display(name)}",
+                attribute,
+                name,
+                display(actual),
+                hint=f"select {demand.prim} and set {attribute} to {name} in the Property panel",
+                fix=(SetValue(demand.prim, attribute, "string", name),),
+                unmet=(demand.id,),
+                rests_on=stage.unknown(demand.prim),
+            )
     for (path, value), nodes in moved.items():
-        if resolved_topic(value):
+        if resolved_topic(value) and path not in asked:
             message = (
                 f"{attribute} is {display(value)}, which moves the topics of {_counted(nodes)}"
             )

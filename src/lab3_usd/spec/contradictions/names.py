@@ -15,6 +15,7 @@ from lab3_usd.isaac.values import Value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.lab import CHECKPOINTS, ROS, SCENE, SUBMISSION, Lab
 from lab3_usd.spec.ros import FROM_THE_FIRST, NavigationSpec, TopicSpec
+from lab3_usd.spec.scene import is_within
 
 
 class LabFault(Struct, frozen=True):
@@ -95,7 +96,7 @@ def value_of(node: NodeSpec, port: str) -> Value | None:
 def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
     """Yield the topics that the graphs publish and subscribe."""
     for graph, node, port in _topic_ports(lab):
-        topic = _topic(lab, node, port)
+        topic = _topic(lab, graph, node, port)
         if topic:
             message = node.type.message
             yield GraphTopic(
@@ -127,13 +128,32 @@ def _topic_ports(lab: Lab) -> Iterator[tuple[GraphSpec, NodeSpec, str]]:
                     yield graph, node, port
 
 
-def _topic(lab: Lab, node: NodeSpec, port: str) -> str:
+def _topic(lab: Lab, graph: GraphSpec, node: NodeSpec, port: str) -> str:
     """Return the name of a topic, '' where it is switched off or has none."""
     switch = topic_switch(port)
     if switch in node.type.ports and value_of(node, switch) is not True:
         return ""
-    namespace = value_of(node, f"{INPUT}{lab.platform.ros.namespace}") or ""
+    namespace = value_of(node, f"{INPUT}{lab.platform.ros.namespace}") or _namespace(
+        lab, graph, node
+    )
     return resolved_topic(str(value_of(node, port) or ""), str(namespace))
+
+
+def _namespace(lab: Lab, graph: GraphSpec, node: NodeSpec) -> str:
+    """Return the namespace that prims give to a node, as Isaac Sim joins them.
+
+    They stand above the node, above the sensor of a helper; of a TF publisher the outermost counts.
+    """
+    roles = {node.role}
+    for _ in graph.nodes:
+        roles |= {wire.source.role for wire in graph.wires if wire.target.role in roles}
+    prims = {prim for role in roles for t in graph.nodes[role].targets for prim in t.prims}
+    sensors = (sensor.path for sensor in lab.sensors.values() if sensor.path in prims)
+    is_helper = any(product_input(port) in node.type.ports for port in node.type.topics)
+    place = next(sensors, "") if is_helper else ""
+    place = place or f"{graph.path}/{node.role}"
+    above = [name for path, name in sorted(lab.scene.namespaces.items()) if is_within(place, path)]
+    return "/".join(above[:1] if node.type.tf is not None else above)
 
 
 def _short(port: str) -> str:

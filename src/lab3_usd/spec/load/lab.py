@@ -100,7 +100,8 @@ def _command(
 class SceneFile(Struct, forbid_unknown_fields=True):
     """The scene: units, robots, sensors, world and map.
 
-    `robots` are described by name; `robot` is the only one, without a name.
+    `robots` are described by name; `robot` is the only one, without a name. `namespaces` are those
+    that prims give to the topics of what is below them (`isaac:namespace`), by path.
     """
 
     stage: StageUnits
@@ -110,6 +111,7 @@ class SceneFile(Struct, forbid_unknown_fields=True):
     robots: _ByName = {}
     forbidden: ForbiddenPrims = ForbiddenPrims()
     sensors: dict[str, SensorSpec] = {}
+    namespaces: dict[str, str] = {}
     map: ros.MapFacts | None = None
 
 
@@ -142,6 +144,7 @@ def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
         forbidden=scene.forbidden,
         sensors=sensors,
         map=scene.map,
+        namespaces=scene.namespaces,
     )
 
 

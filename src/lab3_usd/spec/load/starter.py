@@ -18,6 +18,7 @@ from lab3_usd.spec.scene import Number3, RobotSpec, StageUnits
 from lab3_usd.yaml_file import read_yaml, record
 
 _Data = dict[str, Any]
+NAMESPACE = "isaac:namespace"
 
 
 class PoseSpec(Struct, frozen=True, forbid_unknown_fields=True):
@@ -114,7 +115,14 @@ def _starter_of(folder: Path) -> StarterSpec:
     for name, kind in starter.kinds.items():
         kinds[name] = _like(kind, kinds, f"{STARTER}: kind {name}")
     prims = {prim.path: prim for prim in _prims(starter.prims, "", kinds)}
-    for fact in (fact for robot in scene.robots for fact in _handout_facts(robot)):
+    facts = [fact for robot in scene.robots for fact in _handout_facts(robot)]
+    made = tuple(sensor.path for sensor in scene.sensors.values())
+    facts += [
+        PrimSpec(path, attributes=(AttributeSpec(NAMESPACE, name, "string"),))
+        for path, name in scene.namespaces.items()
+        if path not in made
+    ]
+    for fact in facts:
         if fact.path not in prims:
             raise SpecError(f"{STARTER}: {fact.path} is missing, {SCENE} asks for it")
         prims[fact.path] = _with_fact(prims[fact.path], fact)

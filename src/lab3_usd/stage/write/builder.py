@@ -187,14 +187,22 @@ def _checkpoint_layers(
                 spec = lab.sensors[sensor]
                 asset = options.lidar_asset if spec.kind == LIDAR else None
                 author_sensor(layer, spec, lab.scene.stage.meters_per_unit, asset)
-                if spec.path in lab.frames.names:
-                    prim, name = layer.GetPrimAtPath(spec.path), lab.frames.names[spec.path]
-                    Sdf.AttributeSpec(prim, NAME_OVERRIDE, Sdf.ValueTypeNames.String).default = name
+                _author_names(layer, lab, spec.path)
             for name in checkpoint.new:
                 define_parents(layer, stage, lab.graphs[name].path)
                 author_graph(layer, lab.graphs[name], lab.platform)
+                _author_names(layer, lab, lab.graphs[name].path)
         if checkpoint.id in targets:
             yield targets[checkpoint.id], layer
+
+
+def _author_names(layer: Sdf.Layer, lab: Lab, path: str) -> None:
+    """Write what the lab calls the frame of a prim, and the namespace that it gives to topics."""
+    attribute = lab.platform.ros.namespace_attribute
+    for name, given in ((NAME_OVERRIDE, lab.frames.names), (attribute, lab.scene.namespaces)):
+        if path in given:
+            prim = layer.GetPrimAtPath(path)
+            Sdf.AttributeSpec(prim, name, Sdf.ValueTypeNames.String).default = given[path]
 
 
 def _copy_for(source: Sdf.Layer, folder: Path) -> Sdf.Layer:
