@@ -42,14 +42,16 @@ SECOND = 1_000_000_000  # nanoseconds
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recorded(tmp_path_factory.mktemp("recording"))
+    return recorded(tmp_path_factory.mktemp("recording"), "Lab3_08_run")
 
 
 @pytest.fixture(scope="module")
 def brief(plain: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first second of the recording."""
     folder = tmp_path_factory.mktemp("brief")
-    return rewritten(plain, folder / "run", lambda sent: iter([sent] * (sent.time < SECOND)))
+    return rewritten(
+        plain, folder / "Lab3_08_run", lambda sent: iter([sent] * (sent.time < SECOND))
+    )
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +92,7 @@ def test_a_recording_of_a_dry_run_is_not_blamed_for_the_pictures_that_it_lacks(
 
 
 def test_pictures_that_a_real_recording_lacks_are_missed(plain: Path, tmp_path: Path) -> None:
-    run = rewritten(plain, tmp_path / "run", on("/camera/image_raw", lambda _: "drop"))
+    run = rewritten(plain, tmp_path / "Lab3_08_run", on("/camera/image_raw", lambda _: "drop"))
     assert wrong(run)["topics"] == "nothing on /camera/image_raw"
 
 
@@ -98,7 +100,7 @@ def test_a_lidar_that_turns_otherwise_is_told_by_its_scans(plain: Path, tmp_path
     def twice(said: Any) -> None:
         said.scan_time = 0.05
 
-    run = rewritten(plain, tmp_path / "run", on("/scan", twice))
+    run = rewritten(plain, tmp_path / "Lab3_08_run", on("/scan", twice))
     assert wrong(run) == {"scan": "the lidar turns 20 times a second, not 10"}
 
 
@@ -127,14 +129,14 @@ def test_all_ways_of_packing_give_the_same(
     storage: StoragePlugin,
     packing: CompressionMode,
 ) -> None:
-    other = judged(rewritten(brief, tmp_path / "run", storage=storage, packing=packing))
+    other = judged(rewritten(brief, tmp_path / "Lab3_08_run", storage=storage, packing=packing))
     assert {**other, "recording": ""} == of_brief
 
 
 def test_a_recording_in_two_files_is_one(
     brief: Path, of_brief: dict[str, Any], tmp_path: Path
 ) -> None:
-    folder = tmp_path / "run"
+    folder = tmp_path / "Lab3_08_run"
     parts = [
         rewritten(
             brief,
@@ -155,7 +157,7 @@ def test_one_file_is_a_recording(plain: Path) -> None:
 
 def test_a_simulation_at_half_speed_is_judged_by_its_own_time(plain: Path, tmp_path: Path) -> None:
     slow = rewritten(
-        plain, tmp_path / "run", lambda sent: iter([replace(sent, time=2 * sent.time)])
+        plain, tmp_path / "Lab3_08_run", lambda sent: iter([replace(sent, time=2 * sent.time)])
     )
     document = judged(slow)
     assert document["verdict"] == "ok"
@@ -208,7 +210,7 @@ FAULTS: dict[str, tuple[str, Callable[[Any], object]]] = {
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_fault_is_found_by_its_check(plain: Path, tmp_path: Path, name: str) -> None:
-    assert name in wrong(rewritten(plain, tmp_path / "run", on(*FAULTS[name])))
+    assert name in wrong(rewritten(plain, tmp_path / "Lab3_08_run", on(*FAULTS[name])))
 
 
 def test_localization_and_a_goal_that_is_reached_are_all_right(plain: Path, tmp_path: Path) -> None:
@@ -216,7 +218,7 @@ def test_localization_and_a_goal_that_is_reached_are_all_right(plain: Path, tmp_
         for each in tied(sent, "map"):
             yield from aimed(each, 4)
 
-    checks = judged(rewritten(plain, tmp_path / "run", change))["checks"]
+    checks = judged(rewritten(plain, tmp_path / "Lab3_08_run", change))["checks"]
     verdicts = {each["name"]: each["verdict"] for each in checks}
     assert (verdicts["localization"], verdicts["goal"]) == ("ok", "ok")
 
@@ -231,13 +233,13 @@ def test_static_transforms_belong_to_the_tree(plain: Path, tmp_path: Path) -> No
                 yield Sent(sent.time, "/tf_static", sent.type, said, durable(sent.qos))
         yield sent
 
-    document = judged(rewritten(plain, tmp_path / "run", change))
+    document = judged(rewritten(plain, tmp_path / "Lab3_08_run", change))
     assert document["verdict"] == "ok"
     assert {"parent": "base_footprint", "child": "base_scan", "static": True} in document["frames"]
 
 
 def test_without_commands_nothing_is_said_of_following(plain: Path, tmp_path: Path) -> None:
-    quiet = rewritten(plain, tmp_path / "run", on("/cmd_vel", lambda _: "drop"))
+    quiet = rewritten(plain, tmp_path / "Lab3_08_run", on("/cmd_vel", lambda _: "drop"))
     assert not {"rest", "follows", "limits", "way"} & {e["name"] for e in judged(quiet)["checks"]}
     assert "no command was recorded" in bag(quiet).stdout
 
@@ -247,7 +249,7 @@ def test_another_type_is_told(plain: Path, tmp_path: Path) -> None:
     said = STORE.types[kind]("scan")
     odd = rewritten(
         plain,
-        tmp_path / "run",
+        tmp_path / "Lab3_08_run",
         lambda sent: iter([replace(sent, type=kind, held=said) if sent.topic == "/scan" else sent]),
     )
     assert "/scan is std_msgs/msg/String, not sensor_msgs/msg/LaserScan" in wrong(odd)["topics"]
@@ -278,7 +280,7 @@ def test_what_differs_from_the_dry_run_is_told_and_no_fault(plain: Path, tmp_pat
         if sent.topic != "/clock" or not sent.said.clock.nanosec // 20_000_000 % 2:
             yield sent
 
-    other = rewritten(plain, tmp_path / "run", change)
+    other = rewritten(plain, tmp_path / "Lab3_08_run", change)
     assert set(differing(other, plain.parent / "Lab3_05.usda")) == {
         "/camera/camera_info",
         "/clock",
@@ -349,8 +351,8 @@ def refused(path: Path) -> str:
 
 @pytest.mark.parametrize("storage", list(StoragePlugin))
 def test_a_cut_recording_is_one_line(plain: Path, tmp_path: Path, storage: StoragePlugin) -> None:
-    folder = rewritten(plain, tmp_path / "run", storage=storage)
-    (file,) = [*folder.glob("run.*")]
+    folder = rewritten(plain, tmp_path / "Lab3_08_run", storage=storage)
+    (file,) = [*folder.glob("Lab3_08_run.*")]
     whole = file.read_bytes()
     for part in (0.0, 0.01, 0.5, 0.999):
         file.write_bytes(whole[: int(part * len(whole))])
@@ -401,7 +403,7 @@ def test_many_topics_of_mcap_are_one_line(plain: Path, monkeypatch: pytest.Monke
 def test_a_message_that_unpacks_to_too_much_is_one_line(
     plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = rewritten(plain, tmp_path / "run", packing=CompressionMode.MESSAGE)
+    folder = rewritten(plain, tmp_path / "Lab3_08_run", packing=CompressionMode.MESSAGE)
     monkeypatch.setattr(files, "LARGEST_MESSAGE", 100)
     assert "larger than" in refused(folder)
 
@@ -409,7 +411,7 @@ def test_a_message_that_unpacks_to_too_much_is_one_line(
 def test_a_file_that_unpacks_to_too_much_is_one_line(
     plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = rewritten(plain, tmp_path / "run", packing=CompressionMode.FILE)
+    folder = rewritten(plain, tmp_path / "Lab3_08_run", packing=CompressionMode.FILE)
     monkeypatch.setattr(judge, "Bounds", lambda: files.Bounds(file=1000))
     assert "unpacks to more than" in refused(folder)
 
@@ -418,7 +420,7 @@ def test_a_huge_message_is_counted_and_not_read(plain: Path, tmp_path: Path) -> 
     huge = b"\0\1\0\0" + bytes(5_000_000)
     odd = rewritten(
         plain,
-        tmp_path / "run",
+        tmp_path / "Lab3_08_run",
         lambda sent: iter(
             [sent, replace(sent, held=huge)] if sent.topic == "/tf" and sent.time < 2e8 else [sent]
         ),
@@ -427,13 +429,13 @@ def test_a_huge_message_is_counted_and_not_read(plain: Path, tmp_path: Path) -> 
 
 
 def test_names_and_types_that_are_none_are_left_out(tmp_path: Path) -> None:
-    with Writer(tmp_path / "run", version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+    with Writer(tmp_path / "Lab3_08_run", version=8, storage_plugin=StoragePlugin.MCAP) as writer:
         connection = writer.add_connection(
             "no name\n", "no type", msgdef="string data", rihs01="RIHS01_0"
         )
         writer.write(connection, 1, b"\0\1\0\0")
-    assert judged(tmp_path / "run")["topics"] == []
-    assert "1 topics have an invalid name or type" in bag(tmp_path / "run").stdout
+    assert judged(tmp_path / "Lab3_08_run")["topics"] == []
+    assert "1 topics have an invalid name or type" in bag(tmp_path / "Lab3_08_run").stdout
 
 
 def test_without_the_extra_a_line_says_what_to_install(

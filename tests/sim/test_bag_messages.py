@@ -11,7 +11,7 @@ pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed"
 
 import numpy as np
 
-from lab3_usd.sim.bag.reader import IMAGE, MOST_RAYS, Decoded, decode, header
+from lab3_usd.sim.bag.decoder import IMAGE, MOST_RAYS, Decoded, decode, header
 from lab3_usd.sim.bag.writer import STORE
 from lab3_usd.sim.execution.recording import Transform, View
 

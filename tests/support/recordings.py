@@ -16,23 +16,20 @@ from rosbags.interfaces import Connection, Qos, QosDurability
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.rosbag2 import metadata as qos_metadata
 from rosbags.rosbag2 import writer as bag_writer
-from rosbags.typesys import Stores, get_typestore
 
 from lab3_usd.commands.sim import command as sim_command
-
-STORE = get_typestore(Stores.ROS2_HUMBLE)
-
+from lab3_usd.sim.bag.writer import STORE
 
 DRIVE = "0.2,0,1.4 0,0,0.3 -0.2,0,1.2 0,0.8,1 0,0,0.4"
 
 
-def recorded(folder: Path) -> Path:
+def recorded(folder: Path, name: str = "run") -> Path:
     """Record the correct stage of the last checkpoint that has one, with images; no fault."""
     stage = folder / "Lab3_05.usda"
     correct_stage("05").GetRootLayer().Export(str(stage))
     arguments = [str(stage), "--drive", DRIVE, "--bag", str(folder / "dry")]
     assert CliRunner().invoke(sim_command, arguments, catch_exceptions=False).exit_code == 0
-    return rewritten(folder / "dry", folder / "run", pictures)
+    return rewritten(folder / "dry", folder / name, pictures)
 
 
 class Sent(Struct):

@@ -193,9 +193,12 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
 def rules_named(behaviour: Behaviour, findings: Sequence[Finding]) -> Callable[[Check], str]:
     """Return what names the rule that explains a check, '' where none does.
 
-    `findings` are those about the stage of a dry run.
+    `findings` are those about the stage of a dry run. Of a recording it is a rule of the lab, if a
+    lab asks something of it.
     """
-    return explaining_rule if behaviour.recording else partial(_rule_found, findings)
+    if behaviour.recording:
+        return explaining_rule if behaviour.checkpoint else lambda _: ""
+    return partial(_rule_found, findings)
 
 
 def _rule_found(findings: Sequence[Finding], check: Check) -> str:

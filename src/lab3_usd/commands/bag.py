@@ -42,10 +42,11 @@ def command(
     """Judge a recording of the running system by the checks of `lab3 sim`.
 
     RECORDING is the output of `ros2 bag record -a`, MCAP or sqlite3, or one file of it. The
-    checkpoint in its name, or in that of the stage, decides what is required, else the last
-    checkpoint; localization and navigation are required only if they were recorded, or if
-    --checkpoint is given. Exit status: 0 all right, 1 a fault or not judged, 2
-    unreadable or wrong usage, 3 the program itself failed.
+    checkpoint in its name, or in that of the stage, decides what is required; localization and
+    navigation are required only if they were recorded, or if --checkpoint is given. Without a
+    checkpoint any robots are judged by what was recorded, and nothing of a lab is asked. Exit
+    status: 0 all right, 1 a fault or not judged, 2 unreadable or wrong usage, 3 the program itself
+    failed.
     """
     # The specs are slow to import, and `lab3 --help` does not need them.
     from lab3_usd.commands.shared.options import (
@@ -60,22 +61,31 @@ def command(
     if find_spec("rosbags") is None:
         needs = f"bag needs the extra sim: {install_command('sim')}"
         raise UsageError(f"{program()} {needs}")
+    from lab3_usd.sim.bag.any_recording import judge_any_recording
     from lab3_usd.sim.bag.judge import differences, judge_recording
 
     lab = load_lab()
-    numbers = [*lab.checkpoints]
     names = [recording.name, stage.name if stage is not None else ""]
-    named = next(filter(None, (checkpoint_of(name, lab) for name in names)), numbers[-1])
-    number = named if checkpoint is None else checkpoint_number(checkpoint, numbers)
-    behaviour = judge_recording(recording, lab, number, whole=checkpoint is not None, maps=maps)
-    if stage is not None and behaviour.verdict != "unreadable":
-        from msgspec.structs import replace
-
+    number = next(filter(None, (checkpoint_of(name, lab) for name in names)), "")
+    if checkpoint is not None:
+        number = checkpoint_number(checkpoint, [*lab.checkpoints])
+    if maps is not None and not number:
+        raise UsageError("--maps: a recording of no checkpoint is laid on no map")
+    dry = None
+    if stage is not None:
         from lab3_usd.sim.dry_run import dry_run
 
         dry = dry_run(stage, lab, number).behaviour
         if dry.verdict == "unreadable":
             raise UsageError(f"--stage {stage}: {dry.not_simulated[0].reason}")
+    if number:
+        behaviour = judge_recording(recording, lab, number, whole=checkpoint is not None, maps=maps)
+    else:
+        commanded = {robot.topic for robot in dry.robots} if dry is not None else ()
+        behaviour = judge_any_recording(recording, lab.platform, commanded)
+    if dry is not None and behaviour.verdict != "unreadable":
+        from msgspec.structs import replace
+
         behaviour = replace(behaviour, differences=differences(behaviour, dry))
     if form == "json":
         click.echo(text.render_json(behaviour), nl=False)

@@ -76,10 +76,22 @@ PASSED_IN_A_RECORDING = {
 }
 
 
+PASSED_IN_ANY_RECORDING = {
+    **PASSED_IN_A_RECORDING,
+    "rates": "stamps advance",
+    "clock": "the clock runs",
+    "rest": "stands still without a command, and after one",
+    "follows": "goes ahead and back as commanded, and turns to the side that it is commanded to",
+    "moving frames": "TF moves the base as odometry does",
+    "scan": "rays come back",
+    "joints": "each joint is where it is commanded to",
+}
+
+
 def passed_texts(behaviour: Behaviour) -> Mapping[str, str]:
     """Return the text of each check, for when it passes."""
     if behaviour.recording:
-        return PASSED_IN_A_RECORDING
+        return PASSED_IN_A_RECORDING if behaviour.checkpoint else PASSED_IN_ANY_RECORDING
     if behaviour.checkpoint:
         texts = PASSED | PASSED_BY_JOINTS if behaviour.robots else PASSED
         children = {frame.child for frame in behaviour.frames}
@@ -132,12 +144,15 @@ def render(
     lines += ["", *_topics(behaviour), ""]
     passed, rule_of = passed_texts(behaviour), rules_named(behaviour, findings)
     for check in behaviour.checks:
-        lines += _check(check, passed, rule_of(check), width, color=color)
+        of_run = not behaviour.recording
+        lines += _check(check, passed, rule_of(check), width, color=color, of_run=of_run)
     legs = "; ".join(map(leg_text, behaviour.legs)) or (
         "joints received commands" if behaviour.robots else "no command was sent"
     )
     motion = "drive" if behaviour.legs else "run"
-    drive = f"{motion}: {behaviour.seconds:.1f} s; {legs}"
+    drive = f"{motion}: {behaviour.seconds:.1f} s"
+    is_any = behaviour.recording and not behaviour.checkpoint
+    drive += f"; {legs}" if behaviour.legs or not is_any else ""
     remarks = (*behaviour.sizes, drive, *map(printable, _remarks(behaviour)))
     for robot in behaviour.robots:
         heard = f"{robot.prim}: commands on {robot.topic} in domain {robot.domain}"
@@ -179,7 +194,7 @@ def _offer(topic: Topic) -> tuple[str, str]:
 
 
 def _check(
-    check: Check, passed: Mapping[str, str], rule: str, width: int, *, color: bool
+    check: Check, passed: Mapping[str, str], rule: str, width: int, *, color: bool, of_run: bool
 ) -> Iterator[str]:
     mark = paint(_SHORT[check.verdict].ljust(4), _COLOURS[check.verdict], color=color)
     text = passed[check.name] if check.verdict == "ok" else printable(check.message)
@@ -190,11 +205,11 @@ def _check(
     yield from (lead + line for line in more)
     if check.verdict == "bad" or (check.verdict != "ok" and (check.prim or rule)):
         see = f"({program()} rule {rule})" if rule else ""
-        if check.verdict == "bad" and not rule:
+        if check.verdict == "bad" and not rule and of_run:
             see = f"({ONLY_SHOWN})"
         named = ": ".join(printable(part) for part in (check.prim, check.cause) if part)
         parts = [part for part in (named, see) if part]
-        if len(lead + " ".join(parts)) <= width:
+        if parts and len(lead + " ".join(parts)) <= width:
             parts = [" ".join(parts)]
         yield from (lead + part for part in parts)
 

@@ -273,7 +273,7 @@ _Command = tuple[float, float, float]  # forward, to the left, turning
 
 _TOPIC = re.compile(r"/[A-Za-z0-9_/]+")
 _TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv|action)/[A-Za-z0-9_]+")
-_NO_CONTENT = "not sent, since a dry run makes no images and no point clouds"
+NO_CONTENT = "not sent, since a dry run makes no images and no point clouds"
 _MOVED = ("rest", "follows", "limits", "way")
 
 
@@ -305,7 +305,7 @@ def judge_recording(
         except MapError as error:
             gathered.map_fault = str(error)
     judged = _judged(gathered, topics, (lab, checkpoint), whole=whole, name=str(recording))
-    unknown = (Unknown(topic, _NO_CONTENT) for topic in sorted(layout.not_sent))
+    unknown = (Unknown(topic, NO_CONTENT) for topic in sorted(layout.not_sent))
     return replace(judged, not_simulated=tuple(unknown))
 
 
@@ -354,12 +354,12 @@ def _judged(
         checkpoint,
         gathered.timeline.now,
         verdict,
-        tuple(_judged_topics(gathered)),
+        tuple(judged_topics(gathered)),
         tuple(gathered.frames),
         checks,
         tuple(path_rows(trial)),
         legs=tuple(driven_legs(trial)) if gathered.places else (),
-        remarks=tuple(_remarks(gathered, trial.fit)),
+        remarks=tuple(remarks(gathered, trial.fit)),
         recording=name,
         missing=missing,
         fit=trial.fit,
@@ -400,7 +400,8 @@ def _checks(recorded: Recorded, left_out: frozenset[str]) -> Iterator[Check]:
             yield verdict_of(name, faults, recorded.trial)
 
 
-def _judged_topics(gathered: Gathered) -> Iterator[Topic]:
+def judged_topics(gathered: Gathered) -> Iterator[Topic]:
+    """Yield what came, by topic and type."""
     for (topic, kind), tally in sorted(gathered.tallies.items(), key=lambda row: row[0]):
         if not _TOPIC.fullmatch(topic) or not _TYPE.fullmatch(kind) or not tally.count:
             continue
@@ -410,8 +411,10 @@ def _judged_topics(gathered: Gathered) -> Iterator[Topic]:
         yield Topic(topic, kind, by_stamp, frame, by_arrival, offered)
 
 
-def _remarks(gathered: Gathered, found: MapFit | None) -> Iterator[str]:
-    """Say what else is to be known of the recording."""
+def remarks(
+    gathered: Gathered, found: MapFit | None, *, is_commanded: bool = False
+) -> Iterator[str]:
+    """Say what else is to be known of the recording; `is_commanded` in another way than to go."""
     timeline = gathered.timeline
     if found is not None:
         yield found.text
@@ -426,7 +429,7 @@ def _remarks(gathered: Gathered, found: MapFit | None) -> Iterator[str]:
     )
     if odd:
         yield f"{odd} topics have an invalid name or type"
-    if not gathered.commands:
+    if not (gathered.commands or is_commanded):
         yield "no command was recorded: `follows` is not judged"
 
 

@@ -1,0 +1,398 @@
+"""Judges a recording by what came in it: nothing of a lab is asked, any robot may be in it.
+
+Each odometry is a robot. It is driven by the commands, seen by the TF and told the joints of the
+topics that are nearest to it by their namespaces.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from pathlib import Path
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.errors import RecordingError
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.dry_run import HERE, Behaviour, Check, Unknown
+from lab3_usd.sim.any_stage import CLOCK, TRANSFORMS, one_tree, running_clock
+from lab3_usd.sim.arms import JOINTS
+from lab3_usd.sim.bag.decoder import is_read
+from lab3_usd.sim.bag.files import Bounds, Layout, Offered, layout_at, opened
+from lab3_usd.sim.bag.judge import (
+    GAP,
+    NO_CONTENT,
+    STUCK,
+    Recorded,
+    judged_topics,
+    legs,
+    odometry,
+    path,
+    remarks,
+    running,
+    unreadable,
+    way,
+)
+from lab3_usd.sim.bag.reader import Gathered, Topics, gather
+from lab3_usd.sim.dry_run import driven_legs, path_rows
+from lab3_usd.sim.execution.drive import RATE, Leg, Session
+from lab3_usd.sim.execution.recording import JointStates, Odometry, Scan
+from lab3_usd.sim.judge.checks import verdict as verdict_of
+from lab3_usd.sim.judge.checks import whole_verdict
+from lab3_usd.sim.judge.expectations import PHYSICAL, Expected, RunFault, Trial
+from lab3_usd.sim.judge.motion import follows, moving_frames, rest
+from lab3_usd.sim.robots import NO_LIMITS, ODOMETRY, STEERING, TWIST, expected_of
+
+SCAN = "sensor_msgs/msg/LaserScan"
+SLOW = 5.0  # times the usual pause of a transform, from which on it is missing
+HELD = 1.0  # seconds of a command to joints, from which on it is judged
+NEAR = (0.05, 0.1)  # radians or metres, and part of the way, by which a joint may miss it
+STEERED = "steered"  # a leg in which a car is to turn
+_UP_TO_THE_ROBOT = {"turn-off-centre"}  # about which point it turns
+
+Kinds = Mapping[tuple[str, str], tuple[Offered, ...]]
+
+
+class RecordedRobot(Struct, frozen=True):
+    """The topics of one robot in a recording, '' for none."""
+
+    odometry: str
+    commands: str
+    transforms: str
+    scan: str
+    joints: str
+    joint_commands: str
+
+    @property
+    def name(self) -> str:
+        """The topic by which it is told from others."""
+        return self.odometry or self.joints or self.transforms
+
+
+def judge_any_recording(
+    recording: Path, platform: Platform, commanded: Collection[str] = ()
+) -> Behaviour:
+    """Judge a recording by itself.
+
+    `commanded` are topics of joint states that are known to be commands; others are so by the name
+    that Isaac Sim's subscriber gives them.
+    """
+    try:
+        layout, bounds = layout_at(recording), Bounds()
+        with opened(layout, bounds) as bag:
+            kinds = dict(bag.topics)
+        robots = robots_in(kinds, {*commanded, *_usual_commands(platform, kinds)})
+        judged = [
+            _robot_judged(layout, bounds, kinds, robot, len(robots), first=not number)
+            for number, robot in enumerate(robots)
+        ]
+    except (RecordingError, OSError) as error:
+        reason = (Unknown("/", str(error)),)
+        return Behaviour("", "", 0.0, "unreadable", not_simulated=reason, recording=str(recording))
+    several = len(judged) > 1
+    checks = tuple(
+        replace(check, of=robot.name if several and check.name not in _OF_ALL else "")
+        for robot, behaviour in zip(robots, judged, strict=True)
+        for check in behaviour.checks
+    )
+    verdict, missing = whole_verdict(checks)
+    driven = (
+        replace(leg, name=f"{robot.name}: {leg.name}" if several else leg.name)
+        for robot, behaviour in zip(robots, judged, strict=True)
+        for leg in behaviour.legs
+    )
+    frames = dict.fromkeys(frame for behaviour in judged for frame in behaviour.frames)
+    return replace(
+        judged[0],
+        verdict=verdict,
+        missing=missing,
+        checks=checks,
+        frames=tuple(frames),
+        legs=tuple(driven),
+        remarks=tuple(dict.fromkeys(text for each in judged for text in each.remarks)),
+        not_simulated=tuple(Unknown(topic, NO_CONTENT) for topic in sorted(layout.not_sent)),
+        recording=str(recording),
+    )
+
+
+_OF_ALL = {"messages", "rates", "clock"}
+
+
+def robots_in(kinds: Kinds, commanded: Collection[str]) -> tuple[RecordedRobot, ...]:
+    """Return the robots of a recording by its topics; at least one, which may have none."""
+
+    def named(kind: str) -> list[str]:
+        return [topic for topic, of in kinds if of == kind]
+
+    told, steered = named(TWIST), named(STEERING)
+    states = [topic for topic in named(JOINTS) if topic not in commanded]
+    commands = [topic for topic in named(JOINTS) if topic in commanded]
+    trees = _trees(kinds) or named(TRANSFORMS)
+    bases = named(ODOMETRY) or states or trees or [""]
+    robots = []
+    for base in bases:
+        odometry = base if base in named(ODOMETRY) else ""
+        robots.append(
+            RecordedRobot(
+                odometry,
+                nearest(base, [*told, *steered], bases) if odometry else "",
+                nearest(base, trees),
+                nearest(base, named(SCAN), bases),
+                nearest(base, states, bases),
+                nearest(base, commands, bases),
+            )
+        )
+    return tuple(robots)
+
+
+def nearest(base: str, topics: Collection[str], bases: Collection[str] = ()) -> str:
+    """Return the topic that shares most of the namespace of a robot's; '' where none fits.
+
+    One that another robot is nearer to is not taken.
+    """
+
+    def shared(one: str, other: str) -> int:
+        names = zip(one.split("/")[1:-1], other.split("/")[1:-1], strict=False)
+        count = 0
+        for first, second in names:
+            if first != second:
+                break
+            count += 1
+        return count
+
+    fitting = [
+        topic
+        for topic in topics
+        if shared(base, topic) == max((shared(other, topic) for other in bases), default=0)
+        or not bases
+    ]
+    return max(fitting, key=lambda topic: (shared(base, topic), -topic.count("/")), default="")
+
+
+def _trees(kinds: Kinds) -> list[str]:
+    """Return the topics of transforms that move."""
+    sent = [key for key in kinds if key[1] == TRANSFORMS]
+    return [topic for topic, kind in sent if not _is_static(kinds[topic, kind])]
+
+
+def _is_static(offers: Iterable[Offered]) -> bool:
+    return any(offer.durability == "transient_local" for offer in offers)
+
+
+def _usual_commands(platform: Platform, kinds: Kinds) -> Iterator[str]:
+    """Yield the topics of joint states that end as those of Isaac Sim's subscriber."""
+    names = {
+        port.default
+        for kind in platform.types.values()
+        if kind.role == "subscriber" and JOINTS in kind.message.values()
+        for port in (kind.input("topicName"),)
+        if port is not None
+    }
+    yield from (topic for topic, of in kinds if of == JOINTS and topic.split("/")[-1] in names)
+
+
+def _robot_judged(
+    layout: Layout, bounds: Bounds, kinds: Kinds, robot: RecordedRobot, robots: int, *, first: bool
+) -> Behaviour:
+    clocks = sorted((topic for topic, of in kinds if of == CLOCK), key=lambda name: name.count("/"))
+    types = {topic: kind for topic, kind in kinds if is_read(kind)}
+    wanted = replace(
+        expected_of(None),
+        types={topic: kind for topic, kind in types.items() if topic not in layout.not_sent},
+        commands=robot.commands,
+        clock=clocks[0] if clocks else "",
+        odometry=robot.odometry,
+        transforms=robot.transforms,
+        scan=robot.scan,
+    )
+    static = frozenset(
+        topic
+        for topic, kind in kinds
+        if kind == TRANSFORMS and _is_static(kinds[topic, kind])
+        if nearest(topic, _trees(kinds)) == robot.transforms
+    )
+    with opened(layout, bounds) as bag:
+        gathered = gather(bag.messages(), bag.topics, Topics(wanted, static, ""), bounds.listed)
+    return _behaviour(gathered, wanted, robot, robots, first=first)
+
+
+def _behaviour(
+    gathered: Gathered, wanted: Expected, robot: RecordedRobot, robots: int, *, first: bool
+) -> Behaviour:
+    recording = gathered.recording
+    recording.seconds = gathered.timeline.now
+    told = next(
+        (m for m in recording.topic(wanted.odometry, 0) if isinstance(m.data, Odometry)), None
+    )
+    if told is not None:
+        wanted = replace(wanted, root=told.frame, base=told.data.child)
+    is_steered = (robot.commands, STEERING) in gathered.tallies
+    drive = tuple(
+        _any_leg(leg, is_steered=is_steered)
+        for leg in legs(gathered.commands, gathered.seconds, NO_LIMITS)
+    )
+    recording.path = list(path(gathered.places, drive))
+    trial = Trial(recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
+    recorded = Recorded(gathered, Topics(wanted, frozenset(), ""), trial, (), "", None)
+    checks = tuple(_checks(recorded, robot, robots, first=first))
+    return Behaviour(
+        "",
+        "",
+        gathered.timeline.now,
+        "ok",
+        tuple(judged_topics(gathered)),
+        tuple(gathered.frames),
+        checks,
+        tuple(path_rows(trial)),
+        legs=tuple(leg for leg in driven_legs(trial) if leg.name != STEERED)
+        if gathered.places and gathered.commands
+        else (),
+        remarks=tuple(_remarks(gathered, robot)),
+    )
+
+
+def _any_leg(leg: Leg, *, is_steered: bool) -> Leg:
+    """Return a leg of any robot: one that is commanded sideways may go there."""
+    if is_steered and leg.turn:
+        return replace(leg, name=STEERED if leg.seconds >= HELD else "varied")
+    return replace(leg, name="varied") if leg.name == "sideways" else leg
+
+
+def _remarks(gathered: Gathered, robot: RecordedRobot) -> Iterator[str]:
+    yield from remarks(gathered, None, is_commanded=bool(robot.joint_commands))
+    if robot.commands:
+        yield f"{robot.odometry} is held against the commands on {robot.commands}"
+    if robot.joint_commands:
+        yield f"{robot.joints} is held against the commands on {robot.joint_commands}"
+
+
+def _checks(
+    recorded: Recorded, robot: RecordedRobot, robots: int, *, first: bool
+) -> Iterator[Check]:
+    """Yield the checks for which something came; those of all topics with the first robot."""
+    trial, gathered = recorded.trial, recorded.gathered
+    wanted = trial.wanted
+    moved = bool(gathered.commands and trial.recording.path)
+    bare = replace(trial, wanted=replace(wanted, types={}))
+    has_tree = bool(gathered.links)
+    both = wanted.odometry and has_tree and trial.recording.topic(wanted.odometry, 0)
+    asked: dict[str, tuple[Callable[[], Iterator[RunFault]], object]] = {
+        "messages": (lambda: unreadable(recorded), first),
+        "rates": (lambda: advancing(gathered, robot), first),
+        "clock": (lambda: _clock(recorded), first and wanted.clock),
+        "tree": (lambda: _tree(bare, robots), has_tree),
+        "frames": (lambda: frames(gathered), has_tree),
+        "rest": (lambda: rest(trial), moved),
+        "follows": (lambda: follows_side(trial), moved),
+        "way": (lambda: way(recorded), moved),
+        "odometry": (lambda: odometry(recorded), moved),
+        "moving frames": (lambda: moving_frames(trial), both),
+        "scan": (lambda: returns(trial), wanted.scan),
+        "joints": (lambda: joints(trial, robot), robot.joint_commands and robot.joints),
+    }
+    for name, (check, is_asked) in asked.items():
+        if is_asked:
+            yield verdict_of(name, list(check()), trial)
+
+
+def advancing(gathered: Gathered, robot: RecordedRobot) -> Iterator[RunFault]:
+    """The stamps of each stream advance; several nodes may send transforms of one time."""
+    for (topic, kind), tally in gathered.tallies.items():
+        if kind in {TRANSFORMS, CLOCK} or topic == robot.joint_commands or tally.stamp is None:
+            continue
+        if kind != STEERING and tally.stuck > STUCK * tally.count:
+            text = f"{tally.stuck} of {tally.count} stamps of {topic} are not later than the one"
+            yield RunFault(f"{text} before", "stamp-not-advancing")
+
+
+def _clock(recorded: Recorded) -> Iterator[RunFault]:
+    yield from running_clock(recorded.trial)
+    yield from running(recorded)
+
+
+def _tree(trial: Trial, robots: int) -> Iterator[RunFault]:
+    """Each frame has one parent; how often a transform comes is up to its node."""
+    for fault in one_tree(trial, robots):
+        if fault.kind != "transform-ends":
+            yield fault
+
+
+def frames(gathered: Gathered) -> Iterator[RunFault]:
+    """No transform is missing for long, by how often it comes."""
+    static = {(frame.parent, frame.child) for frame in gathered.frames if frame.static}
+    for (parent, child), link in gathered.links.items():
+        usual = gathered.timeline.now / max(1, link.count)
+        if (parent, child) not in static and link.gap > max(GAP, SLOW * usual):
+            yield RunFault(f"{parent} -> {child} is missing for {link.gap:.1f} s", "transform-gap")
+            return
+
+
+def follows_side(trial: Trial) -> Iterator[RunFault]:
+    """It goes ahead and back as commanded, and turns to the side that it is commanded to.
+
+    How far it turns is up to its wheels: those of a skid steer slide.
+    """
+    turns = [s for s in trial.stretches("left", "right", "arc", STEERED) if s.leg.turn]
+    is_to_its_side = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
+    for stretch in turns:
+        if stretch.leg.name == STEERED and stretch.turned * stretch.leg.turn <= 0:
+            text = f"steered to turn to the {'left' if stretch.leg.turn > 0 else 'right'}, turned"
+            yield RunFault(f"{text} {math.degrees(stretch.turned):+.0f} degrees", "wrong-arc")
+            break
+    for fault in follows(trial):
+        by_turning = fault.kind in {"wrong-turn", "wrong-arc"}
+        if fault.kind not in _UP_TO_THE_ROBOT and not (by_turning and is_to_its_side):
+            yield fault
+
+
+def returns(trial: Trial) -> Iterator[RunFault]:
+    """Rays of scans come back."""
+    scans = [m for m in trial.recording.topic(trial.wanted.scan, 0) if isinstance(m.data, Scan)]
+    if scans and all(distance < 0 for m in scans for distance in m.data.ranges):
+        yield RunFault(f"no ray on {trial.wanted.scan} returns", "no-ray-returns")
+
+
+def joints(trial: Trial, robot: RecordedRobot) -> Iterator[RunFault]:
+    """Each joint is where it is commanded to, at the end of each command of a second or more."""
+    commands = [
+        (message.at, message.data)
+        for message in trial.recording.topic(robot.joint_commands, 0)
+        if isinstance(message.data, JointStates)
+    ]
+    states = [
+        (message.at, dict(zip(message.data.names, message.data.positions, strict=False)))
+        for message in trial.recording.topic(robot.joints, 0)
+        if isinstance(message.data, JointStates)
+    ]
+    held: dict[str, tuple[float, float]] = {}  # since when each joint is commanded where
+    looked, end = False, trial.recording.seconds
+    told = [(at, dict(zip(data.names, data.positions, strict=False))) for at, data in commands]
+    for at, places in [*told, (end, {})]:
+        for name, (since, place) in [*held.items()]:
+            if at < end and places.get(name, place) == place:
+                continue
+            del held[name]
+            if at - since < HELD:
+                continue
+            before, after = _place(states, name, since), _place(states, name, at - 1.0 / RATE)
+            if before is None or after is None:
+                continue
+            looked = True
+            if abs(after - place) > NEAR[0] + NEAR[1] * abs(place - before):
+                text = f"{name} is commanded to {place:.3f} and is at {after:.3f}"
+                yield RunFault(text, "joint-off-target")
+                return
+        for name, place in places.items():
+            if math.isfinite(place):
+                held.setdefault(name, (at, place))
+    if not looked:
+        yield RunFault("no joint is commanded for a second", "joint-off-target", sure=False)
+
+
+def _place(states: list[tuple[float, dict[str, float]]], name: str, at: float) -> float | None:
+    """Return where a joint was at a time."""
+    from bisect import bisect_right
+
+    number = bisect_right(states, at, key=lambda state: state[0])
+    return states[max(0, number - 1)][1].get(name) if states else None
