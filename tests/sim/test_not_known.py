@@ -70,6 +70,19 @@ def test_what_comes_out_of_an_unknown_node_is_no_fault() -> None:
     assert faulty(stage) == {"topics"}
 
 
+def test_which_of_two_sources_counts_is_not_known() -> None:
+    speed = f"{DRIVE}/differential_controller.inputs:angularVelocity"
+    stage = correct_stage("05")
+    attribute = stage.GetAttributeAtPath(speed)
+    sources = [*attribute.GetConnections(), f"{DRIVE}/differential_controller.inputs:wheelRadius"]
+    attribute.SetConnections(sources)
+    assert faulty(stage) == set()
+    attribute.SetConnections(sources[::-1])
+    assert checks(stage)["follows"].verdict == "not judged"
+    told = driven(stage, SHORT).recording.not_simulated
+    assert told == {speed: "which of its 2 sources counts is not public; the first is taken"}
+
+
 def test_a_graph_that_runs_for_a_prim_runs_only_with_one() -> None:
     stage = broken("05", [{"set": ["ROS_Drive.evaluationMode", "Instanced"]}])
     found = checks(stage)

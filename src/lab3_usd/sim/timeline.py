@@ -272,7 +272,7 @@ def record(
     )
     recording.assumed, recording.unplayed = world.assumed, world.unplayed
     recording.gives = world.gives
-    recording.not_simulated = unknown_in(world)
+    recording.not_simulated = unknown_in(world) | player.program.guessed
     if wanted.has_ground and scene.up != "Z":
         recording.not_simulated["/"] = f"robots drive with Z up only, not with {scene.up}"
     recording.fired = {path: node.count for path, node in player.program.nodes.items()}

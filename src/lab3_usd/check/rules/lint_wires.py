@@ -50,6 +50,31 @@ def value_and_wire(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
+@rule("K28", "wired-literal", scope="lint", severity="warning")
+def wired_literal(subject: LintSubject) -> Iterator[Problem]:
+    """A wire leads into an input that is to be set, not wired.
+
+    Why: the documentation of the node calls the input literal only, as Array Size of Make Array.
+    Isaac Sim may drop the wire, or read its value only once: what it does is not public.
+
+    Fix: delete the wire and type the value.
+
+    Example: `inputs:arraySize` of Make Array is connected to a Constant Int.
+
+    Basis: NVIDIA's pages of the nodes. Kit's code is not public: a warning.
+    """
+    for wire in connections(subject.stage, subject.platform):
+        port = None if wire.node.type is None else wire.node.type.port(wire.port)
+        if wire.is_live and port is not None and port.literal_only:
+            yield Problem(
+                wire.node.path,
+                f"{wire.port} of {subject.title(wire.node)} is to be set, and is wired",
+                property=wire.port,
+                actual=wire.path,
+                related=(wire.source_prim,),
+            )
+
+
 @rule("K26", "driven-by-messages", scope="lint", severity="warning")
 def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
     """A node runs only when a message arrives.

@@ -46,7 +46,8 @@ class Program(Struct):
     """All graphs of a stage that are evaluated, and what cannot be run.
 
     `unwritten` are the nodes that no function is written for, with their types where the platform
-    has them; `dead` is what Kit does not run of the graphs.
+    has them; `dead` is what Kit does not run of the graphs. `guessed` are the inputs of which it is
+    not public what reaches them, and what is taken.
     """
 
     events: dict[str, list[NodeInstance]]
@@ -56,6 +57,7 @@ class Program(Struct):
     idle: dict[str, str]  # graphs that are not evaluated in the frame loop, and why
     unwritten: dict[str, NodeType | None]
     dead: list[tuple[str, Failure]] = field(default_factory=list)
+    guessed: dict[str, str] = field(default_factory=dict)
 
     def run(self, what: str, world: World, *, again: bool = False) -> None:
         """Run what an event starts; push graphs run with each frame.
@@ -90,7 +92,7 @@ def compile_graphs(scene: Scene, platform: Platform) -> Program:
         program.nodes.update(nodes)
     for graph, nodes in evaluated:
         for node in nodes.values():
-            _connect(node, program.nodes)
+            _connect(node, program)
             program.dead += _dropped(node, program.nodes, platform)
         _schedule(graph, nodes, program)
     return program
@@ -156,9 +158,10 @@ def _is_described(node: NodeInstance, platform: Platform) -> bool:
 def depending(program: Program, missing: Collection[str]) -> frozenset[str]:
     """Return the nodes that depend on unknown values, also through other nodes.
 
-    That is what no function is written for, and a target on an asset that cannot be found.
+    That is what no function is written for, inputs of which one of several sources is taken, and a
+    target on an asset that cannot be found.
     """
-    unsure = set(program.unwritten)
+    unsure = {*program.unwritten, *(name.rpartition(".")[0] for name in program.guessed)}
     for node in program.nodes.values():
         targets = (path for paths in node.node.targets.values() for path in paths)
         if any(is_within(path, missing) for path in targets):
@@ -219,7 +222,7 @@ def _running(
         yield node.path, running
 
 
-def _connect(node: NodeInstance, nodes: dict[str, NodeInstance]) -> None:
+def _connect(node: NodeInstance, program: Program) -> None:
     """Find what reaches each input: a wire that can be, else the value, else the default."""
     declared = {name: state for name, state in node.node.inputs.items() if node.type.port(name)}
     for name in dict.fromkeys((*node.type.ports, *declared)):
@@ -229,7 +232,7 @@ def _connect(node: NodeInstance, nodes: dict[str, NodeInstance]) -> None:
         state = declared.get(name) or _UNSAVED
         if port.is_execution:
             for path, _, output in (wire.rpartition(".") for wire in state.sources):
-                source = nodes.get(path)
+                source = program.nodes.get(path)
                 out = source.type.ports.get(output) if source is not None else None
                 if out is None and source is not None and source.type.may_have_more:
                     out = Port(output, "execution", "uint")
@@ -237,10 +240,15 @@ def _connect(node: NodeInstance, nodes: dict[str, NodeInstance]) -> None:
                     source.follows.setdefault(out.short, []).append(node)
                     node.fed.add(port.short)
         else:
-            _feed(node, port, state, nodes)
+            count = _feed(node, port, state, program.nodes)
+            if count > 1:
+                text = f"which of its {count} sources counts is not public; the first is taken"
+                program.guessed[f"{node.path}.{name}"] = text
 
 
-def _feed(node: NodeInstance, port: Port, state: Input, nodes: dict[str, NodeInstance]) -> None:
+def _feed(node: NodeInstance, port: Port, state: Input, nodes: dict[str, NodeInstance]) -> int:
+    """Let the value or the first source reach an input; return how many sources Kit keeps."""
+    count = 0
     node.values[port.short] = value_of(port, state, node)
     for path, _, name in (wire.rpartition(".") for wire in state.sources):
         source = nodes.get(path)
@@ -248,13 +256,16 @@ def _feed(node: NodeInstance, port: Port, state: Input, nodes: dict[str, NodeIns
         if source is None or out is None or is_refused(out, port):
             continue  # Kit drops such a wire when it opens the stage
         node.fed.add(port.short)
+        count += 1
+        if count > 1:
+            continue
         if name.startswith(OUTPUT):
             node.wires[port.short] = (source, out.short)
         else:
             node.values[port.short] = value_of(
                 out, source.node.inputs.get(name) or _UNSAVED, source
             )
-        return
+    return count
 
 
 def value_of(port: Port, state: Input, node: NodeInstance) -> Any:
