@@ -283,24 +283,32 @@ def namespace(subject: GraphSubject) -> Iterator[Problem]:
     """A namespace of a node changes its topic.
 
     Why: with a namespace, `{scan}` becomes `/<namespace>{scan}`, and nothing in the lab subscribes
-    to it. White space is no name of a namespace.
+    to it. One of white space is a note: Isaac Sim trims it to nothing.
 
-    Fix: select the node and clear nodeNamespace in the Property panel.
+    Fix: select the node and clear nodeNamespace in the Property panel, or delete the wire into it.
 
     Example: `nodeNamespace` 'lab' on the clock publisher: the topic is /lab/clock.
     """
-    for node, spec, port, value in _changed(subject):
-        is_name = resolved_topic(str(value)) or str(value).isspace()
-        if port.short == subject.lab.platform.ros.namespace and is_name:
-            message = f"{port.name} is {display(value)}, expected no namespace"
+    name = subject.lab.platform.ros.namespace
+    for node, spec in subject.matched:
+        for port in subject.spec.free_inputs[spec.role]:
+            value = effective_value(node, port.name, subject.live_nodes)
+            if port.short != name or not isinstance(value, str):
+                continue
+            is_moved, sources = bool(resolved_topic(value)), node.sources(port.name)
+            if not (is_moved or value.isspace()):
+                continue
             hint = f"select {role_title(spec)} and clear {port.short} in the Property panel"
+            if sources:
+                hint = f"delete the wire from {', '.join(map(short_source, sources))}"
             yield Problem(
                 node.path,
-                message,
+                f"{port.name} is {display(value)}, expected no namespace",
                 port.name,
                 expected="''",
                 actual=display(value),
                 handout=spec.handout,
+                severity=None if is_moved else "note",
                 hint=hint,
                 fix=edits_at(subject, f"{node.path}.{port.name}"),
             )
