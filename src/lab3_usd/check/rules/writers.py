@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.lab_topics import role_specs
 from lab3_usd.check.match.rule_inputs import StageSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import TF, rule
 from lab3_usd.check.requirements import demands_of
 from lab3_usd.check.robot.ground import planes
 from lab3_usd.check.rules.world import at_rest
@@ -63,7 +63,9 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
             related=(hit,) if hit else (),
             severity=severity,
             fix=(RemovePrim(path),),
-            unmet=(_unmet(hit, subject) if hit else _talking(subject)) if is_harmful else (),
+            unmet=_unmet(hit, subject) if is_harmful and hit else (),
+            # What ends the run ends the work of each graph.
+            costs=(*subject.roles, TF) if is_harmful and not hit else (),
         )
 
 
@@ -82,16 +84,6 @@ def _is_of_lab(path: str, subject: StageSubject) -> bool:
     parts += [prim.path for prim in subject.stage.of_type(SCENE) if prim.present]
     parts += [roles.graph.path for roles in subject.roles.values() if roles.graph is not None]
     return any(is_at_or_below(part, path) for part in parts)
-
-
-def _talking(subject: StageSubject) -> tuple[str, ...]:
-    """Return the nodes that a lab asks for to talk to ROS, which an ended run silences."""
-    return tuple(
-        f"{name}/node/{role}"
-        for name, roles in subject.roles.items()
-        for role, node in roles.node_of.items()
-        if node is not None and node.type is not None and node.type.role
-    )
 
 
 def _unmet(path: str, subject: StageSubject) -> tuple[str, ...]:
