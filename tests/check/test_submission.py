@@ -287,7 +287,7 @@ def test_another_value_than_the_supplied_starters_is_the_students(
     edit(LAST, lambda stage: mass_of(stage).Set(0.5))(folder)
     unlike = [f"U04 {number}:{ROBOT}/base_link" for number in LAB.checkpoints if number != LAST]
     found = faults(checked(folder, starter=supplied))
-    assert found == [f"S04 {LAST}:{ROBOT}/base_link", *unlike, f"X08 {stage_name(LAST)}"]
+    assert found == [f"S04 {LAST}:{ROBOT}/base_link", *unlike]
 
 
 def mass_of(stage: Usd.Stage) -> Usd.Attribute:
@@ -472,3 +472,16 @@ def test_an_empty_folder_of_work_lacks_every_stage(tmp_path: Path) -> None:
     assert result.results == ()
     missing = [f"X01 {stage_name(number)}" for number in LAB.checkpoints]
     assert faults(result) == ["M01 maps/turtlebot3_map.yaml", *missing]
+
+
+def test_the_layers_of_a_stage_are_named_nowhere(folder: Path) -> None:
+    stage = folder / stage_name("03")
+    (folder / "work" / "parts").mkdir()
+    stage.rename(folder / "work" / "parts" / "all.usda")
+    root = Sdf.Layer.CreateNew(str(stage))
+    root.subLayerPaths.append("parts/all.usda")
+    root.Save()
+    (folder / "work" / "notes.usda").write_text("#usda 1.0\n")
+    assert [line for line in notes(checked(folder)) if line.startswith("X13")] == [
+        "X13 work/notes.usda"
+    ]

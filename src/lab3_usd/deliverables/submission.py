@@ -142,7 +142,7 @@ def find_stages(
 
     A file in `home` goes before one elsewhere, and no file stands for two checkpoints.
     """
-    stages = [entry for entry in usable if _ending(entry, files)]
+    stages = [entry for entry in usable if stage_ending(entry, files)]
     ordered = sorted(stages, key=lambda entry: (entry.folder != home, entry.path))
     chosen = {
         number: stage
@@ -156,7 +156,7 @@ def find_stages(
     for entry, number in _guesses(left[:_MOST_GUESSED], open_names):
         if number not in chosen and entry.path not in taken:
             taken.add(entry.path)
-            slip = _ending(entry, files) in files.slips
+            slip = stage_ending(entry, files) in files.slips
             chosen[number] = StageFile(number, entry.path, "slip" if slip else "misnamed")
     rest = [entry for entry in left if entry.path not in taken]
     # Files that seem to be of a checkpoint whose stage is another file.
@@ -173,7 +173,7 @@ def find_stages(
     }
 
 
-def _ending(entry: FolderFile, files: StageFiles) -> str:
+def stage_ending(entry: FolderFile, files: StageFiles) -> str:
     """Return the ending of a stage, '' for other files; `.usda.txt` is one of a stage as well."""
     known = (*files.endings, *files.openable, *files.slips)
     endings = [suffix.lower() for suffix in PurePosixPath(entry.name).suffixes]

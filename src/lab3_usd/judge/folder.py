@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
@@ -13,7 +14,7 @@ from lab3_usd import features
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
 from lab3_usd.deliverables.maps import opens_all
-from lab3_usd.deliverables.submission import folder_named, list_submission
+from lab3_usd.deliverables.submission import folder_named, list_submission, stage_ending
 from lab3_usd.errors import Lab3Error, StageError, described
 from lab3_usd.judge.files import (
     FolderContents,
@@ -26,7 +27,7 @@ from lab3_usd.judge.results import FAILED, crashed, is_stage_file
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import Starter, against_starter, open_starter
 from lab3_usd.model.finding import Finding, StageResult, Submission, ordered
-from lab3_usd.model.folder import Listing, StarterFile, SubmissionSubject
+from lab3_usd.model.folder import Listing, StarterFile, SubmissionSubject, UnjudgedStage
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
@@ -113,6 +114,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
             if result.verdict != "unreadable"  # two placeholders of a cloud are no copies
         },
         starter=starters.submitted,
+        unjudged=tuple(_unjudged(contents)),
         handed_in=handed_in,
     )
     judged = merge_results((
@@ -181,6 +183,57 @@ def _result(
         more = scopes_run(starter=starters.compared, native=settings.native)
         result = without_ignored(result, more)
     return result
+
+
+_MOST_UNJUDGED = 50
+
+
+def _unjudged(contents: FolderContents) -> Iterator[UnjudgedStage]:
+    """Yield the stage files of no checkpoint that no stage is composed of.
+
+    Beside the starter stand assets: of that folder only those that hold parts of the lab.
+    """
+    from lab3_usd.stage.graph_signature import files_read
+
+    listing, root, files = contents.listing, contents.root, contents.spec.stages
+    stages = listing.stages.values()
+    taken = {path for stage in stages for path in (stage.path, *stage.others, *stage.more)}
+    left = [
+        entry
+        for entry in listing.entries
+        if not entry.why_not and stage_ending(entry, files)
+        if entry.path not in taken and entry.path != listing.starter
+    ][:_MOST_UNJUDGED]
+    paths = [*(stage.path for stage in stages), *(entry.path for entry in left)] if left else []
+    read = {path: files_read(root / path) for path in paths}
+    for entry in left:
+        own = os.path.realpath(root / entry.path)
+        if any(own in parts for path, parts in read.items() if path != entry.path):
+            continue
+        number = _fitting_checkpoint(root / entry.path, contents)
+        is_asset = entry.path.partition("/")[0].lower() == contents.spec.folders.starter
+        if number not in ("", contents.lab.first) or not is_asset:
+            yield UnjudgedStage(entry.path, number)
+
+
+def _fitting_checkpoint(path: Path, contents: FolderContents) -> str:
+    """Return the checkpoint whose graphs are in a stage, one that has no stage first."""
+    from lab3_usd.check.match.graphs import find_graphs
+    from lab3_usd.stage.read.opening import open_stage
+    from lab3_usd.stage.read.reader import read_model
+
+    lab = contents.lab
+    try:
+        model = read_model(open_stage(path), lab.platform, str(path))
+    except StageError:
+        return ""
+    graphs = find_graphs(lab.graphs, model)
+    found = {name for name, graph in graphs.items() if graph is not None and graph.nodes}
+    if not found and model.prim(lab.scene.robot.path) is None:
+        return ""
+    fitting = [n for n, point in lab.checkpoints.items() if {*point.graphs} == found]
+    open_ones = (number for number in fitting if number not in contents.listing.stages)
+    return next(open_ones, next(iter(fitting), ""))
 
 
 def _digest(path: Path) -> str:

@@ -296,11 +296,19 @@ class Listing(Struct, frozen=True):
     complete: bool = True
 
 
+class UnjudgedStage(Struct, frozen=True):
+    """A stage file of no checkpoint, and the checkpoint that its content fits, '' for none."""
+
+    path: str
+    checkpoint: str = ""
+
+
 class SubmissionSubject(Struct, frozen=True):
     """A submission: its files, and the results of its stages by checkpoint.
 
-    `digests` tell files apart, by checkpoint; `starter` is None where there is none. What is
-    missing in a folder that is not `handed_in` is still to come.
+    `digests` tell files apart, by checkpoint; `starter` is None where there is none. `unjudged` are
+    stage files that nothing refers to. What is missing in a folder that is not `handed_in` is still
+    to come.
     """
 
     lab: Lab
@@ -309,4 +317,5 @@ class SubmissionSubject(Struct, frozen=True):
     results: Mapping[str, StageResult]
     digests: Mapping[str, str]
     starter: StarterFile | None = None
+    unjudged: tuple[UnjudgedStage, ...] = ()
     handed_in: bool = True

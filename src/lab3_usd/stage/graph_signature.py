@@ -34,16 +34,13 @@ def graph_signature(path: Path) -> str:
 
 
 def files_read(path: Path) -> tuple[str, ...]:
-    """Return the files of the layers that a stage is composed of, relative to this folder.
-
-    Nothing where it cannot be read.
-    """
+    """Return the real paths of the layers that a stage is composed of, none if it is unreadable."""
     try:
         stage = open_stage(path)  # which keeps its layers
     except StageError:
         return ()
     layers = stage.GetUsedLayers()
-    return tuple(sorted(os.path.relpath(layer.realPath) for layer in layers if layer.realPath))
+    return tuple(sorted(os.path.realpath(layer.realPath) for layer in layers if layer.realPath))
 
 
 def _lines(stage: Usd.Stage) -> Iterator[str]:

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from lab3_usd.check.registry import rule
 from lab3_usd.data import as_called
-from lab3_usd.model.finding import Problem, StageResult
+from lab3_usd.model.finding import Problem, Severity, StageResult
 from lab3_usd.model.folder import StageFile, SubmissionSubject
 
 
@@ -116,6 +116,28 @@ def two_stage_files(subject: SubmissionSubject) -> Iterator[Problem]:
             yield Problem(path, message, handout=handout, severity="note", related=(stage.path,))
 
 
+@rule("X13", "stage-not-judged", scope="submission", severity="note")
+def stage_not_judged(subject: SubmissionSubject) -> Iterator[Problem]:
+    """A stage file belongs to no checkpoint by its name.
+
+    Why: stages are found by their names, so that nothing in this file counts. It is a warning where
+    its content fits a checkpoint that has no stage.
+
+    Fix: rename the file to the name given here if it is that stage, else delete it.
+
+    Example: `{stages}/lidar.usda`.
+    """
+    ending, handout = subject.spec.stages.endings[0], subject.spec.stages.handout
+    for stage in subject.unjudged:
+        number = stage.checkpoint
+        name = f"{subject.lab.checkpoints[number].file}{ending}" if number else None
+        fits = f"; its content fits checkpoint {number}, which is called {name}" if number else ""
+        is_missed = bool(number) and number not in subject.listing.stages
+        message = f"was not judged: it has the name of no checkpoint{fits}"
+        severity: Severity | None = "warning" if is_missed else None
+        yield Problem(stage.path, message, expected=name, handout=handout, severity=severity)
+
+
 @rule("X11", "file-not-opened", scope="submission")
 def file_not_opened(subject: SubmissionSubject) -> Iterator[Problem]:
     """A file is a link out, a pipe, a device, or unreadable.
@@ -207,8 +229,9 @@ def lost_work(subject: SubmissionSubject) -> Iterator[Problem]:
     """A checkpoint lacks what the previous one had.
 
     Why: each part builds on the previous one. If a stage was saved from an older file, or something
-    was deleted by accident, all later stages lack it too. Before the folder is submitted, only many
-    losses at once are reported, since each has a finding of its own.
+    was deleted by accident, all later stages lack it too. Wrong values and cut wires have findings
+    of their own: what counts are nodes and prims that are gone. Before the folder is submitted,
+    only many losses at once are reported.
 
     Fix: open the previous checkpoint, repeat the last part there, and save it under this name.
 
@@ -230,12 +253,14 @@ def lost_work(subject: SubmissionSubject) -> Iterator[Problem]:
 
 
 def _lost(earlier: StageResult, later: StageResult) -> list[str]:
-    """Return the titles of what the earlier stage has and the later one lacks."""
+    """Return the titles of the nodes and prims that the earlier stage has and the later lacks."""
     had = {requirement.id for requirement in earlier.requirements if requirement.met}
+    gone = {name for finding in later.findings if finding.absent for name in finding.unmet}
     return [
         f"{requirement.group}: {requirement.title}"
         for requirement in later.requirements
         if requirement.id in had and not requirement.met
+        if requirement.kind == "node" or requirement.id in gone or requirement.id.endswith("/prim")
     ]
 
 

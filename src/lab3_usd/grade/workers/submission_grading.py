@@ -40,7 +40,7 @@ from lab3_usd.stage.graph_signature import files_read, graph_signature
 from lab3_usd.stage.read.opening import PLACEHOLDER
 from lab3_usd.stage.sandboxed_open import BlockedAsset, Fence, fenced
 
-_NOT_OPENED = "Z01"
+_NOT_OPENED, _UNJUDGED = "Z01", "X13"
 _SOMEBODY = "submission"
 _EMPTY = hashlib.sha256().hexdigest()
 
@@ -125,6 +125,8 @@ def grade_submission(
         }
         report = Report(judged.results, (judged.submission,))
         remarks = tuple(remark.text for remark in staged.remarks)
+        left = (finding for finding in judged.submission.findings if finding.rule == _UNJUDGED)
+        remarks += tuple(f"{finding.prim}: {finding.message}" for finding in left)
         name = task.name if setup.named else ""
         reports = write_reports(report, setup.rubric, points, name, remarks)
     fields: Json = {} if setup.named else {SHARED: True}
@@ -160,7 +162,8 @@ def _work(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) -> Json:
 
 def _digest_of_all(path: str, digests: Mapping[str, str]) -> str:
     """Return the digest of a stage, with those of its further layers where it has any."""
-    others = sorted({digests[name] for name in files_read(Path(path)) if name in digests})
+    names = map(os.path.relpath, files_read(Path(path)))
+    others = sorted({digests[name] for name in names if name in digests})
     if others in ([], [digests[path]]):
         return digests[path]
     return hashlib.sha256("".join((digests[path], *others)).encode()).hexdigest()
