@@ -5,6 +5,7 @@ Paths, values and frames in this file are written without a look at the files of
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 from collections.abc import Callable
@@ -16,16 +17,19 @@ from click.testing import Result
 from invoking import invoke
 from places import REPOSITORY
 from pxr import Gf, Sdf, Usd
+from workers_here import workers_here
 
+from lab3_usd.errors import SpecError
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import StageResult
 from lab3_usd.new_lab.lab import describe_lab, write_folder
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.spec.submission import named_checkpoint
 
 WAREHOUSE = REPOSITORY / "docs" / "examples" / "labs" / "warehouse"
 R1, R2 = "/World/r1", "/World/r2"
-STAGES = ("start", "clock", "drive", "sensors", "odometry", "topics")
+STAGES = range(1, 8)
 DOMAIN = 42
 # Property, value: what the handout's tables ask of the last stage.
 TABLE: dict[str, Any] = {
@@ -83,7 +87,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def file_of(number: int) -> str:
-    return f"fleet_w{number}_{STAGES[number - 1]}.usda"
+    return f"team01_w{number}.usda"
 
 
 def put(path: str, value: Any) -> Callable[[Usd.Stage], None]:
@@ -125,7 +129,7 @@ def test_the_lab_does_not_contradict_itself() -> None:
 def test_every_built_stage_passes(built: Path) -> None:
     result = run("check", "--format", "json", built)
     found = json.loads(result.stdout)["results"]
-    assert [Path(each["path"]).name for each in found] == [file_of(n) for n in range(1, 7)]
+    assert [Path(each["path"]).name for each in found] == [*map(file_of, STAGES)]
     assert {each["verdict"] for each in found} == {"pass"}
     assert {f["rule"] for each in found for f in each["findings"]} == {"P09"}
 
@@ -292,7 +296,7 @@ def test_a_fault_of_one_robot_is_shown_by_its_own_checks(
 def test_lab_new_describes_both_robots_their_sensors_and_frames(
     lab: Lab, built: Path, tmp_path: Path
 ) -> None:
-    paths = [built / file_of(number) for number in range(1, 7)]
+    paths = [built / file_of(number) for number in STAGES]
     description = describe_lab(paths, load_lab(), load_platform())
     assert description.left_out == ()
     write_folder(tmp_path / "new", description.files)
@@ -310,3 +314,65 @@ def test_lab_new_describes_both_robots_their_sensors_and_frames(
     assert new.frames.names == lab.frames.names
     assert new.scene.namespaces == {R2: "r2"}
     assert new.topics.keys() == lab.topics.keys()
+
+
+@pytest.mark.parametrize(
+    ("name", "checkpoint"),
+    [
+        ("team07_w3.usda", "3"),
+        ("teamBlue_w6.usd", "6"),
+        ("team07_w31.usda", None),
+        ("team_w3.usda", None),
+        ("w3.usda", None),
+    ],
+)
+def test_a_file_name_holds_what_the_team_is_called(
+    lab: Lab, name: str, checkpoint: str | None
+) -> None:
+    assert named_checkpoint(name, lab.files) == checkpoint
+
+
+def test_a_bonus_that_is_not_handed_in_is_not_missing(built: Path, tmp_path: Path) -> None:
+    for number in (1, 2, 3, 5, 6):
+        shutil.copyfile(built / file_of(number), tmp_path / f"team12_w{number}.usda")
+    shown = json.loads(run("check", "--submission", "--format", "json", tmp_path).stdout)
+    (submission,) = shown["submissions"]
+    missing = [f["message"] for f in submission["findings"] if f["rule"] == "X01"]
+    assert missing == ["the stage of checkpoint 4 is missing"]
+
+
+def test_a_placeholder_that_nobody_fills_in_is_refused(tmp_path: Path) -> None:
+    copy = tmp_path / "lab"
+    shutil.copytree(WAREHOUSE, copy)
+    file = copy / "checkpoints.yaml"
+    file.write_text(file.read_text().replace("{team}", "{squad}"))
+    with pytest.raises(SpecError, match=r"files: '\{squad\}' is no placeholder"):
+        load_lab(copy)
+
+
+def test_a_class_is_graded_robot_by_robot(built: Path, tmp_path: Path) -> None:
+    for team, student in (("07", "ann"), ("08", "bob")):
+        folder = tmp_path / "class" / student
+        folder.mkdir(parents=True)
+        for number in STAGES if student == "ann" else range(1, 7):
+            shutil.copyfile(built / file_of(number), folder / f"team{team}_w{number}.usda")
+    path = tmp_path / "class" / "bob" / "team08_w1.usda"
+    stage = Usd.Stage.Open(str(path))
+    put(f"{R2}/body.physics:mass", 9.0)(stage)
+    stage.GetRootLayer().Save()
+    starter, book = tmp_path / "hall.usda", tmp_path / "book"
+    assert run("starter", "-o", starter).exit_code == 0
+    with workers_here():
+        grading = run("grade", tmp_path / "class", "--starter", starter, "-o", book)
+    assert grading.exit_code == 0
+    ann, bob = csv.DictReader((book / "grades.csv").read_text().splitlines())
+    assert (ann["earned"], ann["possible"], ann["bonus"]) == ("105.00", "100.00", "5.00")
+    assert (bob["hall"], bob["r1"], bob["bonus"]) == ("4.00", "3.00", "0.00")
+    assert float(bob["r2"]) < 3.0
+    assert "r2: " in bob["remarks"]
+
+
+def test_the_graphs_and_both_trees_are_drawn(lab: Lab, built: Path, tmp_path: Path) -> None:
+    assert run("draw", built / file_of(7), "--out", tmp_path).exit_code == 0
+    drawn = {each.stem.rpartition("-")[2] for each in tmp_path.iterdir()}
+    assert drawn == {*lab.graphs, "TF"}

@@ -13,6 +13,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.sim.execution.drive import COMMANDS, RATE, Leg, fixed_drive
 from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.submission import example_of
 
 _NAMES = ("", "-again", "-domain")  # what a bag is called beside its stage, by session
 
@@ -41,7 +42,7 @@ def isaac_script(lab: Lab, script: Path) -> str:
         program=program(),
         title=lab.title,
         script=script.name,
-        stages=[checkpoint.file for checkpoint in lab.checkpoints.values()],
+        stages=[example_of(checkpoint.file) for checkpoint in lab.checkpoints.values()],
         drives=drives,
         package=package.replace("/", "."),
         kind=kind,

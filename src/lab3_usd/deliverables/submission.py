@@ -21,6 +21,7 @@ from lab3_usd.spec.submission import (
     FolderNames,
     StageFiles,
     SubmissionSpec,
+    is_called,
     nearly_named,
 )
 
@@ -126,7 +127,8 @@ def _starter(usable: Sequence[FolderFile], folder: str, spec: SubmissionSpec) ->
         for entry in usable
         if entry.folder == folder and PurePosixPath(entry.name).suffix.lower() in endings
     ]
-    named = [entry for entry in stages if PurePosixPath(entry.name).stem == spec.stages.starter]
+    starter = spec.stages.starter
+    named = [entry for entry in stages if is_called(PurePosixPath(entry.name).stem, starter)]
     chosen = named or (stages if len(stages) == 1 else [])
     return chosen[0].path if chosen else None
 
@@ -184,7 +186,13 @@ def _right(
     ordered: Sequence[FolderFile], number: str, name: str, home: str, files: StageFiles
 ) -> StageFile | None:
     """Return the file with exactly the handout's name; of two endings the handout's own."""
-    forms = {f"{name}{ending}": rank for rank, ending in enumerate(files.endings)}
+    ranks = [f"{name}{ending}" for ending in files.endings]
+    forms = {
+        entry.name: rank
+        for entry in ordered
+        for rank, form in enumerate(ranks)
+        if is_called(entry.name, form)
+    }
     named = [entry for entry in ordered if entry.name in forms]
     if not named:
         return None

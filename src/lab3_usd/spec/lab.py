@@ -75,6 +75,7 @@ class Checkpoint(Struct, frozen=True):
     topics: bool = False
     localization: bool = False
     key: str = ""
+    optional: bool = False
 
 
 class StampReset(Struct, frozen=True, forbid_unknown_fields=True, rename={"agree": "with"}):

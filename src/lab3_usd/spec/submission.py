@@ -112,8 +112,26 @@ class SubmissionSpec(Struct, frozen=True):
     checklist: tuple[ChecklistSpec, ...]
 
 
-_WORD = re.compile(r"[A-Za-z]+|\d+")
+_WORD = re.compile(r"\{\w+\}|[A-Za-z]+|\d+")
 _GAP = r"[\s_-]*"
+TEAM = "{team}"  # stands for letters and digits of a student's own, in names of files
+_OWN = "[A-Za-z0-9]+"
+
+
+@lru_cache(maxsize=256)
+def _shape(name: str) -> re.Pattern[str]:
+    """Return the pattern of a name of the lab, in which students write what is their own."""
+    return re.compile(_OWN.join(map(re.escape, name.split(TEAM))))
+
+
+def is_called(stem: str, name: str) -> bool:
+    """Whether a file, without ending, has a name of the lab."""
+    return _shape(name).fullmatch(stem) is not None
+
+
+def example_of(name: str) -> str:
+    """Return a name of the lab as the first team would write it."""
+    return name.replace(TEAM, "01")
 
 
 def _leads(files: Mapping[str, str]) -> dict[str, str]:
@@ -149,10 +167,13 @@ def named_checkpoint(name: str, files: Mapping[str, str]) -> str | None:
     """
     longest, found = "", None
     for checkpoint, prefix in _prefixes(files):
-        rest = name[len(prefix) :]
-        goes_on = rest[:1].isdigit() if prefix[-1:].isdigit() else rest[:1].isalnum()
-        if name.startswith(prefix) and not goes_on and len(prefix) > len(longest):
-            longest, found = prefix, checkpoint
+        match = _shape(prefix).match(name)
+        if match is None:
+            continue
+        start, rest = match[0], name[match.end() :]
+        goes_on = rest[:1].isdigit() if start[-1:].isdigit() else rest[:1].isalnum()
+        if not goes_on and len(start) > len(longest):
+            longest, found = start, checkpoint
     return found
 
 
@@ -170,6 +191,8 @@ def _loose(prefix: str) -> re.Pattern[str]:
 
 
 def _loose_word(word: str) -> str:
+    if word == TEAM:
+        return _OWN
     return rf"0*{int(word)}" if word.isdigit() else word
 
 

@@ -12,6 +12,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.data import as_called
 from lab3_usd.model.finding import Problem, Severity, StageResult
 from lab3_usd.model.folder import StageFile, SubmissionSubject
+from lab3_usd.spec.submission import is_called
 
 
 @rule("X01", "missing-stage", scope="submission")
@@ -31,7 +32,10 @@ def missing_stage(subject: SubmissionSubject) -> Iterator[Problem]:
     handout, ending = subject.spec.stages.handout, subject.spec.stages.endings[0]
     unusable = {entry.name.partition(".")[0] for entry in subject.listing.entries if entry.why_not}
     for number, checkpoint in subject.lab.checkpoints.items():
-        if number in subject.listing.stages or checkpoint.file in unusable:
+        if checkpoint.optional:
+            continue
+        is_there = any(is_called(stem, checkpoint.file) for stem in unusable)
+        if number in subject.listing.stages or is_there:
             continue
         name = f"{checkpoint.file}{ending}"
         folder = subject.listing.stage_folder

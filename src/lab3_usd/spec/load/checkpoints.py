@@ -21,8 +21,10 @@ from lab3_usd.spec.lab import (
     Policy,
 )
 from lab3_usd.spec.ros import Command, GoalSpec, HandoutReference, TopicSpec
+from lab3_usd.spec.submission import TEAM
 from lab3_usd.yaml_file import record
 
+_PLACEHOLDERS = ("{id}", "{name}", TEAM)
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 _Since = TypeVar("_Since", TopicSpec, HandoutReference, GoalSpec, Command, LocalizationSpec)
 
@@ -45,7 +47,8 @@ class _Additions(Struct, forbid_unknown_fields=True):
 class CheckpointEntry(Struct, forbid_unknown_fields=True):
     """A checkpoint; the other files refer to its key.
 
-    `files` inserts `id` and `name` for {id} and {name}; `id` is the key unless given.
+    `files` inserts `id` and `name` for {id} and {name}; {team} is what each team writes there.
+    `id` is the key unless given. The stage of an `optional` one need not be handed in.
     """
 
     name: str
@@ -53,6 +56,7 @@ class CheckpointEntry(Struct, forbid_unknown_fields=True):
     part: str
     adds: _Additions
     id: str = ""
+    optional: bool = False
 
 
 class CheckpointsFile(Struct, forbid_unknown_fields=True):
@@ -94,6 +98,13 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
     if "{id}" not in content.files:
         wrong = f"'{content.files}' does not contain {{id}}, which distinguishes stages"
         raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
+    for placeholder in re.findall(r"\{[^}]*\}?", content.files):
+        if placeholder not in _PLACEHOLDERS:
+            known = ", ".join(_PLACEHOLDERS)
+            wrong = (
+                f"'{placeholder}' is no placeholder, so that no file can match; known are {known}"
+            )
+            raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
     return CheckpointFile(
         content.title,
         content.files,
@@ -154,6 +165,7 @@ def _checkpoint(key: str, entry: CheckpointEntry, files: str, previous: Checkpoi
         frames=previous.frames or adds.frames,
         topics=previous.topics or adds.topics,
         localization=previous.localization or adds.localization,
+        optional=entry.optional,
     )
 
 

@@ -17,6 +17,7 @@ from lab3_usd.files import temporary_beside
 from lab3_usd.model.physics import MASS
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.submission import example_of
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import open_stage, quiet
 from lab3_usd.stage.write.graphs import author_graph, author_pose, author_sensor, define_parents
@@ -74,7 +75,7 @@ def checkpoint_layer(lab: Lab, starter: str | None, checkpoint: Checkpoint) -> S
         StageError: the starter cannot be opened.
     """
     path = None if starter is None else Path(starter)
-    target = Path(f"{checkpoint.file}.usda")
+    target = Path(f"{example_of(checkpoint.file)}.usda")
     stage = _open_starter(lab, path)
     lab = articulated_at_roots(lab, robots_articulated_at_root(lab, stage))
     # The layer would grow on to later checkpoints.
@@ -101,17 +102,15 @@ def described_layer(lab: Lab, checkpoint: Checkpoint) -> Sdf.Layer:
             if link.mass is not None:
                 over = Sdf.CreatePrimInLayer(stage.GetRootLayer(), robot.path_of(name))
                 Sdf.AttributeSpec(over, MASS, Sdf.ValueTypeNames.Float).default = link.mass
-    target = Path(f"{checkpoint.file}.usda")
+    target = Path(f"{example_of(checkpoint.file)}.usda")
     _, layer = next(_checkpoint_layers(lab, stage, {target: checkpoint}, BuildOptions()))
     return layer
 
 
 def plan_files(lab: Lab, folder: Path, numbers: Sequence[str], form: str) -> dict[Path, Checkpoint]:
     """Name the file of each checkpoint in `folder`, as the handout does."""
-    return {
-        folder / f"{lab.checkpoints[number].file}{ENDINGS[form]}": lab.checkpoints[number]
-        for number in numbers
-    }
+    checkpoints = (lab.checkpoints[number] for number in numbers)
+    return {folder / f"{example_of(each.file)}{ENDINGS[form]}": each for each in checkpoints}
 
 
 @quiet()
