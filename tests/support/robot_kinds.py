@@ -665,26 +665,30 @@ def stereo() -> Usd.Stage:
     """The mobile robot with two cameras side by side; images and infos are in the left frame."""
     stage = mobile()
     _two_eyes(stage)
-    left, right = (f"/World/Robot/base/{name}" for name in ("eye", "right_eye"))
-    _graph(
-        stage,
-        "/World/Stereo",
-        None,
-        _sensor("left", left, _IMAGE, {"frameId": "eye", "topicName": "stereo/left/image_raw"}),
-        _sensor("right", right, _IMAGE, {"frameId": "eye", "topicName": "stereo/right/image_raw"}),
-        _more(
-            "info",
-            "left_product",
-            _INFO,
-            {
-                "frameId": "eye",
-                "frameIdRight": "eye",
-                "topicName": "stereo/left/camera_info",
-                "topicNameRight": "stereo/right/camera_info",
-            },
-        ),
-        ({}, ["right_product.renderProductPath -> info.renderProductPathRight"]),
-    )
+    eyes = {
+        name: f"/World/Robot/base/{path}"
+        for name, path in (("left", "eye"), ("right", "right_eye"))
+    }
+    product = "core.IsaacCreateRenderProduct"
+    nodes: dict[str, Any] = {"once": ("core.OgnIsaacRunOneSimulationFrame", {})}
+    for name, eye in eyes.items():
+        nodes[f"{name}_product"] = (product, {"cameraPrim": eye})
+        nodes[name] = (_IMAGE, {"frameId": "eye", "topicName": f"stereo/{name}/image_raw"})
+    ports = {"frameId": "eye", "topicName": "stereo/left/camera_info"}
+    ports |= {"frameIdRight": "eye", "topicNameRight": "stereo/right/camera_info"}
+    nodes["info"] = (_INFO, ports)
+    # The info helper reads both products at its first signal: both are made before it.
+    wires = [
+        *_ticked("once"),
+        "once.step -> left_product.execIn",
+        "left_product.execOut -> right_product.execIn",
+        *(f"right_product.execOut -> {name}.execIn" for name in (*eyes, "info")),
+        *(f"{name}_product.renderProductPath -> {name}.renderProductPath" for name in eyes),
+        "left_product.renderProductPath -> info.renderProductPath",
+        "right_product.renderProductPath -> info.renderProductPathRight",
+        *(f"context.context -> {name}.context" for name in (*eyes, "info")),
+    ]
+    _graph(stage, "/World/Stereo", None, (nodes, wires))
     return stage
 
 

@@ -27,7 +27,7 @@ from lab3_usd.facts.execution_order import (
     run_states,
     sensor_of,
 )
-from lab3_usd.facts.render_products import two_sizes
+from lab3_usd.facts.render_products import has_two_sizes, stereo_products
 from lab3_usd.facts.stuck_nodes import obstacle, working_nodes, working_states
 from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.isaac.platform import Platform
@@ -259,7 +259,8 @@ def _endpoint(
     queue = effective_value(node, QUEUE, live)
     switch = None if kind.tf is None else kind.tf.static
     static = switch is not None and effective_value(node, switch, live) is True
-    runs = _is_at_work(node, port, live, running) and two_sizes(node, stage, live) is None
+    is_refused_pair = has_two_sizes(stereo_products(node, stage, live))
+    runs = _is_at_work(node, port, live, running) and not is_refused_pair
     is_sure = len(certain) == len(running) or _is_at_work(node, port, live, certain)
     frames = (effective_value(node, name, live) for name in frame_ports(kind, port))
     return Endpoint(

@@ -46,17 +46,22 @@ def _size(values: tuple[object, ...]) -> tuple[int, int] | None:
     return (sides[0], sides[1]) if len(sides) == len(values) == len(("width", "height")) else None
 
 
-def two_sizes(
+def stereo_products(
     node: Node, stage: StageModel, live: Mapping[str, Node]
 ) -> tuple[Shown, Shown] | None:
-    """Return what the two products of a stereo pair show if they differ in size, else None.
-
-    Then neither camera info is sent (OgnROS2CameraInfoHelper.py:350-354).
-    """
+    """Return what the products of a stereo pair show, left and right; None for no known pair."""
     topics = () if node.type is None else node.type.topics
     ports = dict.fromkeys(map(product_input, topics))
     shown = [shown_by(node, port, stage, live) for port in ports if node.has_port(port)]
     if len(shown) != len(("left", "right")) or shown[0] is None or shown[1] is None:
         return None
-    sizes = shown[0].size, shown[1].size
-    return (shown[0], shown[1]) if None not in sizes and sizes[0] != sizes[1] else None
+    return shown[0], shown[1]
+
+
+def has_two_sizes(pair: tuple[Shown, Shown] | None) -> bool:
+    """Whether the images of a stereo pair surely differ in size.
+
+    Then neither camera info is sent (OgnROS2CameraInfoHelper.py:350-354).
+    """
+    sizes = {shown.size for shown in pair or ()}
+    return None not in sizes and len(sizes) > 1

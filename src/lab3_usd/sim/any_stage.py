@@ -39,8 +39,9 @@ from lab3_usd.sim.judge.expectations import (
     in_root,
 )
 from lab3_usd.sim.judge.motion import odometry, rest
-from lab3_usd.sim.judge.sensors import MISSED, WALL, mounted
+from lab3_usd.sim.judge.sensors import MISSED, WALL
 from lab3_usd.sim.judge.topics import clock, heard_transforms, tree
+from lab3_usd.sim.mounting import own_frames, pairs, streams
 from lab3_usd.sim.own_view import kept_transforms, own_view
 from lab3_usd.sim.robots import (
     NO_LIMITS,
@@ -56,12 +57,15 @@ from lab3_usd.sim.robots import (
 from lab3_usd.sim.timeline import record
 
 CLOCK, TRANSFORMS = "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage"
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 THROUGH = 0.02  # part of a range by which a ray may be longer
 STUCK = 0.5  # part of the stamps of a node that may be no later than the ones before
 REPEATED = 4  # times that a transform comes which is no static one
 PUBLISHING = ("publisher", "helper")
-# What a node says of commands for another robot, or of the value of a moment.
-_PASSING: tuple[FaultKind, ...] = ("wrong-topic", "wrong-domain", "no-number-input")
+# What a node says of commands for another robot, of the value of a moment, or of its own switch.
+_PASSING: tuple[FaultKind, ...] = (
+    "wrong-topic", "wrong-domain", "no-number-input", "switched-off",
+)  # fmt: skip
 
 CheckFunction = Callable[[Trial], Iterator[RunFault]]
 
@@ -141,7 +145,7 @@ def _checks_of(robot: Robot, robots: Sequence[Robot], play: Trial, scene: Scene)
     if robot.kind == JOINTS:
         checks = arm_checks(play, scene, robot.machine, robot.controller)
     else:
-        checks = _robot_checks(own_view(robot, robots, play, scene), robot)
+        checks = _robot_checks(own_view(robot, robots, play, scene), robot, scene)
     other = rival(robot, robots)
     for check in checks:
         if other is not None and check.verdict == "bad" and check.name in DRIVEN:
@@ -194,6 +198,8 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
         yield verdict("topics", faults, trial)
     if any(_stamped(trial)):
         yield verdict("stamps", list(advancing(trial)), trial)
+    if any(message.type == CAMERA_INFO for message in recording.messages):
+        yield verdict("camera", list(pairs(trial)), trial)
     topics = dict.fromkeys(
         (message.type, domain_of(message, trial), message.topic)
         for message in recording.messages
@@ -328,12 +334,13 @@ def one_tree(trial: Trial, robots: int) -> Iterator[RunFault]:
             yield fault
 
 
-def _robot_checks(trial: Trial, robot: Robot) -> Iterator[Check]:
-    """Yield the checks of a robot: its motion, odometry, TF and lidar."""
+def _robot_checks(trial: Trial, robot: Robot, scene: Scene) -> Iterator[Check]:
+    """Yield the checks of a robot: its motion, odometry, TF and sensors."""
     wanted, legs = trial.wanted, trial.drive[0].legs
     odometry_came = trial.recording.topic(wanted.odometry, 0)
     scan_came = _scans(trial)
     has_base = trial.recording.topic(wanted.transforms, 0)
+    machine = robot.machine
     asked: dict[str, tuple[CheckFunction, object]] = {
         "rest": (rest, True),
         "follows": (
@@ -342,7 +349,10 @@ def _robot_checks(trial: Trial, robot: Robot) -> Iterator[Check]:
         ),
         "odometry": (odometry, odometry_came),
         "moving frames": (moving, has_base),
-        "mounted": (mounted, has_base and scan_came),
+        "mounted": (
+            lambda seen: own_frames(seen, scene, machine) if machine is not None else iter(()),
+            has_base and streams(trial.recording.messages),
+        ),
         "scan": (placed_scan, scan_came),
         "again": (lambda seen: follows_after_replay(seen, robot), len(trial.drive) > 1),
     }

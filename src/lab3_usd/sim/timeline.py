@@ -15,6 +15,7 @@ from lab3_usd.sim.execution.recording import (
     Held,
     JointStates,
     Message,
+    Points,
     Pose,
     Recording,
     Scan,
@@ -50,21 +51,21 @@ def render(world: World) -> None:
 
 
 def _picture(writer: Writer, world: World, stamp: float) -> Message | None:
-    product = writer.product
-    if writer.kind == "info":
-        view = View(product.width, product.height, writer.matrix)
-        return Message("sensor_msgs/msg/CameraInfo", stamp, writer.frame_id, view)
+    product, unit = writer.product, world.scene.meters_per_unit
     if writer.kind == "lidar point_cloud":
-        return Message("sensor_msgs/msg/PointCloud2", stamp, writer.frame_id)
+        place = in_metres(world.machines.place(product.sensor), unit)
+        points = Points(place, product.sensor)
+        return Message("sensor_msgs/msg/PointCloud2", stamp, writer.frame_id, points)
     if writer.beam is None:
         if world.scene.prims[product.sensor].type != "Camera":
             return None
         if writer.kind in UNSEEN:
             return Message(writer.node.type.message[writer.kind], stamp, writer.frame_id)
-        place = world.machines.place(product.sensor).then(OPTICAL)
-        view = View(
-            product.width, product.height, place=in_metres(place, world.scene.meters_per_unit)
-        )
+        place = in_metres(world.machines.place(product.sensor).then(OPTICAL), unit)
+        size = (product.width, product.height)
+        view = View(*size, writer.matrix, place=place, sensor=product.sensor)
+        if writer.kind == "info":
+            return Message("sensor_msgs/msg/CameraInfo", stamp, writer.frame_id, view)
         return Message(writer.node.type.message[writer.kind], stamp, writer.frame_id, view)
     return Message(
         "sensor_msgs/msg/LaserScan", stamp, writer.frame_id, _scan(writer, writer.beam, world)
@@ -100,6 +101,7 @@ def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
         Ranges(beam.count, measure),
         in_metres(at, unit),
         1.0 / writer.turns if writer.turns else 0.0,
+        sensor=writer.product.sensor,
     )
 
 

@@ -51,8 +51,9 @@ def another_robot(subject: LintSubject) -> Iterator[Problem]:
 def _by_namespace(subject: LintSubject) -> Iterator[Problem]:
     """Yield what shows another robot than the one that is commanded in the namespace."""
     spaces = robot_spaces(subject.stage, subject.platform)
-    robots = set(commanded_robots(subject.stage, subject.platform).values())
     bodies = joined_bodies(subject.stage)
+    robots = set(commanded_robots(subject.stage, subject.platform).values())
+    robots |= {bodies.owner(root.path) for root in subject.stage.with_api(ARTICULATION_API)} - {""}
     for end in running_endpoints(subject.stage, subject.platform, "publishes"):
         robot = _robot_of_space(end, spaces)
         for node, port, prim in _shown(end.node, subject) if robot else ():

@@ -8,7 +8,7 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import is_switched_on
 from lab3_usd.facts.joined_bodies import joined_bodies
-from lab3_usd.facts.render_products import two_sizes
+from lab3_usd.facts.render_products import has_two_sizes, stereo_products
 from lab3_usd.facts.sensor_topics import SensorTopic, frame_prims, resting_frames, sensor_topics
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.prims import Prim
@@ -232,25 +232,33 @@ def _size(topic: SensorTopic) -> str:
     return "{} x {}".format(*(topic.shown.size or ()))
 
 
-@rule("K79", "stereo-sizes", scope="lint")
-def stereo_sizes(subject: LintSubject) -> Iterator[Problem]:
-    """The two render products of a stereo pair differ in size.
+@rule("K79", "stereo-pair", scope="lint")
+def stereo_pair(subject: LintSubject) -> Iterator[Problem]:
+    """The two render products of a stereo pair differ in size, or show one camera.
 
     Why: the ROS2 Camera Info Helper computes one rectification for both cameras. With two sizes it
-    logs a warning and sends neither camera info.
+    logs a warning and sends neither camera info. One camera twice has no baseline: a warning.
 
-    Fix: set the same Width and Height on both render products.
+    Fix: set the same Width and Height on both render products, each with a camera of its own.
 
     Example: left 1280 x 720, right 640 x 480.
     """
     for node in subject.live.values():
-        shown = two_sizes(node, subject.stage, subject.live)
-        if shown is not None and subject.runs(node.path) and is_switched_on(node, subject.live):
-            left, right = ("{} x {}".format(*(each.size or ())) for each in shown)
+        pair = stereo_products(node, subject.stage, subject.live)
+        if pair is None or not (subject.runs(node.path) and is_switched_on(node, subject.live)):
+            continue
+        left, right = pair
+        related = tuple(dict.fromkeys((left.maker, right.maker)))
+        if has_two_sizes(pair):
+            sizes = ["{} x {}".format(*(each.size or ())) for each in pair]
+            text = f"the left image is of {sizes[0]}, the right one of {sizes[1]}: no camera info"
             yield Problem(
                 node.path,
-                f"the left image is of {left}, the right one of {right}: no camera info is sent",
-                expected=left,
-                actual=right,
-                related=tuple(each.maker for each in shown),
+                f"{text} is sent",
+                expected=sizes[0],
+                actual=sizes[1],
+                related=related,
             )
+        elif left.sensor == right.sensor:
+            text = f"the left and the right image are both of {left.sensor}"
+            yield Problem(node.path, text, related=related, severity="warning")

@@ -51,7 +51,8 @@ PASSED_IN_ANY_STAGE = {
     "stamps": "stamps advance",
     "rest": "stands still without a command, and after one",
     "moving frames": "TF moves the base as the robot moves",
-    "mounted": "the lidar moves with the robot",
+    "mounted": "each sensor has a frame of its own that moves with the robot",
+    "camera": "each image and its camera info belong together",
     "scan": "scans show the walls where TF has the lidar",
     **PASSED_BY_JOINTS,
 }

@@ -76,6 +76,7 @@ class Scan(Struct, frozen=True):
     place: Affine | None = None  # of the lidar, where it is known; metres
     scan_time: float = 0.0
     whole: bool = True  # whether `ranges` are those of all directions
+    sensor: str = ""  # the prim, where it is known
 
 
 class View(Struct, frozen=True):
@@ -85,6 +86,14 @@ class View(Struct, frozen=True):
     height: int
     matrix: tuple[float, ...] = ()
     place: Affine | None = None  # of the optical frame, where it is known; metres
+    sensor: str = ""  # the prim, where it is known
+
+
+class Points(Struct, frozen=True):
+    """What is known of a point cloud of a lidar, whose points are not played: its lidar."""
+
+    place: Affine
+    sensor: str
 
 
 class Profile(Struct, frozen=True):

@@ -99,11 +99,13 @@ def namespace_of(node: NodeInstance, world: World, start: str = "") -> str:
     return names[0] if outermost and names else "/".join(names)
 
 
-def open_endpoint(node: NodeInstance, world: World, start: str = "") -> RosEndpoint | None:
+def open_endpoint(
+    node: NodeInstance, world: World, start: str = "", port: str = "topicName"
+) -> RosEndpoint | None:
     """Open a publisher or subscriber as its inputs say now, or return None where it fails."""
     domain = world.network.domain(node.whole("context", world))
     space = trimmed(namespace_of(node, world, start))  # Ros2Node.h:139
-    name = node.text("topicName", world)
+    name = node.text(port, world)
     topic = f"{'/' + space if space else ''}/{trimmed(name)}" if name else ""
     # A static publisher does not read its profile (RN/nodes/OgnROS2PublishTransformTree.cpp:167).
     is_static = node.flag("staticPublisher", world)

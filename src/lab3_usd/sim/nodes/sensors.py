@@ -77,10 +77,13 @@ def product_of(node: NodeInstance, world: World) -> Product | None:
 
 
 def attach(
-    node: NodeInstance, world: World, product: Product, kind: str, rate: float
+    node: NodeInstance, world: World, product: Product, kind: str, rate: float, side: str = ""
 ) -> Writer | None:
-    """Make a writer publish a product from now on, or return None where it cannot."""
-    endpoint = open_endpoint(node, world, start=product.sensor)
+    """Make a writer publish a product from now on, or return None where it cannot.
+
+    `side` ends the names of the inputs for its topic and its frame (`Right`).
+    """
+    endpoint = open_endpoint(node, world, product.sensor, f"topicName{side}")
     node.memory["attached"] = True
     if endpoint is None:
         return None
@@ -93,7 +96,7 @@ def attach(
         product,
         rate,
         max(0, node.whole("frameSkipCount", world)),
-        node.text("frameId", world),
+        node.text(f"frameId{side}", world),
         clock,
         kind,
     )
@@ -133,14 +136,35 @@ def _number(prim: ScenePrim, name: str) -> float | None:
 
 @computes("ROS2CameraInfoHelper")
 def camera_info_helper(node: NodeInstance, world: World) -> bool:
-    """RN/python/nodes/OgnROS2CameraInfoHelper.py:283-460: the lens is read once."""
+    """RN/python/nodes/OgnROS2CameraInfoHelper.py:283-515: the lens is read once.
+
+    Of a stereo pair the right one is sent too, on a topic of its own, and neither if their sizes
+    differ (:350-354).
+    """
     product = product_of(node, world)
     if product is None:
         return bool(node.memory)
+    path = node.text("renderProductPathRight", world)
+    right = world.products.get(path)
+    if path and right is None:
+        return node.fails("the right render product does not reach it", "no-render-product")
+    for each in filter(None, (product, right)):
+        if world.scene.prims[each.sensor].type != "Camera":
+            return node.fails(f"{each.sensor} is not a camera", "not-a-camera")
+    if right is not None and _size(product) != _size(right):
+        sizes = " and ".join("{} x {}".format(*_size(each)) for each in (product, right))
+        return node.fails(f"the images of its pair differ: {sizes}", "image-info-sizes-differ")
+    sides = (("", product), ("Right", right))
+    return all(_publish_info(node, world, each, side) for side, each in sides if each is not None)
+
+
+def _size(product: Product) -> tuple[int, int]:
+    return product.width, product.height
+
+
+def _publish_info(node: NodeInstance, world: World, product: Product, side: str) -> bool:
     prim = world.scene.prims[product.sensor]
-    if prim.type != "Camera":
-        return node.fails(f"{prim.path} is not a camera", "not-a-camera")
-    writer = attach(node, world, product, "info", _camera_rate(world, product))
+    writer = attach(node, world, product, "info", _camera_rate(world, product), side)
     if writer is None:
         return False
     wide, tall = product.width, product.height

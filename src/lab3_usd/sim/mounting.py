@@ -1,0 +1,147 @@
+"""Does every sensor of a robot have a frame of its own, and every image its own camera info?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from lab3_usd.model.dry_run import Affine, Scene
+from lab3_usd.model.fault import FaultKind
+from lab3_usd.sim.execution.program import is_within
+from lab3_usd.sim.execution.recording import Message, Points, Scan, View
+from lab3_usd.sim.judge.expectations import RunFault, Trial, agree, in_root
+from lab3_usd.sim.nodes.sensors import CORE
+from lab3_usd.sim.nodes.transforms import frame_name
+from lab3_usd.sim.robot.machine import Machine
+
+_CLOUD, _INFO = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/CameraInfo"
+_SENSORS = ("Camera", "OmniLidar", "OmniRadar")
+_AXES, _OWN = f"{CORE}outputFrameOfReference", "SENSOR"
+_TURNED = 0.996  # the half angle's cosine of 10 degrees by which points may be turned
+_BASELINE, _ASIDE = 0.5, 0.005  # metres between the cameras of a stereo pair, and off their line
+
+_Seen = Scan | View | Points
+
+
+def _seen(message: Message) -> tuple[str, Affine] | None:
+    """Return the sensor of a message and where it is, None where that is unknown."""
+    data = message.data
+    is_known = isinstance(data, _Seen) and data.sensor and data.place is not None
+    return (data.sensor, data.place) if is_known else None
+
+
+def streams(messages: Sequence[Message]) -> dict[tuple[int | None, str], list[Message]]:
+    """Return the messages of sensors in the first session, by domain and topic."""
+    found: dict[tuple[int | None, str], list[Message]] = {}
+    for message in messages:
+        if not message.session and _seen(message) is not None:
+            found.setdefault((message.away, message.topic), []).append(message)
+    return found
+
+
+def own_frames(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFault]:
+    """Every sensor of a robot is in a frame that moves with it, and is not that of another one."""
+    base = trial.wanted.base
+    for messages in streams(trial.recording.messages).values():
+        sensor, place = _seen(messages[0]) or ("", Affine())
+        first, last = messages[min(1, len(messages) - 1)], messages[-1]
+        is_carried = any(is_within(sensor, (path,)) for path in machine.rest)
+        in_own_axes = scene.prims[sensor].values.get(_AXES, _OWN) == _OWN
+        if not is_carried or not in_own_axes or first.away is not None:
+            continue
+        if not _moves_with_base(trial, first, last):
+            text = f"{first.frame} does not move with {base}, and {first.topic} shows {sensor}"
+            yield RunFault(text, "loose-sensor", first.node)
+            continue
+        frame = in_root(trial, first)
+        _, place = _seen(first) or ("", place)
+        if frame is None:
+            continue
+        off = frame.inverse().then(trial.start.inverse().then(place))
+        fault = _of_another(first, sensor, off, scene) or _turned(first, sensor, off)
+        if fault is not None:
+            yield fault
+
+
+def _moves_with_base(trial: Trial, first: Message, last: Message) -> bool:
+    """Whether the frame of a sensor stays where it is as seen from the base, by TF."""
+    places = []
+    for message in (first, last):
+        base = Message("", 0.0, trial.wanted.base, at=message.at, session=message.session)
+        sensor_place, base_place = in_root(trial, message), in_root(trial, base)
+        if sensor_place is not None and base_place is not None:
+            places.append(base_place.inverse().then(sensor_place))
+    return len(places) <= 1 or agree(*places)
+
+
+def _of_another(message: Message, sensor: str, off: Affine, scene: Scene) -> RunFault | None:
+    """Return the fault of a frame that is that of another sensor, elsewhere than its own."""
+    named = [
+        prim
+        for prim in scene.prims.values()
+        if prim.type in _SENSORS and frame_name(prim) == message.frame
+    ]
+    if not named or any(prim.path == sensor for prim in named) or agree(off, Affine()):
+        return None
+    camera = scene.prims[sensor].type == "Camera"
+    if camera and any(prim.type == "Camera" for prim in named) and _is_right(off):
+        return None
+    kind: FaultKind = "misplaced-camera-frame" if camera else "scan-off-walls"
+    text = f"{message.topic} is in {message.frame}, the frame of {named[0].path}, and shows"
+    return RunFault(f"{text} {sensor}", kind, message.node)
+
+
+def _is_right(off: Affine) -> bool:
+    """Whether a camera stands to the right of the one whose frame it has, as in a stereo pair."""
+    x, y, z = off.origin
+    return 0 < x <= _BASELINE and abs(y) + abs(z) < _ASIDE and agree(Affine(off.rows), Affine())
+
+
+def _turned(message: Message, sensor: str, off: Affine) -> RunFault | None:
+    """Return the fault of points in a frame that is turned against them."""
+    is_cloud = message.type == _CLOUD or isinstance(message.data, Scan)
+    if not is_cloud or abs(off.rigid().quaternion()[0]) > _TURNED:
+        return None
+    is_camera = isinstance(message.data, View)
+    kind: FaultKind = "misplaced-camera-frame" if is_camera else "scan-off-walls"
+    text = f"{message.frame} is turned against the points of {message.topic}, which {sensor} sees"
+    return RunFault(text, kind, message.node)
+
+
+def pairs(trial: Trial) -> Iterator[RunFault]:
+    """Each camera info agrees with the images beside it in camera, frame and size."""
+    last = {key: messages[-1] for key, messages in streams(trial.recording.messages).items()}
+    shown: dict[tuple[str, str], str] = {}  # the topic of each camera info, by node and camera
+    for (_, topic), info in last.items():
+        if info.type == _INFO and shown.setdefault((info.node, info.data.sensor), topic) != topic:
+            first = shown[info.node, info.data.sensor]
+            text = f"{first} and {topic} of a stereo pair both show {info.data.sensor}"
+            yield RunFault(text, "wrong-render-product", info.node)
+    for (domain, topic), info in last.items():
+        space, _, name = topic.rpartition("/")
+        if info.type != _INFO or name != "camera_info":
+            continue
+        images = [
+            message
+            for (other, path), message in last.items()
+            if (other, path.rpartition("/")[0]) == (domain, space)
+            and isinstance(message.data, View)
+            and message.type not in {_INFO, _CLOUD}
+        ]
+        yield from _unlike(info, images)
+
+
+def _unlike(info: Message, images: Sequence[Message]) -> Iterator[RunFault]:
+    same = [image for image in images if image.data.sensor == info.data.sensor]
+    if images and not same:
+        text = f"{info.topic} shows {info.data.sensor}, and {images[0].topic} "
+        text += images[0].data.sensor
+        yield RunFault(text, "wrong-render-product", info.node)
+    frames = [image for image in same if image.frame != info.frame]
+    if frames:
+        site = info if len(frames) == len(same) else frames[0]
+        text = f"{info.topic} is in {info.frame}, and {frames[0].topic} in {frames[0].frame}"
+        yield RunFault(text, "image-info-frames-differ", site.node)
+    sizes = [(image.data.width, image.data.height) for image in same]
+    if sizes and (info.data.width, info.data.height) not in sizes:
+        text = f"{info.topic} and {same[0].topic} differ in size"
+        yield RunFault(text, "image-info-sizes-differ", info.node)
