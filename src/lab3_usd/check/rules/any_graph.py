@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import GraphsSubject, LintSubject, StageSubject
-from lab3_usd.check.missing_wires import step_wire
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import VERSION, other_names
 from lab3_usd.facts.execution_order import live_nodes, unevaluated_by
@@ -247,6 +246,8 @@ def limit_needs_time_step(subject: GraphsSubject) -> Iterator[Problem]:
 
     Example: `inputs:maxAcceleration = 2` while `inputs:dt` is not connected.
     """
+    from lab3_usd.check.missing_wires import step_wire  # which few stages need
+
     live = live_nodes(subject.stage, subject.platform)
     for node in subject.nodes():
         values = dict(stopping_limits(live, node))

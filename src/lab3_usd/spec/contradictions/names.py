@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from difflib import get_close_matches
 from typing import Literal
 
 from msgspec import Struct
@@ -44,6 +43,8 @@ class LabFault(Struct, frozen=True):
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
     """Return the known name that was likely meant, None where none is like it."""
+    from difflib import get_close_matches
+
     return next(iter(get_close_matches(name, tuple(known), 1)), None)
 
 
