@@ -34,7 +34,7 @@ FAMILY_TITLES = {
     "navigation": "Nav2 parameters in a submission",
     "evidence": "saved output of the running system",
     "submission": "the folder as a whole",
-    "fence": "files that a grader leaves unopened",
+    "unopened": "files that a grader leaves unopened",
     "lint": "any stage, without a lab (`lab3 lint`)",
     "native": "OpenUSD's own validators, with `--native`; `lab3 rules --all` lists their faults",
 }

@@ -18,7 +18,7 @@ from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.stage.read.opening import kept_open
 from lab3_usd.stage.read.reader import read_model, read_stage
-from lab3_usd.stage.sandboxed_open import Fence, fenced
+from lab3_usd.stage.sandboxed_open import FileBounds, opening_within
 
 # Handout, parts G to I: 06 verifies QoS, 07 adds localization, 08 only navigates.
 SAME = {"08": "07"}
@@ -100,11 +100,11 @@ def test_stages_that_are_the_same_have_results_of_their_own(tmp_path: Path) -> N
     for number in numbers[1:]:
         shutil.copy(faulty, tmp_path / f"{number}.usda")
     digests = {f"{number}.usda": "same" for number in numbers}
-    fence = Fence(root=tmp_path.resolve(), check=lambda _path: None, digests=digests)
-    with fenced(fence):
+    bounds = FileBounds(root=tmp_path.resolve(), check=lambda _path: None, digests=digests)
+    with opening_within(bounds):
         together = [check_stage(tmp_path / f"{each}.usda", each) for each in numbers]
     alone = [check_stage(tmp_path / f"{each}.usda", each) for each in numbers]
-    assert len({id(each) for each in fence.stages.values()}) == 1
+    assert len({id(each) for each in bounds.stages.values()}) == 1
     assert together == alone
     assert [each.checkpoint for each in together] == [*numbers]
 

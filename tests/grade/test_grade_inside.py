@@ -42,7 +42,7 @@ from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submis
 from lab3_usd.grade.workers.worker_process import Worker
 from lab3_usd.model.stage import StageModel
 from lab3_usd.report.options import tool_version
-from lab3_usd.stage.sandboxed_open import Fence, files_of, open_layer
+from lab3_usd.stage.sandboxed_open import FileBounds, files_of, open_layer
 
 SETTINGS = PoolSettings(None, None, Limits())
 
@@ -191,9 +191,9 @@ def test_a_stage_that_is_saved_again_is_read_once(
 ) -> None:
     looked_at: list[str] = []
 
-    def noted(fence: Fence, identifier: str, file: str) -> Sdf.Layer:
+    def noted(bounds: FileBounds, identifier: str, file: str) -> Sdf.Layer:
         looked_at.append(Path(file).name)
-        return open_layer(fence, identifier, file)
+        return open_layer(bounds, identifier, file)
 
     def unwanted(path: Path) -> str:
         raise AssertionError(path)

@@ -29,7 +29,7 @@ from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 from lab3_usd.grade.workers import pool, worker_process
 from lab3_usd.grade.workers.messages import PoolSettings, Reply, Task, decode, encode, status_of
-from lab3_usd.grade.workers.pool import WorkerSlot, _after, judge_in, run_tasks
+from lab3_usd.grade.workers.pool import WorkerSlot, _after, judge_with_retries, run_tasks
 from lab3_usd.grade.workers.worker_main import _failure_text
 from lab3_usd.grade.workers.worker_process import (
     Worker,
@@ -170,7 +170,7 @@ def judged_in_turn(settings: PoolSettings, *students: str) -> list[tuple[Task, d
     """Have tasks judged in one slot, each as it is judged last, with its answer."""
     slot = WorkerSlot(settings)
     try:
-        return [judge_in(slot, task(student), never_stopped) for student in students]
+        return [judge_with_retries(slot, task(student), never_stopped) for student in students]
     finally:
         slot.stop()
 
@@ -286,9 +286,9 @@ def test_the_next_submission_is_judged_by_another_worker(
 def test_an_idle_worker_that_is_killed_costs_nobody_a_point(odd: PoolSettings) -> None:
     slot = WorkerSlot(odd)
     try:
-        _, first = judge_in(slot, task("well"), never_stopped)
+        _, first = judge_with_retries(slot, task("well"), never_stopped)
         os.kill(first["by"], signal.SIGKILL)
-        _, second = judge_in(slot, task("well"), never_stopped)
+        _, second = judge_with_retries(slot, task("well"), never_stopped)
     finally:
         slot.stop()
     assert (second["status"], second["broken"]) == ("graded", {})

@@ -19,7 +19,7 @@ Run = Callable[..., subprocess.CompletedProcess[Any]]
 
 
 def confined(code: str, *arguments: Path, run: Run = forking.run) -> str:
-    """What a process prints that has put a fence around `arguments[0]` before it runs `code`."""
+    """What a process prints that has confined itself to `arguments[0]` before it runs `code`."""
     opening = (
         "import sys\nfrom pathlib import Path\n"
         "from lab3_usd.grade.workers.sandbox import *\n"

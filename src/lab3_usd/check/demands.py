@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.lab_frames import TfView
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
-from lab3_usd.check.repairs import TYPE, VERSION, edits_at, edits_of_harm
+from lab3_usd.check.repairs import TYPE, VERSION, edits_at, removal_or_repair
 from lab3_usd.model.changes import Edit
 from lab3_usd.model.finding import Problem
 
@@ -47,7 +47,7 @@ def _with_tree(problem: Problem, view: TfView) -> Problem:
     ]
     is_extra = bool(sent) and all(map(view.is_beside, sent))
     severity = problem.severity or ("warning" if is_extra else None)
-    harm = edits_of_harm(view.subject, problem.prim, problem.property, severity)
+    harm = removal_or_repair(view.subject, problem.prim, problem.property, severity)
     return replace(
         problem,
         handout=problem.handout or (None if problem.property else view.subject.lab.frames.handout),

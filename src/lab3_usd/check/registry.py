@@ -61,7 +61,7 @@ FAMILIES = {
     "V": "navigation",
     "E": "evidence",
     "X": "submission",
-    "Z": "fence",
+    "Z": "unopened",
     "K": "lint",
     "UV": "native",
 }

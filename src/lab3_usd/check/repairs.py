@@ -48,7 +48,7 @@ def edits_in_stage(whole: StageSubject, prim: str, name: str | None) -> tuple[Ed
     return tuple(edit for subject in graphs for edit in edits_at(subject, f"{prim}.{name}"))
 
 
-def edits_of_harm(
+def removal_or_repair(
     whole: StageSubject, prim: str, name: str | None = None, severity: Severity | None = None
 ) -> tuple[Edit, ...]:
     """Return what ends the harm that a node does: one without a role is removed if it is sure."""

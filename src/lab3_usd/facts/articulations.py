@@ -169,7 +169,9 @@ def ends(joint: Prim) -> tuple[str, ...]:
     return tuple(path for name in BODIES for path in joint.relationships.get(name, ()))
 
 
-def told_joints(command: Command, port: str, stage: StageModel, platform: Platform) -> list[Prim]:
+def commanded_joints(
+    command: Command, port: str, stage: StageModel, platform: Platform
+) -> list[Prim]:
     """Return the joints that a command surely moves: those that are named, or all of the robot.
 
     Without names each joint gets a command only where there are as many commands as joints, and
@@ -329,7 +331,7 @@ def leaves_joints(command: Command, port: str, stage: StageModel, platform: Plat
 
     A drive without stiffness goes to no position; damping holds a joint against a small effort.
     """
-    joints = told_joints(command, port, stage, platform) if command.roots else []
+    joints = commanded_joints(command, port, stage, platform) if command.roots else []
     told = {joint.name for joint in joints}
     others = (
         named_joints(other, stage, platform)

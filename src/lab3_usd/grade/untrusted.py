@@ -54,7 +54,7 @@ def judge_untrusted(
     assets: dict[str, Path],
     notify: Callable[[str], None],
 ) -> Generator[Results]:
-    """Judge submissions one after the other, each in a worker and as a copy within the fence.
+    """Judge submissions one after the other, each in a worker and as a copy in a sandbox.
 
     Files go by where they lie from here, and a failure of the program is a crash in the report.
 

@@ -48,11 +48,11 @@ class BlockedAsset(Struct, frozen=True):
 
 
 @dataclass(slots=True)
-class Fence:
+class FileBounds:
     """The files that may be opened while one submission is judged, and those that were refused.
 
     `check` looks at the bytes of a layer before usd-core does: it raises StageError, which says
-    why and leaves the name of the file to the fence, or returns the text of a text layer. `broken`
+    why and leaves the name of the file to the bounds, or returns the text of a text layer. `broken`
     holds files that are not opened, and why; `announce` receives every stage before it is
     opened. `graphs` are paths at which a graph belongs, `digests` those of files, as far as they
     are known. Stages in `closed` are not opened again. Files go by their names in the submission.
@@ -77,38 +77,38 @@ class Fence:
     firsts: dict[tuple[str, ...], str] = field(default_factory=dict)
 
 
-def name_of(fence: Fence, real: str) -> str | None:
+def name_of(bounds: FileBounds, real: str) -> str | None:
     """Return a path relative to the submission, None for what lies outside of it."""
-    inside = os.path.relpath(real, fence.root)
+    inside = os.path.relpath(real, bounds.root)
     return None if inside == ".." or inside.startswith(f"..{os.sep}") else inside
 
 
-def shown_name(fence: Fence, real: str) -> str:
+def shown_name(bounds: FileBounds, real: str) -> str:
     """Return the name of a file in messages, which never reveals the copy of a submission."""
-    return name_of(fence, real) or Path(real).name
+    return name_of(bounds, real) or Path(real).name
 
 
-def open_layer(fence: Fence, identifier: str, file: str) -> Sdf.Layer:
+def open_layer(bounds: FileBounds, identifier: str, file: str) -> Sdf.Layer:
     """Look at the bytes of a layer, let usd-core read it, and drop the clips that are in it.
 
     Raises:
         StageError: usd-core should not be given the file, or reads no layer from it.
         MemoryError: there is not enough for it.
     """
-    name, is_trusted = shown_name(fence, file), _is_trusted(fence, file)
+    name, is_trusted = shown_name(bounds, file), _is_trusted(bounds, file)
     try:
-        text = None if is_trusted else fence.check(Path(file))
+        text = None if is_trusted else bounds.check(Path(file))
     except StageError as error:
         raise StageError(f"{name}: {error}") from error
     with memory_errors():
         layer = Sdf.Layer.FindOrOpen(identifier)
     if layer is None:
         raise StageError(f"{name}: usd-core opens no stage from it; save it again from Isaac Sim")
-    fence.layers[layer.identifier] = layer
+    bounds.layers[layer.identifier] = layer
     if not is_trusted and (text is None or _CLIPS.encode() in text):
-        _drop_clips(layer, fence.nesting)
+        _drop_clips(layer, bounds.nesting)
     if text is not None and _ASSET not in text:
-        fence.alone.add(layer.identifier)
+        bounds.alone.add(layer.identifier)
     return layer
 
 
@@ -141,28 +141,28 @@ def _drop_clips(layer: Sdf.Layer, nesting: int) -> None:
         layer.GetObjectAtPath(path).ClearInfo(_CLIPS)
 
 
-def close_openings(fence: Fence, root: Sdf.Layer, name: str) -> None:
+def close_openings(bounds: FileBounds, root: Sdf.Layer, name: str) -> None:
     """Redirect everything that leads out, in this layer and in all it leads to, to nowhere."""
     waiting, seen = [root], {root.identifier}
     while waiting:
         layer = waiting.pop()
-        if layer.identifier in fence.alone:
+        if layer.identifier in bounds.alone:
             continue
-        is_trusted = _is_trusted(fence, real_path(layer.realPath))
+        is_trusted = _is_trusted(bounds, real_path(layer.realPath))
         assets = [asset for asset in layer.GetCompositionAssetDependencies() if asset]
         if len(assets) > _MOST_ASSETS and not is_trusted:
             raise StageError(
-                f"{shown_name(fence, root.realPath)}: refers to {len(assets)} files; not opened"
+                f"{shown_name(bounds, root.realPath)}: refers to {len(assets)} files; not opened"
             )
         for asset in assets:
             if is_trusted:  # what is missing in the starter stays missing
                 identifier, file = _located(layer, asset)
-                may_open = _is_trusted(fence, file) and Path(file).is_file()
-                opened = open_layer(fence, identifier, file) if may_open else None
+                may_open = _is_trusted(bounds, file) and Path(file).is_file()
+                opened = open_layer(bounds, identifier, file) if may_open else None
             else:
-                opened = _open_inside(fence, layer, asset)
+                opened = _open_inside(bounds, layer, asset)
             if isinstance(opened, tuple):
-                fence.found.setdefault((name, asset), BlockedAsset(name, asset, *opened))
+                bounds.found.setdefault((name, asset), BlockedAsset(name, asset, *opened))
                 _redirect(layer, asset)
             elif opened is not None and opened.identifier not in seen:
                 seen.add(opened.identifier)
@@ -177,46 +177,46 @@ def _located(layer: Sdf.Layer, asset: str) -> tuple[str, str]:
     return identifier, real_path(path or identifier)
 
 
-def _is_trusted(fence: Fence, file: str) -> bool:
+def _is_trusted(bounds: FileBounds, file: str) -> bool:
     """Whether a file is of the starter, or an asset that the grader has supplied."""
-    return file in fence.allowed or _is_supplied(fence, file)
+    return file in bounds.allowed or _is_supplied(bounds, file)
 
 
-def _is_supplied(fence: Fence, file: str) -> bool:
-    return file.startswith(tuple(f"{folder}{os.sep}" for folder in fence.supplied))
+def _is_supplied(bounds: FileBounds, file: str) -> bool:
+    return file.startswith(tuple(f"{folder}{os.sep}" for folder in bounds.supplied))
 
 
-def _open_inside(fence: Fence, layer: Sdf.Layer, asset: str) -> Sdf.Layer | _Refusal:
+def _open_inside(bounds: FileBounds, layer: Sdf.Layer, asset: str) -> Sdf.Layer | _Refusal:
     if asset.startswith("`"):
         return "it is an expression, not a path", True
     if _FORMAT_ARGUMENTS in asset:
         return "it carries arguments for a file format", True
     if _ADDRESS.match(asset):
-        return _open_supplied(fence, *_located(layer, asset))
+        return _open_supplied(bounds, *_located(layer, asset))
     identifier, file = _located(layer, asset)
-    if file not in fence.allowed:
+    if file not in bounds.allowed:
         if _ABSOLUTE.match(asset):
             return "it is an absolute path", False
-        if name_of(fence, file) is None:
+        if name_of(bounds, file) is None:
             return "it leads out of the submission", True
-    return _open_file(fence, identifier, file)
+    return _open_file(bounds, identifier, file)
 
 
-def _open_supplied(fence: Fence, identifier: str, file: str) -> Sdf.Layer | _Refusal:
-    if not (_is_supplied(fence, file) and Path(file).is_file()):
+def _open_supplied(bounds: FileBounds, identifier: str, file: str) -> Sdf.Layer | _Refusal:
+    if not (_is_supplied(bounds, file) and Path(file).is_file()):
         return "it is not on this computer", False
-    return open_layer(fence, identifier, file)
+    return open_layer(bounds, identifier, file)
 
 
-def _open_file(fence: Fence, identifier: str, file: str) -> Sdf.Layer | _Refusal:
+def _open_file(bounds: FileBounds, identifier: str, file: str) -> Sdf.Layer | _Refusal:
     if not Path(identifier).is_absolute() or not os.path.lexists(file):
         return "it is not there", False
-    if identifier in fence.layers:
-        return fence.layers[identifier]
+    if identifier in bounds.layers:
+        return bounds.layers[identifier]
     if not file.lower().endswith(ENDINGS):
         return "it is no USD file", True
     try:
-        return open_layer(fence, identifier, file)
+        return open_layer(bounds, identifier, file)
     except StageError as error:
         return str(error).rpartition(": ")[2], True
     except (Tf.ErrorException, RuntimeError, UnicodeError):
@@ -233,9 +233,9 @@ def _redirect(layer: Sdf.Layer, asset: str) -> None:
 
 
 @contextmanager
-def fenced(fence: Fence) -> Iterator[None]:
-    """Let `open_stage` open stages within the fence only, each once, and keep what is read."""
-    token, empty = opener.set(lambda path: _open_within(fence, path)), reading_cache.set({})
+def opening_within(bounds: FileBounds) -> Iterator[None]:
+    """Let `open_stage` open stages within the bounds only, each once, and keep what is read."""
+    token, empty = opener.set(lambda path: _open_within(bounds, path)), reading_cache.set({})
     try:
         yield
     finally:
@@ -243,70 +243,70 @@ def fenced(fence: Fence) -> Iterator[None]:
         reading_cache.reset(empty)
 
 
-def _open_within(fence: Fence, path: Path) -> Usd.Stage:
+def _open_within(bounds: FileBounds, path: Path) -> Usd.Stage:
     real = os.path.realpath(path)
-    if fence.closed and name_of(fence, real) in fence.closed:
+    if bounds.closed and name_of(bounds, real) in bounds.closed:
         raise StageError(f"{path}: has been judged and is not opened again")
-    if real not in fence.stages:
-        fence.stages[real] = _open_first(fence, path, real)
-    return fence.stages[real]
+    if real not in bounds.stages:
+        bounds.stages[real] = _open_first(bounds, path, real)
+    return bounds.stages[real]
 
 
-def _open_first(fence: Fence, path: Path, real: str) -> Usd.Stage:
-    if real in fence.allowed:
+def _open_first(bounds: FileBounds, path: Path, real: str) -> Usd.Stage:
+    if real in bounds.allowed:
         check_file(path)
         return Usd.Stage.Open(real, Usd.Stage.LoadAll)
-    name = name_of(fence, real)
+    name = name_of(bounds, real)
     if name is None:
         raise StageError(f"{path}: lies outside the submission and is not opened")
-    fence.announce(name)
-    if name in fence.broken:
-        raise StageError(f"{path}: {fence.broken[name]}")
+    bounds.announce(name)
+    if name in bounds.broken:
+        raise StageError(f"{path}: {bounds.broken[name]}")
     check_file(path)
-    twin = _twin(fence, real, name)
+    twin = _twin(bounds, real, name)
     if twin is not None:
-        twin_name = name_of(fence, twin)
-        for (stage_name, asset), known in list(fence.found.items()):
+        twin_name = name_of(bounds, twin)
+        for (stage_name, asset), known in list(bounds.found.items()):
             if stage_name == twin_name:
-                fence.found[name, asset] = BlockedAsset(name, asset, known.reason, known.is_error)
-        return fence.stages[twin]
-    root = open_layer(fence, real, real)
-    close_openings(fence, root, name)
+                bounds.found[name, asset] = BlockedAsset(name, asset, known.reason, known.is_error)
+        return bounds.stages[twin]
+    root = open_layer(bounds, real, real)
+    close_openings(bounds, root, name)
     with memory_errors():
         stage = Usd.Stage.Open(root, Usd.Stage.LoadAll)
     for layer in stage.GetUsedLayers():  # usd-core opened what was looked at, and nothing else
-        if not layer.anonymous and layer.identifier not in fence.layers:
-            read = shown_name(fence, os.path.realpath(layer.realPath))
+        if not layer.anonymous and layer.identifier not in bounds.layers:
+            read = shown_name(bounds, os.path.realpath(layer.realPath))
             raise StageError(f"{path}: reads {read}, which was not looked at")
-    _check_graphs(fence, stage, name)
+    _check_graphs(bounds, stage, name)
     return stage
 
 
-def _twin(fence: Fence, real: str, name: str) -> str | None:
+def _twin(bounds: FileBounds, real: str, name: str) -> str | None:
     """Return a stage of the same folder that is the same to the byte and open, else None.
 
     Checkpoints that change nothing are saved again under the next name: they are read once.
     """
-    digest = fence.digests.get(name)
+    digest = bounds.digests.get(name)
     if not digest:
         return None
     path = Path(real)
-    first = fence.firsts.setdefault((str(path.parent), digest, path.suffix), real)
-    return first if first in fence.stages else None
+    first = bounds.firsts.setdefault((str(path.parent), digest, path.suffix), real)
+    return first if first in bounds.stages else None
 
 
-def _check_graphs(fence: Fence, stage: Usd.Stage, name: str) -> None:
+def _check_graphs(bounds: FileBounds, stage: Usd.Stage, name: str) -> None:
     """Make blocked assets errors where a graph hangs on them."""
-    if not any(stage_name == name for stage_name, _ in fence.found):
+    if not any(stage_name == name for stage_name, _ in bounds.found):
         return
     for missing in find_unresolved(stage):
         above = missing.prim
-        while above and above not in fence.graphs:
+        while above and above not in bounds.graphs:
             above = above.rpartition("/")[0]
-        known = fence.found.get((name, missing.asset))
+        known = bounds.found.get((name, missing.asset))
         if above and known is not None:
             reason = f"a graph hangs on it, and {known.reason}"
-            fence.found[name, missing.asset] = BlockedAsset(
+            bounds.found[name, missing.asset] = BlockedAsset(
                 name, known.asset, reason, is_error=True
             )
 

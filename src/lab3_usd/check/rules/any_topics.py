@@ -20,7 +20,7 @@ from lab3_usd.check.lab_topics import (
 )
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import edits_of_harm
+from lab3_usd.check.repairs import removal_or_repair
 from lab3_usd.check.robot.sensors import second_lidars
 from lab3_usd.facts.articulations import moving_source
 from lab3_usd.facts.domains import are_surely_one
@@ -178,7 +178,7 @@ def two_types(subject: TopicsSubject) -> Iterator[Problem]:
             handout=None if wanted is None else wanted.handout,
             related=(known.node.path,) if wanted is None else (),
             severity=severity,
-            fix=edits_of_harm(subject, endpoint.node.path, endpoint.port, severity)
+            fix=removal_or_repair(subject, endpoint.node.path, endpoint.port, severity)
             if isinstance(subject, StageSubject)
             else (),
             assumes=assumed(endpoint, subject),
@@ -230,7 +230,7 @@ def static_transforms(subject: TopicsSubject) -> Iterator[Problem]:
             problem,
             severity=severity,
             handout=None if wanted is None else wanted.handout,
-            fix=edits_of_harm(subject, path, problem.property, severity),
+            fix=removal_or_repair(subject, path, problem.property, severity),
             assumes=assumed(endpoint, subject),
         )
 

@@ -10,7 +10,7 @@ from msgspec import Struct
 from lab3_usd.check.lab_frames import TfView
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import edits_of_harm
+from lab3_usd.check.repairs import removal_or_repair
 from lab3_usd.facts.domains import domain_of
 from lab3_usd.facts.execution_order import effective_value, running_nodes
 from lab3_usd.facts.frame_targets import tf_ports
@@ -59,7 +59,7 @@ def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
                 path,
                 "a node of this name publishes what the lab must not have",
                 handout=_handout_of_names(frames),
-                fix=edits_of_harm(subject, path),
+                fix=removal_or_repair(subject, path),
             )
     yield from _put_away(subject)
 
@@ -132,7 +132,7 @@ def _placed(placement: _Placement, view: TfView) -> Problem:
         actual=f"{parent} -> {placement.child}",
         handout=frames.guarded.get(placement.child) or _handout_of_names(frames),
         hint=hint,
-        fix=edits_of_harm(view.subject, placement.node, placement.port),
+        fix=removal_or_repair(view.subject, placement.node, placement.port),
         frames=(placement.child,),
     )
 
@@ -210,5 +210,5 @@ def competes_with_localization(view: TfView) -> Iterator[Problem]:
                 actual=f"{parent} -> {child}",
                 handout=localization.handout,
                 hint=hint,
-                fix=edits_of_harm(subject, placement.node, placement.port),
+                fix=removal_or_repair(subject, placement.node, placement.port),
             )

@@ -17,7 +17,7 @@ from lab3_usd.check.lab_frames import (
 )
 from lab3_usd.check.match.rule_inputs import Outcome
 from lab3_usd.check.registry import TF, rule
-from lab3_usd.check.repairs import edits_in_stage, edits_of_harm
+from lab3_usd.check.repairs import edits_in_stage, removal_or_repair
 from lab3_usd.facts.frame_targets import (
     LINK_API,
     NAME_OVERRIDE,
@@ -171,7 +171,7 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
     port = next(iter(ports.names or ports.prims))
     severity: Severity | None = None if certain_edges(edges) else "warning"
     site: tuple[str, str] = (cause, port)
-    fix = edits_of_harm(view.subject, cause, port, severity)
+    fix = removal_or_repair(view.subject, cause, port, severity)
     prim = next(iter(node.targets(port)), None)
     if cause in view.role_specs and prim and frame_name(prim, view.subject.stage) != expected:
         site = (prim, NAME_OVERRIDE)

@@ -9,11 +9,11 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.articulations import (
     Command,
+    commanded_joints,
     commands,
     controller_of,
     drive_of,
     reached_joints,
-    told_joints,
     wired_commands,
 )
 from lab3_usd.isaac.node_types import INPUT
@@ -64,7 +64,7 @@ def _joints_moved_by(kind: JointCommand, command: Command, subject: LintSubject)
         return
     stage, platform = subject.stage, subject.platform
     if _are_told(kind, command):
-        joints = told_joints(command, _PORTS[kind], stage, platform)
+        joints = commanded_joints(command, _PORTS[kind], stage, platform)
     else:
         joints = reached_joints(command, stage, platform)
         if kind == "velocity" and moving_command(given, _gains(joints)) != "position":

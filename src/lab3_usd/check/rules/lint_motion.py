@@ -10,11 +10,11 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.axles import AXIS, disc_of, joint_axis
 from lab3_usd.facts.articulations import (
     Command,
+    commanded_joints,
     commands,
     driven_pairs,
     ends,
     followed_bodies,
-    told_joints,
 )
 from lab3_usd.facts.feeding import misnamed_poses
 from lab3_usd.facts.joined_bodies import joined_bodies
@@ -53,7 +53,7 @@ def _wheel_commands(subject: LintSubject) -> Iterator[tuple[Command, list[Prim]]
             else None
         )
         if given is not None and given.name == _WHEEL_SPEEDS and subject.runs(command.node.path):
-            yield command, told_joints(command, _VELOCITY, subject.stage, subject.platform)
+            yield command, commanded_joints(command, _VELOCITY, subject.stage, subject.platform)
 
 
 @rule("K81", "robot-tied-to-world", scope="lint", severity="warning")

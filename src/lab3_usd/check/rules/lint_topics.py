@@ -26,7 +26,7 @@ from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.stage import Node
 
 
-def _grave(*ends: Endpoint) -> Severity | None:
+def severity_of_conflict(*ends: Endpoint) -> Severity | None:
     """Return the severity of a fault between these, milder where one of them only may run."""
     is_sure = all(end.sure for end in ends) and are_surely_one(end.domain for end in ends)
     return None if is_sure else "warning"
@@ -83,7 +83,7 @@ def incompatible_qos(subject: LintSubject) -> Iterator[Problem]:
                         expected=str(maker.qos),
                         actual=str(taker.qos),
                         related=(maker.node.path,),
-                        severity=_grave(maker, taker),
+                        severity=severity_of_conflict(maker, taker),
                     )
 
 

@@ -97,7 +97,9 @@ class WorkerSlot:
             self.worker = None
 
 
-def judge_in(slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never_stopped) -> Answer:
+def judge_with_retries(
+    slot: WorkerSlot, task: Task, stopped: Callable[[], bool] = never_stopped
+) -> Answer:
     """Judge a task, again without the file that ended a worker, until there is an answer.
 
     A worker that ended for a reason outside of the task, or stood still, is replaced once. A file
@@ -186,9 +188,9 @@ class _ThreadPool:
     def _judge_twice(self, slot: WorkerSlot, task: Task) -> Answer:
         """Judge a task, once more where it does not reach the judge."""
         with suppress(UnreachedError):
-            return judge_in(slot, task, lambda: self._is_stopped)
+            return judge_with_retries(slot, task, lambda: self._is_stopped)
         try:
-            return judge_in(slot, task, lambda: self._is_stopped)
+            return judge_with_retries(slot, task, lambda: self._is_stopped)
         except UnreachedError as error:
             return task, {"failed": f"{TOOL_FAILED}: {error}"}
 

@@ -133,7 +133,7 @@ def _no_network() -> bool:
 def fence_files(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
     """Let this thread read below `readable` and write below `writable` only, by Landlock.
 
-    So do the threads and processes that it starts from then on; they can be fenced in closer.
+    So do the threads and processes that it starts from then on; they can be confined closer.
     Returns whether the kernel can do that and does.
     """
     libc = _libc()

@@ -1,4 +1,4 @@
-"""Judges one submission inside its fence: from the files that were handed in to points."""
+"""Judges one submission inside its bounds: from the files that were handed in to points."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.graph_signature import files_read, graph_signature
 from lab3_usd.stage.read.opening import PLACEHOLDER
-from lab3_usd.stage.sandboxed_open import BlockedAsset, Fence, fenced
+from lab3_usd.stage.sandboxed_open import BlockedAsset, FileBounds, opening_within
 
 _NOT_OPENED, _UNJUDGED = "Z01", "X13"
 _SOMEBODY = "submission"
@@ -81,7 +81,7 @@ def grade_submission(
         return ungraded_record(setup.rubric, task.student, "unreadable", str(error), task.name)
     if task.known and task.known == staged.digest:
         return {"status": "known", "digest": staged.digest}
-    fence = Fence(
+    bounds = FileBounds(
         root=staged.folder.resolve(),
         check=partial(check_layer, limits=setup.limits),
         allowed=setup.allowed,
@@ -92,16 +92,16 @@ def grade_submission(
         nesting=setup.limits.nesting,
         digests=staged.digests,
     )
-    with _inside(staged.folder), fenced(fence):
+    with _inside(staged.folder), opening_within(bounds):
         settings = FolderSettings(
             starter=setup.starter,
-            may_open=partial(_may_open, fence),
+            may_open=partial(_may_open, bounds),
             digests=staged.digests,
             handed_in=True,
         )
         judged = _without_repairs(check_folder(Path(), settings))
         label = task.student if setup.named else _SOMEBODY
-        judged = _with_fence(judged, label, staged, fence.found.values())
+        judged = _with_fence(judged, label, staged, bounds.found.values())
         judged = _with_own_failures(judged, task.broken)
         facts = facts_of(
             judged.results,
@@ -118,7 +118,7 @@ def grade_submission(
         points = grade_facts(setup.rubric, facts, late=task.late)
         work = _work(facts, setup.lab, staged.digests)
         # Stages without faults are not pictured, but for the last: its pictures show what they do.
-        fence.closed = {
+        bounds.closed = {
             result.path
             for result in judged.results[:-1]
             if all(finding.severity == "note" for finding in result.findings)
@@ -182,10 +182,10 @@ def _without_repairs(judged: FolderResult) -> FolderResult:
     )
 
 
-def _may_open(fence: Fence, name: str) -> str:
+def _may_open(bounds: FileBounds, name: str) -> str:
     """Announce what may end this process, and refuse what did."""
-    fence.announce(name)
-    return fence.broken.get(name, "")
+    bounds.announce(name)
+    return bounds.broken.get(name, "")
 
 
 @contextlib.contextmanager

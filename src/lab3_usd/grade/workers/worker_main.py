@@ -114,11 +114,11 @@ def _serve(start: Start, tasks: BinaryIO, answers: BinaryIO) -> None:
 
 
 def _fenced(judge: Callable[[], Json], readable: list[Path], writable: list[Path]) -> Json:
-    """Judge in a thread, as which no file of another student is opened: a fence is a thread's."""
+    """Judge in a thread, as which no file of another student is opened: a sandbox is a thread's."""
 
     def confined() -> Json:
         if not fence_files(readable, writable):
-            return {"died": f"{TOOL_FAILED}: a submission cannot be fenced"}
+            return {"died": f"{TOOL_FAILED}: a submission cannot be confined"}
         return judge()
 
     with ThreadPoolExecutor(1) as thread:
@@ -156,7 +156,7 @@ def _most_memory() -> int:
 
 def load_setup(settings: PoolSettings) -> GradingSetup:
     """Load what every submission is judged with."""
-    # Imported here so that importing it is over before the files are fenced.
+    # Imported here so that importing it is over before the files are confined.
     from lab3_usd.stage.sandboxed_open import files_of
 
     lab, starter = load_lab(), settings.starter

@@ -34,7 +34,7 @@ def _open(path: Path) -> Usd.Stage:
 
 
 # How a stage is opened, its file checked before. A grader replaces it while strangers' files are
-# read (see `fence`).
+# read (see `sandboxed_open`).
 opener: ContextVar[Callable[[Path], Usd.Stage]] = ContextVar("opener", default=_open)
 # What was read of stages that stay open; None if they are not kept open.
 reading_cache: ContextVar[dict[Hashable, Any] | None] = ContextVar("reading_cache", default=None)
