@@ -8,6 +8,7 @@ from pathlib import Path
 
 import models as m
 import pytest
+from foreign_robots import rover, write_node
 from invoking import invoke
 from msgspec.structs import replace
 from pxr import Sdf, Usd
@@ -15,6 +16,8 @@ from pxr import Sdf, Usd
 from lab3_usd.facts.endpoints import Endpoint, Qos, decode, endpoints, resolve
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import Node, PortState, StageModel
+from lab3_usd.spec.load.loader import load_platform
+from lab3_usd.stage.read.reader import read_model
 from lab3_usd.stage.write.builder import build_checkpoint
 
 LIDAR, CAMERA, INFO = "ros2_rtx_lidar_helper", "ros2_camera_helper", "ros2_camera_info_helper"
@@ -126,7 +129,7 @@ def test_a_tf_publisher_takes_the_outermost_namespace_only() -> None:
 def test_a_second_topic_counts_once_it_is_switched_on() -> None:
     assert ("/semantic_labels", CAMERA) not in found(m.stage())
     stage = changed(CAMERA, "ROS_Camera", type="semantic_segmentation", enableSemanticLabels=True)
-    assert found(stage)["/semantic_labels", CAMERA].type is None
+    assert found(stage)["/semantic_labels", CAMERA].type == "std_msgs/msg/String"
 
 
 def test_a_topic_of_other_messages_does_not_count() -> None:
@@ -524,3 +527,11 @@ def test_a_context_of_an_unregistered_type_leaves_the_domain_to_the_environment(
     )
     domain = of(m.with_node(stage, context), "ros2_publish_clock").domain
     assert (domain.number, domain.from_environment) == (0, True)
+
+
+def test_a_radar_sends_clouds_of_points() -> None:
+    stage = rover()
+    helper = {"topicName": "radar"}
+    write_node(stage, "/World/Lidar/radar", "ros.ROS2RtxRadarHelper", helper)
+    ends = endpoints(read_model(stage, load_platform(), ""), load_platform())
+    assert {end.type for end in ends if end.topic == "/radar"} == {"sensor_msgs/msg/PointCloud2"}

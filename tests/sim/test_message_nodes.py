@@ -11,9 +11,9 @@ from foreign_robots import arm, connect, rover, write_node
 from lone_nodes import node
 from pxr import Sdf
 
+from lab3_usd.isaac.messages import why_no_message
 from lab3_usd.sim.execution.recording import Fields, Inertia
 from lab3_usd.sim.execution.world import World, world_of
-from lab3_usd.sim.nodes.messages import why_no_message
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 

@@ -117,7 +117,7 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "empty-image": ("P01", "K75"),
     "no-render-product": ("W01", "K10"),
     "wrong-render-product": ("R04", "K75"),
-    "unknown-output": ("P01", ""),
+    "unknown-output": ("P01", "K18"),
     "not-a-camera": ("C03", "K70"),
     "not-a-lidar": ("L03", "K70"),
     "no-lidar-schema": ("L06", "K71"),

@@ -97,6 +97,7 @@ MODULES = {
         "lint_wires",
         "lint_types",
         "lint_topics",
+        "lint_messages",
         "lint_frames",
         "lint_robots",
         "lint_drives",

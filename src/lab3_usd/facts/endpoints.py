@@ -29,6 +29,7 @@ from lab3_usd.facts.execution_order import (
 )
 from lab3_usd.facts.render_products import has_two_sizes, stereo_products
 from lab3_usd.facts.stuck_nodes import obstacle, working_nodes, working_states
+from lab3_usd.isaac.messages import NAMED
 from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
@@ -167,7 +168,6 @@ _DIRECTIONS: dict[str, Direction] = {
 }
 KIND = "inputs:type"
 _VIEWPORT = "inputs:viewport"  # before 6.0 a window could stand for the render product
-_MESSAGE = ("inputs:messagePackage", "inputs:messageSubfolder", "inputs:messageName")
 _VALID = re.compile(r"^(/[A-Za-z_][A-Za-z0-9_]*)+$")
 
 
@@ -357,10 +357,12 @@ def moving_prims(
 
 def message_type(node: Node, kind: NodeType, port: str, live: Nodes) -> str | None:
     """Return the message type of one topic of a node, None where the stage does not say."""
+    if port in kind.other_messages:
+        return kind.other_messages[port]
     if topic_switch(port) in kind.ports:
         return None
-    if all(name in kind.ports for name in _MESSAGE):
-        parts = [effective_value(node, name, live) for name in _MESSAGE]
+    if all(name in kind.ports for name in NAMED):
+        parts = [effective_value(node, name, live) for name in NAMED]
         return "/".join(str(part) for part in parts) if all(parts) else None
     return kind.message.get("") or kind.message.get(str(effective_value(node, KIND, live)))
 

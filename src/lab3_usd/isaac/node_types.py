@@ -133,7 +133,8 @@ class NodeType(Struct, frozen=True, dict=True):
 
     `message` maps the value of the port `type` to a message type; the key '' holds where the
     type has one message only, and `moved` maps former values to the types that have them now. A
-    topic of `only_of` is there for these values of that port alone.
+    topic of `only_of` is there for these values of that port alone, and one of `other_messages` has
+    messages of a type of its own.
     `role` is publisher, subscriber, helper (publishes as well), service, or '' for types that do
     not talk to ROS. `articulation` names the relationships at and below whose prims an articulation
     is looked for; `step_limits` the inputs that must be 0 while the input of `time_step` is;
@@ -154,6 +155,7 @@ class NodeType(Struct, frozen=True, dict=True):
     role: Literal["", "publisher", "subscriber", "helper", "service"] = ""
     topics: tuple[str, ...] = ()
     only_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    other_messages: Mapping[str, str] = field(default_factory=dict)
     services: tuple[str, ...] = ()
     frames: tuple[str, ...] = ()
     message: Mapping[str, str] = field(default_factory=dict)

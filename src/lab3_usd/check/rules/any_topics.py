@@ -61,9 +61,11 @@ def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
     for topic in _judged_publishers(subject):
         for endpoint in topic.blamed:
             right = topic.right
-            if None not in (right.type, endpoint.type) and right.type != endpoint.type:
+            is_twice = endpoint.node.path == right.node.path
+            are_known = None not in (right.type, endpoint.type)
+            if are_known and right.type != endpoint.type and not is_twice:
                 continue  # of two types the rule of types speaks
-            if endpoint.node.path == right.node.path:
+            if is_twice:
                 yield Problem(
                     endpoint.node.path,
                     f"{endpoint.port} and {right.port} are both {endpoint.topic}",
@@ -161,7 +163,8 @@ def two_types(subject: TopicsSubject) -> Iterator[Problem]:
         key = (str(endpoint.topic), domain_name(endpoint.domain, subject))
         known = first.setdefault(key, endpoint)
         expected = known.type if wanted is None else wanted.type
-        if endpoint.type == expected or plays_role(endpoint, subject):
+        is_twice = known.node is endpoint.node and known is not endpoint  # another rule says so
+        if endpoint.type == expected or is_twice or plays_role(endpoint, subject):
             continue
         ends = (known, endpoint) if wanted is None else (endpoint,)
         severity = _severity(*ends, subject=subject)

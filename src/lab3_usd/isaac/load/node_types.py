@@ -73,6 +73,7 @@ class TypeEntry(Struct, forbid_unknown_fields=True):
     role: Literal["", "publisher", "subscriber", "helper", "service"] = ""
     topics: tuple[str, ...] = ()
     only_of: dict[str, tuple[str, ...]] = {}
+    other_messages: dict[str, str] = {}
     services: tuple[str, ...] = ()
     message: str | dict[str, str] = {}
     moved: dict[str, str] = {}
@@ -164,6 +165,7 @@ def _node_type(
         role=entry.role,
         topics=_named(entry.topics, INPUT, ports, f"{where}: topics"),
         only_of=_by_port(entry.only_of, INPUT, ports, f"{where}: only_of"),
+        other_messages=_by_port(entry.other_messages, INPUT, ports, f"{where}: other_messages"),
         services=_named(entry.services, INPUT, ports, f"{where}: services"),
         frames=_named(entry.frames, INPUT, ports, f"{where}: frames"),
         message={"": entry.message} if isinstance(entry.message, str) else entry.message,

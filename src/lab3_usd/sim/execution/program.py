@@ -12,6 +12,7 @@ from typing import Any
 from msgspec import Struct, field
 
 from lab3_usd.facts.likely_names import is_unregistered
+from lab3_usd.isaac.messages import NAMED, with_fields
 from lab3_usd.isaac.node_types import (
     INPUT,
     OUTPUT,
@@ -22,7 +23,7 @@ from lab3_usd.isaac.node_types import (
 )
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import are_alike
-from lab3_usd.model.dry_run import Input, Scene, SceneGraph
+from lab3_usd.model.dry_run import Input, Scene, SceneGraph, SceneNode
 from lab3_usd.sim.execution.node_instance import (
     FRAME,
     STEP,
@@ -190,12 +191,23 @@ def _schedule(graph: SceneGraph, nodes: dict[str, NodeInstance], program: Progra
                 program.events.setdefault(event, []).append(node)
 
 
+def type_of(node: SceneNode, platform: Platform) -> NodeType | None:
+    """Return the type of a node, with the ports of the message that it names."""
+    known = platform.get(node.type)
+    if known is None:
+        return None
+    states = [(name, node.inputs.get(name) or _UNSAVED) for name in NAMED]
+    wired = any(state.sources for _, state in states)
+    parts = [known.default(name, None) if s.value is None else s.value for name, s in states]
+    return known if wired else with_fields(known, parts)
+
+
 def _running(
     graph: SceneGraph, platform: Platform, program: Program
 ) -> Iterator[tuple[str, NodeInstance]]:
     is_written = any(last_name(node.type) == WRITE_VARIABLE for node in graph.nodes)
     for node in graph.nodes:
-        known = platform.get(node.type)
+        known = type_of(node, platform)
         function = function_of(known) if known is not None else None
         if last_name(node.type) == READ_VARIABLE and is_written:
             function = None

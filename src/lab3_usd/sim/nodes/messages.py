@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping
-from functools import cache
-from importlib.util import find_spec
 
+from lab3_usd.isaac.messages import why_no_message
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.dry_run import Affine, column
 from lab3_usd.model.physics import SCENE, number
@@ -98,42 +95,6 @@ def publish_imu(node: NodeInstance, world: World) -> bool:
     return True
 
 
-_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
-
-
-def why_no_message(package: str, folder: str, name: str) -> str:
-    """Return why there can be no such message, '' where there may be one.
-
-    A package that ROS 2 Humble does not have may be somebody's own, unless it is one of Humble's
-    but for an s at its end.
-    """
-    if folder not in {"msg", "action"}:
-        return f"messages are in msg, not in {folder}"
-    if _NAME.fullmatch(name) is None:
-        return f"{name} is no name of a message"
-    known = _humble()
-    if folder == "msg" and package in known and name not in known[package]:
-        return f"{package} has no {name}"
-    for other in (f"{package}s", package.removesuffix("s")):
-        if package not in known and other in known:
-            return f"there is no package {package}, but {other}"
-    return ""
-
-
-@cache
-def _humble() -> Mapping[str, frozenset[str]]:
-    """Return the messages of the packages of ROS 2 Humble; none without the extra `bag`."""
-    if find_spec("rosbags") is None:
-        return {}
-    from rosbags.typesys import Stores, get_typestore
-
-    found: dict[str, set[str]] = {}
-    for kind in get_typestore(Stores.ROS2_HUMBLE).types:
-        package, _, name = kind.partition("/msg/")
-        found.setdefault(package, set()).add(name)
-    return {package: frozenset(names) for package, names in found.items()}
-
-
 _NAMED = ("messagePackage", "messageSubfolder", "messageName")
 _OWN = (*_NAMED, "context", "nodeNamespace", "topicName", "qosProfile", "queueSize", "execIn")
 
@@ -157,6 +118,7 @@ def publish_any(node: NodeInstance, world: World) -> bool:
     if endpoint is None or not ready:
         return endpoint is not None
     names = [name.removeprefix(INPUT) for name in node.node.inputs]
+    names = [name for name in names if node.type.input(name) or node.type.grows_by_message]
     fields = {name: node.get(name, world) for name in names if name not in _OWN}
     send(node, world, endpoint, Message(kind, world.since_play, data=Fields(fields)))
     node.enabled.append("execOut")

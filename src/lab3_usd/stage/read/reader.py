@@ -8,6 +8,7 @@ from pathlib import Path
 from msgspec.structs import replace
 from pxr import Usd
 
+from lab3_usd.isaac.messages import NAMED, with_fields
 from lab3_usd.isaac.names import OtherName
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType
 from lab3_usd.isaac.platform import Platform
@@ -242,7 +243,7 @@ class _Scan:
             Node(
                 path=path,
                 type_name=type_name,
-                type=kind,
+                type=_with_fields(kind, ports),
                 version=version if isinstance(version, int) else None,
                 ports=ports,
                 position=_pair(properties[_POSITION].value()),
@@ -368,6 +369,17 @@ def read_ports(
         elif name.startswith(INPUT):
             ports[name] = _input(name, properties[written], kind)
     return ports
+
+
+def _with_fields(kind: NodeType | None, ports: Mapping[str, PortState]) -> NodeType | None:
+    """Return a type with the ports of the message that a node names, unless a wire brings it."""
+    if kind is None or not kind.grows_by_message:
+        return kind
+    states = [ports.get(name) or PortState(name, "") for name in NAMED]
+    parts = [
+        kind.default(state.name, None) if state.value is None else state.value for state in states
+    ]
+    return kind if any(state.sources for state in states) else with_fields(kind, parts)
 
 
 def _input(name: str, authored: AuthoredProperty, kind: NodeType | None) -> PortState:

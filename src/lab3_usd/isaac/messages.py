@@ -1,0 +1,96 @@
+"""The messages of ROS 2 Humble: which there are, and the ports that generic nodes make of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from functools import cache
+
+import msgspec
+from msgspec.structs import replace
+
+from lab3_usd.data import data_folder
+from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port
+
+NAMED = ("inputs:messagePackage", "inputs:messageSubfolder", "inputs:messageName")
+MESSAGES, SERVICES = "msg", "srv"
+_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
+
+
+class _File(msgspec.Struct, forbid_unknown_fields=True):
+    about: str
+    messages: dict[str, dict[str, str]]
+
+
+@cache
+def messages() -> Mapping[str, Mapping[str, str]]:
+    """Return the fields of each message: OGN's word for their types, by the names of the ports."""
+    path = data_folder("graphs") / "isaac" / "messages.json"
+    return msgspec.json.decode(path.read_bytes(), type=_File).messages
+
+
+@cache
+def _packages() -> Mapping[str, frozenset[str]]:
+    """Return the names of the messages of each package."""
+    found: dict[str, set[str]] = {}
+    for kind in messages():
+        package, _, name = kind.partition(f"/{MESSAGES}/")
+        found.setdefault(package, set()).add(name)
+    return {package: frozenset(names) for package, names in found.items()}
+
+
+def why_no_message(package: str, folder: str, name: str) -> str:
+    """Return why there can be no such message, '' where there may be one.
+
+    A package that ROS 2 Humble does not have may be somebody's own, unless it is one of Humble's
+    but for an s at its end.
+    """
+    if folder not in {MESSAGES, "action"}:
+        return f"messages are in {MESSAGES}, not in {folder}"
+    if _NAME.fullmatch(name) is None:
+        return f"{name} is no name of a message"
+    known = _packages()
+    if folder == MESSAGES and package in known and name not in known[package]:
+        return f"{package} has no {name}"
+    for other in (f"{package}s", package.removesuffix("s")):
+        if package not in known and other in known:
+            return f"there is no package {package}, but {other}"
+    return ""
+
+
+def why_no_service(package: str, folder: str, name: str) -> str:
+    """Return why there can be no such service, '' where there may be one."""
+    if folder != SERVICES:
+        return f"services are in {SERVICES}, not in {folder}"
+    is_message = name in _packages().get(package, ())
+    if is_message or _NAME.fullmatch(name) is None:
+        return f"{name} is no name of a service"
+    return ""
+
+
+def with_fields(kind: NodeType, parts: Sequence[object]) -> NodeType:
+    """Return a type with the ports that a node of it makes of the message that it names.
+
+    `parts` are the values of the inputs `NAMED`. A type that makes none, and a node whose message
+    is not known, keep what they have. Source: OgnROS2Publisher.cpp:535-625: other ports are
+    removed when the node computes first, with their wires.
+    """
+    if not kind.grows_by_message or kind.role not in {"publisher", "subscriber"}:
+        return kind
+    return _with_fields(kind.type, "/".join(map(str, parts)), kind)
+
+
+_made: dict[tuple[str, str], tuple[NodeType, NodeType]] = {}
+
+
+def _with_fields(name: str, message: str, kind: NodeType) -> NodeType:
+    fields = messages().get(message)
+    if fields is None:
+        return kind
+    base, made = _made.get((name, message), (None, None))
+    if made is None or base is not kind:
+        start = INPUT if kind.role == "publisher" else OUTPUT
+        ports = {start + field: Port(start + field, ogn, ogn) for field, ogn in fields.items()}
+        made = replace(kind, ports={**kind.ports, **ports}, grows_by_message=False)
+        _made[name, message] = (kind, made)
+    return made
