@@ -313,6 +313,8 @@ def test_lab_new_describes_both_robots_their_sensors_and_frames(
     assert set(new.frames.edges) == set(lab.frames.edges)
     assert new.frames.names == lab.frames.names
     assert new.scene.namespaces == {R2: "r2"}
+    nodes = [node for graph in new.graphs.values() for node in graph.nodes.values()]
+    assert [(node.role, node.since) for node in nodes if node.since] == [("quality", "6")]
     assert new.topics.keys() == lab.topics.keys()
 
 
@@ -376,3 +378,15 @@ def test_the_graphs_and_both_trees_are_drawn(lab: Lab, built: Path, tmp_path: Pa
     assert run("draw", built / file_of(7), "--out", tmp_path).exit_code == 0
     drawn = {each.stem.rpartition("-")[2] for each in tmp_path.iterdir()}
     assert drawn == {*lab.graphs, "TF"}
+
+
+def test_a_graph_grows_with_a_later_checkpoint(lab: Lab, built: Path, tmp_path: Path) -> None:
+    quality = f"{R2}/body/tower/Scan/LaserScan/quality"
+    stages = {number: Usd.Stage.Open(str(built / file_of(number))) for number in STAGES}
+    assert [n for n, stage in stages.items() if stage.GetPrimAtPath(quality)] == [6, 7]
+    result = check_stage(changed(built, tmp_path, 6, switch_off(quality)), lab=lab)
+    assert errors(result) == [("N01", quality.rpartition("/")[0], ("LaserScan",))]
+    early = tmp_path / file_of(5)
+    shutil.copyfile(built / file_of(6), early)
+    found = [(f.rule, f.prim, f.severity) for f in check_stage(early, lab=lab).findings]
+    assert ("N02", quality, "warning") in found

@@ -68,6 +68,7 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
 
 
 def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
+    lab = lab.at(checkpoint.id)
     live = {node.path: node for node in stage.nodes()}
     relocations = robot_relocations(lab, stage)
     placed = relocated_lab(lab, relocations)

@@ -195,7 +195,8 @@ def _fixed(
 
     before = findings_in(path, stage)
     sites = dict.fromkeys(site_of(finding) for finding in before if _repair_of(finding, options))
-    first = EditSession(stage, lab, checkpoint, options.root_only, options.starter)
+    there = lab.at(checkpoint.id)
+    first = EditSession(stage, there, checkpoint, options.root_only, options.starter)
 
     def attempt(kept: frozenset[Site]) -> Attempt:
         session, left_out = replace(first, edited={}), frozenset(sites) - kept
@@ -411,7 +412,7 @@ def repair_open_stage(repair: Repair, stage: Any) -> None:
     """Make the edits of a repair in the layers of a stage; no file is written."""
     lab = load_lab()
     checkpoint = checkpoint_of(Path(stage.GetRootLayer().realPath).name, lab) or lab.first
-    _make_edits(EditSession(stage, lab, lab.checkpoints[checkpoint]), [repair])
+    _make_edits(EditSession(stage, lab.at(checkpoint), lab.checkpoints[checkpoint]), [repair])
 
 
 @quiet()
@@ -432,7 +433,7 @@ def text_changes(report: Report, lab: Lab, starter: str | None) -> Changes:
         stage = open_stage(Path(result.path))
         checkpoint = lab.checkpoints[result.checkpoint or lab.first]
         for site, repair in repairs.items():
-            session = EditSession(stage, lab, checkpoint, starter=starter)
+            session = EditSession(stage, lab.at(checkpoint.id), checkpoint, starter=starter)
             lines = tuple(_lines(session, repair, result.path))
             if lines:
                 changes[result.path, site] = lines

@@ -152,6 +152,18 @@ def _describe_graph(name: str, graph: GraphModel, part: str, lab: Lab) -> GraphT
     return GraphText(data, parse_graph(data, lab.platform, f"{name}.yaml"), tuple(left_out))
 
 
+def with_later_nodes(text: GraphText, since: Mapping[str, str], lab: Lab) -> GraphText:
+    """Return a graph to which checkpoints add nodes, by role."""
+    if not since:
+        return text
+    nodes = {
+        role: {**node, **({"from": since[role]} if role in since else {})}
+        for role, node in text.data["nodes"].items()
+    }
+    data = {**text.data, "nodes": nodes}
+    return GraphText(data, parse_graph(data, lab.platform, f"{text.spec.name}.yaml"), text.left_out)
+
+
 def _node(node: Node, lab: Lab, left_out: list[str]) -> dict[str, Any]:
     kind = node.type
     assert kind is not None  # noqa: S101 - only nodes of a known type are described

@@ -29,7 +29,13 @@ from lab3_usd.new_lab.checkpoints import (
     steps_of_stages,
     submission_text,
 )
-from lab3_usd.new_lab.graphs import GraphText, catalog_text, describe_graphs, running_graphs
+from lab3_usd.new_lab.graphs import (
+    GraphText,
+    catalog_text,
+    describe_graphs,
+    running_graphs,
+    with_later_nodes,
+)
 from lab3_usd.new_lab.scene import (
     Source,
     describe_scene,
@@ -121,6 +127,9 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     graphs = {text.spec.name: text.spec for text in texts}
     stems = [source.stem for source in sources]
     names = names_of_stages(stems) if len(stems) > 1 else file_names(source.stem, graphs)
+    later = [_grown(text, sources, names) for text in texts]
+    texts = tuple(map(with_later_nodes, texts, later, [source.lab] * len(texts)))
+    graphs = {text.spec.name: text.spec for text in texts}
     scene = describe_scene(stage, sources[0].stage, graphs, source.lab, names.ids[-1])
     sections = {prim.path: graphs[_home(prim.path, texts)].handout for prim in source.sensors}
     sensors = describe_sensors(source, sections)
@@ -146,6 +155,17 @@ def _parts(sources: Sequence[Source]) -> _Parts:
         frames["deeper_under"] = deeper if deeper[1:] else deeper[0]
     frames |= {"names": overrides} if overrides else {}
     return _Parts(texts, names, scene, frames, lab, tuple(_frames_outside(frames, lab)))
+
+
+def _grown(text: GraphText, sources: Sequence[Source], names: FileNames) -> dict[str, str]:
+    """Return the checkpoints of nodes that come later than their graph, by role."""
+    held = [{node.path for node in source.stage.nodes()} for source in sources]
+    first: dict[str, int] = {}
+    for role in text.spec.nodes:
+        path = f"{text.spec.path}/{role}"
+        first[role] = next((n for n, paths in enumerate(held) if path in paths), len(held) - 1)
+    begins = min(first.values(), default=0)
+    return {role: names.ids[number] for role, number in first.items() if number > begins}
 
 
 def _first_stages(sources: Sequence[Source]) -> dict[str, int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import cached_property
 
 from msgspec import Struct
@@ -36,7 +36,8 @@ class NodeSpec(Struct, frozen=True):
 
     `keep` are the inputs the handout says to leave alone, `grown` the dynamic inputs it adds,
     `frames_from` the relationships that are judged by the TF frames they give. `at` is the
-    position in the graph editor, in its own units.
+    position in the graph editor, in its own units; `since` the checkpoint that adds the node to its
+    graph, '' for that of the graph.
     """
 
     role: str
@@ -48,6 +49,7 @@ class NodeSpec(Struct, frozen=True):
     keep: tuple[tuple[str, str], ...] = ()
     grown: tuple[str, ...] = ()
     frames_from: tuple[str, ...] = ()
+    since: str = ""
 
 
 class PortRef(Struct, frozen=True):
@@ -118,6 +120,23 @@ class GraphSpec(Struct, frozen=True, dict=True):
             )
             for role, spec in self.nodes.items()
         }
+
+    def without(self, roles: Collection[str]) -> GraphSpec:
+        """Return the graph as it is before some of its nodes are added."""
+
+        def there(wires: tuple[Wire, ...]) -> tuple[Wire, ...]:
+            ends = ((wire, {wire.source.role, wire.target.role}) for wire in wires)
+            return tuple(wire for wire, both in ends if both.isdisjoint(roles))
+
+        return GraphSpec(
+            self.name,
+            self.path,
+            self.handout,
+            {role: node for role, node in self.nodes.items() if role not in roles},
+            there(self.wires),
+            there(self.optional_wires),
+            there(self.forbidden_wires),
+        )
 
     def wires_into(self, role: str) -> Iterator[Wire]:
         """Yield the wires that end at `role`."""

@@ -6,6 +6,7 @@ The lab's files, its handout, graph specs, requirements and checkpoints.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from functools import lru_cache
 from pathlib import Path
 
 from msgspec import Struct
@@ -272,7 +273,13 @@ class Lab(Struct, frozen=True, eq=False):
         )
         is_first = checkpoint.id == self.first
         topics = tuple(self.topics_until(checkpoint.id))
-        return (checkpoint.graphs, checkpoint.sensors, topics, flags, may_have_driven, is_first)
+        graphs = self.at(checkpoint.id).graphs
+        asked = tuple((name, tuple(graphs[name].nodes)) for name in checkpoint.graphs)
+        return (asked, checkpoint.sensors, topics, flags, may_have_driven, is_first)
+
+    def at(self, checkpoint: str) -> Lab:
+        """Return the lab at a checkpoint, without the nodes that later ones add to its graphs."""
+        return _at(self, checkpoint)
 
     def is_after(self, checkpoint: str, earlier: str) -> bool:
         """Whether a checkpoint comes after another; none comes after ''."""
@@ -306,6 +313,16 @@ class Lab(Struct, frozen=True, eq=False):
         """Return the topics that are there by a checkpoint."""
         known = (FROM_THE_FIRST, *self.until(checkpoint))
         return {name: topic for name, topic in self.topics.items() if topic.since in known}
+
+
+@lru_cache(maxsize=64)
+def _at(lab: Lab, checkpoint: str) -> Lab:
+    reached = ("", *lab.until(checkpoint))
+    graphs = {}
+    for name, graph in lab.graphs.items():
+        later = [role for role, node in graph.nodes.items() if node.since not in reached]
+        graphs[name] = graph.without(later) if later else graph
+    return lab if graphs == lab.graphs else replace(lab, graphs=graphs)
 
 
 def articulated_at_roots(lab: Lab, robots: Collection[RobotSpec]) -> Lab:

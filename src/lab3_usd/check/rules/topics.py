@@ -29,12 +29,19 @@ def wired_qos(subject: StageSubject) -> Iterator[Problem]:
     if not subject.checkpoint.topics:
         return
     live, played = live_nodes(subject.stage, subject.lab.platform), role_specs(subject)
+    asked = {
+        node.path
+        for graph in subject.graphs
+        for wire in graph.spec.wires
+        if wire.target.port == PROFILE
+        and (node := graph.roles.node_of[wire.target.role]) is not None
+    }
     for endpoint in endpoints(subject.stage, subject.lab.platform):
         path = endpoint.node.path
         sources = [
             f"{node.name}.{port}" for node, port in live_sources(endpoint.node, PROFILE, live)
         ]
-        if sources and path in played:
+        if sources and path in played and path not in asked:
             yield Problem(
                 path,
                 f"the QoS profile of {endpoint.topic} comes over a wire",

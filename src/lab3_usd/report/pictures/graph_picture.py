@@ -309,6 +309,7 @@ def stage_pictures(
     The tree is left out where neither the checkpoint asks for one nor the stage publishes any.
     Without a checkpoint every graph is drawn as it is.
     """
+    lab = lab if checkpoint is None else lab.at(checkpoint.id)
     lab = relocated_lab(lab, robot_relocations(lab, stage))
     relocations = sensor_relocations(lab, stage)
     specs = {name: relocated_spec(spec, relocations) for name, spec in lab.graphs.items()}

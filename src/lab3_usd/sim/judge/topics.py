@@ -46,6 +46,7 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
 
     With a robot of the lab, the topics of others are left out.
     """
+    lab = lab.at(checkpoint.id)
     reached = (FROM_THE_FIRST, *lab.until(checkpoint.id))
     foreign = _topics_of_others(lab, robot) if robot is not None else set()
     required = [

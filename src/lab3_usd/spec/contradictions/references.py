@@ -45,6 +45,10 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
     for robot in lab.scene.robots:
         if robot.pose_is_error_until:
             yield SCENE, f"{robot.key}: pose_is_error_until", robot.pose_is_error_until
+    for graph in lab.graphs.values():
+        for role, node in graph.nodes.items():
+            if node.since:
+                yield file_of(graph), f"{role}: from", node.since
     for name in lab.submission.stages.differ:
         yield SUBMISSION, "stages: differ", name
     for line in lab.submission.checklist:

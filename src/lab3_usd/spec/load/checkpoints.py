@@ -186,8 +186,18 @@ def by_ids(lab: Lab) -> Lab:
 
     frames, ros, submission = lab.frames, lab.ros, lab.submission
     lifecycle = {name: since(node) for name, node in ros.lifecycle.nodes.items()}
+    graphs = {
+        name: replace(
+            graph,
+            nodes={
+                role: replace(node, since=named(node.since)) for role, node in graph.nodes.items()
+            },
+        )
+        for name, graph in lab.graphs.items()
+    }
     return replace(
         lab,
+        graphs=graphs,
         frames=replace(
             frames, localization=None if frames.localization is None else since(frames.localization)
         ),

@@ -25,13 +25,14 @@ _BySection = dict[str, tuple[str, ...]] | tuple[str, ...]
 _Targets = dict[str, tuple[str, ...]]
 
 
-class NodeEntry(Struct, forbid_unknown_fields=True):
+class NodeEntry(Struct, forbid_unknown_fields=True, rename={"since": "from"}):
     """A node, by its role.
 
     `set` are values, `targets` prims, `keep` inputs that stay at their defaults, `ports` inputs
     that must be added, `frames_from` targets that are judged by the TF frames that they give.
     `handout` is that of the graph unless given; a node without `at` is placed by its wires. `set`,
-    `targets` and `keep` may name sections: `set: {B3: {domain_id: 0}}`.
+    `targets` and `keep` may name sections: `set: {B3: {domain_id: 0}}`. The checkpoint `from` adds
+    a node, with its wires, to a graph that is there already.
     """
 
     type: str
@@ -42,6 +43,7 @@ class NodeEntry(Struct, forbid_unknown_fields=True):
     keep: _BySection = {}
     ports: tuple[str, ...] = ()
     frames_from: tuple[str, ...] = ()
+    since: str = ""
 
     def named_ports(self) -> Iterator[str]:
         """Yield every input that the entry names, whatever for."""
@@ -185,6 +187,7 @@ def _node(role: str, entry: NodeEntry, platform: Platform, graph: str, section: 
         ),
         grown=tuple(INPUT + short for short in entry.ports),
         frames_from=tuple(INPUT + short for short in entry.frames_from),
+        since=entry.since,
     )
 
 

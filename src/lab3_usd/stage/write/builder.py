@@ -15,6 +15,7 @@ from lab3_usd.errors import Lab3Error, NoRoomError, StageError, UsageError, unwr
 from lab3_usd.facts.frame_targets import NAME_OVERRIDE
 from lab3_usd.files import temporary_beside
 from lab3_usd.model.physics import MASS
+from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import example_of
@@ -187,12 +188,24 @@ def _checkpoint_layers(
                 asset = options.lidar_asset if spec.kind == LIDAR else None
                 author_sensor(layer, spec, lab.scene.stage.meters_per_unit, asset)
                 _author_names(layer, lab, spec.path)
-            for name in checkpoint.new:
-                define_parents(layer, stage, lab.graphs[name].path)
-                author_graph(layer, lab.graphs[name], lab.platform)
-                _author_names(layer, lab, lab.graphs[name].path)
+            graphs = lab.at(checkpoint.id).graphs
+            for name in checkpoint.graphs:
+                if name not in checkpoint.new and not _grows(lab.graphs[name], checkpoint):
+                    continue
+                path = graphs[name].path
+                define_parents(layer, stage, path)
+                former = layer.GetPrimAtPath(path)
+                if name not in checkpoint.new and former is not None:
+                    del former.nameParent.nameChildren[former.name]
+                author_graph(layer, graphs[name], lab.platform)
+                _author_names(layer, lab, path)
         if checkpoint.id in targets:
             yield targets[checkpoint.id], layer
+
+
+def _grows(graph: GraphSpec, checkpoint: Checkpoint) -> bool:
+    """Whether a checkpoint adds nodes to a graph."""
+    return any(node.since == checkpoint.id for node in graph.nodes.values())
 
 
 def _author_names(layer: Sdf.Layer, lab: Lab, path: str) -> None:
