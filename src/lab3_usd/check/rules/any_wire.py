@@ -45,9 +45,13 @@ def source_shown(fault: WireFault) -> str:
 
 
 def connect_hint(fault: WireFault) -> str:
-    """Say which wire to draw."""
+    """Say which wire to draw, and which one to delete where an input would keep both."""
     port = fault.port.partition(":")[2]
-    return f"drag a wire from {short_source(fault.expected)} to {port} of {node_title(fault.node)}"
+    wire = f"drag a wire from {short_source(fault.expected)} to {port} of {node_title(fault.node)}"
+    keeps_both = fault.node.type is not None and fault.port in fault.node.type.execution_inputs
+    if fault.actual is None or not keeps_both:
+        return wire
+    return f"delete the wire from {short_source(fault.actual)}, and {wire}"
 
 
 @rule(

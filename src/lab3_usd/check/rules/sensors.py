@@ -151,9 +151,13 @@ def misplaced_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     for sensor in present_sensors(subject, kind):
         prim, path = sensor.prim, sensor.place.path
         parent, _, name = path.rpartition("/")
-        faults = [f"is named {prim.name}"] if prim.name != name else []
+        faults, ways = [], []
+        if prim.name != name:
+            faults.append(f"is named {prim.name}")
+            ways.append(f"rename it to {name}")
         if prim.parent != parent:
             faults.append(f"hangs below {prim.parent or 'the root'}")
+            ways.append(f"drag it onto {parent}, and accept the new parent")
         if faults:
             yield Problem(
                 prim.path,
@@ -162,6 +166,7 @@ def misplaced_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
                 actual=prim.path,
                 handout=sensor.spec.handout,
                 related=sensor.place.related,
+                hint=f"in the Stage panel, {' and '.join(ways)}",
                 fix=(MovePrim(prim.path, path),),
                 unmet=(f"{sensor.group}/prim",),
             )
