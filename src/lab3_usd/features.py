@@ -10,6 +10,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from lab3_usd.commands.diff import changes_to
     from lab3_usd.commands.sim import with_dry_run
     from lab3_usd.grade.gradebook import grade_of
     from lab3_usd.grade.intake.lab_archive import unpacked_lab
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from lab3_usd.sim.bag.submitted import read_recordings
 
 _HOMES = {
+    "changes_to": "lab3_usd.commands.diff",  # fix --diff of a binary stage
     "end_live_page": "lab3_usd.report.html.live_page",  # --watch --format html
     "find_untrusted": "lab3_usd.grade.untrusted",  # check --untrusted
     "grade_of": "lab3_usd.grade.gradebook",  # --format gradescope
@@ -34,6 +36,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "changes_to",
     "end_live_page",
     "find_untrusted",
     "grade_of",

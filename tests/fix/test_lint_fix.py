@@ -151,6 +151,20 @@ def test_what_is_likely_is_repaired_on_demand(tmp_path: Path) -> None:
     assert lint_stage(path).verdict == "pass"
 
 
+def test_the_changes_of_a_binary_stage_are_those_that_diff_prints(tmp_path: Path) -> None:
+    path = tmp_path / "rover.usdc"
+    broken_robot("rover", [{"disconnect": CLOCK_SIGNAL}]).GetRootLayer().Export(str(path))
+    before = path.read_bytes()
+    listed = lab3("fix", "--lint", "--diff", path)
+    assert listed.exit_code == 1
+    assert "  + /World/Clock/tick.outputs:tick -> /World/Clock/clock.inputs:execIn" in (
+        listed.stdout.splitlines()
+    )
+    assert path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+CLOCK_SIGNAL = "/World/Clock/clock.inputs:execIn"
 TIME = "/World/Clock/clock.inputs:timeStamp"
 TREE = "/World/Odometry/tree.inputs:timeStamp"
 NOT_LIKELY: dict[str, list[Step]] = {

@@ -183,5 +183,6 @@ def test_a_report_of_a_folder_that_is_worked_on_has_no_checklist(form: str) -> N
     assert "Checklist" not in shown
     assert "03 to 08" in shown
     assert "not begun" in shown
+    assert ("<b>Next</b> Part D of the handout" in shown) == (form == "html")
     handed_in = replace(folder, handed_in=True, to_come=())
     assert "Drive graph exists" in render(form, Report(inside, (handed_in,)))

@@ -11,7 +11,6 @@ import time
 from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
-from textwrap import wrap
 from typing import Literal
 
 import click
@@ -23,6 +22,7 @@ from lab3_usd.data import program
 from lab3_usd.errors import EXIT_FOUND
 from lab3_usd.installation import NAME, install_command
 from lab3_usd.report.options import tool_version
+from lab3_usd.report.safe_text import folded
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox", "microsoft-edge")
 EXTRAS = {
@@ -70,14 +70,7 @@ def lines_of(check: Diagnosis) -> Iterator[str]:
     """Yield the lines of a check; a command is one line, however long, so that it can be copied."""
     head = f"{check.state:<8} {check.name:<10} "
     hanging = " " * len(head)
-    lines = wrap(
-        check.text,
-        max(width(), LEAST),
-        initial_indent=head,
-        subsequent_indent=hanging,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    lines = folded(check.text, max(width(), LEAST), head, hanging)
     yield from lines or [head.rstrip()]
     if check.command:
         yield hanging + check.command

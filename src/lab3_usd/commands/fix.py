@@ -12,6 +12,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from lab3_usd import features
 from lab3_usd.commands.shared.options import (
     assets_option,
     checkpoint_number,
@@ -135,11 +136,11 @@ def _fix(stage: Path, options: Mapping[str, Any]) -> int:
 
 
 def _diffs(fixed: Fixed) -> Iterator[str]:
-    """Yield a unified diff of each text file; of others, that they differ."""
+    """Yield a unified diff of each text file, and the differences of the others as stages."""
     for path, data in fixed.files.items():
         old = fixed.states[path].content
         if not data.startswith(_TEXT):
-            yield f"Binary file {_shown(path)} differs\n"
+            yield from (f"{line}\n" for line in features.changes_to(path, data))
             continue
         before, after = (lines_of(content.decode()) for content in (old, data))
         names = _name_in_patch("a", path), _name_in_patch("b", path)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import textwrap
 from collections.abc import Iterator, Mapping
 
 import click
@@ -13,6 +12,7 @@ from lab3_usd.check.registry import Rule, families, twins
 from lab3_usd.commands.rules import first_sentence, rule_lines
 from lab3_usd.commands.shared.options import complete_rules, own_rules_option, use_own_rules, width
 from lab3_usd.data import program
+from lab3_usd.report.safe_text import folded
 from lab3_usd.report.text import NARROWEST
 from lab3_usd.spec.load.loader import load_lab
 
@@ -98,11 +98,11 @@ def manual_lines(rule: Rule, handout: str) -> Iterator[str]:
         where = "without a lab" if twin.scope == "lint" else "in a lab"
         yield f"{twin.id} {twin.name} ({twin.severity}, {families()[twin.family]}) {where}"
     yield ""
-    yield from textwrap.wrap(rule.manual.split("\n\n")[0], columns)
+    yield from folded(rule.manual.split("\n\n")[0], columns)
     for title in SECTIONS:
         if text := rule.section(title):
             yield ""
-            yield from textwrap.wrap(f"{title}: {text}", columns, subsequent_indent="  ")
+            yield from folded(f"{title}: {text}", columns, rest="  ")
     if handout:
         yield ""
         yield f"Handout: {handout}"

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import groupby
-from textwrap import wrap
 
 import click
 
 from lab3_usd.check.manual import rules_in, rules_of_lab
 from lab3_usd.check.registry import Rule, families
 from lab3_usd.commands.shared.options import own_rules_option, terminal_width, use_own_rules
+from lab3_usd.report.safe_text import folded
 from lab3_usd.spec.load.loader import load_lab
 
 LEAST = 72  # columns that a list is wrapped to
@@ -44,12 +44,7 @@ def rule_lines(rules: list[Rule]) -> Iterator[str]:
         yield f"{family:<2} {titles[family]}"
         for rule in members:
             head = f"  {rule.id}  {rule.severity:<7}  {rule.name:<{name_width}}  "
-            yield from wrap(
-                first_sentence(rule),
-                columns,
-                initial_indent=head,
-                subsequent_indent=" " * len(head),
-            )
+            yield from folded(first_sentence(rule), columns, head, " " * len(head))
 
 
 def first_sentence(rule: Rule) -> str:

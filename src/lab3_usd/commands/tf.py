@@ -50,8 +50,6 @@ def command(
     give the repair. Frames that only a missing asset could define are below the tree, with a
     question mark. Nodes of unknown types are counted.
     """
-    from textwrap import wrap
-
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.facts.endpoints import endpoints
     from lab3_usd.facts.frames import all_edges, all_unresolved_frames, published_transforms
@@ -60,7 +58,7 @@ def command(
     from lab3_usd.report.entries import coverage_line
     from lab3_usd.report.picture.picture_file import write_picture
     from lab3_usd.report.pictures.tf_picture import published_frames_picture
-    from lab3_usd.report.safe_text import printable
+    from lab3_usd.report.safe_text import folded, printable
     from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text
     from lab3_usd.report.topic_table import WIDTH
     from lab3_usd.spec.load.loader import load_lab
@@ -84,7 +82,7 @@ def command(
     tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates)
     if form == "text":
         lines = as_text(tree, terminal_width(), verbose=verbose)
-        rest = wrap(f"? {not_judged}", WIDTH, subsequent_indent="  ") if not_judged else []
+        rest = folded(f"? {not_judged}", WIDTH, rest="  ") if not_judged else []
         click.echo("\n".join([*lines, *rest]))
     else:
         click.echo(as_dot(tree) if form == "dot" else as_json(tree))

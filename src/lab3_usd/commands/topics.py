@@ -48,8 +48,6 @@ def command(
     size, the QoS profile that Isaac Sim 6.0.1 would use, and the source of its rate. A node that
     nothing triggers never publishes. Nodes of unknown types are counted.
     """
-    from textwrap import wrap
-
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.facts.endpoints import endpoints
     from lab3_usd.facts.frames import all_edges, all_unresolved_frames
@@ -57,7 +55,7 @@ def command(
     from lab3_usd.report.entries import coverage_line
     from lab3_usd.report.picture.picture_file import write_picture
     from lab3_usd.report.pictures.topic_picture import topics_picture
-    from lab3_usd.report.safe_text import printable
+    from lab3_usd.report.safe_text import folded, printable
     from lab3_usd.report.topic_table import WIDTH, TopicReport, as_csv, as_json, as_table
 
     use_config(stage, assets)
@@ -78,4 +76,4 @@ def command(
     else:
         columns = terminal_width() if verbose else WIDTH
         lines = as_table(table, columns, verbose=verbose)
-        click.echo("\n".join([*lines, *wrap(not_judged, WIDTH)]))
+        click.echo("\n".join([*lines, *folded(not_judged, WIDTH)]))

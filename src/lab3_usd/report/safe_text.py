@@ -59,6 +59,23 @@ def printable(text: str) -> str:
     return visible(truncated(text))
 
 
+def folded(text: str, width: int, first: str = "", rest: str = "") -> list[str]:
+    """Return text in lines of at most `width` columns, none broken inside a word, path or URL.
+
+    `first` and `rest` indent the first line and the others.
+    """
+    from textwrap import wrap
+
+    return wrap(
+        text,
+        width,
+        initial_indent=first,
+        subsequent_indent=rest,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
 def dot_string(text: str) -> str:
     """Return any text as a string of Graphviz, in which nothing is an escape."""
     return '"' + printable(text).replace("\\", "\\\\").replace('"', '\\"') + '"'

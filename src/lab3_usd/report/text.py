@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby
@@ -15,7 +14,7 @@ from lab3_usd.model.finding import ChecklistItem, Finding, Submission, Verdict
 from lab3_usd.report.entries import is_repairable, site
 from lab3_usd.report.grouped_stages import Block, ReportedFault, Stage, Stages, faults
 from lab3_usd.report.options import Options, Rules
-from lab3_usd.report.safe_text import Excerpt, excerpt_lines, paint, visible
+from lab3_usd.report.safe_text import Excerpt, excerpt_lines, folded, paint, visible
 from lab3_usd.spec.lab import Lab
 
 NARROWEST = 40
@@ -80,13 +79,13 @@ def finding_blocks(findings: Iterable[tuple[Finding, str]], page: Page) -> Itera
         yield from _frame(finding, page)
         yield from _details(finding, page)
         if finding.handout and not stages:
-            yield from _labelled("handout", finding.handout, page)
+            yield from labelled("handout", finding.handout, page)
         rule = page.rules.get(finding.rule)
         if page.verbose and rule is not None and finding.rule not in explained:
             explained.add(finding.rule)
             reason = rule.section("Why")
             if reason:
-                yield from _labelled("why", reason, page)
+                yield from labelled("why", reason, page)
 
 
 def counted_notes(findings: Sequence[Finding], page: Page) -> Iterator[str]:
@@ -130,13 +129,13 @@ def _frame(finding: Finding, page: Page) -> Iterator[str]:
 def _details(finding: Finding, page: Page) -> Iterator[str]:
     for label, value in (("expected", finding.expected), ("actual", finding.actual)):
         if value is not None and _last_name(value) not in finding.message:
-            yield from _labelled(label, value, page)
+            yield from labelled(label, value, page)
     text = f"{finding.message} {finding.expected}"
     related = [prim for prim in finding.related if prim not in text]
     if related:
-        yield from _labelled("see also", " ".join(related), page)
+        yield from labelled("see also", " ".join(related), page)
     if finding.hint:
-        yield from _labelled("hint", " ".join(finding.hint.split()), page)
+        yield from labelled("hint", " ".join(finding.hint.split()), page)
 
 
 def _last_name(value: str) -> str:
@@ -144,7 +143,8 @@ def _last_name(value: str) -> str:
     return value.rpartition("/")[2] if value.startswith("/") else value
 
 
-def _labelled(label: str, value: str, page: Page) -> Iterator[str]:
+def labelled(label: str, value: str, page: Page) -> Iterator[str]:
+    """Yield a text with its label in the column before it."""
     hanging = INDENT + " " * LABEL
     first, *more = wrapped(value, hanging, page.width) or [hanging]
     shown = paint(f"{label:<{LABEL}}", "dim", color=page.color)
@@ -154,14 +154,7 @@ def _labelled(label: str, value: str, page: Page) -> Iterator[str]:
 
 def wrapped(value: str, indent: str, width: int, hanging: str | None = None) -> list[str]:
     """Return text in lines of at most `width` columns; `hanging` indents all but the first."""
-    return textwrap.wrap(
-        visible(value),
-        width,
-        initial_indent=indent,
-        subsequent_indent=indent if hanging is None else hanging,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    return folded(visible(value), width, indent, indent if hanging is None else hanging)
 
 
 def checklist_lines(
@@ -280,20 +273,18 @@ def to_come_text(to_come: Collection[str], checkpoints: Sequence[str]) -> str:
     return "; ".join(filter(None, texts))
 
 
-def next_step(submission: Submission, verdict: Verdict, lab: Lab, page: Page) -> Iterator[str]:
-    """Yield what comes next in a folder that is worked on: a part of the handout, or handing in."""
+def next_step(submission: Submission, verdict: Verdict, lab: Lab) -> str:
+    """Say what comes next in a folder that is worked on: a part of the handout, or handing in."""
     numbers = list(lab.checkpoints)
     begun = [number for number in numbers if number not in submission.to_come]
     following = numbers[numbers.index(begun[-1]) + 1 :] if begun else numbers
     first = "repair the errors; then " if verdict in {"fail", "unreadable"} else ""
     if not following:
         command = command_line(program(), "check", submission.path, "--submission")
-        text = f"{first}{command} says what else is handed in"
-        yield from _labelled("next", text, page)
-        return
+        return f"{first}{command} says what else is handed in"
     checkpoint = lab.checkpoints[following[0]]
     added = ", ".join((*checkpoint.new_sensors, *checkpoint.new))
     adds = f" adds {added}" if added else " changes no graph"
     text = f"{first}Part {checkpoint.part} of the handout ({checkpoint.title}){adds}"
     ending = lab.submission.stages.endings[0]
-    yield from _labelled("next", f"{text}; save the stage as {checkpoint.file}{ending}", page)
+    return f"{text}; save the stage as {checkpoint.file}{ending}"

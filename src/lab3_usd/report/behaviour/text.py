@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import textwrap
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -16,7 +15,7 @@ from lab3_usd.model.dry_run import Behaviour, Check, Leg, Topic
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.occupancy import MapFit
 from lab3_usd.report.options import NAME, tool_version
-from lab3_usd.report.safe_text import paint, printable, truncated_values
+from lab3_usd.report.safe_text import folded, paint, printable, truncated_values
 
 WHAT_IT_IS = "a dry run from published node source, not Isaac Sim"
 WHAT_A_RECORDING_IS = "a recording of the running system"
@@ -140,7 +139,7 @@ def render(
         lines += [f"  {printable(unknown.reason)}" for unknown in behaviour.not_simulated]
         return "\n".join(lines) + "\n"
     if behaviour.is_early:
-        lines += textwrap.wrap(printable(behaviour.missing), max(width, 40))
+        lines += folded(printable(behaviour.missing), max(width, 40))
         return "\n".join(lines) + "\n"
     lines += ["", *_topics(behaviour), ""]
     passed, rule_of = passed_texts(behaviour), rules_named(behaviour, findings)
@@ -160,10 +159,10 @@ def render(
         remarks = (*remarks, printable(heard))
     lines.append("")
     for remark in remarks:
-        lines += textwrap.wrap(remark, max(width, 40), subsequent_indent="  ")
+        lines += folded(remark, max(width, 40), rest="  ")
     lines.append(sum_text(behaviour))
     if behaviour.missing:
-        lines += textwrap.wrap(f"not judged: {printable(behaviour.missing)}", max(width, 40))
+        lines += folded(f"not judged: {printable(behaviour.missing)}", max(width, 40))
     return "\n".join(lines) + "\n"
 
 
@@ -200,7 +199,7 @@ def _check(
     mark = paint(_SHORT[check.verdict].ljust(4), _COLOURS[check.verdict], color=color)
     text = passed[check.name] if check.verdict == "ok" else printable(check.message)
     text = f"{printable(check.of)}: {text}" if check.of else text
-    first, *more = textwrap.wrap(text, max(width - _NAME - 4, 30)) or [""]
+    first, *more = folded(text, max(width - _NAME - 4, 30)) or [""]
     yield f"{mark}{check.name.ljust(_NAME)}{first}"
     lead = " " * (_NAME + 4)
     yield from (lead + line for line in more)

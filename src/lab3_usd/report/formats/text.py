@@ -32,6 +32,7 @@ from lab3_usd.report.text import (
     counted_notes,
     fault_lines,
     finding_blocks,
+    labelled,
     next_step,
     to_come_text,
     wrapped,
@@ -173,7 +174,7 @@ def _outlook(block: Block, page: Page) -> Iterator[str]:
         yield from checklist_lines(submission.checklist, page.options, page.width)
     if not submission.handed_in:
         yield ""
-        yield from next_step(submission, block.verdict, load_lab(), page)
+        yield from labelled("next", next_step(submission, block.verdict, load_lab()), page)
 
 
 def _stage_heading(result: StageResult, page: Page) -> str:

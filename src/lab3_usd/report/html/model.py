@@ -149,7 +149,10 @@ class ChecklistSection(Struct, frozen=True):
 
 
 class BlockView(Struct, frozen=True):
-    """Everything that the page shows of one block; `to_come` says which stages are not begun."""
+    """Everything that the page shows of one block; `to_come` says which stages are not begun.
+
+    `following` is the next step in a folder that is worked on.
+    """
 
     block: Block
     ranks: tuple[Rank, ...]
@@ -158,6 +161,7 @@ class BlockView(Struct, frozen=True):
     topics: tuple[Topic, ...]
     checks: tuple[ChecklistSection, ...]
     to_come: str
+    following: str
     crashes: tuple[tuple[str, Crash], ...]
 
     @property

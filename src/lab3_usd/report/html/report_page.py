@@ -18,7 +18,7 @@ from lab3_usd.report.html.model import (
 from lab3_usd.report.html.pictures import gallery, topics
 from lab3_usd.report.html.templates import fill
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
-from lab3_usd.report.text import STATES, to_come_text
+from lab3_usd.report.text import STATES, next_step, to_come_text
 from lab3_usd.report.topic_table import COLUMNS
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -65,9 +65,11 @@ def _view(block: Block, lab: Lab, *, graded: bool) -> BlockView:
     shown = gallery(block, contents, block_faults)
     crashes = [(stage.file, crash) for stage in block.stages for crash in stage.result.crashes]
     sections: dict[str, list[ChecklistItem]] = {}
-    to_come = ""
+    to_come = following = ""
     if block.submission is not None:
         to_come = to_come_text(block.submission.to_come, tuple(lab.checkpoints))
+        if not block.submission.handed_in:
+            following = next_step(block.submission, block.verdict, lab)
         crashes += [(block.path, crash) for crash in block.submission.crashes]
         # What is still worked on has handed in nothing yet.
         for item in block.submission.checklist if block.submission.handed_in else ():
@@ -80,6 +82,7 @@ def _view(block: Block, lab: Lab, *, graded: bool) -> BlockView:
         topics=topics(contents),
         checks=tuple(ChecklistSection(name, tuple(items)) for name, items in sections.items()),
         to_come=to_come,
+        following=following,
         crashes=tuple(crashes),
     )
 

@@ -20,6 +20,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from ruamel.yaml import YAML
 
+from lab3_usd.errors import unwritten
 from lab3_usd.model.dry_run import Quaternion
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.bag.files import NOT_SENT
@@ -239,14 +240,21 @@ def write_bags(folder: Path, tape: Tape) -> list[Written]:
 
     As `ros2 bag record`, a bag has what came in one domain. What has no content in a dry run,
     pictures for one, is not in it: its metadata name the topics, so that they do not look silent.
+
+    Raises:
+        UsageError: the folder cannot be written.
+        NoRoomError: the disk is full.
     """
     domains = {tape.domain(message) for message in tape.messages}
     domains |= {command.domain for command in tape.commands}
     several = len(domains) > 1
-    return [
-        _write_bag(folder / f"domain_{domain}" if several else folder, tape, domain)
-        for domain in sorted(domains or {tape.home})
-    ]
+    try:
+        return [
+            _write_bag(folder / f"domain_{domain}" if several else folder, tape, domain)
+            for domain in sorted(domains or {tape.home})
+        ]
+    except OSError as error:
+        raise unwritten(folder, error) from error
 
 
 def _write_bag(folder: Path, tape: Tape, domain: int) -> Written:

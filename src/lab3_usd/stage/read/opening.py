@@ -186,7 +186,10 @@ def check_file(path: Path) -> None:
             f"{path}: '.uda' is not a USD ending; '.usda' is likely meant, rename the file"
         )
     if path.suffix.lower() not in ENDINGS:
-        raise StageError(f"{path}: '{path.suffix}' is not a USD ending ({', '.join(ENDINGS)})")
+        raise StageError(
+            f"{path}: '{path.suffix}' is not a USD ending ({', '.join(ENDINGS)}); if the file is a "
+            f"stage, rename it to {path.stem}.usda"
+        )
     try:
         with path.open("rb") as file:
             start = file.read(8)
