@@ -288,7 +288,8 @@ def _axes(command: Command, stage: StageModel) -> list[Prim]:
 def number_of_axes(command: Command, stage: StageModel) -> int | None:
     """Return how many joints a robot has to command, None where that is not sure.
 
-    Each joint must move, and tie two bodies; together they must form no loop.
+    Each joint must tie two bodies; together they must form no loop. One between two equal limits
+    counts (NVIDIA-Omniverse/PhysX, UsdInterface.cpp:757-770).
     """
     axes = _axes(command, stage)
     around = {path for joint in axes for path in ends(joint)}
@@ -299,11 +300,7 @@ def number_of_axes(command: Command, stage: StageModel) -> int | None:
         if joint.present and set(ends(joint)) & around and len(ends(joint)) == len(BODIES)
     ]
     is_tree = len({path for pair in tied for path in pair}) > len(tied)
-    are_free = all(
-        low < high and len(ends(joint)) == len(BODIES)
-        for joint in axes
-        for low, high in [limits(joint.attributes)]
-    )
+    are_free = all(len(ends(joint)) == len(BODIES) for joint in axes)
     return len(axes) if axes and is_tree and are_free and around <= rigid else None
 
 

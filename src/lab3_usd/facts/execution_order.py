@@ -331,6 +331,7 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
 
 
 _PRODUCT = "inputs:renderProductPath"
+_SKIPPED = "inputs:frameSkipCount"  # frames of the sensor that a helper leaves out after each
 
 
 def sensor_of(node: Node, live: Nodes) -> str | None:
@@ -369,6 +370,8 @@ def rate_source(
     sensor = _camera_named(node, stage, running) or sensor_of(node, running)
     prim = None if sensor is None else stage.prim(sensor)
     rate = 0.0 if prim is None else _rate(prim, platform)
+    skipped = effective_value(node, _SKIPPED, running)
+    rate /= skipped + 1 if isinstance(skipped, int) and skipped > 0 else 1
     return f"sensor at {rate:g} Hz" if rate > 0 else event
 
 

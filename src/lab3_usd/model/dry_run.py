@@ -161,6 +161,7 @@ class SceneGraph(Struct, frozen=True):
     mode: str
     nodes: tuple[SceneNode, ...]
     variables: dict[str, Any] = {}
+    instanced: bool = False  # it is part of an instance
 
 
 RENDER_PRODUCT = "RenderProduct"

@@ -136,7 +136,7 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
         for port, quantities in _quantities(node, subject).items():
             given = quantity_of(node, port, subject.stage, subject.platform)
             if given is not None and given.name not in quantities:
-                is_still = given.name == _STEP or (
+                is_still = (given.name == _STEP and port == STAMP) or (
                     given.name in _SPEEDS and _moves_nothing(node, port, subject)
                 )
                 yield Problem(

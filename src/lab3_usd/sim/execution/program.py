@@ -102,6 +102,10 @@ def compile_graphs(scene: Scene, platform: Platform) -> Program:
 def _is_evaluated(graph: SceneGraph, scene: Scene, platform: Platform, program: Program) -> bool:
     """Whether a graph runs once a frame; an instanced one runs once for each prim that names it."""
     evaluation = platform.graph.evaluation
+    if graph.instanced:
+        program.not_simulated[graph.path] = "Isaac Sim should load no graph of an instance"
+        program.unwritten.update((node.path, platform.get(node.type)) for node in graph.nodes)
+        return False
     if graph.mode not in evaluation.by_reference:
         return True
     prims = [

@@ -60,7 +60,7 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
         # A node may name a product, wherever that is.
         if path == "/" or (path.split("/")[1] in IGNORED and kind != RENDER_PRODUCT):
             continue
-        if kind == GRAPH and not prim.IsInstanceProxy():
+        if kind == GRAPH:
             graphs[path], nodes[path] = prim, []
         if kind == NODE:
             parent = path.rpartition("/")[0]
@@ -101,6 +101,7 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
                     for name in prim.GetAuthoredPropertyNames()
                     if str(name).startswith(VARIABLE)
                 },
+                prim.IsInstanceProxy(),
             )
             for path, prim in graphs.items()
         ),
