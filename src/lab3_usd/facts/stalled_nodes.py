@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from msgspec import Struct
 
 from lab3_usd.facts.execution_order import (
+    Nodes,
     effective_value,
     event_of,
     is_opened_first,
@@ -70,12 +71,20 @@ def is_needed(node: Node, port: str, stage: StageModel, platform: Platform) -> b
     for need in needs_of(node, platform):
         if port.removeprefix(INPUT) in need.inputs:
             is_written = value is not None and (need.zero_counts or not is_nothing(value))
-            others = (name for name in need.inputs if INPUT + name != port)
-            if not is_written and not any(is_given(node, name) for name in others):
+            others = (INPUT + name for name in need.inputs if INPUT + name != port)
+            if not is_written and not any(_brings_data(node, other, live) for other in others):
                 return True
     if kind.type in platform.needs or has_side_effects(node):
         return False
     return value is None and kind.default(port, node.version) is None
+
+
+def _brings_data(node: Node, port: str, live: Nodes) -> bool:
+    """Whether a live wire feeds an input, or it names a prim or holds more than nothing."""
+    state = node.state(port)
+    if state is None or any(live_sources(node, port, live)):
+        return state is not None
+    return bool(state.targets) or not (state.value is None or is_nothing(state.value))
 
 
 def _is_met(node: Node, name: str, need: Need) -> bool:

@@ -65,9 +65,10 @@ def dangling_wire(subject: LintSubject) -> Iterator[Problem]:
     """The source node of a wire does not exist.
 
     Why: Isaac Sim drops such a wire when it opens the stage. The input then has no source: without
-    its execution wire a node never computes, without data it uses zeros. It is a warning where the
-    input has a value or a harmless default, where another wire feeds it, and where a sublayer of
-    the stage is missing, which may have the node.
+    its execution wire a node never computes, without data it uses the value in the file, else the
+    default. It is an error where the node needs the input and has neither; a warning where a value
+    or a harmless default is there, where another wire feeds it, and where a sublayer of the stage
+    is missing, which may have the node.
 
     Fix: drag a new wire from the node that should feed this input, or delete the wire.
 
