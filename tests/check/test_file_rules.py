@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from breaking import judged
 from missing_assets import LACKING, behind_a_missing_robot, over_an_asset
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 from scene_changes import (
     CAMERA,
     FLOOR,
@@ -113,6 +113,17 @@ def test_a_missing_sublayer_is_one_error() -> None:
     assert [(each.rule, each.severity, each.actual) for each in found] == [
         ("F03", "error", "edits.usda")
     ]
+
+
+def test_a_shape_below_an_over_is_not_solid_beside_a_missing_sublayer() -> None:
+    """An over is in the scene only where another layer defines it."""
+    stage = built("05")
+    box = UsdGeom.Cube.Define(stage, f"{ROBOT}/base_link/old/box").GetPrim()
+    UsdPhysics.CollisionAPI.Apply(box)
+    box.GetParent().SetSpecifier(Sdf.SpecifierOver)
+    assert told(stage, "05") == []
+    stage.GetRootLayer().subLayerPaths.append("gone.usda")
+    assert [rule for rule, _, _ in told(stage, "05")] == ["F03"]
 
 
 def test_what_a_missing_sublayer_may_hold_is_not_reported_one_by_one() -> None:

@@ -56,16 +56,17 @@ class StageColliders(Colliders):
         if path not in self._shapes:
             with stage_errors(self._reader.name):
                 prim = self._reader.stage.GetPrimAtPath(path)
-                self._shapes[path] = (
-                    _world_box(prim, path, self._reader.transforms) if prim else None
-                )
+                is_there = bool(prim) and self._is_defined(path)
+                transforms = self._reader.transforms
+                self._shapes[path] = _world_box(prim, path, transforms) if is_there else None
         return self._in_metres(path, self._shapes[path])
 
     def _boxes_of(self, top: str, *, below: bool) -> list[Collider]:
         start = f"{top.rstrip('/')}/"
         if not self._present:
             colliding = self._prims.with_api(_COLLISION)
-            self._present += ((prim.path, f"{prim.path}/") for prim in colliding if prim.present)
+            solid = (prim for prim in colliding if prim.present and self._is_defined(prim.path))
+            self._present += ((prim.path, f"{prim.path}/") for prim in solid)
         paths = [
             path for path, with_slash in self._present if with_slash.startswith(start) is below
         ]
@@ -76,6 +77,11 @@ class StageColliders(Colliders):
                         self._measure(self._reader.stage.GetPrimAtPath(path), path)
                     self._colliders[path] = self._in_metres(path, self._boxes[path])
         return [box for path in paths if (box := self._colliders[path]) is not None]
+
+    def _is_defined(self, path: str) -> bool:
+        """Whether a prim is surely in the scene, and not only if a missing asset defines it."""
+        hidden = self._reader.hidden
+        return not hidden or bool(self._reader.stage.GetPrimAtPath(path).IsDefined())
 
     def _in_metres(self, path: str, box: _Box | None) -> Collider | None:
         if box is None:
