@@ -43,7 +43,7 @@ def is_unregistered(name: str, platform: Platform) -> bool:
 
     Of any other unknown type nothing is known: somebody else may have it.
     """
-    known = {*platform.types, *platform.events, *platform.once}
+    known = {*platform.types, *platform.events, *platform.once, *platform.deprecated}
     releases = platform.releases_of(name)
     if name in known or platform.scripts.runs(name) or platform.release in releases:
         return False

@@ -53,7 +53,8 @@ class Platform(Struct, frozen=True, eq=False):
 
     `types` are the node types by their names in this release, `base` those of the release that all
     others are told apart from, and `releases` what those have otherwise. `names` are those of other
-    releases; `lookalikes` are no names of any, and which types they likely mean.
+    releases; `lookalikes` are no names of any, and which types they likely mean, `deprecated` those
+    that Kit may still have, and their successors.
 
     `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
     in which it does, '' where a stage does not tell whether it will, and `by_hand` are those that
@@ -74,6 +75,7 @@ class Platform(Struct, frozen=True, eq=False):
     graph: GraphForm
     names: Names
     lookalikes: Mapping[str, str]
+    deprecated: Mapping[str, str]
     events: Mapping[str, str]
     deltas: Mapping[str, str]
     by_hand: frozenset[str]

@@ -75,15 +75,22 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
     """Two contexts name different ROS domains.
 
     Why: nodes in different domains do not see each other: odometry in one domain has no clock from
-    another.
+    another. Domains that each have a clock and what it stamps are taken for meant, as those of two
+    robots.
 
     Fix: give all ROS2 Context nodes the same Domain Id, and the same setting of Use Domain ID Env
-    Var.
+    Var, or give each domain a clock of its own.
 
     Example: one context has `domain_id = 5`, the other `domain_id = 0`.
     """
     contexts_of = domains(subject.stage, subject.platform)
     if len(contexts_of) < 2:  # noqa: PLR2004 - the first is what the others differ from
+        return
+    clocks, others_of = set[str](), set[str]()
+    for direction in ("publishes", "subscribes"):
+        for endpoint in running_endpoints(subject.stage, subject.platform, direction):
+            (clocks if endpoint.type == CLOCK else others_of).add(endpoint.domain.name)
+    if {domain.name for domain in contexts_of} <= clocks & others_of:
         return
     (first, nodes), *others = contexts_of.items()
     for domain, contexts in others:

@@ -23,7 +23,8 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
     """An unregistered node type resembles a registered one.
 
     Why: Isaac Sim drops nodes of unknown types when it opens the stage. Type names differ from the
-    names of their extensions, and types were renamed and removed.
+    names of their extensions, and types were renamed and removed. A deprecated type, which Kit may
+    still have, is a warning.
 
     Fix: delete the node, add the one named here from the node list, and connect it as before.
 
@@ -32,6 +33,17 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
     Basis: the types that Isaac Sim's source registers. Kit's handling of other types is not public.
     """
     for node in nodes_of_unknown_type(subject.stage, subject.platform):
+        successor = subject.platform.deprecated.get(node.type_name)
+        if successor is not None:
+            yield Problem(
+                node.path,
+                f"'{node.saved_type}' is deprecated, its successor is {successor}",
+                property=TYPE,
+                expected=successor,
+                actual=node.saved_type,
+                severity="warning",
+            )
+            continue
         of_release, likely = _other_release(node, subject), _likely(node, subject)
         if of_release is None or (likely is None and not of_release):
             continue

@@ -147,7 +147,7 @@ def wrong_node_type(subject: GraphSubject) -> Iterator[Problem]:
 
     Why: another type behaves differently. On Physics Step never fires in a graph that the app's
     update evaluates. On Tick may fire at another rate, or while the simulation is stopped. Make
-    Array (`MakeArray`) is a removed node with a similar name.
+    Array (`MakeArray`) is a deprecated node with a similar name.
 
     Fix: delete the node, add the one named here from the node list, and connect it as before.
 
@@ -155,8 +155,12 @@ def wrong_node_type(subject: GraphSubject) -> Iterator[Problem]:
     """
     for role, node in subject.roles.retyped.items():
         spec = subject.spec.nodes[role]
-        meant = subject.lab.platform.lookalikes.get(node.type_name)
-        alike = "; the name looks alike and is not registered" if meant == spec.type.type else ""
+        platform = subject.lab.platform
+        alike = ""
+        if platform.lookalikes.get(node.type_name) == spec.type.type:
+            alike = "; the name looks alike and is not registered"
+        elif platform.deprecated.get(node.type_name) == spec.type.type:
+            alike = "; the type is deprecated"
         is_same_title = node.type is not None and node.type.ui_name == spec.type.ui_name
         title = node.type_name if is_same_title or node.type is None else node.type.ui_name
         yield Problem(

@@ -46,6 +46,7 @@ class _SystemFile(Struct, forbid_unknown_fields=True):
 
     usd_types: dict[str, str]
     lookalikes: dict[str, str]
+    deprecated: dict[str, str]
     events: dict[str, EventEntry]
     by_hand: frozenset[str]
     once: dict[str, SingleSignal]
@@ -187,6 +188,7 @@ def assemble_platform(folder: Path) -> Platform:
             ports=other_ports(names.ports, types, f"{name}/{RENAMES}: ports"),
         ),
         lookalikes=system.lookalikes,
+        deprecated=system.deprecated,
         events={**dict.fromkeys(kit.events, ""), **stages_of(system.events)},
         deltas=deltas_of(system.events),
         by_hand=system.by_hand,
