@@ -168,7 +168,8 @@ class AbsentPrim(Struct, frozen=True):
 class GraphModel(Struct, frozen=True):
     """A graph prim with its nodes in the order of their paths.
 
-    `instanced` is whether it belongs to an instance, of which Isaac Sim loads no graph.
+    `instanced` is whether it belongs to an instance, of which Isaac Sim loads no graph. Of a
+    deactivated graph only the number of its nodes is known, `hidden`.
     """
 
     path: str
@@ -177,6 +178,7 @@ class GraphModel(Struct, frozen=True):
     nodes: tuple[Node, ...]
     absent: tuple[AbsentPrim, ...] = ()
     instanced: bool = False
+    hidden: int = 0
 
     @property
     def name(self) -> str:

@@ -268,7 +268,8 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
     """Messages have simulation time, but there is no clock.
 
     Why: nodes that use simulation time wait forever for a `/clock`. Others compare the stamps,
-    which begin near 0, with the time of the computer, and find no transform.
+    which begin near 0, with the time of the computer, and find no transform. A clock in a
+    deactivated graph is none (IsaacSim issue 419).
 
     Fix: add a ROS2 Publish Clock in the same domain, with its time from Isaac Read Simulation Time.
 
@@ -283,13 +284,17 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
         for node in subject.live.values()
         if node.type is not None and node.type.message.get("") == CLOCK
     ]
-    # A script or a node of an unknown type may send it; of one that is not in the scene, and of one
-    # that never runs, other rules speak.
-    is_known = (
-        not (subject.stage.scripts or subject.stage.absent)
-        and all(graph.active for graph in subject.graphs())
-        and all(node.type is not None for node in subject.live.values())
+    # A script or a node of an unknown type may send it; of one that never runs other rules speak.
+    is_known = not subject.stage.scripts and not any(
+        node.type is None
+        and subject.runs(path)
+        and node.type_name not in subject.platform.deprecated
+        for path, node in subject.live.items()
     )
+    # Of a graph that is only an over, which may hold the clock, K02 speaks.
+    absent = (prim.path.rpartition("/")[0] for prim in subject.stage.absent)
+    off = (graph.path for graph in subject.graphs() if not graph.active)
+    overs = tuple((path, None) for path in dict.fromkeys((*off, *absent)))
     for domain, simulated in stamped.items() if is_known else ():
         if not any(
             may_meet(domain, domain_of(clock, subject.live, subject.platform)) for clock in clocks
@@ -303,5 +308,6 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
                 related=tuple(dict.fromkeys(stamp.node.path for stamp in simulated[1:])),
                 rests_on=next(iter(subject.stage.unresolved), None),
                 fix=clock_publisher(first.node, subject),
+                assumes=overs,
                 identity="/",
             )

@@ -132,7 +132,7 @@ def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
         prim = subject.stage.prims.get(graph.path)
         is_over = prim is None or (prim.active and not prim.defined)
         reason = "is only an over without a def" if is_over else "is deactivated"
-        nodes = len(graph.nodes) + len(graph.absent)
+        nodes = len(graph.nodes) + len(graph.absent) + graph.hidden
         yield Problem(
             graph.path,
             f"graph {reason}: none of its {nodes} nodes executes",

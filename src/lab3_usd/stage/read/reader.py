@@ -309,7 +309,16 @@ class _Scan:
             nodes=tuple(self.nodes[path]),
             absent=tuple(self.absent[path]),
             instanced=prim.IsInstanceProxy(),
+            hidden=0 if prim.IsActive() else _nodes_in_layers(prim, self._platform.graph.node_type),
         )
+
+
+def _nodes_in_layers(graph: Usd.Prim, node_type: str) -> int:
+    """Return how many nodes the layers hold in a prim of which USD composes no children."""
+    specs = (spec for spec in graph.GetPrimStack() if not spec.expired)
+    return len(
+        {child.name for spec in specs for child in spec.nameChildren if child.typeName == node_type}
+    )
 
 
 def _written_ports(
