@@ -281,5 +281,5 @@ def test_a_dry_run_at_a_checkpoint_commands_the_joints(
     stage.Export(str(path))
     behaviour = dry_run(path, lab, "5", "0,0,0.5").behaviour  # no wheels to drive
     joints = next(check for check in behaviour.checks if check.name == "joints")
-    assert (joints.verdict, behaviour.verdict) == (verdict, verdict)
+    assert (joints.verdict, behaviour.verdict) == (verdict, verdict), behaviour.checks
     assert [word for word in words if word not in joints.text] == []

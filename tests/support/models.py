@@ -11,7 +11,7 @@ from lab3_usd.check.match.rule_inputs import Roles, StageSubject
 from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.finding import Finding, Problem, site_of
+from lab3_usd.model.finding import Finding, Problem
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
 from lab3_usd.spec.graph import GraphSpec
@@ -202,7 +202,9 @@ def left_beside(
         for rule_id, problems in found.items()
         for problem in problems
     ]
-    return [site_of(left) for left in fold([*errors, *findings]) if left.rule]
+    return [
+        (left.rule, left.prim, left.property) for left in fold([*errors, *findings]) if left.rule
+    ]
 
 
 def subject(given: StageModel, checkpoint: str = "05") -> StageSubject:

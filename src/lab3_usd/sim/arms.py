@@ -239,7 +239,12 @@ def _way(joint: Joint | None, share: float, unit: float) -> tuple[float, float]:
 def arm_checks(trial: Trial, scene: Scene, machine: Machine, controller: str) -> Iterator[Check]:
     """Yield what joints show: whether they follow their commands, and what TF and states say."""
     if not trial.recording.held:
-        yield Check("joints", "not judged", "no joint of the robot is commanded")
+        text, stopped = "no joint of the robot is commanded", _stopped(trial, controller)
+        if stopped is None or stopped.kind is None:
+            yield Check("joints", "not judged", text)
+        else:
+            fault = RunFault(text, stopped.kind, stopped.prim, stopped.reason)
+            yield verdict("joints", [fault], trial)
         return
     yield _judged(trial, 0, machine, controller)
     seen = _with_frames(trial, scene, machine)

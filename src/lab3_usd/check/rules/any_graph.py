@@ -124,7 +124,7 @@ def newer_version(subject: GraphsSubject) -> Iterator[Problem]:
     Fix: create the graph with the release that you use, or compare the node with the release that
     saved it.
 
-    Example: ROS2 Camera Helper of version 5, while 6.2 has 4.
+    Example: ROS2 Context of version 9, while 6.2 has 2.
     """
     for node in subject.nodes():
         newest = subject.newest_version(node)
@@ -207,13 +207,13 @@ def stray_node(subject: LintSubject | StageSubject) -> Iterator[Problem]:
 def unresolved_target(subject: GraphsSubject) -> Iterator[Problem]:
     """A target prim of a node does not exist.
 
-    Why: the node logs an error or skips the target: a missing camera gives no image, a missing link
+    Why: the node logs an error or skips the target: a missing sensor gives no data, a missing link
     no frame. In a file with graphs but neither robot nor sensor, a stage that uses it as a sublayer
     may have the prim: a warning.
 
     Fix: select the node, and choose the prim again or remove it in the Property panel.
 
-    Example: `inputs:cameraPrim` still names the camera's old path.
+    Example: `inputs:targetPrims` still names the old path of a link.
     """
     is_module = isinstance(subject, LintSubject) and subject.is_module
     for node in subject.nodes():

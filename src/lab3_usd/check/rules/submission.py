@@ -129,7 +129,7 @@ def stage_not_judged(subject: SubmissionSubject) -> Iterator[Problem]:
 
     Fix: rename the file to the name given here if it is that stage, else delete it.
 
-    Example: `{stages}/lidar.usda`.
+    Example: `{stages}/finished.usda`.
     """
     ending, handout = subject.spec.stages.endings[0], subject.spec.stages.handout
     for stage in subject.unjudged:
