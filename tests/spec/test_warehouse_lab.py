@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from click.testing import Result
 from invoking import invoke
-from places import REPOSITORY
+from places import REPOSITORY, TESTS
 from pxr import Gf, Sdf, Usd
 from workers_here import workers_here
 
@@ -390,3 +391,22 @@ def test_a_graph_grows_with_a_later_checkpoint(lab: Lab, built: Path, tmp_path: 
     shutil.copyfile(built / file_of(6), early)
     found = [(f.rule, f.prim, f.severity) for f in check_stage(early, lab=lab).findings]
     assert ("N02", quality, "warning") in found
+
+
+DESCRIBED = yaml.safe_load((TESTS / "labs" / "warehouse_mistakes.yaml").read_text())
+
+
+@pytest.mark.parametrize("name", DESCRIBED)
+def test_lab_check_says_what_the_description_contradicts(
+    built: Path, tmp_path: Path, name: str
+) -> None:
+    file, old, new, said = DESCRIBED[name]
+    copy = tmp_path / "lab"
+    shutil.copytree(WAREHOUSE, copy)
+    (copy / "starter.yaml").unlink()  # a lab whose instructor holds the scene
+    text = (copy / file).read_text()
+    assert old in text
+    (copy / file).write_text(text.replace(old, new, 1))
+    shown = invoke("lab", "check", copy, "--from", built / file_of(7))
+    assert shown.exit_code == 1
+    assert [line for line in shown.output.splitlines() if line.startswith(said)], shown.output

@@ -248,6 +248,11 @@ class Lab(Struct, frozen=True, eq=False):
         """The ids of the checkpoints, by the keys that the files of the lab refer to."""
         return {checkpoint.key: name for name, checkpoint in self.checkpoints.items()}
 
+    def key_of(self, checkpoint: str) -> str:
+        """Return how the files of the lab refer to a checkpoint."""
+        known = self.checkpoints.get(checkpoint)
+        return checkpoint if known is None else known.key or checkpoint
+
     def until(self, checkpoint: str) -> tuple[str, ...]:
         """Name the checkpoints up to one of them."""
         order = list(self.checkpoints)

@@ -211,6 +211,7 @@ def frame_faults(lab: Lab) -> Iterator[LabFault]:
         return
     given = list(graph_frames(lab))
     yield from _double_parents(lab)
+    yield from _misplaced_localization(lab)
     yield from _unpublished(lab, given)
     tree = _tree(lab)
     for file, key, frame in (*_graph_references(lab, given), *_references(lab)):
@@ -239,6 +240,24 @@ def _double_parents(lab: Lab) -> Iterator[LabFault]:
         message = "is required and forbidden"
         key = f"{TREE}: {forbidden[0]} -> {forbidden[1]}"
         yield LabFault(CHECKPOINTS, key, message, f"{CHECKPOINTS}: frames: forbidden")
+
+
+def _misplaced_localization(lab: Lab) -> Iterator[LabFault]:
+    """Yield that localization places a frame that is not there, or has a parent already."""
+    localization = lab.frames.localization
+    if localization is None or not lab.frames.edges:
+        return
+    (above, root), key = localization.edge, "frames: localization: edge"
+    parents = {child: parent for parent, child in lab.frames.edges}
+    frames = [frame for edge in lab.frames.edges for frame in edge]
+    if root not in frames:
+        meant = nearest(root, frames)
+        message = f"'{root}' is not a frame of the tree" + (f", '{meant}' is" if meant else "")
+        yield LabFault(CHECKPOINTS, key, message, f"{CHECKPOINTS}: {TREE}")
+    elif parents.get(root, above) != above:
+        parent = parents[root]
+        message = f"'{root}' has another parent, '{parent}'"
+        yield LabFault(CHECKPOINTS, key, message, f"{CHECKPOINTS}: {TREE}: {parent} -> {root}")
 
 
 def _unpublished(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:
@@ -329,7 +348,19 @@ def _about_topic(lab: Lab, topic: TopicSpec, given: list[GraphTopic]) -> Iterato
         if graph_topic.type is not None and graph_topic.type != topic.type:
             message = f"'type' is {topic.type}, but the graph's messages are {graph_topic.type}"
             yield LabFault(ROS, key, message, graph_topic.place)
+    yield from _other_frames(topic, same)
     yield from _too_early(lab, topic, same)
+
+
+def _other_frames(topic: TopicSpec, same: list[GraphTopic]) -> Iterator[LabFault]:
+    """Yield the frames of messages that no graph writes, where the specs say which ones they do."""
+    for number, field in enumerate(FRAME_FIELDS):
+        said = (topic.fields or {}).get(field, "")
+        named = {end.frames[number]: end.place for end in same if len(end.frames) > number}
+        if said and named and "" not in named and said not in named:
+            frame, place = next(iter(named.items()))
+            message = f"'{said}' is not the frame of the graph, '{frame}' is"
+            yield LabFault(ROS, f"topics: {topic.name}: fields: {field}", message, place)
 
 
 def _too_early(lab: Lab, topic: TopicSpec, same: list[GraphTopic]) -> Iterator[LabFault]:
@@ -346,7 +377,8 @@ def _too_early(lab: Lab, topic: TopicSpec, same: list[GraphTopic]) -> Iterator[L
     since = topic.since if topic.since != FROM_THE_FIRST else lab.first
     if first is None or since not in lab.checkpoints or not lab.is_after(first[0], since):
         return
-    message = f"'from' is {since}, but the graph comes with checkpoint {first[0]}"
+    asked, comes = map(lab.key_of, (since, first[0]))
+    message = f"'from' is {asked}, but the graph comes with checkpoint {comes}"
     yield LabFault(ROS, f"topics: {topic.name}", message, first[1].place)
 
 
@@ -370,7 +402,9 @@ def _navigation(
     }
     for key, (name, is_subscribed) in wanted.items():
         ends = {topic.name: topic for topic in given if topic.is_subscribed == is_subscribed}
-        if name not in ends:
+        topic = lab.ros.topics.get(name)
+        is_elsewhere = topic is not None and topic.source is not None and not topic.subscribed
+        if name not in ends and not is_elsewhere:
             does = "subscribes to" if is_subscribed else "publishes"
             message = f"no node of a graph {does} '{name}'"
             meant = nearest(name, ends)
@@ -379,6 +413,28 @@ def _navigation(
     if navigation.map_topic not in lab.ros.topics:
         message = f"'{navigation.map_topic}' is not a topic"
         yield LabFault(ROS, "navigation: map_topic", message, f"{ROS}: topics")
+
+
+_DOMAIN, _BY_ENVIRONMENT = f"{INPUT}domain_id", f"{INPUT}useDomainIDEnvVar"
+
+
+def domain_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield domains of graphs that are not one, and a domain of the system that none of them is."""
+    places: dict[object, str] = {}
+    for graph in lab.graphs.values():
+        for node in graph.nodes.values():
+            if _DOMAIN in node.type.ports and value_of(node, _BY_ENVIRONMENT) is False:
+                domain = value_of(node, _DOMAIN)
+                places.setdefault(domain, f"{file_of(graph)}: {node.role}: domain_id")
+    system = lab.ros.system.domain
+    (first, place), *others = [*places.items()] or [(system, "")]
+    for second, other in others:
+        file, _, key = other.partition(": ")
+        message = f"the domain is {second}, in another graph {first}: nobody hears both"
+        yield LabFault(file, key, message, place, "warning")
+    if places and system not in places:
+        message = f"{system} is the domain of no graph, {first} is"
+        yield LabFault(ROS, "system: domain", message, place)
 
 
 def _commands(lab: Lab) -> Iterator[LabFault]:

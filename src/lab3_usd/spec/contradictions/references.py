@@ -12,6 +12,7 @@ from lab3_usd.data import program
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.contradictions.names import (
     LabFault,
+    domain_faults,
     file_of,
     frame_faults,
     misspelled,
@@ -31,7 +32,7 @@ _GOALS = "goals"  # saved output that is read from a topic and from a log
 
 def checkpoint_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield each reference to a checkpoint that the lab does not have."""
-    known = ", ".join(lab.checkpoints)
+    known = ", ".join(lab.ids)
     for file, key, checkpoint in _references(lab):
         if checkpoint not in lab.checkpoints:
             message = f"there is no checkpoint '{checkpoint}'"
@@ -122,14 +123,14 @@ def rubric_faults(lab: Lab) -> Iterator[LabFault]:
         asked.add(checkpoint)
         if checkpoint and checkpoint not in lab.checkpoints:
             message = f"there is no checkpoint '{checkpoint}'"
-            other = f"{CHECKPOINTS} has {', '.join(lab.checkpoints)}"
+            other = f"{CHECKPOINTS} has {', '.join(lab.ids)}"
             yield LabFault(RUBRIC, f"items: {name}: checkpoint", message, other)
         title = str(item.get("title", ""))
         yield from misspelled(lab, title, RUBRIC, f"items: {name}: title")
     for checkpoint in lab.checkpoints:
         if checkpoint not in asked:
             message = "no item of the rubric gives points for it"
-            key = f"checkpoints: '{checkpoint}'"
+            key = f"checkpoints: '{lab.key_of(checkpoint)}'"
             yield LabFault(CHECKPOINTS, key, message, f"{RUBRIC}: items", "warning")
 
 
@@ -246,6 +247,7 @@ def lab_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFault
     yield from checklist_faults(lab)
     yield from frame_faults(lab)
     yield from topic_faults(lab)
+    yield from domain_faults(lab)
     yield from rubric_faults(lab)
     yield from section_faults(lab)
     yield from scene_faults(lab, stages)

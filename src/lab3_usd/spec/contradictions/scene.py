@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from msgspec import Struct
@@ -10,6 +10,7 @@ from msgspec import Struct
 from lab3_usd.data import data_folder
 from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest
 from lab3_usd.spec.lab import SCENE, STARTER, Lab
+from lab3_usd.spec.scene import is_within
 from lab3_usd.yaml_file import read_yaml
 
 
@@ -40,7 +41,38 @@ def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFau
                 key = f"{robot.key}: wheels: joints: {joint}"
                 yield LabFault(SCENE, key, message, f"{SCENE}: {robot.key}: links")
     yield from _sensor_faults(lab)
-    yield from _target_faults(lab, (*_starter_scene(lab), *stages))
+    scenes = (*_starter_scene(lab), *stages)
+    yield from _target_faults(lab, scenes)
+    yield from _absent_parts(lab, scenes)
+
+
+def _absent_parts(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
+    """Yield robots, links, joints and places of sensors that are in no scene that is known."""
+    known = frozenset[str]().union(*(scene.prims for scene in scenes))
+    open_below = tuple(prefix for scene in scenes for prefix in scene.open_below)
+    where = ", ".join(scene.name for scene in scenes)
+    for key, path, is_there in _parts(lab, known) if scenes else ():
+        if not is_there and not f"{path}/".startswith(open_below):
+            meant = nearest(path, known)
+            hint = f", '{meant}' is" if meant else ""
+            yield LabFault(SCENE, key, f"'{path}' is no prim{hint}", where)
+
+
+def _parts(lab: Lab, known: Collection[str]) -> Iterator[tuple[str, str, bool]]:
+    """Yield key and path of what the scene is to hold, and whether it does."""
+    for robot in lab.scene.robots:
+        yield f"{robot.key}: path", robot.path, robot.path in known
+        for name, path in zip(robot.links, robot.link_paths, strict=True):
+            yield f"{robot.key}: links: {name}", path, path in known or robot.path not in known
+        for name in robot.wheels.joints:
+            ends = (path for path in known if path.endswith(f"/{name}"))
+            is_there = any(is_within(path, robot.path) for path in ends)
+            key = f"{robot.key}: wheels: joints: {name}"
+            yield key, robot.joint_path(name), is_there or robot.path not in known
+    made = {sensor.path for sensor in lab.sensors.values()}
+    for name, sensor in lab.sensors.items():
+        parent = sensor.path.rpartition("/")[0]
+        yield f"sensors: {name}: path", parent, parent in known or parent in made
 
 
 def _sensor_faults(lab: Lab) -> Iterator[LabFault]:

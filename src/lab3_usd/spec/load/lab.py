@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from string import Formatter
 from typing import Any
 
 from msgspec import UNSET, Struct, UnsetType
@@ -64,6 +65,9 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
     folder = folder if folder is not None else lab_folder()
     content = record(read_yaml(folder / ROS), RosFile, ROS)
     kinds = records(_evidence(content), ros.EvidenceKind, f"{ROS}: evidence")
+    for name, kind in kinds.items():
+        for key, text, known in (("run", kind.run, ("of", "to")), ("file", kind.file, ("name",))):
+            _refuse_placeholders(text, known, f"{ROS}: evidence: {name}: {key}")
     return ros.RosSpec(
         system=content.system,
         topics=records(content.topics, ros.TopicSpec, f"{ROS}: topics"),
@@ -78,6 +82,18 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
         ),
         navigation=content.navigation,
     )
+
+
+def _refuse_placeholders(text: str, known: tuple[str, ...], where: str) -> None:
+    """Refuse what is written like a placeholder and is none."""
+    try:
+        found = [name for _, name, _, _ in Formatter().parse(text) if name is not None]
+    except ValueError as error:
+        raise SpecError(f"{where}: {error}") from error
+    for name in found:
+        if name not in known:
+            listed = ", ".join(f"{{{each}}}" for each in known)
+            raise SpecError(f"{where}: '{{{name}}}' is no placeholder; known are {listed}")
 
 
 def _evidence(content: RosFile) -> _ByName:
