@@ -295,7 +295,7 @@ def test_a_node_with_a_warning_is_no_extra_node(linted: dict[str, str]) -> None:
 def test_a_tree_that_nothing_connects_is_marked(linted: dict[str, str]) -> None:
     picture = linted["carter-TF"]
     assert "3 transforms, 1 in another tree" in picture
-    assert "not connected with chassis_link" in picture
+    assert "not connected to chassis_link" in picture
 
 
 def test_a_picture_shrinks_to_the_window(linted: dict[str, str]) -> None:

@@ -220,7 +220,8 @@ def rule(  # noqa: PLR0913 - decorators name them
 
 def own_rules() -> dict[str, Rule]:
     """Return the rules of one's own, in order of id."""
-    return {name: known for name, known in sorted(_RULES.items()) if known.scope == "own"}
+    names = sorted(name for name, known in _RULES.items() if known.scope == "own")
+    return {name: _RULES[name] for name in names}
 
 
 def added_by(known: Rule) -> None:

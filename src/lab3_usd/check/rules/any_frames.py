@@ -228,7 +228,7 @@ def disconnected_frames(subject: TransformsSubject) -> Iterator[Problem]:
                 joins = _joining_frame(loose, heard.tree, subject)
                 yield Problem(
                     loose[0].cause,
-                    f"publishes {names}, which is not connected with '{tops[0]}'",
+                    f"publishes {names}, which is not connected to '{tops[0]}'",
                     actual=names,
                     hint=_JOINS.format(joins[0].prim, joins[0].value) if joins else None,
                     fix=joins,

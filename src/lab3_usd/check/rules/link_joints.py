@@ -126,7 +126,7 @@ def joined(robot: RobotSpec, link: str) -> str:
 
 @rule("S12", "loose-link", scope="robot", demands=joined_links)
 def loose_link(subject: RobotSubject) -> Iterator[Problem]:
-    """A link is tied to no other link, or can move; or nothing holds a robot that is to stand.
+    """A link is tied to no other link, or can move; or a fixed robot is not fixed to the world.
 
     Why: the robot separates at Play: the link stays behind or falls. {wheels?}Other rules check the
     wheels.{/} If several links come off together, the finding names the first. The body of the

@@ -317,7 +317,7 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
             if not any(math.isclose(value * size, measured, rel_tol=_CLOSE) for size in units):
                 yield Problem(
                     controller.path,
-                    f"{port} is {value:g}, the wheels have {measured:.4g} m{unit_text}",
+                    f"{port} is {value:g}, the wheels measure {measured:.4g} m{unit_text}",
                     property=port,
                     expected=f"{measured / units[0]:.4g}",
                     actual=f"{value:g}",

@@ -212,7 +212,7 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
     for node in subject.roles.extra:
         yield Problem(
             node.path,
-            f"{node_title(node)} is not asked for in {subject.spec.name}",
+            f"{node_title(node)} is not part of {subject.spec.name}",
             actual=node.saved_type,
             handout=subject.spec.handout,
             fix=(RemovePrim(node.path),),

@@ -122,7 +122,7 @@ def link_mass(subject: RobotSubject) -> Iterator[Problem]:
 
 @rule("S05", "rigid-body", scope="robot", demands=link_bodies)
 def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
-    """A link is no movable rigid body, or the root is one.
+    """A link is not a dynamic rigid body, or the root is one.
 
     Why: a prim that is not a rigid body has no mass and no joints. {wheels?}The wheel does not
     turn, or the{else}The{/} robot falls apart or hangs in the air. A Scope, or a prim without a

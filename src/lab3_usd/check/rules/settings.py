@@ -351,7 +351,7 @@ def stamp_reset(subject: StageSubject) -> Iterator[Problem]:
     if found and any(_with_value(subject, (reset.agree,), value=False)):
         (prim, port), others = found[0], found[1:]
         related = tuple(f"{path}.{name}" for path, name in others)
-        message = f"{port} is True: stamps restart on Stop, while the clock goes on"
+        message = f"{port} is True: time stamps restart at Stop, but the clock does not"
         yield Problem(prim, message, port, "False", "True", related=related)
 
 

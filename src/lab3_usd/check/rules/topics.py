@@ -83,7 +83,7 @@ def second_subscriber(subject: StageSubject) -> Iterator[Problem]:
         if endpoint.runs and heard in taken and path.rpartition("/")[0] not in lab_graphs:
             yield Problem(
                 path,
-                f"takes {endpoint.topic}, as a node of the lab does",
+                f"also subscribes to {endpoint.topic}, which a node of the lab does",
                 property=endpoint.port,
                 actual=endpoint.topic,
                 related=(taken[heard],),

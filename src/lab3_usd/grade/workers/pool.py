@@ -250,7 +250,7 @@ class _Interrupt:
 
     @contextmanager
     def put_off(self) -> Iterator[None]:
-        """Raise at the end of this part what comes during it."""
+        """Raise pending errors on exit."""
         self._is_put_off = True
         try:
             yield

@@ -213,7 +213,7 @@ def _box(
     `apart` is the frame with which nothing connects it, where it is the top of a further tree.
     """
     if apart:
-        subtitle = f"not connected with {clip_end(apart, MOST_TITLE)}"
+        subtitle = f"not connected to {clip_end(apart, MOST_TITLE)}"
         title = clip_end(name, MOST_TITLE)
         return sized(Box(name, title, subtitle, family="frame", state="warned", note=subtitle))
     unknown = next((branch.unknown for branch in edges_into if branch.unknown), "")
