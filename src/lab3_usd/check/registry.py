@@ -93,6 +93,7 @@ MODULES = {
         "any_frames",
         "any_topics",
         "lint_running",
+        "lint_pace",
         "lint_clocks",
         "lint_wires",
         "lint_types",

@@ -85,8 +85,11 @@ def states_without(
         # Isaac Sim should load no graph of an instance.
         is_certain = is_usual and not graph.instanced
         states.update(dict.fromkeys(nodes, "runs" if is_certain else "may run"))
-    for followers in _followers(computing, platform):
-        passing = {path: some for path, some in followers.items() if path not in stuck}
+    lasting, once = _followers(computing, platform)
+    # A single signal never opens a gate that counts to more.
+    counting = {path for path, node in computing.items() if gate_step(node, live, platform) > 1}
+    for followers, held in ((lasting, {*stuck}), (once, {*stuck, *counting})):
+        passing = {path: some for path, some in followers.items() if path not in held}
         for state in _SUREST_FIRST:
             _spread(state, states, passing, live, platform)
     return {path: states[path] for path in computing if path in states}
@@ -272,6 +275,13 @@ def shut_gate(node: Node, live: Nodes, platform: Platform) -> str | None:
     gate = platform.gates.get(node.type_name)
     is_shut = gate is not None and effective_value(node, INPUT + gate, live) == 0
     return f"{INPUT}{gate}" if is_shut else None
+
+
+def gate_step(node: Node, live: Nodes, platform: Platform) -> int:
+    """Return how many signals a gate takes for each that it passes on; 1 for another node."""
+    gate = platform.gates.get(node.type_name)
+    step = None if gate is None else effective_value(node, INPUT + gate, live)
+    return step if isinstance(step, int) and not isinstance(step, bool) else 1
 
 
 def live_sources(node: Node, port: str, live: Nodes) -> Iterator[tuple[Node, str]]:

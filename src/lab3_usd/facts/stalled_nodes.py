@@ -10,6 +10,7 @@ from lab3_usd.facts.execution_order import (
     Nodes,
     effective_value,
     event_of,
+    gate_step,
     is_opened_first,
     is_switched_on,
     live_nodes,
@@ -172,7 +173,8 @@ class Stop(Struct, frozen=True, eq=False):
 
     `reason` is one of unwired (nothing is wired into `port`), broken (only what does not exist),
     once (its only signal comes a single time), off (what signals it is switched off), shut (it
-    waits behind a gate that lets nothing through).
+    waits behind a gate that lets nothing through), counts (behind a gate that counts to more than
+    the one signal that comes).
     """
 
     node: Node
@@ -220,6 +222,8 @@ def _obstacle(node: Node, stage: StageModel, platform: Platform) -> tuple[str, s
                 return "off", source.path
             if shut_gate(source, live, platform):
                 return "shut", source.path
+            if gate_step(source, live, platform) > 1:
+                return "counts", source.path
             if is_opened_first(node) and signals_once(source, out, live, platform):
                 return "once", source.path
     if is_opened_first(node):  # what runs and signals it, runs once itself

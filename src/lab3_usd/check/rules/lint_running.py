@@ -40,6 +40,7 @@ from lab3_usd.model.stage import OVER, Node
 _REASONS = {
     "unwired": "{port} is not connected",
     "once": "its only signal comes once, from {cause}, and only opens its topic",
+    "counts": "{cause} counts to more signals than the single one that comes",
     "off": "{cause}, which triggers it, is switched off",
 }
 
