@@ -40,7 +40,9 @@ class SensorOf(Struct, frozen=True, forbid_unknown_fields=True):
     which it did. `needs` is a schema that a prim of the types must carry, '' where it needs none.
     `turned` tells whether messages and frames have the axes of REP 103 for cameras: the prim's own,
     turned half around X. `in_frame` are attributes of the sensor, each with the value with which
-    points are in its own frame.
+    points are in its own frame. Where two are read together whose values of one of the attributes
+    `equal` differ (each with its default), Isaac Sim crashes in the releases `equal_in`, the first
+    and the last.
     """
 
     types: tuple[str, ...]
@@ -49,6 +51,8 @@ class SensorOf(Struct, frozen=True, forbid_unknown_fields=True):
     needs: str = ""
     turned: bool = False
     in_frame: Mapping[str, str] = {}
+    equal: Mapping[str, float] = {}
+    equal_in: tuple[str, str] = ("", "")
 
     def schemas_in(self, release: str) -> set[str]:
         """Return the schemas that make a prim such a sensor in a release."""
