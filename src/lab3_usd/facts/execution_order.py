@@ -88,8 +88,9 @@ def states_without(
     lasting, once = _followers(computing, platform)
     # A single signal never opens a gate that counts to more.
     counting = {path for path, node in computing.items() if gate_step(node, live, platform) > 1}
-    for followers, held in ((lasting, {*stuck}), (once, {*stuck, *counting})):
-        passing = {path: some for path, some in followers.items() if path not in held}
+    once = {path: some for path, some in once.items() if path not in counting}
+    for followers in (lasting, once):
+        passing = {path: some for path, some in followers.items() if path not in stuck}
         for state in _SUREST_FIRST:
             _spread(state, states, passing, live, platform)
     return {path: states[path] for path in computing if path in states}

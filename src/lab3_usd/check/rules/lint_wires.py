@@ -136,7 +136,7 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
         for port, quantities in _quantities(node, subject).items():
             given = quantity_of(node, port, subject.stage, subject.platform)
             if given is not None and given.name not in quantities:
-                is_still = (port == STAMP and given.name in _NO_TIMES) or (
+                is_still = (given.name == _STEP and port == STAMP) or (
                     given.name in _SPEEDS and _moves_nothing(node, port, subject)
                 )
                 yield Problem(
@@ -151,7 +151,7 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
                 )
 
 
-_TIME, _NO_TIMES = "the time", ("a time step", "a frame number")
+_TIME, _STEP = "the time", "a time step"
 _SPEEDS = ("speeds of wheels", "speeds of joints")
 
 
