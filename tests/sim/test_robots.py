@@ -50,9 +50,7 @@ def test_each_robot_is_in_the_table() -> None:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_lint_accuses_no_right_robot(name: str) -> None:
-    assert said_by(KINDS[name](), "error") == []
-    warnings = {line.split()[0] for line in said_by(KINDS[name](), "warning")}
-    assert warnings == set(ROBOTS[name].get("warnings", ()))
+    assert said_by(KINDS[name](), "error", "warning") == []
 
 
 @pytest.mark.parametrize("name", ROBOTS)

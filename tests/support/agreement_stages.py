@@ -11,11 +11,11 @@ import quick_yaml
 from agreement import Contradiction, NoAnswerError, answers, answers_of, contradictions
 from breaking import broken, correct_stage, the_lab
 from fault_stages import STAGES
-from foreign_robots import ROBOTS
 from linting import broken_robot
 from menu_graphs import MENUS, with_menus
 from places import REPOSITORY, SHARED, TESTS
 from pxr import Usd
+from robot_kinds import KINDS
 from two_judges import all_faults
 
 CHECKPOINT = "05"
@@ -112,8 +112,11 @@ def _of_rules() -> Iterator[Subject]:
 
 
 def _of_others() -> Iterator[Subject]:
-    for name, make in ROBOTS.items():
+    for name, make in KINDS.items():
         yield Subject(f"robot: {name}", make)
+    for name, seed in _table("robot_faults").items():
+        make = partial(broken_robot, seed["robot"], seed["break"])
+        yield Subject(f"fault: {name}", make)
     for name in MENUS:
         yield Subject(f"menu: {name}", partial(with_menus, name))
     for name, case in _table("lint_legal").items():
