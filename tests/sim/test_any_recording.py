@@ -64,6 +64,23 @@ def test_a_car_and_an_arm_are_held_against_their_commands(folder: Path) -> None:
     assert {*car.values(), *arm.values()} == {"ok"}
 
 
+def test_its_page_shows_motion_commands_and_wheels(folder: Path, tmp_path: Path) -> None:
+    page = tmp_path / "run.html"
+    judged(folder / "rover", "--page", page)
+    shown = page.read_text(encoding="utf-8")
+    assert "This is a recording of the running system." in shown
+    assert 'class="path wheel1"' in shown
+    assert '<li class="command">command</li>' in shown
+    assert "dry run" not in shown.partition("<script>")[0].partition("<main>")[2].replace(
+        "a dry run makes no images", ""
+    )
+
+
+def test_a_page_is_not_written_over_a_stage(folder: Path) -> None:
+    with pytest.raises(UsageError, match="ending of a stage"):
+        judged(folder / "rover", "--page", folder / "rover.usda")
+
+
 def backward(said: Any) -> None:
     said.pose.pose.position.x *= -1
     said.twist.twist.linear.x *= -1

@@ -106,7 +106,7 @@ def checks_of(plain: Path, tmp_path_factory: pytest.TempPathFactory) -> Verdicts
     @cache
     def checks(kind: FaultKind) -> tuple[Check, ...]:
         run = rewritten(plain, folder / kind, RECORDINGS[kind][0])
-        return tuple(judge_recording(run, the_lab(), "08", whole=True).checks)
+        return tuple(judge_recording(run, the_lab(), "08", whole=True).behaviour.checks)
 
     return checks
 

@@ -10,12 +10,13 @@ import pytest
 from breaking import broken, correct_stage, the_lab
 from browser import CONTRASTS, DESKTOP, PHONE, Browser
 from invoking import invoke
+from waiting import eventually
 
 from lab3_usd.errors import UsageError
 from lab3_usd.judge.stage import check_stage
-from lab3_usd.model.dry_run import Frame
+from lab3_usd.model.dry_run import Behaviour, Frame
 from lab3_usd.report.behaviour.maps import first_moment
-from lab3_usd.report.behaviour.page import render, tree_lines
+from lab3_usd.report.behaviour.page import heard_edges, render, tree_lines
 from lab3_usd.sim.dry_run import DryRun, dry_run
 
 BRIEF = "0.15,0,1"  # where it is of no importance how it drives
@@ -201,7 +202,11 @@ def test_the_axes_are_outside_of_the_room_and_in_metres(chromium: Browser, page:
 def test_a_legend_names_what_is_drawn(chromium: Browser, page: Path) -> None:
     chromium.open(page)
     keys = [key.text.split("\n") for key in chromium.all(".key")]
-    assert keys == [["wall", "path", "robot", "scan"], ["start", "path", "robot", "odometry"]]
+    assert keys == [
+        ["wall", "path", "robot", "scan"],
+        ["start", "path", "robot", "odometry"],
+        ["motion", "odometry", "command", "wheel_left_joint", "wheel_right_joint"],
+    ]
 
 
 def test_what_scrolls_is_reached_with_the_keyboard(chromium: Browser, page: Path) -> None:
@@ -216,9 +221,23 @@ def test_what_scrolls_is_reached_with_the_keyboard(chromium: Browser, page: Path
 
 
 def test_a_ring_of_frames_ends() -> None:
-    ring = [Frame("a", "b", static=False), Frame("b", "a", static=False)]
-    assert list(tree_lines(ring)) == ["a", "└── b", "    └── a (again)"]
-    assert list(tree_lines([Frame("odom", "base", static=True)])) == ["odom", "└── base (static)"]
+    assert shown_tree(("a", "b"), ("b", "a")) == [
+        ("a", False),
+        ("└── b  ! part of a cycle", True),
+        ("    └── a  ! part of a cycle", True),
+    ]
+    assert shown_tree(("odom", "base")) == [("odom", False), ("└── base  (static)", False)]
+
+
+def test_a_tree_that_nothing_connects_is_marked() -> None:
+    *_, last = shown_tree(("odom", "base"), ("world", "camera"))
+    assert last == ("! 2 roots, where there must be one: odom, world", True)
+
+
+def shown_tree(*pairs: tuple[str, str]) -> list[tuple[str, bool]]:
+    frames = tuple(Frame(*pair, static=len(pairs) == 1) for pair in pairs)
+    behaviour = Behaviour("robot.usd", "", 1.0, "ok", frames=frames)
+    return tree_lines([*heard_edges(behaviour, None)])
 
 
 def test_it_loads_without_a_complaint_and_asks_for_nothing(chromium: Browser, page: Path) -> None:
@@ -242,6 +261,42 @@ def test_the_slider_moves_the_robot_and_the_scan(chromium: Browser, page: Path) 
     chromium.run("arguments[0].value = 3; arguments[0].dispatchEvent(new Event('input'))", slider)
     assert shown() == {"3"}
     assert re.match(r"\d\.\d s, \w+", chromium.run("return document.querySelector('output').value"))
+
+
+def test_play_moves_the_slider_to_the_end_and_begins_anew(chromium: Browser, page: Path) -> None:
+    chromium.open(page)
+    button, slider = chromium.one(".time button"), chromium.one("#moment")
+    last = slider.get_attribute("max")
+    chromium.run("arguments[0].value = arguments[0].max - 1", slider)
+    button.click()
+    assert button.text == "Pause"
+    assert eventually(lambda: slider.get_attribute("value") == last and button.text == "Play")
+    assert chromium.run("return document.querySelector('.now').getAttribute('transform')")
+    button.click()
+    assert int(slider.get_attribute("value")) < int(last)
+
+
+def test_a_drawing_of_the_drive_can_be_made_larger(chromium: Browser, page: Path) -> None:
+    chromium.open(page)
+
+    def wide() -> float:
+        return float(chromium.run("return document.querySelector('.room').clientWidth"))
+
+    before = wide()
+    chromium.one("figure .zoom button[aria-label^='Zoom in: The room']").click()
+    assert wide() == pytest.approx(1.25 * before, rel=0.02)
+    chromium.one("figure .zoom button[aria-label^='Zoom out: The room']").click()
+    assert wide() == pytest.approx(before, rel=0.02)
+
+
+def test_speeds_stand_below_the_place(right: DryRun) -> None:
+    assert right.replay is not None
+    speeds = right.replay.speeds
+    assert right.replay.wheels == ("wheel_left_joint", "wheel_right_joint")
+    ahead = next(each for each in speeds if each.commanded and each.commanded[0] > 0)
+    later = speeds[speeds.index(ahead) + 5]
+    assert later.driven[0] == pytest.approx(0.033 / 0.025 * 0.15, rel=0.01)
+    assert later.wheels == pytest.approx((0.15 / 0.025,) * 2, rel=0.01)
 
 
 def test_the_main_picture_needs_no_script(chromium: Browser, page: Path) -> None:

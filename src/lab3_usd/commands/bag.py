@@ -36,8 +36,14 @@ EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
 )
 @text_or_json
 @color_option
+@click.option("--page", type=click.Path(path_type=Path), help="Write an HTML page to this file.")
 def command(
-    recording: Path, checkpoint: str | None, stage: Path | None, maps: Path | None, form: str
+    recording: Path,
+    checkpoint: str | None,
+    stage: Path | None,
+    maps: Path | None,
+    form: str,
+    page: Path | None,
 ) -> None:
     """Judge a recording of the running system by the checks of `lab3 sim`.
 
@@ -51,6 +57,7 @@ def command(
     # The specs are slow to import, and `lab3 --help` does not need them.
     from lab3_usd.commands.shared.options import (
         checkpoint_number,
+        refuse_page,
         wants_color,
         width,
     )
@@ -64,6 +71,7 @@ def command(
     from lab3_usd.sim.bag.any_recording import judge_any_recording
     from lab3_usd.sim.bag.judge import differences, judge_recording
 
+    refuse_page(page)
     lab = load_lab()
     names = [recording.name, stage.name if stage is not None else ""]
     number = next(filter(None, (checkpoint_of(name, lab) for name in names)), "")
@@ -79,14 +87,21 @@ def command(
         if dry.verdict == "unreadable":
             raise UsageError(f"--stage {stage}: {dry.not_simulated[0].reason}")
     if number:
-        behaviour = judge_recording(recording, lab, number, whole=checkpoint is not None, maps=maps)
+        run = judge_recording(recording, lab, number, whole=checkpoint is not None, maps=maps)
     else:
         commanded = {robot.topic for robot in dry.robots} if dry is not None else ()
-        behaviour = judge_any_recording(recording, lab.platform, commanded)
+        run = judge_any_recording(recording, lab.platform, commanded)
+    behaviour = run.behaviour
     if dry is not None and behaviour.verdict != "unreadable":
         from msgspec.structs import replace
 
         behaviour = replace(behaviour, differences=differences(behaviour, dry))
+    if page is not None:
+        from lab3_usd.files import write_whole
+        from lab3_usd.report.behaviour.page import render
+
+        html = render(behaviour, run.replay, lab)
+        write_whole(page, html.encode("utf-8", "replace"), force=True)
     if form == "json":
         click.echo(text.render_json(behaviour), nl=False)
     else:

@@ -17,6 +17,7 @@ from lab3_usd.commands.shared.options import (
     assets_option,
     color_option,
     complete_checkpoints,
+    refuse_page,
     text_or_json,
     use_config,
 )
@@ -124,12 +125,9 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
     Raises:
         UsageError: the page has the ending of a stage, the bag is there, or the extra is not.
     """
-    from lab3_usd.judge.results import STAGE_ENDINGS
-
+    refuse_page(page)
     message = ""
-    if page is not None and page.suffix.lower() in STAGE_ENDINGS:
-        message = f"--page {page}: has the ending of a stage; name an .html file"
-    elif bag is not None and bag.exists():
+    if bag is not None and bag.exists():
         message = f"--bag {bag}: exists already; name a new folder"
     elif bag is not None and find_spec("rosbags") is None:
         message = f"--bag needs the extra sim: {install_command('sim')}"

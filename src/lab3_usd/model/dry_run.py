@@ -365,11 +365,41 @@ class Moment(Struct, frozen=True):
     points: tuple[tuple[float, float], ...] = ()
 
 
+class Speeds(Struct, frozen=True):
+    """How fast the robot was commanded to go and went, metres and radians a second (turning left).
+
+    `wheels` are the speeds of its wheels, radians a second; None was commanded before the first
+    command.
+    """
+
+    seconds: float
+    driven: tuple[float, float]
+    commanded: tuple[float, float] | None = None
+    wheels: tuple[float, ...] = ()
+
+
+class HeardFrame(Struct, frozen=True):
+    """A transform, who sends it (a node, '' where that is unknown), and who hears it."""
+
+    parent: str
+    child: str
+    static: bool
+    publisher: str = ""
+    topic: str = ""
+    domain: int = 0
+
+
 class Replay(Struct, frozen=True):
-    """The data of the drawings of a run: the room, the robot, how often nodes computed, the map."""
+    """The data of the drawings of a run: the room, the robot, how often nodes computed, the map.
+
+    `wheels` are the names of the joints whose speeds are in `speeds`.
+    """
 
     walls: tuple[Segment, ...]
     radius: float
     moments: tuple[Moment, ...]
     computed: dict[str, int]
     fit: MapFit | None = None
+    speeds: tuple[Speeds, ...] = ()
+    wheels: tuple[str, ...] = ()
+    frames: tuple[HeardFrame, ...] = ()

@@ -14,7 +14,7 @@ from lab3_usd.facts.frames import Edge, HeardTree, trees_of
 from lab3_usd.facts.tree import FrameFault, Tree, frame_faults
 from lab3_usd.report.safe_text import dot_string, printable, truncated_values
 
-_MARK = "  ! "
+FAULT = "  ! "  # before what is wrong with a frame
 
 
 class TreeReport(Struct, frozen=True):
@@ -100,7 +100,7 @@ def _branches(
         line += "  (static)" if edge.static else ""
         line += "" if edge.sure else "  (perhaps)"
         how = report.how(edge.publisher, edge.topic) if verbose else ""
-        ending = "".join(_MARK + printable(mark) for mark in marks.get(edge.child, ()))
+        ending = "".join(FAULT + printable(mark) for mark in marks.get(edge.child, ()))
         if len(line + how + ending) <= width:
             yield line + how + ending
         else:

@@ -15,30 +15,26 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import (
     FOLLOWS,
     HERE,
-    Affine,
     Behaviour,
     Check,
     Driven,
     Frame,
     Leg,
-    Moment,
-    Place,
     Replay,
     Scene,
     Topic,
     Unknown,
-    heading,
-    rotation,
 )
 from lab3_usd.sim.any_stage import Played, commanded_joints, domain_of, play_any
 from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
-from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Scan
+from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.judge.checks import OF_STAGE, judge, whole_verdict
-from lab3_usd.sim.judge.expectations import Expected, Stretch, Trial, displacement, in_root
+from lab3_usd.sim.judge.expectations import Expected, Stretch, Trial, displacement
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.motion import leg_fault
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.judge.topics import expected_at, expected_of_each
+from lab3_usd.sim.replay import replay
 from lab3_usd.sim.robots import Robot, expected_of, labels
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
@@ -274,10 +270,6 @@ def _remarks(trial: Trial, checks: Sequence[Check]) -> Iterator[str]:
         yield "apparent faults may come from parts that are not simulated, and are not counted"
 
 
-_MOMENTS = 48
-_RAYS = 180  # drawn of a scan, as it may have thousands
-
-
 class DryRun(Struct, frozen=True):
     """The results of a dry run, its scene, and its trial, None for an unreadable stage.
 
@@ -396,62 +388,3 @@ def _lay_on_map(trial: Trial, path: Path, maps: Path | None, lab: Lab) -> None:
         trial.map_fault = str(error)
     trial.located = ([(0.0, trial.start)], [(0.0, HERE)])
     trial.fit = fit(trial)
-
-
-def replay(trial: Trial) -> Replay:
-    """Return the data of the drawings."""
-    poses = [pose for pose in trial.recording.path if not pose.session]
-    every = max(1, math.ceil(len(poses) / _MOMENTS))
-    chosen = [*poses[every - 1 : -1 : every], *poses[-1:]]
-    odometry = _last_before(trial.recording.topic(trial.wanted.odometry, 0), chosen)
-    scans = _last_before(trial.recording.topic(trial.wanted.scan, 0), chosen)
-    moments = (
-        Moment(
-            round(pose.at, 3),
-            pose.leg,
-            (pose.x, pose.y, pose.heading),
-            _odometry_place(message, trial.start),
-            _points(trial, seen),
-        )
-        for pose, message, seen in zip(chosen, odometry, scans, strict=True)
-    )
-    recording = trial.recording
-    return Replay(trial.room, trial.radius, tuple(moments), recording.fired, trial.fit)
-
-
-def _last_before(messages: Sequence[Message], poses: Sequence[Pose]) -> list[Message | None]:
-    """Return for each pose the last message that had come by then."""
-    latest: list[Message | None] = []
-    last, ahead = None, 0
-    for pose in poses:
-        while ahead < len(messages) and messages[ahead].at <= pose.at + 1e-9:
-            last, ahead = messages[ahead], ahead + 1
-        latest.append(last)
-    return latest
-
-
-def _odometry_place(message: Message | None, start: Affine) -> Place | None:
-    """Return where odometry has the robot, in the world."""
-    if message is None or not isinstance(message.data, Odometry):
-        return None
-    place = start.then(Affine(rotation(message.data.orientation), message.data.position))
-    return (place.origin[0], place.origin[1], heading(place))
-
-
-def _points(trial: Trial, message: Message | None) -> tuple[tuple[float, float], ...]:
-    """Return where the rays end that come back: where TF has the lidar, else where it is."""
-    if message is None or not isinstance(message.data, Scan):
-        return ()
-    scan = message.data
-    by_frames = in_root(trial, message)
-    place = trial.start.then(by_frames) if by_frames is not None else scan.place
-    if place is None:
-        return ()
-    points = []
-    for number in range(0, len(scan.ranges), max(1, len(scan.ranges) // _RAYS)):
-        length = scan.ranges[number]
-        if length > 0:
-            angle = scan.angle_min + number * scan.angle_increment
-            x, y, _ = place.point((length * math.cos(angle), length * math.sin(angle), 0.0))
-            points.append((x, y))
-    return tuple(points)

@@ -203,7 +203,15 @@ class Player:
         x, y, z = in_metres(place, world.scene.meters_per_unit).origin
         turned = heading(place)
         return Pose(
-            world.session, world.since_play, leg.name, x, y, turned, z, blocked=robot.blocked
+            world.session,
+            world.since_play,
+            leg.name,
+            x,
+            y,
+            turned,
+            z,
+            blocked=robot.blocked,
+            wheels=tuple(wheel.joint.velocity for wheel in robot.wheels if wheel.joint.holds),
         )
 
 
@@ -308,6 +316,8 @@ def record(
     if robot is not None and robot.is_given_ground:
         recording.remarks.append(f"no ground is below {robot.base}: a ground plane is supplied")
     room = _room(player, start)
+    if robot is not None:
+        recording.wheels = tuple(wheel.joint.name for wheel in robot.wheels if wheel.joint.holds)
     if robot is None:
         return Trial(recording, drive, wanted, level, walls, causes, room)
     return Trial(

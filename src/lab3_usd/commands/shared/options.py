@@ -418,3 +418,15 @@ def use_lab(folder: Path | None) -> None:
     context = click.get_current_context(silent=True)
     if context is not None:
         context.call_on_close(lambda: os.environ.pop(LAB_VARIABLE, None))
+
+
+def refuse_page(page: Path | None) -> None:
+    """Refuse to write a page over what may be a stage.
+
+    Raises:
+        UsageError: the page has the ending of a stage.
+    """
+    from lab3_usd.judge.results import STAGE_ENDINGS
+
+    if page is not None and page.suffix.lower() in STAGE_ENDINGS:
+        raise UsageError(f"--page {page}: has the ending of a stage; name an .html file")

@@ -1,4 +1,4 @@
-"""The drawings of a dry run: the room, a close-up of the path, the map, the motion over time."""
+"""The drawings of a run from above: the room, a close-up of the path, the map."""
 
 from __future__ import annotations
 
@@ -7,88 +7,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from operator import itemgetter
 
-from lab3_usd.model.dry_run import Behaviour, Moment, Place, Replay, Segment
+from lab3_usd.model.dry_run import Behaviour, Place, Replay, Segment
 from lab3_usd.model.occupancy import MapFit, OccupancyMap
 
-WIDTH, ROW, LEFT, RIGHT, TOP = 720.0, 96.0, 124.0, 16.0, 26.0
-_NAMES = (("x", "m"), ("y", "m"), ("heading", "degrees"))
-_DIGITS = (1, 1, 0)
-_LEAST = (0.1, 0.1, 10.0)  # of an axis
-_WIDE = 34.0  # that the name of a leg needs
-
-
-def chart_svg(moments: Sequence[Moment]) -> str:
-    """Return the drawing; what odometry reports are the dots on the lines of the motion."""
-    start = moments[0].robot
-    end = moments[-1].seconds or 1.0
-    parts = [_legs(moments, end)]
-    for number, (name, unit) in enumerate(_NAMES):
-        moved = [(moment.seconds, _value(moment.robot, start, number)) for moment in moments]
-        odometry = [
-            (moment.seconds, _value(moment.odometry, start, number))
-            for moment in moments
-            if moment.odometry is not None
-        ]
-        parts += _row(number, f"{name}, {unit}", moved, odometry, end)
-    tall = TOP + 3 * ROW + 8
-    has_odometry = any(moment.odometry is not None for moment in moments)
-    label = f"x, y and heading over time{'; odometry as dots' if has_odometry else ''}"
-    head = f'<svg class="chart" role="img" aria-label="{label}" viewBox="0 0 {WIDTH:g} {tall:g}">'
-    return f"{head}{''.join(parts)}</svg>"
-
-
-def _value(place: Place, start: Place, number: int) -> float:
-    moved = place[number] - start[number]
-    return math.degrees(math.remainder(moved, 2 * math.pi)) if number == 2 else moved  # noqa: PLR2004 - the heading
-
-
-def _row(
-    number: int,
-    name: str,
-    moved: Sequence[tuple[float, float]],
-    odometry: Sequence[tuple[float, float]],
-    end: float,
-) -> list[str]:
-    values = [value for _, value in (*moved, *odometry)]
-    low, high = min(values), max(values)
-    more = max(0.0, _LEAST[number] - (high - low)) / 2
-    low, high = low - more, high + more
-    bottom, tall = TOP + (number + 1) * ROW - 12, ROW - 24
-
-    def point(seconds: float, value: float) -> str:
-        x = LEFT + (WIDTH - LEFT - RIGHT) * seconds / end
-        return f"{x:.1f} {bottom - tall * (value - low) / (high - low):.1f}"
-
-    zero = point(0.0, 0.0)
-    return [
-        f'<path class="grid" d="M{zero}H{WIDTH - RIGHT:g}"/>',
-        f'<text x="4" y="{bottom - tall / 2 + 4:.1f}">{name}</text>',
-        _label(bottom + 4, low, number),
-        _label(bottom - tall + 4, high, number),
-        f'<path class="path" d="M{"L".join(point(*point_at) for point_at in moved)}"/>',
-        f'<path class="told" d="{"".join(f"M{point(*point_at)}h0" for point_at in odometry)}"/>',
-    ]
-
-
-def _label(y: float, value: float, number: int) -> str:
-    text = f"{round(value, _DIGITS[number]) + 0.0:.{_DIGITS[number]}f}"
-    return f'<text class="end" x="{LEFT - 6:g}" y="{y:.1f}">{text}</text>'
-
-
-def _legs(moments: Sequence[Moment], end: float) -> str:
-    """Return the names of the legs above, as far as there is room, and lines between them."""
-    parts, before = [], 0.0
-    scale = (WIDTH - LEFT - RIGHT) / end
-    for name, group in groupby(moments, key=lambda moment: moment.leg):
-        last = [*group][-1].seconds
-        x = LEFT + scale * before
-        parts.append(f'<path class="grid" d="M{x:.1f} {TOP - 6:g}V{TOP + 3 * ROW:g}"/>')
-        if scale * (last - before) >= _WIDE and name.isalpha():
-            parts.append(f'<text x="{x + 3:.1f}" y="16">{name}</text>')
-        before = last
-    return "".join(parts)
-
-
+FULL = 720.0  # pixels that a drawing is wide in full size
 _SCALE = 100.0  # units of the drawing in a metre
 _DOT = "h0"  # a line without length, which a round cap makes a dot
 
@@ -292,7 +214,8 @@ def _svg_element(
     left, bottom, wide, tall = box
     axis, edge = AXIS * max(wide, tall), AROUND * max(wide, tall)
     whole = _view(left - axis, bottom - axis, wide + axis + edge, tall + axis + edge)
-    head = f'<svg class="{kind}" role="img" aria-label="{label}" viewBox="{whole}">'
+    size = f'width="{FULL:g}" height="{FULL * (tall + axis + edge) / (wide + axis + edge):.0f}"'
+    head = f'<svg class="{kind}" role="img" aria-label="{label}" {size} viewBox="{whole}">'
     place = (
         f'x="{_units(left)}" y="{_units(-bottom - tall)}"'
         f' width="{_units(wide)}" height="{_units(tall)}" viewBox="{_view(*box)}"'

@@ -13,11 +13,15 @@ from msgspec import Struct
 
 from lab3_usd.check.explanations import explaining_finding, rules_named
 from lab3_usd.errors import Lab3Error
-from lab3_usd.model.dry_run import Behaviour, Check, Frame, Replay
+from lab3_usd.facts.domains import Domain
+from lab3_usd.facts.frames import Edge
+from lab3_usd.model.dry_run import Behaviour, Check, HeardFrame, Replay
 from lab3_usd.model.finding import Finding
-from lab3_usd.report.behaviour.maps import chart_svg, first_moment, map_svg, near_svg, room_svg
+from lab3_usd.report.behaviour.charts import chart_svg, cursor_places
+from lab3_usd.report.behaviour.maps import first_moment, map_svg, near_svg, room_svg
 from lab3_usd.report.behaviour.text import (
     ONLY_SHOWN,
+    WHAT_A_RECORDING_IS,
     WHAT_IT_IS,
     leg_text,
     passed_texts,
@@ -35,6 +39,8 @@ from lab3_usd.report.options import NAME, tool_version
 from lab3_usd.report.picture.model import Box, port_id
 from lab3_usd.report.picture.svg import stylesheet, svg
 from lab3_usd.report.pictures.graph_picture import stage_pictures
+from lab3_usd.report.pictures.tf_picture import published_frames_picture
+from lab3_usd.report.tf_tree import FAULT, TreeReport, as_text
 from lab3_usd.spec.lab import Lab
 
 
@@ -115,8 +121,14 @@ def render(
     checks = sorted(behaviour.checks, key=lambda check: list(VERDICTS).index(check.verdict))
     rule_of = rules_named(behaviour, findings)
     failing = list(_failed_checks(checks, findings))
-    graphs = list(_graph_drawings(Path(behaviour.stage), lab, computed, failing))
+    drawn = (
+        []
+        if behaviour.recording
+        else _graph_drawings(Path(behaviour.stage), lab, computed, failing)
+    )
+    graphs = list(drawn)
     fit = replay.fit if replay is not None else None
+    edges = list(heard_edges(behaviour, replay))
     shown = first_moment(behaviour, replay) if replay is not None else 0
     return (
         environment()
@@ -126,8 +138,8 @@ def render(
             script=own_markup(script),
             policy=content_policy(style, script),
             behaviour=behaviour,
-            what=WHAT_IT_IS,
-            name=PurePath(behaviour.stage).name,
+            what=WHAT_A_RECORDING_IS if behaviour.recording else WHAT_IT_IS,
+            name=PurePath(behaviour.recording or behaviour.stage).name,
             passed=passed_texts(behaviour),
             verdicts=VERDICTS,
             failing=failing,
@@ -139,7 +151,7 @@ def render(
                 if any(failed.check.prim in graph.nodes for failed in failing)
             ],
             rule_of=rule_of,
-            only_shown=ONLY_SHOWN,
+            only_shown="" if behaviour.recording else ONLY_SHOWN,
             rate=rate,
             legs=list(_leg_marks(behaviour)),
             summary=sum_text(behaviour),
@@ -150,8 +162,10 @@ def render(
             near=own_markup(near_svg(replay, shown)) if replay is not None else "",
             fit=fit,
             on_map=own_markup(map_svg(fit)) if fit is not None else "",
-            chart=own_markup(chart_svg(replay.moments)) if replay is not None else "",
-            tree=list(tree_lines(behaviour.frames)),
+            chart=own_markup(chart_svg(replay)) if replay is not None else "",
+            places=cursor_places(replay.moments) if replay is not None else (),
+            tree=tree_lines(edges),
+            tree_picture=own_markup(svg(published_frames_picture(edges), "tf-")) if edges else "",
             graphs=graphs,
             tool=f"{NAME} {tool_version()}",
         )
@@ -170,30 +184,25 @@ def _failed_checks(checks: Sequence[Check], findings: Sequence[Finding]) -> Iter
         yield FailedCheck(check, f"check-{number}", tuple(repairs))
 
 
-def tree_lines(frames: Sequence[Frame]) -> Iterator[str]:
-    """Yield the TF tree line by line; a ring of frames is left where it closes."""
-    below: dict[str, list[Frame]] = {}
-    for frame in frames:
-        below.setdefault(frame.parent, []).append(frame)
-    children = {frame.child for frame in frames}
-    roots = [parent for parent in below if parent not in children] or [*below][:1]
-    for root in roots:
-        yield root
-        yield from _branches(root, below, "", {root})
+def heard_edges(behaviour: Behaviour, replay: Replay | None) -> Iterator[Edge]:
+    """Yield the transforms of a run, each with who hears it where that is known."""
+    heard = replay.frames if replay is not None else ()
+    for frame in heard or (HeardFrame(f.parent, f.child, f.static) for f in behaviour.frames):
+        yield Edge(
+            frame.parent,
+            frame.child,
+            frame.publisher,
+            frame.publisher,
+            frame.topic,
+            frame.static,
+            domain=Domain(str(frame.domain)),
+        )
 
 
-def _branches(
-    parent: str, below: dict[str, list[Frame]], lead: str, above: set[str]
-) -> Iterator[str]:
-    rows = below.get(parent, [])
-    for number, frame in enumerate(rows, start=1):
-        last = number == len(rows)
-        static = " (static)" if frame.static else ""
-        ring = " (again)" if frame.child in above else ""
-        yield f"{lead}{'└── ' if last else '├── '}{frame.child}{static}{ring}"
-        if not ring:
-            inside = lead + ("    " if last else "│   ")
-            yield from _branches(frame.child, below, inside, above | {frame.child})
+def tree_lines(edges: Sequence[Edge]) -> list[tuple[str, bool]]:
+    """Return the lines of the TF trees, and whether each says that something is wrong."""
+    lines = as_text(TreeReport("", tuple(edges))) if edges else ()
+    return [(line, line.startswith("! ") or FAULT in line) for line in lines]
 
 
 def _graph_drawings(

@@ -7,6 +7,7 @@ topics that are nearest to it by their namespaces.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
@@ -35,9 +36,9 @@ from lab3_usd.sim.bag.judge import (
     way,
 )
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
-from lab3_usd.sim.dry_run import driven_legs, path_rows
+from lab3_usd.sim.dry_run import DryRun, driven_legs, path_rows
 from lab3_usd.sim.execution.drive import RATE, Leg, Session
-from lab3_usd.sim.execution.recording import JointStates, Odometry, Scan
+from lab3_usd.sim.execution.recording import JointStates, Odometry, Recording, Scan
 from lab3_usd.sim.judge.checks import verdict as verdict_of
 from lab3_usd.sim.judge.checks import whole_verdict
 from lab3_usd.sim.judge.expectations import PHYSICAL, Expected, RunFault, Trial
@@ -72,7 +73,7 @@ class RecordedRobot(Struct, frozen=True):
 
 def judge_any_recording(
     recording: Path, platform: Platform, commanded: Collection[str] = ()
-) -> Behaviour:
+) -> DryRun:
     """Judge a recording by itself.
 
     `commanded` are topics of joint states that are known to be commands; others are so by the name
@@ -83,13 +84,15 @@ def judge_any_recording(
         with opened(layout, bounds) as bag:
             kinds = dict(bag.topics)
         robots = robots_in(kinds, {*commanded, *_usual_commands(platform, kinds)})
-        judged = [
+        runs = [
             _robot_judged(layout, bounds, kinds, robot, len(robots), first=not number)
             for number, robot in enumerate(robots)
         ]
     except (RecordingError, OSError) as error:
         reason = (Unknown("/", str(error)),)
-        return Behaviour("", "", 0.0, "unreadable", not_simulated=reason, recording=str(recording))
+        name = str(recording)
+        return DryRun(Behaviour("", "", 0.0, "unreadable", not_simulated=reason, recording=name))
+    judged = [run.behaviour for run in runs]
     several = len(judged) > 1
     checks = tuple(
         replace(check, of=robot.name if several and check.name not in _OF_ALL else "")
@@ -103,7 +106,7 @@ def judge_any_recording(
         for leg in behaviour.legs
     )
     frames = dict.fromkeys(frame for behaviour in judged for frame in behaviour.frames)
-    return replace(
+    whole = replace(
         judged[0],
         verdict=verdict,
         missing=missing,
@@ -114,6 +117,7 @@ def judge_any_recording(
         not_simulated=tuple(Unknown(topic, NO_CONTENT) for topic in sorted(layout.not_sent)),
         recording=str(recording),
     )
+    return replace(runs[0], behaviour=whole)
 
 
 _OF_ALL = {"messages", "rates", "clock"}
@@ -194,7 +198,7 @@ def _usual_commands(platform: Platform, kinds: Kinds) -> Iterator[str]:
 
 def _robot_judged(
     layout: Layout, bounds: Bounds, kinds: Kinds, robot: RecordedRobot, robots: int, *, first: bool
-) -> Behaviour:
+) -> DryRun:
     clocks = sorted((topic for topic, of in kinds if of == CLOCK), key=lambda name: name.count("/"))
     types = {topic: kind for topic, kind in kinds if is_read(kind)}
     wanted = replace(
@@ -219,7 +223,7 @@ def _robot_judged(
 
 def _behaviour(
     gathered: Gathered, wanted: Expected, robot: RecordedRobot, robots: int, *, first: bool
-) -> Behaviour:
+) -> DryRun:
     recording = gathered.recording
     recording.seconds = gathered.timeline.now
     told = next(
@@ -233,10 +237,11 @@ def _behaviour(
         for leg in legs(gathered.commands, gathered.seconds, NO_LIMITS)
     )
     recording.path = list(path(gathered.places, drive))
+    _add_wheels(recording, robot)
     trial = Trial(recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
     recorded = Recorded(gathered, Topics(wanted, frozenset(), ""), trial, (), "", None)
     checks = tuple(_checks(recorded, robot, robots, first=first))
-    return Behaviour(
+    behaviour = Behaviour(
         "",
         "",
         gathered.timeline.now,
@@ -250,6 +255,26 @@ def _behaviour(
         else (),
         remarks=tuple(_remarks(gathered, robot)),
     )
+    return DryRun(behaviour, trial)
+
+
+def _add_wheels(recording: Recording, robot: RecordedRobot) -> None:
+    """Add to the poses how fast the joints turn that do."""
+    states = [
+        (message.at, dict(zip(message.data.names, message.data.velocities, strict=False)))
+        for message in recording.topic(robot.joints, 0)
+        if isinstance(message.data, JointStates)
+    ]
+    turning = {name: None for _, speeds in states for name, speed in speeds.items() if speed}
+    if not turning or not robot.odometry:
+        return
+    recording.wheels = tuple(turning)
+    recording.path = [
+        replace(
+            pose, wheels=tuple(_state(states, name, pose.at) or 0.0 for name in recording.wheels)
+        )
+        for pose in recording.path
+    ]
 
 
 def _any_leg(leg: Leg, *, is_steered: bool) -> Leg:
@@ -375,7 +400,7 @@ def joints(trial: Trial, robot: RecordedRobot) -> Iterator[RunFault]:
             del held[name]
             if at - since < HELD:
                 continue
-            before, after = _place(states, name, since), _place(states, name, at - 1.0 / RATE)
+            before, after = _state(states, name, since), _state(states, name, at - 1.0 / RATE)
             if before is None or after is None:
                 continue
             looked = True
@@ -390,9 +415,7 @@ def joints(trial: Trial, robot: RecordedRobot) -> Iterator[RunFault]:
         yield RunFault("no joint is commanded for a second", "joint-off-target", sure=False)
 
 
-def _place(states: list[tuple[float, dict[str, float]]], name: str, at: float) -> float | None:
-    """Return where a joint was at a time."""
-    from bisect import bisect_right
-
+def _state(states: list[tuple[float, dict[str, float]]], name: str, at: float) -> float | None:
+    """Return what was last said of a joint at a time."""
     number = bisect_right(states, at, key=lambda state: state[0])
     return states[max(0, number - 1)][1].get(name) if states else None

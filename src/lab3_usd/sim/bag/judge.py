@@ -21,7 +21,7 @@ from lab3_usd.model.dry_run import HERE, Behaviour, Check, Difference, Place, To
 from lab3_usd.model.occupancy import MapFit
 from lab3_usd.sim.bag.files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
-from lab3_usd.sim.dry_run import driven_legs, is_asked, path_rows
+from lab3_usd.sim.dry_run import DryRun, driven_legs, is_asked, path_rows
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, leg_name
 from lab3_usd.sim.execution.recording import Pose
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
@@ -279,7 +279,7 @@ _MOVED = ("rest", "follows", "limits", "way")
 
 def judge_recording(
     recording: Path, lab: Lab, checkpoint: str, *, whole: bool, maps: Path | None = None
-) -> Behaviour:
+) -> DryRun:
     """Judge a recording by what the lab asks for at a checkpoint.
 
     `whole` asks for localization and a goal although nothing of them was recorded. `maps` is where
@@ -296,17 +296,19 @@ def judge_recording(
             gathered = gather(bag.messages(), bag.topics, topics, bounds.listed)
     except (RecordingError, OSError) as error:
         reason = (Unknown("/", str(error)),)
-        return Behaviour(
-            "", checkpoint, 0.0, "unreadable", not_simulated=reason, recording=str(recording)
+        return DryRun(
+            Behaviour(
+                "", checkpoint, 0.0, "unreadable", not_simulated=reason, recording=str(recording)
+            )
         )
     if topics.map and (maps is not None or gathered.map is None):
         try:
             gathered.map = map_of_stage(recording, maps, lab)
         except MapError as error:
             gathered.map_fault = str(error)
-    judged = _judged(gathered, topics, (lab, checkpoint), whole=whole, name=str(recording))
+    run = _judged(gathered, topics, (lab, checkpoint), whole=whole, name=str(recording))
     unknown = (Unknown(topic, NO_CONTENT) for topic in sorted(layout.not_sent))
-    return replace(judged, not_simulated=tuple(unknown))
+    return replace(run, behaviour=replace(run.behaviour, not_simulated=tuple(unknown)))
 
 
 def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -> Behaviour:
@@ -324,7 +326,7 @@ def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -
         wanted, types={topic: kind for topic, kind in wanted.types.items() if topic in came}
     )
     topics = _read_topics(lab, seen, checkpoint)
-    return _judged(gathered, topics, (lab, checkpoint), whole=False, name="")
+    return _judged(gathered, topics, (lab, checkpoint), whole=False, name="").behaviour
 
 
 def _read_topics(lab: Lab, wanted: Expected, checkpoint: str) -> Topics:
@@ -335,7 +337,7 @@ def _read_topics(lab: Lab, wanted: Expected, checkpoint: str) -> Topics:
 
 def _judged(
     gathered: Gathered, topics: Topics, asked_by: tuple[Lab, str], *, whole: bool, name: str
-) -> Behaviour:
+) -> DryRun:
     (lab, checkpoint), wanted = asked_by, topics.wanted
     gathered.recording.seconds = gathered.timeline.now
     drive = legs(gathered.commands, gathered.seconds, wanted.limits)
@@ -349,7 +351,7 @@ def _judged(
     recorded = Recorded(gathered, topics, trial, reached, topics.map_frame, lab.ros.goal)
     checks = tuple(_checks(recorded, _left_out(recorded, lab, checkpoint, whole=whole)))
     verdict, missing = whole_verdict(checks)
-    return Behaviour(
+    behaviour = Behaviour(
         "",
         checkpoint,
         gathered.timeline.now,
@@ -364,6 +366,7 @@ def _judged(
         missing=missing,
         fit=trial.fit,
     )
+    return DryRun(behaviour, trial)
 
 
 def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> frozenset[str]:

@@ -144,6 +144,7 @@ class Pose(Struct, frozen=True):
     heading: float
     z: float = 0.0
     blocked: bool = False  # by a wall
+    wheels: tuple[float, ...] = ()  # how fast they turn, radians a second
 
 
 class Held(Struct, frozen=True):
@@ -198,6 +199,7 @@ class Recording(Struct):
     assumed: dict[str, str] = field(default_factory=dict)
     gives: dict[str, tuple[Vector, ...]] = field(default_factory=dict)  # as of the world
     remarks: list[str] = field(default_factory=list)
+    wheels: tuple[str, ...] = ()  # the joints of the wheels of which poses have the speeds
     radii: tuple[float, float] | None = None  # of wheels, and as the controller has it, in metres
     fired: dict[str, int] = field(default_factory=dict)
     # Those that hold throughout, sent for those who come late, with the node that sends them.

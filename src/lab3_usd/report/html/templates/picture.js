@@ -97,14 +97,14 @@
       true,
     );
 
-    zoom(share() < LEAST ? 1 : 0);
+    zoom(share() < LEAST && picture.matches(".picture") ? 1 : 0);
     const fault = drawn.querySelector("a");
     if (!fault) return;
     const [place, frame] = [fault.getBoundingClientRect(), picture.getBoundingClientRect()];
     picture.scrollLeft += place.x + place.width / 2 - frame.x - frame.width / 2;
   }
 
-  for (const picture of document.querySelectorAll(".picture")) {
+  for (const picture of document.querySelectorAll(".picture, .zooming")) {
     const folded = picture.closest("details");
     if (!folded || folded.open) start(picture);
     else folded.addEventListener("toggle", () => start(picture), { once: true });

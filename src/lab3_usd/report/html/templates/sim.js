@@ -14,14 +14,46 @@
   const form = document.querySelector(".time");
   if (!form) return;
   const [slider, output] = [form.querySelector("input"), form.querySelector("output")];
-  const names = [...document.querySelectorAll(".moments li")].map((each) => each.textContent);
+  const button = form.querySelector("button");
+  const moments = [...document.querySelectorAll(".moments li")];
+  const names = moments.map((each) => each.textContent);
+  const now = document.querySelector(".now");
   const groups = [...document.querySelectorAll("[data-moment]")];
   const show = () => {
     for (const each of groups) each.toggleAttribute("hidden", each.dataset.moment !== slider.value);
     output.value = names[slider.value];
     slider.setAttribute("aria-valuetext", names[slider.value]);
+    now.removeAttribute("hidden");
+    now.setAttribute("transform", `translate(${moments[slider.value].dataset.place})`);
   };
-  slider.addEventListener("input", show);
+  let coming = 0; // the next moment while it plays
+  const stop = () => {
+    clearTimeout(coming);
+    coming = 0;
+    button.textContent = "Play";
+  };
+  // In the time of the run.
+  const play = () => {
+    const [at, last] = [Number(slider.value), moments.length - 1];
+    if (at === last) return stop();
+    const wait = moments[at + 1].dataset.at - moments[at].dataset.at;
+    coming = setTimeout(() => {
+      slider.value = at + 1;
+      show();
+      play();
+    }, 1000 * wait);
+  };
+  button.addEventListener("click", () => {
+    if (coming) return stop();
+    if (Number(slider.value) === moments.length - 1) slider.value = 0;
+    button.textContent = "Pause";
+    show();
+    play();
+  });
+  slider.addEventListener("input", () => {
+    stop();
+    show();
+  });
   form.hidden = false;
   document.querySelector(".at").hidden = true;
   show();
