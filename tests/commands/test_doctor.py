@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from importlib import metadata
 
 import pytest
@@ -14,13 +15,6 @@ from lab3_usd.errors import StageError
 from lab3_usd.grade.workers import worker_process
 from lab3_usd.installation import install_command
 from lab3_usd.stage.write import builder
-
-
-@pytest.fixture
-def all_right(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What takes long is fine."""
-    monkeypatch.setattr(doctor, "checking", lambda: Diagnosis("checking", "ok", ""))
-    monkeypatch.setattr(doctor, "sandbox", lambda: Diagnosis("sandbox", "ok", ""))
 
 
 @pytest.mark.usefixtures("forked_workers")
@@ -61,7 +55,7 @@ def test_stages_that_cannot_be_built_are_bad(monkeypatch: pytest.MonkeyPatch) ->
     assert "no room" in found.text
 
 
-@pytest.mark.usefixtures("all_right")
+@pytest.mark.usefixtures("forked_workers")
 def test_a_missing_extra_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "EXTRAS", {"png": ("no-such-package", "pictures")})
     result = invoke("doctor")
@@ -83,9 +77,9 @@ def test_every_extra_of_users_is_looked_for() -> None:
     assert set(doctor.EXTRAS) == provided - {"test", "dev"}
 
 
-@pytest.mark.usefixtures("all_right")
+@pytest.mark.usefixtures("forked_workers")
 def test_something_bad_is_exit_code_1(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "checking", lambda: Diagnosis("checking", "bad", "no room"))
+    monkeypatch.setattr(metadata, "requires", lambda _: ["no-such-thing<2"])
     assert invoke("doctor").exit_code == doctor.EXIT_FOUND
 
 
@@ -115,8 +109,5 @@ def test_walls_that_are_not_there_are_named(
 
 
 def test_a_worker_that_does_not_start_is_bad(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(_: object) -> None:
-        raise worker_process.WorkerError("no processes")
-
-    monkeypatch.setattr(worker_process, "start_worker", fail)
+    monkeypatch.setattr(sys, "executable", "/no/python")
     assert doctor.sandbox().state == "bad"

@@ -6,7 +6,6 @@ import ast
 import re
 from functools import cache
 
-import pytest
 from places import REPOSITORY
 
 ROOT = REPOSITORY
@@ -36,8 +35,6 @@ def test_every_promise_names_a_test() -> None:
     assert [row[0] for row in found if not NAMED.search(row[1])] == []
 
 
-@pytest.mark.parametrize(
-    ("file", "name"), sorted(set(NAMED.findall(PROMISES.read_text(encoding="utf-8"))))
-)
-def test_a_test_that_is_named_exists(file: str, name: str) -> None:
-    assert name in names_in(file)
+def test_each_test_that_is_named_exists() -> None:
+    named = sorted(set(NAMED.findall(PROMISES.read_text(encoding="utf-8"))))
+    assert [(file, name) for file, name in named if name not in names_in(file)] == []

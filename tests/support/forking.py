@@ -28,6 +28,7 @@ from fork_server import Program
 
 __all__ = ["DEVNULL", "PIPE", "STDOUT", "CompletedProcess", "Popen", "TimeoutExpired", "run"]
 
+_PYTHON = sys.executable
 _ADOPT = 36  # PR_SET_CHILD_SUBREAPER
 _AT_START = ("PYTHON", "PXR_", "LC_", "LANG", "LD_")
 _HARMLESS = {"PYTHONUNBUFFERED", "PYTHONDONTWRITEBYTECODE", "PXR_WORK_THREAD_LIMIT"}
@@ -94,7 +95,7 @@ def _message(args: Any, cwd: Any, env: Any, in_session: Any) -> bytes | None:
         for name, value in environment.items()
         if name.startswith(_AT_START) and name not in _HARMLESS
     )
-    is_ours = words[:1] == [sys.executable] and words[1:2] in (["-m"], ["-c"])
+    is_ours = words[:1] == [_PYTHON] and words[1:2] in (["-m"], ["-c"])
     if sys.platform != "linux" or not (is_ours and starts_alike and Path(folder).is_dir()):
         return None
     _, option, what, *arguments = words
