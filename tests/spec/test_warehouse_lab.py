@@ -20,6 +20,7 @@ from places import REPOSITORY, TESTS
 from pxr import Gf, Sdf, Usd
 from workers_here import workers_here
 
+from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import SpecError
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import StageResult
@@ -27,6 +28,7 @@ from lab3_usd.new_lab.lab import describe_lab, write_folder
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab, load_platform
 from lab3_usd.spec.submission import named_checkpoint
+from lab3_usd.stage.write.builder import BuildOptions, build_files
 
 WAREHOUSE = REPOSITORY / "docs" / "examples" / "labs" / "warehouse"
 R1, R2 = "/World/r1", "/World/r2"
@@ -316,7 +318,8 @@ def test_lab_new_describes_both_robots_their_sensors_and_frames(
     assert new.scene.namespaces == {R2: "r2"}
     nodes = [node for graph in new.graphs.values() for node in graph.nodes.values()]
     assert [(node.role, node.since) for node in nodes if node.since] == [("quality", "6")]
-    assert new.topics.keys() == lab.topics.keys()
+    made = {name for name, topic in lab.topics.items() if topic.source is None or topic.subscribed}
+    assert new.topics.keys() == made
 
 
 @pytest.mark.parametrize(
@@ -410,3 +413,41 @@ def test_lab_check_says_what_the_description_contradicts(
     shown = invoke("lab", "check", copy, "--from", built / file_of(7))
     assert shown.exit_code == 1
     assert [line for line in shown.output.splitlines() if line.startswith(said)], shown.output
+
+
+def test_what_a_lab_leaves_out_of_navigation_is_as_in_the_bundled_one(lab: Lab) -> None:
+    own, usual = lab.ros.navigation, load_lab().ros.navigation
+    assert own is not None
+    assert usual is not None
+    assert (own.scan_topic, own.robot_radius, own.handout) == ("/r1/scan", 0.3, "6.3")
+    assert (own.planner, own.timed, own.parameters) == (
+        usual.planner,
+        usual.timed,
+        usual.parameters,
+    )
+
+
+def lab_of(release: str, folder: Path) -> Path:
+    shutil.copytree(WAREHOUSE, folder)
+    file = folder / "checkpoints.yaml"
+    file.write_text(f'isaac: "{release}"\n{file.read_text()}')
+    return folder
+
+
+def test_a_course_may_use_another_release(lab: Lab, built: Path, tmp_path: Path) -> None:
+    later = load_lab(lab_of("6.1", tmp_path / "lab"))
+    helper = f"{R2}/FrontImage/helper"
+    (path,) = build_files(
+        later, None, {tmp_path / file_of(4): later.checkpoints["4"]}, BuildOptions()
+    )
+    stages = [Usd.Stage.Open(str(stage)) for stage in (built / file_of(4), path)]
+    assert [s.GetPropertyAtPath(f"{helper}.node:typeVersion").Get() for s in stages] == [3, 4]
+    assert check_stage(path, lab=later).verdict == "pass"
+    found = {(f.rule, f.prim) for f in check_stage(path, lab=lab).findings}
+    assert ("N05", helper) in found
+    assert "Isaac Sim 6.1 updates" in rules_in(later)["N04"].manual
+
+
+def test_an_unknown_release_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match=r"isaac: '7.1' is no release of Isaac Sim; known are 5.0"):
+        load_lab(lab_of("7.1", tmp_path / "lab"))

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.check.robot.sensors import CAMERA, LIDAR, OTHER, kind_of
 from lab3_usd.data import as_called
+from lab3_usd.isaac.releases import BASE
 from lab3_usd.spec.lab import Lab
 
 _NAME = r"\{(\w+)\}"
@@ -61,6 +62,7 @@ PLAIN: Mapping[str, str] = {
     "scan": "/scan",
     "commands": "/cmd_vel",
     "map_topic": "/map",
+    "isaac": "6.0.1",
     "root": "odom",
     "above": "map",
     **{f"stage{n}": f"stage_{n}.usda" for n in range(_LAST_STAGE + 1)},
@@ -149,6 +151,7 @@ def _words(lab: Lab) -> Mapping[str, str]:
     received = [topic for topic, spec in lab.topics.items() if spec.subscribed]
     words.append(("scan", dict(words)["scan"] or _at(published, 1)))
     words.append(("commands", dict(words)["commands"] or _at(received, 0)))
+    words.append(("isaac", "" if lab.platform.release == BASE else lab.platform.release))
     words += [("root", lab.frames.root), ("above", lab.frames.above)]
     return {**PLAIN, **{name: word for name, word in words if word}}
 

@@ -27,7 +27,7 @@ from lab3_usd.spec.load.checkpoints import CheckpointEntry, CheckpointsFile
 from lab3_usd.spec.load.graph import GraphFile
 from lab3_usd.spec.load.lab import RosFile, SceneFile, SubmissionFile
 from lab3_usd.spec.load.starter import PrimEntry, StarterFile
-from lab3_usd.spec.ros import Command, EvidenceKind, TopicSpec
+from lab3_usd.spec.ros import Command, EvidenceKind, NavigationSpec, TopicSpec
 from lab3_usd.spec.scene import RobotSpec
 from lab3_usd.spec.submission import ChecklistSpec, Deliverable
 
@@ -59,9 +59,12 @@ _ENTRIES: Mapping[tuple[type, str], tuple[type, str]] = {
     (PrimEntry, "children"): (PrimEntry, ""),
 }
 # What is written otherwise than it is kept.
-_AS_WRITTEN = {(Command, "kind"): {"type": "string"}}
-# What a lab's own file may leave out, as it is laid over that of the bundled lab.
-_LAID_OVER = (CATALOG,)
+_AS_WRITTEN = {
+    (Command, "kind"): {"type": "string"},
+    (RosFile, "navigation"): {"$ref": _DEFS.format(name=NavigationSpec.__name__)},
+}
+# What a lab may leave out, as it is laid over that of the bundled lab: of a file, and of a record.
+_LAID_OVER, _PARTS_LAID_OVER = (CATALOG,), (NavigationSpec,)
 
 
 def schema_of(file: str) -> dict[str, Any]:
@@ -108,7 +111,7 @@ def with_schema(file: str, text: str) -> str:
 @cache
 def _definitions() -> dict[str, dict[str, Any]]:
     """Return the schema of every record that a file holds, by its name."""
-    kinds = [*FILES.values(), *(entry for entry, _ in _ENTRIES.values())]
+    kinds = [*FILES.values(), *(entry for entry, _ in _ENTRIES.values()), *_PARTS_LAID_OVER]
     _, definitions = msgspec.json.schema_components(
         dict.fromkeys(kinds), schema_hook=_hook, ref_template=_DEFS
     )
@@ -130,6 +133,8 @@ def _definitions() -> dict[str, dict[str, Any]]:
             described["required"] = [name for name in described["required"] if name != key]
     for (kind, field), written in _AS_WRITTEN.items():
         definitions[kind.__name__]["properties"][field] = written
+    for part in _PARTS_LAID_OVER:
+        definitions[part.__name__]["required"] = ["handout"]
     for definition in definitions.values():
         if "description" in definition:  # which Pythons before 3.13 indent as the source is
             definition["description"] = cleandoc(definition["description"])

@@ -179,9 +179,9 @@ def wrong_node_type(subject: GraphSubject) -> Iterator[Problem]:
 def old_node_version(subject: GraphSubject) -> Iterator[Problem]:
     """A node was saved by an older version of its type.
 
-    Why: Isaac Sim 6.0.1 updates the node when it opens the stage.
+    Why: Isaac Sim {isaac} updates the node when it opens the stage.
 
-    Fix: open the stage in Isaac Sim 6.0.1 and save it again.
+    Fix: open the stage in Isaac Sim {isaac} and save it again.
 
     Example: Isaac Create Render Product version 2 instead of 3.
     """

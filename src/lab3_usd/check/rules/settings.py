@@ -107,7 +107,7 @@ def _is_authored(node: Node, port: str) -> bool:
 def wrong_default(subject: GraphSubject) -> Iterator[Problem]:
     """An input has its default, which is wrong here.
 
-    Why: a field that was never edited is not written into the file, and Isaac Sim 6.0.1 uses its
+    Why: a field that was never edited is not written into the file, and Isaac Sim {isaac} uses its
     own default. The defaults of `useDomainIDEnvVar` and `resetOnStop` are True. A default frame id
     need not be a frame of the robot.
 

@@ -60,7 +60,10 @@ class CheckpointEntry(Struct, forbid_unknown_fields=True):
 
 
 class CheckpointsFile(Struct, forbid_unknown_fields=True):
-    """The checkpoints in order, and the rules for all of them."""
+    """The checkpoints in order, and the rules for all of them.
+
+    `isaac` is the release of Isaac Sim that the course uses.
+    """
 
     title: str
     files: str
@@ -68,6 +71,7 @@ class CheckpointsFile(Struct, forbid_unknown_fields=True):
     checkpoints: dict[str, Any]  # one by one, so that a missing one is reported first
     frames: FrameSpec = FrameSpec("")
     handout: Handout = Handout()
+    isaac: str = "6.0"
 
 
 class CheckpointFile(Struct, frozen=True):

@@ -43,7 +43,10 @@ _ByName = dict[str, dict[str, Any]]
 
 
 class RosFile(Struct, forbid_unknown_fields=True):
-    """The running system, and the commands that show it."""
+    """The running system, and the commands that show it.
+
+    What `navigation` leaves out is as in the bundled lab.
+    """
 
     system: ros.SystemSpec
     topics: _ByName = {}
@@ -53,7 +56,7 @@ class RosFile(Struct, forbid_unknown_fields=True):
     goal: ros.GoalSpec | None = None
     evidence: _ByName | None = None  # as in the bundled lab
     commands: tuple[dict[str, Any], ...] = ()
-    navigation: ros.NavigationSpec | None = None
+    navigation: dict[str, Any] | None = None
 
 
 def load_ros(folder: Path | None = None) -> ros.RosSpec:
@@ -80,8 +83,18 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
             _command(command, kinds, f"{ROS}: command {number}")
             for number, command in enumerate(content.commands, start=1)
         ),
-        navigation=content.navigation,
+        navigation=_navigation(content.navigation),
     )
+
+
+def _navigation(given: dict[str, Any] | None) -> ros.NavigationSpec | None:
+    """Return Nav2's parameters, laid over those of the bundled lab; None for a lab without Nav2."""
+    if given is None:
+        return None
+    is_whole = given.keys() >= {*ros.NavigationSpec.__struct_fields__}
+    usual = {} if is_whole else _bundled_ros()["navigation"]
+    usual.pop("handout", None)
+    return record({**usual, **given}, ros.NavigationSpec, f"{ROS}: navigation")
 
 
 def _refuse_placeholders(text: str, known: tuple[str, ...], where: str) -> None:
@@ -100,8 +113,12 @@ def _evidence(content: RosFile) -> _ByName:
     """Return how diagnostic commands are written: as in the bundled lab by default."""
     if content.evidence is not None:
         return content.evidence
-    evidence: _ByName = read_yaml(data_folder("graphs") / ROS)["evidence"]
+    evidence: _ByName = _bundled_ros()["evidence"]
     return evidence
+
+
+def _bundled_ros() -> dict[str, Any]:
+    return read_yaml(data_folder("graphs") / ROS)
 
 
 def _command(

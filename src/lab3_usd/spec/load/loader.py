@@ -6,8 +6,9 @@ from functools import lru_cache
 from pathlib import Path
 
 from lab3_usd.data import data_folder, own_lab
+from lab3_usd.errors import SpecError
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.spec.lab import CATALOG, Lab
+from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, Lab
 from lab3_usd.spec.load.compiled import PLATFORM, Compiled, compiled_or_loaded
 
 
@@ -57,14 +58,35 @@ def _platform_of(folder: Path) -> Platform:
     """Return the platform of a folder: its own, or the bundled one with the types of the lab."""
     own, system = folder / CATALOG, folder / PLATFORM
     bundled = data_folder("graphs")
+    release = _release_of(folder) if folder != bundled else ""
     if not own.exists() and not system.is_dir():
-        return _compiled(bundled).platform
+        platform = _compiled(bundled).platform
+        return _in_release(platform, release)
     from lab3_usd.isaac.load.lab_types import with_lab_types
     from lab3_usd.isaac.load.platform import assemble_platform
     from lab3_usd.yaml_file import read_yaml
 
     base = assemble_platform(system) if system.is_dir() else _compiled(bundled).platform
-    return with_lab_types(base, read_yaml(own if own.exists() else bundled / CATALOG), CATALOG)
+    types = read_yaml(own if own.exists() else bundled / CATALOG)
+    return with_lab_types(_in_release(base, release), types, CATALOG)
+
+
+def _release_of(folder: Path) -> str:
+    """Return the release that a lab is for, '' where it names none; it is read in full later."""
+    from lab3_usd.yaml_file import read_yaml
+
+    if not (folder / CHECKPOINTS).is_file():
+        return ""
+    release = read_yaml(folder / CHECKPOINTS).get("isaac", "")
+    return release if isinstance(release, str) else ""
+
+
+def _in_release(platform: Platform, release: str) -> Platform:
+    if release and release not in platform.known_releases:
+        known = ", ".join(platform.known_releases)
+        wrong = f"'{release}' is no release of Isaac Sim; known are {known}"
+        raise SpecError(f"{CHECKPOINTS}: isaac: {wrong}")
+    return platform.in_release(release) if release else platform
 
 
 def assemble(folder: Path) -> Lab:
