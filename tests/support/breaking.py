@@ -236,6 +236,11 @@ def _instance(stage: Usd.Stage, where: str) -> None:
 
 KEPT: list[Sdf.Layer] = []  # anonymous layers live as long as somebody holds them
 
+
+def _default(stage: Usd.Stage, where: str) -> None:
+    stage.SetDefaultPrim(stage.GetPrimAtPath(where))
+
+
 STEPS: dict[str, Callable[..., None]] = {
     "set": _set,
     "declare": _declare,
@@ -255,6 +260,7 @@ STEPS: dict[str, Callable[..., None]] = {
     "over": _over,
     "type of prim": _untype,
     "define": _define,
+    "default": _default,
     "node": _node,
     "schema": _schema,
     "schema off": _schema_off,

@@ -255,6 +255,7 @@ class StageModel(Struct, frozen=True, eq=False):
     unresolved: tuple[UnresolvedAsset, ...] = ()
     colliders: Colliders = field(default_factory=Colliders)
     muted: tuple[MutedSublayer, ...] = ()
+    default_prim: str = ""
     instances: tuple[str, ...] = ()
     overridden: tuple[str, ...] = ()
     scripts: tuple[Script, ...] = ()

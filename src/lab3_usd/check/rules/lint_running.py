@@ -35,6 +35,7 @@ from lab3_usd.facts.stalled_nodes import (
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.changes import Connect, Edit
 from lab3_usd.model.finding import Problem, Severity, short_source
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import OVER, Node
 
 _REASONS = {
@@ -156,6 +157,39 @@ def _nodes_in_overs(subject: LintSubject) -> Mapping[str, int]:
         for prim in subject.stage.absent
         if prim.reason == OVER and prim.type_name and not subject.platform.graph.ignores(prim.path)
     )
+
+
+@rule(
+    "K94",
+    "graph-beside-default-prim",
+    scope="lint",
+    severity="note",
+    counted=("graph beside the default prim", "graphs beside the default prim"),
+)
+def graph_beside_default_prim(subject: LintSubject) -> Iterator[Problem]:
+    """A graph is outside the default prim, and its robot or sensor inside.
+
+    Why: a stage that references this file gets the default prim and what is below it: the robot
+    without this graph.
+
+    Fix: drag the graph below the default prim in the Stage panel, if the file is to be referenced.
+
+    Example: `/Graph` commands `/World/robot`, and `/World` is the default prim.
+    """
+    top = subject.stage.default_prim
+    for graph in subject.graphs():
+        if not top or not graph.active or is_at_or_below(graph.path, top):
+            continue
+        ports = (port for node in graph.nodes for port in node.ports.values())
+        named = next((path for p in ports for path in p.targets if is_at_or_below(path, top)), "")
+        if named:
+            yield Problem(
+                graph.path,
+                f"refers to {named}, and stands beside the default prim {top}: who references this "
+                "stage gets the one without the other",
+                expected=f"a graph below {top}",
+                related=(named,),
+            )
 
 
 @rule("K04", "event-never-fires", scope="lint")

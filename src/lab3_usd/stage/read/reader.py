@@ -91,12 +91,17 @@ def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
         unresolved=unresolved,
         colliders=StageColliders(prims, reader),
         muted=tuple(find_muted(stage)),
+        default_prim=_path_of(stage.GetDefaultPrim()),
         instances=tuple(scan.instances),
         overridden=tuple(scan.overridden),
         scripts=tuple(scan.scripts),
         moving=changes_after_start(stage),
         products=_named_products(stage, scan),
     )
+
+
+def _path_of(prim: Usd.Prim) -> str:
+    return str(prim.GetPath()) if prim else ""
 
 
 def _named_products(stage: Usd.Stage, scan: _Scan) -> dict[str, RenderProduct]:
