@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import GraphsSubject, LintSubject, StageSubject
+from lab3_usd.check.one_cause import absent_above, of_one_cause
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import VERSION, other_names
 from lab3_usd.facts.execution_order import live_nodes, unevaluated_by
@@ -215,6 +216,15 @@ def unresolved_target(subject: GraphsSubject) -> Iterator[Problem]:
 
     Example: `inputs:targetPrims` still names the old path of a link.
     """
+    problems = _unresolved_targets(subject)
+    if isinstance(subject, LintSubject):
+        yield from of_one_cause(problems, "targets", subject.stage)
+    else:
+        yield from (problem for problem, _ in problems)
+
+
+def _unresolved_targets(subject: GraphsSubject) -> Iterator[tuple[Problem, str]]:
+    """Yield a problem for each target, and the prim whose absence is its cause."""
     is_module = isinstance(subject, LintSubject) and subject.is_module
     for node in subject.nodes():
         for port, path in subject.judged_targets(node):
@@ -222,7 +232,7 @@ def unresolved_target(subject: GraphsSubject) -> Iterator[Problem]:
             if is_made or subject.stage.prim(path) is not None:
                 continue
             is_one_of_several = len(node.targets(port)) > 1
-            yield Problem(
+            problem = Problem(
                 node.path,
                 f"{port} names {path}, which {absence_reason(subject.stage, path)}",
                 property=port,
@@ -231,6 +241,7 @@ def unresolved_target(subject: GraphsSubject) -> Iterator[Problem]:
                 assumes=((node.path, f"{port}[{path}]"),),
                 rests_on=subject.stage.unknown(path),
             )
+            yield problem, absent_above(path, subject.stage)
 
 
 @rule("K63", "limit-needs-time-step", scope="lint")

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from lab3_usd.check.demands import with_demand
 from lab3_usd.check.hints import without_wire
 from lab3_usd.check.match.rule_inputs import GraphsSubject, GraphSubject, LintSubject, WireFault
+from lab3_usd.check.one_cause import absent_above, of_one_cause
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
@@ -76,9 +77,13 @@ def dangling_wire(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: Kit's interface connects attributes of existing nodes. Its code is not public.
     """
-    for fault, wire in _faults(subject, "dead", "leftover"):
-        if wire.source is None:
-            yield _dead_wire(fault, wire, subject)
+    stage = subject.stage
+    problems = (
+        (_dead_wire(fault, wire, subject), absent_above(wire.source_prim.rpartition("/")[0], stage))
+        for fault, wire in _faults(subject, "dead", "leftover")
+        if wire.source is None
+    )
+    yield from of_one_cause(problems, "wires", stage)
 
 
 @rule("K21", "unknown-port", scope="lint")

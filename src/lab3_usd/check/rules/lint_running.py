@@ -185,8 +185,8 @@ def graph_beside_default_prim(subject: LintSubject) -> Iterator[Problem]:
         if named:
             yield Problem(
                 graph.path,
-                f"refers to {named}, and stands beside the default prim {top}: who references this "
-                "stage gets the one without the other",
+                f"refers to {named}, but stands beside the default prim {top}: a stage that "
+                "references this file gets no graph",
                 expected=f"a graph below {top}",
                 related=(named,),
             )
