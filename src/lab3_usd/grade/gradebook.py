@@ -16,10 +16,11 @@ from msgspec import to_builtins
 from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftover_files, write_parts, write_whole
+from lab3_usd.grade.deductions import reasons
 from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.lock import LOCK
 from lab3_usd.grade.rubric import COLUMNS, Item, Rubric, load_rubric
-from lab3_usd.grade.scoring import Grade, State, facts_of, grade_facts
+from lab3_usd.grade.scoring import Deduction, Grade, State, facts_of, grade_facts
 from lab3_usd.grade.shared_reports import (
     REPORTS,
     SHARED,
@@ -47,11 +48,7 @@ def grade_sheet(
     items = []
     for item in rubric.items:
         own = graded[item.id]
-        lost = [
-            LostPoints(line.points, line.title, line.rule, line.place)
-            for line in points.lost
-            if line.item == item.id
-        ]
+        lost = reasons(line for line in points.lost if line.item == item.id)
         shown = max(MOST_LOST, sum(line.points > 0 for line in lost))
         items.append(
             GradeItem(
@@ -404,13 +401,13 @@ _LINES = 3  # of what an item lost in the table; the student's page has all
 def _remarks_text(row: Row) -> str:
     remarks = [row["reason"], *row["remarks"], *row["because"]]
     for item in row["items"]:
-        lost = [line for line in row["lost"] if line["item"] == item["id"]]
+        lost = lost_by(row, item["id"])
         if item["state"] in {"missing", "unreadable", "blocked", "open"}:
-            remarks.append(f"{item['id']}: {item['state']}{_where(lost[0]) if lost else ''}")
+            where = " ".join(filter(None, (lost[0].rule, lost[0].place))) if lost else ""
+            remarks.append(f"{item['id']}: {item['state']}{f' ({where})' if where else ''}")
         elif lost:
-            paying = [line for line in lost if line.get("points")] or lost
-            first = [line for line in paying if line["requirement"]][:_LINES] or paying[:1]
-            lines = [deduction_text(line) for line in first]
+            first = ([line for line in lost if line.points] or lost)[:_LINES]
+            lines = [line.text for line in first]
             lines += [f"{len(lost) - len(lines)} more"] if len(lost) > len(lines) else []
             remarks.append(f"{item['id']}: {', '.join(lines)}")
         elif item["because"]:
@@ -418,16 +415,14 @@ def _remarks_text(row: Row) -> str:
     return "; ".join(filter(None, remarks))
 
 
-def deduction_text(line: Row) -> str:
-    """Return a deduction in one line: the points, why, the rule, and the place."""
-    points = f"-{line['points']:.2f} " if line.get("points") else ""
-    return f"{points}{line['title']}{_where(line)}"
+def lost_by(row: Row, item: str) -> list[LostPoints]:
+    """Return what an item of a student's row lost, as people read it."""
+    return reasons(line for line in deductions_in(row) if line.item == item)
 
 
-def _where(line: Row) -> str:
-    """Return the rule and the place of a deduction, in brackets."""
-    named = " ".join(filter(None, (line.get("rule"), line.get("place"))))
-    return f" ({named})" if named else ""
+def deductions_in(row: Row) -> list[Deduction]:
+    """Return the deductions of a student's row."""
+    return msgspec.convert(row["lost"], list[Deduction])
 
 
 def _json_parts(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:

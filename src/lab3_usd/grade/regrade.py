@@ -10,9 +10,11 @@ from typing import Any
 
 import msgspec
 from msgspec import Struct, to_builtins
+from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
+from lab3_usd.grade.deductions import carried_text
 from lab3_usd.grade.gradebook import (
     GRADESCOPE,
     HTML,
@@ -20,7 +22,8 @@ from lab3_usd.grade.gradebook import (
     RESULT,
     STUDENTS,
     Row,
-    deduction_text,
+    deductions_in,
+    lost_by,
     read_gradebook,
     write_reports,
     write_tables,
@@ -75,11 +78,18 @@ def sum_of(book: Row, row: Row) -> Iterator[str]:
         title = titles.get(item["id"], item["id"])
         points = f"{item['earned']:>8.2f} of {item['possible']:>6.2f}"
         yield f"{title:<{width}}  {points}  {item['state']}"
-        for line in row["lost"]:
-            if line["item"] == item["id"]:
-                yield f"    {deduction_text(line)}"
+        yield from (f"    {line.text}" for line in lost_by(row, item["id"]))
     yield f"{'total':<{width}}  {row['earned']:>8.2f} of {row['possible']:>6.2f}"
     yield from row["because"]
+    carried = carried_text(deductions_in(row))
+    if not carried:
+        return
+    yield ""
+    yield carried
+    told = (line for item in row["items"] for line in lost_by(row, item["id"]))
+    below = (replace(line, points=0.0, place="").text for each in told for line in each.below)
+    for text in dict.fromkeys(below):
+        yield f"    {text}"
 
 
 def regrade(out: Path, rubric: Rubric, *, force: bool = False) -> list[ChangedGrade]:

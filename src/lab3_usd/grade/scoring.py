@@ -83,7 +83,8 @@ class Deduction(Struct, frozen=True):
     """Points that an item lost, and why: those of an item add up to what it did not earn.
 
     `requirement` is the id of what is not met, `PART/error/RULE` for an error that fails none,
-    and empty where the faults are named elsewhere.
+    and empty where the faults are named elsewhere. `found` is what the fault behind it says,
+    `again` the earlier item that was judged again.
     """
 
     item: str
@@ -92,6 +93,8 @@ class Deduction(Struct, frozen=True):
     points: float = 0.0
     rule: str = ""
     place: str = ""
+    found: str = ""
+    again: str = ""
 
 
 class Grade(Struct, frozen=True):
@@ -204,6 +207,8 @@ class _Loss(NamedTuple):
     requirement: str = ""
     rule: str = ""
     place: str = ""
+    found: str = ""
+    again: str = ""
 
 
 def _by_checklist(item: Item, state: str) -> tuple[ItemGrade, list[_Loss]]:
@@ -299,8 +304,10 @@ def _own_losses(rubric: Rubric, item: Item, stage: StageFacts) -> Iterator[_Loss
                 blemished.add(_place_of(name))
                 share += rubric.blemish
             fault = causes.get(name)
-            rule, place = ("", stage.path) if fault is None else (fault.rule, fault.place)
-            yield _Loss(min(share, 1.0), titles[name], name, rule, place)
+            told = ("", stage.path, "")
+            if fault is not None:
+                told = (fault.rule, fault.place, fault.message)
+            yield _Loss(min(share, 1.0), titles[name], name, *told)
     for fault in stage.faults:
         names = [f"{part}/error/{fault.rule}" for part in _parts(fault)]
         is_own = _is_home(rubric, item, stage, fault)
@@ -311,7 +318,7 @@ def _own_losses(rubric: Rubric, item: Item, stage: StageFacts) -> Iterator[_Loss
         if breaks or (is_own and fails_nothing and not rubric.is_priced(fault.rule)):
             share = 1.0 if breaks else rubric.blemish
             name = next(iter(names), f"checkpoint {stage.checkpoint}/error/{fault.rule}")
-            yield _Loss(share, fault.message, name, fault.rule, fault.place)
+            yield _Loss(share, fault.message, name, fault.rule, fault.place, fault.message)
     for name in item.dry_run:
         if name in stage.shown:
             title = f"{DRY_RUN}: {stage.shown[name]}"
@@ -358,7 +365,7 @@ def _earlier_losses(rubric: Rubric, item: Item, stage: StageFacts, kept: float) 
         if lost:
             first = max(losses, key=lambda loss: loss.share)
             title = f"judged again in this stage: {known.title}: {first.title}"
-            yield first._replace(share=lost, title=title, requirement="")
+            yield first._replace(share=lost, title=title, requirement="", again=known.title)
 
 
 def _capped(
@@ -397,7 +404,7 @@ def _in_cents(item: Item, graded: ItemGrade, losses: Sequence[_Loss]) -> Iterato
             until = lost
         points = (until - start) / 100
         start = until
-        yield Deduction(item.id, loss.requirement, loss.title, points, loss.rule, loss.place)
+        yield Deduction(item.id, loss.requirement, loss.title, points, *loss[3:])
 
 
 def _total(

@@ -6,12 +6,23 @@ from msgspec import Struct
 
 
 class LostPoints(Struct, frozen=True):
-    """Points that an item lost, and why: none where nothing was left to lose."""
+    """Points that an item lost, and why: none where nothing was left to lose.
+
+    The lines `below` add up to its points.
+    """
 
     points: float
     title: str
     rule: str = ""
     place: str = ""
+    below: tuple[LostPoints, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """The points, why, the rule and the place, in one line."""
+        points = f"-{self.points:.2f} " if self.points else ""
+        where = " ".join(filter(None, (self.rule, self.place)))
+        return f"{points}{self.title}{f' ({where})' if where else ''}"
 
 
 class GradeItem(Struct, frozen=True):

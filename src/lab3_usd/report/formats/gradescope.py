@@ -8,7 +8,7 @@ from typing import Any
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Finding, Report, Requirement, StageResult
-from lab3_usd.model.grade import GradeItem, LostPoints
+from lab3_usd.model.grade import GradeItem
 from lab3_usd.report.entries import crashes, gaps, site, summarize, summary_line
 from lab3_usd.report.formats.markdown import code, text
 from lab3_usd.report.options import Options, Rules
@@ -59,7 +59,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
 
 def _test(item: GradeItem, outputs: dict[str, str]) -> Json:
     """Return the test of an item, with the findings of its groups, each once."""
-    lost = "\n".join(f"- {text(_lost_text(line))}" for line in item.lost)
+    lost = "\n".join(map(text, _lost_lines(item)))
     blocks = [lost, *(outputs.pop(name, "") for name in item.groups)]
     return {
         "name": item.title,
@@ -71,11 +71,10 @@ def _test(item: GradeItem, outputs: dict[str, str]) -> Json:
     }
 
 
-def _lost_text(line: LostPoints) -> str:
-    """Return a deduction in one line: the points, why, the rule, and the place."""
-    points = f"-{line.points:.2f} " if line.points else ""
-    where = " ".join(filter(None, (line.rule, line.place)))
-    return f"{points}{line.title}{f' ({where})' if where else ''}"
+def _lost_lines(item: GradeItem) -> Iterator[str]:
+    for line in item.lost:
+        yield f"- {line.text}"
+        yield from (f"    - {below.text}" for below in line.below)
 
 
 def _found(result: StageResult) -> Iterator[tuple[str, str]]:
