@@ -12,6 +12,7 @@ from any_stages import BRIEFLY, bad, by_name, played
 from breaking import correct_stage
 from foreign_robots import (
     add_api,
+    arm,
     car,
     connect,
     empty_stage,
@@ -424,9 +425,30 @@ def test_a_car_goes_along_the_arc_that_it_is_steered_to(tmp_path: Path) -> None:
     assert arc.driven[1] == pytest.approx(math.degrees(0.6 * math.tan(0.3) / 0.6), rel=0.03)
 
 
-def test_with_y_up_no_drive_is_judged(tmp_path: Path) -> None:
-    found = played(truck(), tmp_path)
+def with_y_up(stage: Usd.Stage) -> Usd.Stage:
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    return stage
+
+
+@pytest.mark.parametrize("robot", [truck, lambda: with_y_up(car())], ids=["truck", "car"])
+def test_with_y_up_no_drive_is_judged_and_this_is_said(
+    robot: Callable[[], Usd.Stage], tmp_path: Path
+) -> None:
+    found = played(robot(), tmp_path)
     assert (found.verdict, bad(found)) == ("not judged", set())
+    why = "not simulated: robots drive with Z up only, and the stage has Y up"
+    assert {by_name(found)[name].text for name in ("rest", "follows", "again")} == {why}
+    assert found.missing == why
+
+
+def test_with_y_up_joints_are_judged(tmp_path: Path) -> None:
+    found = played(with_y_up(arm()), tmp_path)
+    assert (found.verdict, by_name(found)["joints"].verdict) == ("ok", "ok")
+    assert not found.not_simulated
+
+
+def test_a_truck_is_driven_in_its_domain(tmp_path: Path) -> None:
+    found = played(truck(), tmp_path)
     assert ("/drive", 7) in {(robot.topic, robot.domain) for robot in found.robots}
 
 

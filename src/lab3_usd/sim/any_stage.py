@@ -67,6 +67,9 @@ _PASSING: tuple[FaultKind, ...] = (
     "wrong-topic", "wrong-domain", "no-number-input", "switched-off",
 )  # fmt: skip
 
+# Checks of a robot that drives over ground, which are judged with Z up only.
+OVER_GROUND = ("rest", "follows", "odometry", "moving frames", "mounted", "scan", "again")
+
 CheckFunction = Callable[[Trial], Iterator[RunFault]]
 
 
@@ -103,7 +106,12 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
             legs = drive_of(drive, NO_LIMITS)
         # The first play shows all topics; the others, what concerns their robot.
         shown = scene_for(robot, known, scene, platform) if robot is not None and number else scene
-        plays.append(record(shown, platform, legs, expected_of(robot)))
+        play = record(shown, platform, legs, expected_of(robot))
+        plays.append(play)
+        if robot is not None and robot.kind != JOINTS and scene.up != "Z":
+            text = f"robots drive with Z up only, and the stage has {scene.up} up"
+            plays[0].recording.not_simulated["/"] = text
+            play.recording.unplayed |= dict.fromkeys(OVER_GROUND, f"not simulated: {text}")
     checks = [*_stage_checks(plays[0], robots)]
     if any(rival(robot, known) for robot in robots):
         checks.append(verdict("commands", list(commanded_once(known)), plays[0]))

@@ -283,8 +283,6 @@ def record(
     recording.assumed, recording.unplayed = world.assumed, world.unplayed
     recording.gives = world.gives
     recording.not_simulated = unknown_in(world) | player.program.guessed
-    if wanted.has_ground and scene.up != "Z":
-        recording.not_simulated["/"] = f"robots drive with Z up only, not with {scene.up}"
     recording.fired = {path: node.count for path, node in player.program.nodes.items()}
     level = Affine(about(AXES[2], heading(start)), start.origin)
 
@@ -310,7 +308,6 @@ def record(
         missing,
         depending(player.program, missing),
         unit,
-        scene.up == "Z" or not wanted.has_ground,
     )
     recording.radii = causes.radii()
     if robot is not None and robot.is_given_ground:

@@ -66,7 +66,6 @@ class RunCauses(Struct, frozen=True):
     missing: Collection[str] = ()
     unsure: frozenset[str] = frozenset()  # nodes that depend on what is not known
     unit: float = 1.0  # metres of the stage
-    is_level: bool = True  # whether robots move as they are played: over ground with Z up
 
     def of_silence(self, topic: str, message: str) -> Cause | None:
         """Return why no message of this type comes on a topic."""
@@ -85,8 +84,6 @@ class RunCauses(Struct, frozen=True):
     def doubt(self, check: str, fault: RunFault) -> bool:
         """Whether a fault may come from unknown nodes or missing assets."""
         if fault.prim in self.unsure or (fault.kind in _AROUND and self.missing):
-            return True
-        if check in DRIVEN and not self.is_level:
             return True
         if fault.kind in _OF_ORDER and self._is_by_number():
             return True

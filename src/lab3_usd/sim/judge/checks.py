@@ -56,9 +56,9 @@ OF_STAGE = ("graphs", "topics", "clock", "stamps", "tree")
 
 def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     """Return the verdict of a check from its faults; what did not happen is not judged."""
-    unplayed = why_unplayed(name, trial) or trial.recording.unplayed.get("", "")
-    if not faults and unplayed:
-        return Check(name, "not judged", unplayed)
+    unplayed = why_unplayed(name, trial)
+    if unplayed or (not faults and "" in trial.recording.unplayed):
+        return Check(name, "not judged", unplayed or trial.recording.unplayed[""])
     if not faults and name in MOVED and (not trial.recording.path or trial.stands()):
         return Check(name, "not judged", "the robot never moved")
     if not faults:
@@ -83,8 +83,6 @@ def why_unplayed(name: str, trial: Trial) -> str:
 def _is_doubtful(name: str, fault: RunFault, trial: Trial) -> bool:
     """Whether a fault may come from what is assumed or not known."""
     if not fault.sure or (name in _OF_SCANS and trial.recording.assumed):
-        return True
-    if why_unplayed(name, trial):
         return True
     return trial.causes is not None and trial.causes.doubt(name, fault)
 
