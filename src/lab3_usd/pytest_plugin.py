@@ -5,11 +5,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+
+from lab3_usd.data import LAB_VARIABLE
+from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
     from lab3_usd.model.finding import Finding, Requirement, StageResult
@@ -39,14 +43,36 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Collect the stages beside whatever tests the course has of its own.
 
+    They are judged by the lab that the configuration beside them names, as `check` judges them.
+
     Raises:
-        pytest.UsageError: a path does not exist.
+        pytest.UsageError: a path does not exist, or the configuration is wrong.
     """
     for option in ("--lab3", "--lab3-lint"):
         for path in config.getoption(option):
             if not Path(path).exists():
                 raise pytest.UsageError(f"{option} {path}: there is no such file or folder")
             config.args.append(path)
+    if config.getoption("--lab3") and not os.environ.get(LAB_VARIABLE):
+        _use_lab(config)
+
+
+def _use_lab(config: pytest.Config) -> None:
+    """Name the lab of the first stage that has one in its configuration, until the tests end."""
+    from lab3_usd.config.settings import places_for
+
+    try:
+        labs = [places_for(Path(path)).lab for path in config.getoption("--lab3")]
+    except UsageError as error:
+        raise pytest.UsageError(str(error)) from error
+    lab = next(filter(None, labs), None)
+
+    def put_back() -> None:
+        os.environ.pop(LAB_VARIABLE, None)
+
+    if lab is not None:
+        os.environ[LAB_VARIABLE] = str(lab.resolve())
+        config.add_cleanup(put_back)
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import os
 from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
 from foreign_robots import rover
 from missing_assets import behind_a_missing_robot
+from places import REPOSITORY
 from pxr import Usd
 
 from lab3_usd import build_checkpoint, check_stage
+from lab3_usd.data import LAB_VARIABLE
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.write.builder import BuildOptions, build_files
 
 pytest_plugins = ["pytester"]
 # Where the package is installed, pytest loads the plugin by itself, and refuses to do so twice.
@@ -97,3 +102,18 @@ def test_any_stage_is_one_test_of_the_linter(pytester: pytest.Pytester, tmp_path
     result = run(pytester, "--lab3-lint", str(tmp_path))
     result.assert_outcomes(passed=1, failed=1)
     result.stdout.fnmatch_lines(["*K01 /World/Clock/clock*"])
+
+
+def test_the_lab_of_the_configuration_is_the_one_that_judges(
+    pytester: pytest.Pytester, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(LAB_VARIABLE, raising=False)
+    folder = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
+    lab = load_lab(folder)
+    (path,) = build_files(
+        lab, None, {tmp_path / "Week5_2_clock.usda": lab.checkpoints["2"]}, BuildOptions()
+    )
+    (tmp_path / "lab3.toml").write_text(f'lab = "{folder}"\n')
+    asked = check_stage(path, lab=lab).requirements
+    run(pytester, "--lab3", str(tmp_path)).assert_outcomes(passed=len(asked) + 1)
+    assert LAB_VARIABLE not in os.environ

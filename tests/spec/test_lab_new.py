@@ -17,6 +17,7 @@ from msgspec.structs import replace
 from places import REPOSITORY, SHARED, TESTS
 from pxr import Sdf, Usd
 
+from lab3_usd.commands.lab import chosen_stages
 from lab3_usd.errors import Lab3Error
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.new_lab.checkpoints import file_names, names_of_stages
@@ -484,3 +485,13 @@ def test_a_starter_that_is_no_plain_text_is_left_out_with_its_reason(
     described = describe_lab([other, last], load_lab(), load_platform())
     assert described.left_out == (f"starter.yaml: {reason}; give the starter to every build",)
     assert "starter.yaml" not in described.files
+
+
+def test_stages_of_a_folder_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    for name in ("w10_b.usda", "w2_a.usda", "notes.txt", "w1_start.usd"):
+        (tmp_path / name).touch()
+    ordered = ["w1_start.usd", "w2_a.usda", "w10_b.usda"]
+    assert [path.name for path in chosen_stages([tmp_path])] == ordered
+    assert [path.name for path in chosen_stages([tmp_path / "w*.usda"])] == ordered[1:]
+    named = [tmp_path / "w10_b.usda", tmp_path / "w2_a.usda"]
+    assert [*chosen_stages(named)] == named

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import click
@@ -14,6 +15,7 @@ from lab3_usd.data import data_folder, lab_folder, program
 from lab3_usd.errors import EXIT_FOUND, SpecError, UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.grade.lab_schemas import FOLDER, schema_of, schema_texts, with_schema
+from lab3_usd.judge.results import STAGE_ENDINGS
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.new_lab.checkpoints import Step
 from lab3_usd.new_lab.lab import describe_lab, refuse_existing_folder, write_folder
@@ -166,18 +168,21 @@ def check(folder: Path | None, stages: tuple[Path, ...]) -> None:
 
 @command.command("new")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.argument("stages", metavar="STAGE...", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
     "--from",
-    "stages",
-    required=True,
+    "more",
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="STAGE",
-    help="A working stage: its content defines the lab. One for each checkpoint, in "
-    "their order, or one with everything.",
+    help="The same as a further STAGE.",
 )
-def new(folder: Path, stages: tuple[Path, ...]) -> None:
+def new(folder: Path, stages: tuple[Path, ...], more: tuple[Path, ...]) -> None:
     """Write a first description of a lab from its solution stages.
+
+    STAGE is a working stage, whose content defines the lab: one for each checkpoint, in their
+    order, or one with everything; or a folder, or a pattern with *, whose stages come in the order
+    of their numbers.
 
     DIR is a new folder in the form of graphs/: graphs with the values that the stages set, robot,
     sensors, the TF tree, topics, points, and a checkpoint for each STAGE, with what it adds to the
@@ -185,7 +190,30 @@ def new(folder: Path, stages: tuple[Path, ...]) -> None:
     lab is then checked, and each STAGE checked and played by it. Exit status: 0 all of it passes, 1
     something does not, 2 a stage or the folder cannot be used.
     """
-    sys.exit(make_lab(folder, stages))
+    chosen = list(chosen_stages([*more, *stages]))
+    if not chosen:
+        raise click.UsageError("name a stage, or a folder with stages")
+    sys.exit(make_lab(folder, chosen))
+
+
+def chosen_stages(given: Sequence[Path]) -> Iterator[Path]:
+    """Yield the stages that are named; those of a folder or a pattern in order of their numbers."""
+    for path in given:
+        found = [path]
+        if path.is_dir():
+            found = [file for file in path.iterdir() if file.suffix.lower() in STAGE_ENDINGS]
+        elif "*" in path.name and not path.exists():
+            found = [*path.parent.glob(path.name)]
+        yield from sorted(found, key=_by_number)
+
+
+_NUMBERS = re.compile(r"(\d+)")
+
+
+def _by_number(file: Path) -> list[tuple[int, str]]:
+    """Return what orders file names by the numbers in them: 2 before 10."""
+    parts = _NUMBERS.split(file.name)
+    return [(int(part), "") if part.isdigit() else (0, part) for part in parts]
 
 
 @command.command("schema")

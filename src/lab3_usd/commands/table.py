@@ -74,7 +74,7 @@ CALLS = {
         "lab3 grade class --starter starter.usda -o gradebook",
         "lab3 grade class.zip --starter starter.usda -o gradebook --jobs 4",
     ),
-    "lab": ("lab3 lab new mylab --from stage.usda", "lab3 lab check mylab"),
+    "lab": ("lab3 lab new mylab solutions", "lab3 lab check mylab"),
     "build": ("lab3 build --out stages", "lab3 build starter.usda --out stages --through 02"),
     "starter": ("lab3 starter -o starter.usda",),
     "demo": ("lab3 demo", "lab3 demo somewhere"),
