@@ -60,7 +60,8 @@ class Platform(Struct, frozen=True, eq=False):
     in which it does, '' where a stage does not tell whether it will, and `by_hand` are those that
     need somebody at the screen; `deltas` name their outputs that give the length of a step. `once`
     are the types with outputs that signal a single time after Play, `gates` those that pass no
-    signal on while the input named there is 0, `passing` those that pass each on. Below
+    signal on while the input named there is 0, `passing` those that pass each on; `picks` give one
+    element of an array, whose inputs are named. Below
     `world_frame` hangs what has no parent prim. `writers` change the scene or the run; what begins
     with one of the `looks` is a property that only changes what one sees. `placed` are the types of
     prims whose place matters beside those of bodies, `attributes` those that are read beside the
@@ -81,6 +82,7 @@ class Platform(Struct, frozen=True, eq=False):
     by_hand: frozenset[str]
     once: Mapping[str, SingleSignal]
     passing: frozenset[str]
+    picks: Mapping[str, tuple[str, str]]
     gates: Mapping[str, str]
     scripts: Scripts
     world_frame: str

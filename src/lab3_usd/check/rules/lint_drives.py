@@ -16,6 +16,8 @@ from lab3_usd.facts.articulations import (
     reached_joints,
     wired_commands,
 )
+from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.wires import connections
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.joint_drives import (
@@ -28,11 +30,50 @@ from lab3_usd.model.joint_drives import (
 )
 from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import Node
 
 _PORTS: Mapping[JointCommand, str] = {
     kind: f"{INPUT}{kind}Command" for kind in get_args(JointCommand)
 }
 _KINDS = {port: kind for kind, port in _PORTS.items()}
+
+
+@rule("K95", "one-command-for-all", scope="lint")
+def one_command_for_all(subject: LintSubject) -> Iterator[Problem]:
+    """Several joints get the same element of the commands for two wheels.
+
+    Why: the commands are that of the left wheel and that of the right one. With one of them for
+    both wheels the robot drives straight on and never turns.
+
+    Fix: set the index of the node that picks the element: 0 for the left wheel, 1 for the right.
+
+    Example: two Get Array Index nodes behind a Differential Controller, both with index 0.
+    """
+    wires = [*connections(subject.stage, subject.platform)]
+    for maker in subject.live.values():
+        for out, size in maker.type.sizes.items() if maker.type is not None else ():
+            taking = [wire.node for wire in wires if wire.path == f"{maker.path}.{out}"]
+            elements = {node.path: _element(node, size, subject) for node in taking}
+            fed = [wire.node.path for wire in wires if wire.source_prim in elements]
+            numbers = {*elements.values()}
+            if size > 1 and len(fed) > 1 and len(numbers) == 1 and None not in numbers:
+                first = taking[0]
+                port = INPUT + subject.platform.picks[first.type_name][1]
+                yield Problem(
+                    first.path,
+                    f"{port} is {numbers.pop()}, as wherever an element of "
+                    f"{maker.name}.{out} is taken: {len(fed)} inputs get the command of one wheel",
+                    property=port,
+                    expected="each wheel's own element",
+                    related=(maker.path, *dict.fromkeys(fed)),
+                )
+
+
+def _element(node: Node, size: int, subject: LintSubject) -> int | None:
+    """Return the number of the element that a node takes of an array, None for all or unknown."""
+    _, index = subject.platform.picks.get(node.type_name, ("", ""))
+    value = effective_value(node, INPUT + index, subject.live) if index else None
+    return value % size if isinstance(value, int) else None
 
 
 @rule("K62", "drive-ignores-velocity", scope="lint")
