@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from typing import Literal
 
 from msgspec import Struct
+from msgspec.structs import replace
 
-from lab3_usd.facts.execution_order import Nodes, is_source, live_nodes
-from lab3_usd.isaac.node_types import Port, can_connect
+from lab3_usd.facts.execution_order import Nodes, is_source, live_nodes, live_sources
+from lab3_usd.isaac.node_types import INPUT, Port, can_connect, without_role
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import Node, StageModel, absence_reason, is_acyclic, once_per_stage
 
@@ -16,12 +17,17 @@ Kind = Literal["execution", "data"]
 
 
 class Connection(Struct, frozen=True, eq=False):
-    """A wire into a node; `source` is None where no live node is there."""
+    """A wire into a node; `source` is None where no live node is there.
+
+    `given` is the type that the source's output takes from the source's only input, '' where its
+    own type says it or nothing does.
+    """
 
     node: Node
     port: str
     path: str
     source: Node | None
+    given: str = ""
 
     @property
     def source_prim(self) -> str:
@@ -70,8 +76,10 @@ class Connection(Struct, frozen=True, eq=False):
         source, target = self.source.type, self.node.type
         if not (source.is_known_port(self.source_port) and target.is_known_port(self.port)):
             return None
-        ends = (source.port(self.source_port), target.port(self.port))
-        return (ends[0], ends[1]) if ends[0] is not None and ends[1] is not None else None
+        start, end = source.port(self.source_port), target.port(self.port)
+        if start is None or end is None:
+            return None
+        return (replace(start, ogn_type=self.given) if self.given else start, end)
 
 
 def connections(stage: StageModel, platform: Platform) -> Iterator[Connection]:
@@ -97,7 +105,33 @@ def connections_of(node: Node, live: Nodes) -> Iterator[Connection]:
 
 def connection(node: Node, port: str, path: str, live: Nodes) -> Connection:
     """Return the wire that enters a node at a port and comes from the property at `path`."""
-    return Connection(node, port, path, live.get(path.rpartition(".")[0]))
+    prim, _, source_port = path.rpartition(".")
+    source = live.get(prim)
+    given = "" if source is None else _followed_type(source, source_port, live)
+    return Connection(node, port, path, source, given)
+
+
+def _followed_type(node: Node, output: str, live: Nodes) -> str:
+    """Return the type of an output that follows the only input of its node, '' for another one.
+
+    Both list their types in the same order (Break 3-Vector: a vector gives a number, an array of
+    vectors an array of numbers).
+    """
+    kind = node.type
+    port = None if kind is None else kind.listed(output)
+    if kind is None or port is None or not (port.is_union and port.accepts):
+        return ""
+    inputs = [each for name, each in kind.ports.items() if name.startswith(INPUT) and each.is_union]
+    if len(inputs) != 1 or len(inputs[0].accepts) != len(port.accepts):
+        return ""
+    sources = [*live_sources(node, inputs[0].name, live)]
+    known = sources[0][0].type if len(sources) == 1 else None
+    fed = None if known is None else known.listed(sources[0][1])
+    taken = () if fed is None or fed.is_union else inputs[0].accepts
+    for number, accepted in enumerate(taken):
+        if fed is not None and without_role(accepted) == without_role(fed.ogn_type):
+            return port.accepts[number]
+    return ""
 
 
 def why_dead(wire: Connection, stage: StageModel, platform: Platform) -> str | None:

@@ -95,7 +95,7 @@ def differ_in_role(source: Port, target: Port) -> bool:
 
     OmniGraph can compare types without their roles; which wires it takes so, no public source says.
     """
-    (one, shape), (other, other_shape) = (_without_role(port.ogn_type) for port in (source, target))
+    (one, shape), (other, other_shape) = (without_role(port.ogn_type) for port in (source, target))
     are_numbers = one in NUMBERS and other in NUMBERS
     are_texts = {one, other} <= {"string", "token"}
     return shape == other_shape and (are_numbers or are_texts)
@@ -105,7 +105,7 @@ _ROLES = re.compile(r"(color|normal|point|texcoord|vector|quat|matrix|frame|tran
 _PRECISIONS = {"d": "double", "f": "float", "h": "half", "": "double"}
 
 
-def _without_role(ogn_type: str) -> tuple[str, str]:
+def without_role(ogn_type: str) -> tuple[str, str]:
     """Split a type as `shape_of`, with numbers for a role: `vectord[3]` is `double[3]`."""
     element, shape = shape_of(ogn_type)
     known = _ROLES.fullmatch(element)
