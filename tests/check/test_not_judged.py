@@ -294,7 +294,11 @@ SCAN_RATE = "omni:sensor:Core:scanRateBaseHz"
             ("S13", "/Environment", None),
         ),
         (remove(LIDAR), f"{ROBOT}/base_scan", ("L01", LIDAR, None)),
-        (clear(LIDAR, SCAN_RATE), LIDAR, ("L05", LIDAR, SCAN_RATE)),
+        (
+            several(clear(LIDAR, SCAN_RATE), without_api(LIDAR, "OmniSensorGenericLidarCoreAPI")),
+            LIDAR,
+            ("L05", LIDAR, SCAN_RATE),
+        ),
         (
             without_api(LIDAR, "OmniSensorGenericLidarCoreAPI"),
             LIDAR,

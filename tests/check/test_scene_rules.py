@@ -61,7 +61,21 @@ FAULTS = scene_sabotage()
 LINK_LEFT = f"{ROBOT}/wheel_left_link"
 CHECKPOINTS = tuple(load_lab().checkpoints)
 # Faults that no item of the handout asks for by itself.
-ELSEWHERE = {"C11", "L12", "F02", "F03", "S16", "S22", "C08", "C10", "F04", "L10", "L11", "S30"}
+ELSEWHERE = {
+    "C11",
+    "L12",
+    "F02",
+    "F03",
+    "S16",
+    "S22",
+    "C08",
+    "C10",
+    "F04",
+    "D08",
+    "L10",
+    "L11",
+    "S30",
+}
 
 
 def errors(found: list[Finding]) -> list[Finding]:

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from lab3_usd.sim.execution.node_instance import functions
 from lab3_usd.sim.execution.world import World, world_of
-from lab3_usd.sim.nodes.sensors import CORE, _beam
+from lab3_usd.sim.nodes.sensors import _beam, values_in
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
@@ -76,7 +76,7 @@ LACKING: list[tuple[str, dict[str, Any], dict[str, str], str]] = [
 
 @pytest.fixture(scope="module")
 def stage() -> World:
-    return world_of(read_scene(correct_stage("05"), load_platform()))
+    return world_of(read_scene(correct_stage("05"), load_platform()), load_platform())
 
 
 @pytest.mark.parametrize(("name", "values", "targets", "kind"), LACKING)
@@ -160,8 +160,10 @@ def test_a_lidar_scans_where_it_fires_in_each_turn_and_not_too_often(
     stage: World, turns: float, firings: float, *, is_scan: bool
 ) -> None:
     lidar = stage.scene.prims[LIDAR]
-    rates = {f"{CORE}scanRateBaseHz": turns, f"{CORE}patternFiringRateHz": firings}
-    assert (_beam(replace(lidar, values={**lidar.values, **rates})) is not None) == is_scan
+    names = stage.platform.sensor_models.lidar
+    rates = {names.turns: turns, names.firings: firings}
+    values = values_in(stage, replace(lidar, values={**lidar.values, **rates}))
+    assert (_beam(values, names) is not None) == is_scan
 
 
 def test_a_number_is_scaled_as_a_vector_is(stage: World) -> None:

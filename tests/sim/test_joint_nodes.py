@@ -37,7 +37,7 @@ NAMES = ("shoulder_joint", "elbow_joint", "tool_joint")
 
 @pytest.fixture
 def stage() -> World:
-    return world_of(read_scene(arm(), load_platform()))
+    return world_of(read_scene(arm(), load_platform()), load_platform())
 
 
 def machine_of(world: World, path: str = "/arm") -> Machine:
@@ -84,7 +84,7 @@ def sliding() -> Usd.Stage:
 
 
 def test_a_slide_moves_along_its_axis() -> None:
-    world = world_of(read_scene(sliding(), load_platform()))
+    world = world_of(read_scene(sliding(), load_platform()), load_platform())
     bent(world, slide=5.0, hand=math.pi / 2)
     assert world.machines.place("/arm/hand").origin == pytest.approx((15.0, 0.0, 0.0))
 
@@ -143,7 +143,7 @@ def test_what_reaches_a_publisher_is_published(stage: World) -> None:
 
 
 def test_lengths_are_published_divided_by_the_unit_of_the_stage() -> None:
-    world = world_of(read_scene(sliding(), load_platform()))
+    world = world_of(read_scene(sliding(), load_platform()), load_platform())
     bent(world, slide=5.0)
     assert published(world, {}, targetPrim="/arm").positions == (500.0, 0.0)
 
@@ -511,7 +511,9 @@ def test_legs_are_no_wheels() -> None:
         UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(800.0)
         UsdPhysics.RevoluteJoint(joint).CreateLowerLimitAttr(-60.0)
         UsdPhysics.RevoluteJoint(joint).CreateUpperLimitAttr(60.0)
-    machines = world_of(read_scene(stage, load_platform()), has_ground=True).machines
+    machines = world_of(
+        read_scene(stage, load_platform()), load_platform(), has_ground=True
+    ).machines
     dog = machines.member["/dog/trunk"]
     assert dog.wheels == []
     for joint in dog.joints.values():

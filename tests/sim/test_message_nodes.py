@@ -23,7 +23,7 @@ TOOL = "/arm/tool/imu"
 
 @pytest.fixture
 def stage() -> World:
-    return world_of(read_scene(arm(), load_platform()))
+    return world_of(read_scene(arm(), load_platform()), load_platform())
 
 
 def test_a_sensor_at_rest_feels_the_ground(stage: World) -> None:
@@ -82,7 +82,7 @@ def test_a_message_of_any_type_is_published_from_the_third_signal_on(tmp_path: P
     found = played(stage, tmp_path)
     assert {topic.name: topic.type for topic in found.topics}["/level"] == "std_msgs/msg/Float64"
     assert by_name(found)["topics"].verdict == "ok"
-    here = world_of(read_scene(stage, load_platform()))
+    here = world_of(read_scene(stage, load_platform()), load_platform())
     lone = node(f"{ROS}ROS2Publisher", {**values, "messageSubfolder": "msg", "data": 2.5})
     assert [lone.compute(here), lone.compute(here), lone.compute(here)] == [False, True, True]
     (message,) = here.network.sent

@@ -9,6 +9,7 @@ from breaking import Step, broken, correct_stage
 from dry_runs import SHORT, driven
 from pxr import Sdf, Usd
 from scene_changes import LIDAR, Change, clear, put, several
+from sensor_stages import CASES, with_values
 
 from lab3_usd.model.dry_run import Check
 from lab3_usd.sim.judge.checks import judge
@@ -210,16 +211,32 @@ def test_a_chassis_without_a_type_is_no_body() -> None:
 CORE = "omni:sensor:Core:"
 
 
-@pytest.mark.parametrize(
-    "name", ["scanRateBaseHz", "patternFiringRateHz", "farRangeM", "emitterState:s001:azimuthDeg"]
-)
+@pytest.mark.parametrize("name", ["scanRateBaseHz", "patternFiringRateHz", "farRangeM"])
 def test_a_lidar_scans_with_what_it_leaves_to_the_schema(name: str) -> None:
     stage = correct_stage("05")
     stage.GetPrimAtPath(LIDAR).RemoveProperty(f"{CORE}{name}")
     trial = driven(stage, SHORT)
     verdicts = {check.name: check.verdict for check in judge(trial)}
     assert (verdicts["topics"], verdicts["scan"]) == ("ok", "ok")
-    assert name.rpartition(":")[2] in trial.recording.assumed[LIDAR]
+    assert LIDAR not in trial.recording.assumed
+
+
+def test_a_lidar_without_emitters_of_its_own_looks_up_and_down() -> None:
+    stage = correct_stage("05")
+    lidar = stage.GetPrimAtPath(LIDAR)
+    for name in lidar.GetPropertyNames():
+        if "emitterState" in name or "numberOf" in name:
+            lidar.RemoveProperty(name)
+    trial = driven(stage, SHORT)
+    assert {check.name: check.verdict for check in judge(trial)}["scan"] == "not judged"
+    assert "elevationDeg" in trial.recording.not_simulated[LIDAR]
+
+
+@pytest.mark.parametrize("case", ["count_2_lists_1", "channel_0", "firing_rate_a_float"])
+def test_a_lidar_that_the_checker_refuses_gives_no_scan(case: str) -> None:
+    trial = driven(with_values(CASES["refused"][case], correct_stage("05")), SHORT)
+    verdicts = {check.name: check.verdict for check in judge(trial)}
+    assert (verdicts["topics"], verdicts["scan"]) == ("bad", "not judged")
 
 
 ELSEWHERE: dict[str, Change] = {

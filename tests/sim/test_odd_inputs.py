@@ -32,7 +32,7 @@ PRODUCT = "/Render/Product0"
 
 @pytest.fixture(scope="module")
 def stage() -> World:
-    return world_of(read_scene(correct_stage("05"), load_platform()))
+    return world_of(read_scene(correct_stage("05"), load_platform()), load_platform())
 
 
 def odd_values(port: Port) -> Iterator[Value | None]:

@@ -30,7 +30,7 @@ HALF = math.sqrt(0.5)
 @pytest.fixture
 def stage() -> World:
     """The stage of 05 before it plays."""
-    return world_of(read_scene(correct_stage("05"), load_platform()))
+    return world_of(read_scene(correct_stage("05"), load_platform()), load_platform())
 
 
 @pytest.mark.parametrize("name", ["omni.graph.action.OnPlaybackTick", "omni.graph.action.OnTick"])

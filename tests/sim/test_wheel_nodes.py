@@ -12,6 +12,7 @@ from lab3_usd.model.dry_run import HERE, Scene, ScenePrim
 from lab3_usd.sim.execution.recording import Steering
 from lab3_usd.sim.execution.world import RosEndpoint, world_of
 from lab3_usd.sim.robots import AHEAD, TURN, _allowed
+from lab3_usd.spec.load.loader import load_platform
 
 WHEELED = "isaacsim.robot.wheeled_robots."
 ACKERMANN, HOLONOMIC = f"{WHEELED}AckermannController", f"{WHEELED}HolonomicController"
@@ -132,7 +133,7 @@ def test_the_wheels_of_a_robot_are_read_from_its_joints() -> None:
     )
     robot = ScenePrim("/robot", "Xform", frozenset(), HERE, {}, {}, seen=False)
     scene = Scene(1.0, "Z", (), {prim.path: prim for prim in (robot, joint)}, {})
-    here = world_of(scene)
+    here = world_of(scene, load_platform())
     setup = node(f"{WHEELED}HolonomicRobotUsdSetup", robotPrim="/robot", comPrim="/robot")
     assert setup.compute(here)
     assert setup.outputs["wheelPositions"] == ((1.0, 2.0, 0.0),)

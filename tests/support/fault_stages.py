@@ -291,7 +291,7 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
     "loose-sensor": (steps({"deactivate": f"{JOINTS}/scan_joint"}), "mounted"),
     "wrong-scan-rate": (value(f"{LIDAR}.omni:sensor:tickRate", 30.0), "scan"),
     "wrong-turn-rate": (value(f"{LIDAR}.omni:sensor:Core:scanRateBaseHz", 20), "scan"),
-    "no-ray-returns": (value(f"{LIDAR}.omni:sensor:Core:farRangeM", 0.05), "scan"),
+    "no-ray-returns": (value(f"{LIDAR}.omni:sensor:Core:farRangeM", 0.2), "scan"),
     "scan-off-walls": (put(LIDAR, "xformOp:translate", (0.3, 0.0, 0.0)), "scan"),
     "image-info-frames-differ": (value(f"{INFO}.inputs:frameId", "lens"), "camera"),
     "image-info-sizes-differ": (

@@ -197,7 +197,12 @@ def _rover_sensors(stage: Usd.Stage, base: str) -> None:
         ("omni:sensor:Core:patternFiringRateHz", "uint", 7200),
         ("omni:sensor:Core:nearRangeM", "float", 0.2),
         ("omni:sensor:Core:farRangeM", "float", 30.0),
+        ("omni:sensor:Core:numberOfEmitters", "uint", 1),
+        ("omni:sensor:Core:numberOfChannels", "uint", 1),
         ("omni:sensor:Core:emitterState:s001:azimuthDeg", "float[]", [0.0]),
+        ("omni:sensor:Core:emitterState:s001:elevationDeg", "float[]", [0.0]),
+        ("omni:sensor:Core:emitterState:s001:channelId", "uint[]", [1]),
+        ("omni:sensor:Core:emitterState:s001:fireTimeNs", "uint[]", [0]),
     ):
         lidar.CreateAttribute(name, Sdf.ValueTypeNames.Find(usd_type), custom=False).Set(value)
     UsdGeom.Camera.Define(stage, f"{base}/eye")

@@ -28,6 +28,8 @@ from scene_changes import (
     without_api,
 )
 
+from lab3_usd.facts.sensor_values import sensor_values
+from lab3_usd.model.stage import same_value
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import PoseSpec, SensorSpec
 
@@ -174,7 +176,8 @@ def _sensor(lab: Lab, spec: SensorSpec) -> Iterator[_Found]:
     yield f"{name} left behind", detach(path), path
     for api in (*spec.required_apis, *filter(None, [spec.required_api])):
         yield f"{name} without {api}", without_api(path, api), path
+    by_schema = sensor_values(lab.platform, spec.apis, {})
     for attribute, entry in spec.required.items():
         yield f"{name} {attribute} wrong", put(path, attribute, entry.value * 3), path
-        if entry.unset != "right":
+        if not same_value(by_schema.get(attribute), entry.value):
             yield f"{name} {attribute} unset", clear(path, attribute), path

@@ -76,7 +76,12 @@ def _lidar(stage: Usd.Stage, path: str, at: tuple[float, float, float], yaw: flo
         ("omni:sensor:Core:patternFiringRateHz", "uint", 3600),
         ("omni:sensor:Core:nearRangeM", "float", 0.2),
         ("omni:sensor:Core:farRangeM", "float", 30.0),
+        ("omni:sensor:Core:numberOfEmitters", "uint", 1),
+        ("omni:sensor:Core:numberOfChannels", "uint", 1),
         ("omni:sensor:Core:emitterState:s001:azimuthDeg", "float[]", [0.0]),
+        ("omni:sensor:Core:emitterState:s001:elevationDeg", "float[]", [0.0]),
+        ("omni:sensor:Core:emitterState:s001:channelId", "uint[]", [1]),
+        ("omni:sensor:Core:emitterState:s001:fireTimeNs", "uint[]", [0]),
     ):
         lidar.CreateAttribute(name, Sdf.ValueTypeNames.Find(usd_type), custom=False).Set(value)
     _place(lidar, at, (0, 0, yaw))

@@ -18,6 +18,7 @@ from lab3_usd.stage.read.reader import read_model
 
 built = correct_stage
 FAMILIES = ("F", "S", "L", "C")
+OF_ALL_SENSORS = "D08"
 
 
 def model_of(stage: Usd.Stage) -> StageModel:
@@ -26,14 +27,15 @@ def model_of(stage: Usd.Stage) -> StageModel:
 
 
 def stage_rules() -> dict[str, Rule]:
-    """The rules about files, scene, lidar and camera that judge a stage, by id."""
-    found = (*rules_of("model", "F"), *rules_of("stage", *FAMILIES), *rules_of("robot", *FAMILIES))
-    by_id = {rule.id: rule for rule in found if rule.id[0] in FAMILIES}
+    """The rules about files, scene and sensors that judge a stage, by id."""
+    of_stage = (*rules_of("stage", *FAMILIES, "D"), *rules_of("robot", *FAMILIES))
+    found = (*rules_of("model", "F"), *of_stage)
+    by_id = {rule.id: rule for rule in found if rule.id[0] in FAMILIES or rule.id == OF_ALL_SENSORS}
     return dict(sorted(by_id.items()))
 
 
 def findings_of(stage: Usd.Stage, checkpoint: str) -> list[Finding]:
-    """What the rules about files, scene, lidar and camera say."""
+    """What the rules about files, scene and sensors say."""
     lab = load_lab()
     subject = StageSubject(lab, lab.checkpoints[checkpoint], model_of(stage), {})
     findings = (

@@ -51,8 +51,12 @@ def author_sensors(stage: Usd.Stage, checkpoint: str) -> None:
         _set(lidar, "omni:sensor:Core:patternFiringRateHz", "uint", 3600)
         _set(lidar, "omni:sensor:Core:nearRangeM", "float", 0.1)
         _set(lidar, "omni:sensor:Core:farRangeM", "float", 20.0)
+        for name in ("numberOfEmitters", "numberOfChannels"):
+            _set(lidar, f"omni:sensor:Core:{name}", "uint", 1)
         for name in ("azimuthDeg", "elevationDeg"):
             _set(lidar, f"omni:sensor:Core:emitterState:s001:{name}", "float[]", [0.0])
+        for name, value in (("channelId", 1), ("fireTimeNs", 0)):
+            _set(lidar, f"omni:sensor:Core:emitterState:s001:{name}", "uint[]", [value])
         _place(lidar, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     if int(checkpoint) >= 4:
         camera = stage.DefinePrim(CAMERA, "Camera")

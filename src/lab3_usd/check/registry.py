@@ -78,7 +78,7 @@ MODULES = {
     "S": ("scene", "robot", "link_joints", "wheel_joints", "wheel_drives", "world"),
     "L": ("lidar", "sensors"),
     "C": ("camera", "sensors"),
-    "D": ("sensors",),
+    "D": ("sensors", "sensor_values"),
     "T": ("frames", "any_frames", "frame_tree", "targets"),
     "Q": ("any_topics", "topics"),
     "U": ("starter",),

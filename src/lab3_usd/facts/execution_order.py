@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterator, Mapping
 from typing import Literal
 
+from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, is_refused
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
@@ -380,7 +381,7 @@ def rate_source(
         return f"once after {event}"
     sensor = _camera_named(node, stage, running) or sensor_of(node, running)
     prim = None if sensor is None else stage.prim(sensor)
-    rate = 0.0 if prim is None else _rate(prim, platform)
+    rate = 0.0 if prim is None else _rate(prim, platform, stage)
     skipped = effective_value(node, _SKIPPED, running)
     rate /= skipped + 1 if isinstance(skipped, int) and skipped > 0 else 1
     return f"sensor at {rate:g} Hz" if rate > 0 else event
@@ -396,13 +397,9 @@ def _camera_named(node: Node, stage: StageModel, live: Nodes) -> str | None:
     return None
 
 
-def _rate(prim: Prim, platform: Platform) -> float:
+def _rate(prim: Prim, platform: Platform, stage: StageModel) -> float:
     """Return the sensor's own rate: as written, else what its schema takes; 0 for every frame."""
-    known = platform.ros.rate
-    rate = prim.attributes.get(known.attribute)
-    if rate is None:
-        rate = next((known.schemas[name] for name in prim.apis if name in known.schemas), 0.0)
-    return float(rate) if isinstance(rate, (int, float)) else 0.0
+    return values_of(prim, platform, stage).number(platform.sensor_models.lidar.rate) or 0.0
 
 
 def _events(node: Node, platform: Platform, running: Nodes) -> Iterator[str]:

@@ -18,6 +18,7 @@ from lab3_usd.facts.execution_order import (
     states_without,
 )
 from lab3_usd.facts.render_products import shown_by
+from lab3_usd.facts.sensor_faults import faults_of
 from lab3_usd.facts.stalled_nodes import is_given, unmet_needs
 from lab3_usd.isaac.behaviour import TargetOf
 from lab3_usd.isaac.node_types import INPUT
@@ -30,16 +31,11 @@ from lab3_usd.model.physics import (
     bodies_below,
     is_body,
     is_joint,
-    number,
 )
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, absence_reason, once_per_stage
 
 _KIND, _FLAT = "inputs:type", "laser_scan"
-_CORE = "omni:sensor:Core:"
-_TURNS, _FIRINGS = f"{_CORE}scanRateBaseHz", f"{_CORE}patternFiringRateHz"
-_EMITTERS, _EMITTER = f"{_CORE}numberOfEmitters", f"{_CORE}emitterState:"
-_TYPE, _SOLID = f"{_CORE}scanType", "SOLID_STATE"  # OgnROS2RtxLidarHelper.py:117
 _SENSORS = ("Camera", "OmniLidar", "OmniRadar")
 
 
@@ -269,21 +265,8 @@ def _without_scan(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
             yield Stuck(node, f"{prim.path} is no {' or '.join(asked.types)}", not is_open)
         elif prim.type in asked.types and asked.needs not in prim.apis:
             yield Stuck(node, f"{prim.path} has no {asked.needs}", not is_open)
-        elif effective_value(node, _KIND, live) == _FLAT:
-            for name, fault in silencing_values(prim):
-                yield Stuck(node, f"{name} of {prim.path} {fault}")
-
-
-def silencing_values(lidar: Prim) -> Iterator[tuple[str, str]]:
-    """Yield the attributes with which a lidar gives no scan, and what is wrong with each.
-
-    Source: `OgnROS2RtxLidarHelper.py:110-134`; NVIDIA's checker of sensors for the emitters.
-    """
-    turns = lidar.attributes.get(_TYPE) != _SOLID
-    for name in (_TURNS, _FIRINGS, _EMITTERS) if turns else (_EMITTERS,):
-        value = number(lidar.attributes.get(name))
-        if value is not None and value <= 0:
-            yield name, f"is {value:g}"
-    for name, items in lidar.attributes.items():
-        if name.startswith(_EMITTER) and items == ():
-            yield name, "is empty"
+        else:
+            is_scan = effective_value(node, _KIND, live) == _FLAT
+            for fault in faults_of(prim, platform, stage):
+                if fault.stops(is_scan=is_scan):
+                    yield Stuck(node, f"{fault.message}, at {prim.path}", not fault.is_open)

@@ -23,16 +23,7 @@ from lab3_usd.isaac.graph_form import GraphForm
 from lab3_usd.isaac.names import Names, OtherName
 from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.releases import BASE, Release, changed, order
-
-
-class SensorRate(Struct, frozen=True, forbid_unknown_fields=True):
-    """The attribute that says how often a sensor gives its data, in Hz.
-
-    `schemas` are those that have it, with its value where none is written.
-    """
-
-    attribute: str
-    schemas: Mapping[str, float]
+from lab3_usd.isaac.sensor_models import SensorModels
 
 
 class RosNames(Struct, frozen=True, forbid_unknown_fields=True):
@@ -45,7 +36,6 @@ class RosNames(Struct, frozen=True, forbid_unknown_fields=True):
     namespace: str
     namespace_attribute: str
     tree_topics: tuple[str, ...]
-    rate: SensorRate
 
 
 class Platform(Struct, frozen=True, eq=False):
@@ -92,6 +82,7 @@ class Platform(Struct, frozen=True, eq=False):
     transform_messages: frozenset[str]
     needs: Mapping[str, tuple[Need, ...]]
     sensors: Mapping[str, SensorOf]
+    sensor_models: SensorModels
     bodies: Mapping[str, BodyOf]
     joints: Mapping[str, JointsOf]
     units: Mapping[str, UnitOf]

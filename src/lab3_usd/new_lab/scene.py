@@ -163,9 +163,7 @@ def _attribute(
     if known is None:
         return {**data, "required": True, "handout": section}
     known_entry = known.get(name, {})
-    kept = {
-        key: known_entry[key] for key in ("required", "unset", "schema") if known_entry.get(key)
-    }
+    kept = {key: known_entry[key] for key in ("required", "schema") if known_entry.get(key)}
     return {**data, **kept, "handout": section} if kept else data
 
 

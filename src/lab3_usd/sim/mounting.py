@@ -9,13 +9,12 @@ from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Message, Points, Scan, View
 from lab3_usd.sim.judge.expectations import RunFault, Trial, agree, in_root
-from lab3_usd.sim.nodes.sensors import CORE
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robot.machine import Machine
 
 _CLOUD, _INFO = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/CameraInfo"
 _SENSORS = ("Camera", "OmniLidar", "OmniRadar")
-_AXES, _OWN = f"{CORE}outputFrameOfReference", "SENSOR"
+_AXES, _OWN = "omni:sensor:Core:outputFrameOfReference", "SENSOR"
 _TURNED = 0.996  # the half angle's cosine of 10 degrees by which points may be turned
 _BASELINE, _ASIDE = 0.5, 0.005  # metres between the cameras of a stereo pair, and off their line
 

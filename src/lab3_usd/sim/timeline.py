@@ -243,7 +243,7 @@ def driven(world: World) -> Machine | None:
 
 def player_of(scene: Scene, platform: Platform, wanted: Expected) -> Player:
     """Return a scene ready to play, which takes commands from the topic that is asked for."""
-    world = world_of(scene, wanted.profile, has_ground=wanted.has_ground)
+    world = world_of(scene, platform, wanted.profile, has_ground=wanted.has_ground)
     world.network.commands = RosEndpoint(wanted.domain, wanted.commands)
     player = Player(world, platform, wanted.robot)
     world.not_simulated.update(player.program.not_simulated)

@@ -207,7 +207,6 @@ class SensorAttribute(Struct, frozen=True, forbid_unknown_fields=True):
     type: str
     value: Any
     required: bool | str = False  # a text: only where it is written
-    unset: str = ""  # what the schema's own value does: it is `right`, or `unclear`
     schema: bool = False  # USD's own schema has it
     handout: str = ""
 
@@ -234,17 +233,15 @@ class KeptValue(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class ScanSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """Values with which a lidar gives no scan, or another one.
+    """Values with which a lidar gives another scan.
 
-    In a pair of `rising` the first is the smaller one. `circle` limits the azimuth, which is a full
+    `circle` limits the azimuth, which is a full
     circle from `whole` on. `emitters` begins the names of lists with an entry for each emitter;
     `elevation` ends the name of their angles, whose limit is `level`. `ranges` are the near and far
     range.
     """
 
     handout: str
-    above_zero: tuple[str, ...]
-    rising: tuple[tuple[str, str], ...]
     emitters: str
     elevation: str
     level: Number

@@ -5,7 +5,7 @@ One, at its path, with the rates and values by which it gives the scan that the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from msgspec.structs import replace
 
@@ -14,6 +14,7 @@ from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.poses import units_of
 from lab3_usd.check.robot.sensors import LIDAR, second_lidars, sensor_group
 from lab3_usd.check.robot.surroundings import blind_range, place_of
+from lab3_usd.check.rules.sensor_values import refused_values
 from lab3_usd.check.rules.sensors import (
     PresentSensor,
     attribute_demand,
@@ -29,12 +30,13 @@ from lab3_usd.check.rules.sensors import (
     sensor_values,
     wrong_type_sensors,
 )
+from lab3_usd.facts.sensor_values import SensorValues, entries, values_of
 from lab3_usd.model.changes import ApplySchema, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, display
-from lab3_usd.model.prims import Prim
+from lab3_usd.model.physics import numbers
 from lab3_usd.model.stage import same_value
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.scene import ScanSpec, SensorAttribute, SensorSpec
+from lab3_usd.spec.scene import ScanSpec, SensorSpec
 
 
 @rule("L01", "missing-lidar", scope="stage", demands=sensor_demands(LIDAR, sensor_prim))
@@ -101,8 +103,8 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
     """A rate of the lidar has another value.
 
     Why: the tick rate sets how often a scan is published. If it differs from the scan rate, each
-    scan covers only part of a turn, and Isaac Sim gives no message. The schema's default tick rate
-    is 10. Its default scan rate is not documented: a warning.
+    scan covers only part of a turn, and Isaac Sim gives no message. A rate that is not set has the
+    value of the lidar's schema, 10.
 
     Fix: select the lidar, search the Property panel for the name given here and type the value.
 
@@ -110,12 +112,10 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
     """
     for sensor in present_sensors(subject, LIDAR):
         prim = sensor.prim
+        values = values_of(prim, subject.platform, subject.stage)
         for name, entry in sensor.spec.required.items():
-            actual = prim.attributes.get(name)
-            has_api = sensor.spec.required_api in prim.apis
-            unset = entry.unset if actual is None and has_api else ""
-            if not same_value(actual, entry.value) and unset != "right":
-                expected, actual_text = display(entry.value), display(actual)
+            if not same_value(values.get(name), entry.value):
+                expected, actual_text = display(entry.value), display(prim.attributes.get(name))
                 yield Problem(
                     prim.path,
                     f"{name} is {actual_text}, expected {expected}",
@@ -124,7 +124,6 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
                     actual_text,
                     entry.handout,
                     sensor.place.related,
-                    severity="warning" if unset else None,
                     fix=(Restore(prim.path, name),),
                     unmet=(attribute_demand(sensor.group, name),),
                     rests_on=subject.stage.unknown_value(prim, name),
@@ -202,12 +201,6 @@ _TURN = 360.0
 _Fault = tuple[str, str, str]  # attribute, message, what is expected
 
 
-def _number(prim: Prim, name: str) -> float | None:
-    value = prim.attributes.get(name)
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return float(value) if is_number and isinstance(value, (int, float)) else None
-
-
 def _short(name: str) -> str:
     return name.rpartition(":")[2]
 
@@ -239,33 +232,42 @@ def _problem(lidar: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
 def no_scan(subject: StageSubject) -> Iterator[Problem]:
     """A value of the lidar prevents any scan.
 
-    Why: the lidar helper computes the beams of a scan from these values. Without beams, or with a
-    near range beyond the far range, the scan is silent or holds no distances. If all things around
-    the robot are beyond the far range, or nearer than the near range, the scan is empty.
+    Why: before it runs, the model of the lidar compares its values: every list of the emitters has
+    an entry for each of them, channels and banks are those that there are, and no emitter fires
+    after its turn. If one does not fit, the lidar does not start. What is not set has the value of
+    the schema: 128 emitters. Without rates there are no beams. If all things around the robot are
+    beyond the far range, or nearer than the near range, the scan is empty.
 
-    Fix: select the lidar, search the Property panel for the name given here and type a value above
-    0, or delete the lidar and create it with Create > Sensors > RTX Lidar{lidar_menu}.
+    Fix: select the lidar, search the Property panel for the name given here and type the expected
+    value, or delete the lidar and create it with Create > Sensors > RTX Lidar{lidar_menu}.
 
-    Example: `omni:sensor:Core:patternFiringRateHz` 0.
+    Example: `omni:sensor:Core:numberOfEmitters` 2 with one azimuth.
+
+    Basis: NVIDIA's rules of Isaac Sim 6.2 (`lidar_sensor_rules.py`), and its checker of 6.0.1.
     """
+    for lidar in present_sensors(subject, LIDAR):
+        unmet = tuple(demand.id for demand in _scan(lidar.spec, lidar.group))
+        for problem in refused_values(lidar, subject, "error"):
+            yield replace(problem, unmet=unmet)
     for lidar, scan in _scanning(subject):
-        for fault in _silencing_values(lidar.prim, scan, lidar.spec.required):
-            yield _problem(lidar, scan, fault)
-        for fault in _blind_ranges(lidar.prim, scan, subject):
+        for fault in _blind_ranges(lidar, scan, subject):
             robot = subject.lab.scene.robot_of(lidar.prim.path) or subject.lab.scene.robot
             asset = subject.stage.unknown_outside(robot.path)
             yield replace(_problem(lidar, scan, fault), rests_on=asset)
 
 
-def _blind_ranges(prim: Prim, scan: ScanSpec, subject: StageSubject) -> Iterator[_Fault]:
+def _blind_ranges(lidar: PresentSensor, scan: ScanSpec, subject: StageSubject) -> Iterator[_Fault]:
     """Yield a range within which nothing lies at the start.
 
     How far things are no stage tells whose units are wrong.
     """
-    at, units = place_of(prim, subject), units_of(subject.lab.scene, subject.stage)
+    prim, units = lidar.prim, units_of(subject.lab.scene, subject.stage)
+    at = place_of(prim, subject)
     if scan.ranges is None or units.actual != units.expected:
         return
-    near, far = (_number(prim, name) for name in scan.ranges)
+    near, far = (
+        values_of(prim, subject.platform, subject.stage).number(name) for name in scan.ranges
+    )
     is_range = near is None or far is None or 0 <= near < far  # else it is reported as no range
     robot = subject.lab.scene.robot_of(prim.path)
     beside = "" if robot is None else robot.path
@@ -286,28 +288,6 @@ def _blind_ranges(prim: Prim, scan: ScanSpec, subject: StageSubject) -> Iterator
         yield scan.ranges[0], message, f"less than {farthest:.3g}"
 
 
-def _silencing_values(
-    prim: Prim, scan: ScanSpec, required: Mapping[str, SensorAttribute]
-) -> Iterator[_Fault]:
-    for name in scan.above_zero:
-        rate = _number(prim, name)
-        if rate is not None and not rate > 0:
-            yield name, f"{name} is {display(rate)}, which gives no scan", "more than 0"
-    for name, value in prim.attributes.items():
-        if name.startswith(scan.emitters) and value == ():
-            yield name, f"{name} is empty: the lidar has no emitter", "one entry for each emitter"
-    for low, high in scan.rising:
-        # L05 reports a wrong value of what the handout asks for.
-        is_required = low in required
-        least = float(required[low].value) if is_required else _number(prim, low)
-        most = _number(prim, high)
-        if least is not None and most is not None and most > 0 and not least < most:
-            message = (
-                f"{low} is {display(least)} and {_short(high)} is {display(most)}, so no scan fits"
-            )
-            yield high if is_required else low, message, f"{_short(low)} below {_short(high)}"
-
-
 @rule("L10", "other-scan", scope="stage", severity="warning")
 def other_scan(subject: StageSubject) -> Iterator[Problem]:
     """The lidar scans part of the circle, is not flat, or gives other points.
@@ -315,7 +295,7 @@ def other_scan(subject: StageSubject) -> Iterator[Problem]:
     Why: {map?}the map and AMCL assume{else}who receives it expects{/} a full circle at the height
     of the lidar. Walls outside the scanned part are missing. What the lidar sees above or below
     appears as a wall in its plane. A lidar without emitters of its own has those of the schema: 128
-    that look up and down.
+    that look from -15 to 10 degrees.
 
     Fix: select the lidar, search the Property panel for the name given here and type the expected
     value, or reset it with the blue square beside it. Delete a lidar without emitters, and create
@@ -323,66 +303,74 @@ def other_scan(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `omni:sensor:Core:validEndAzimuthDeg` 180.
 
-    Basis: NVIDIA's documentation of the schema, and `LidarConfigHelper.cpp:143`, for the emitters.
+    Basis: the schema of Isaac Sim 6.0.1, for the emitters.
     """
     for lidar, scan in _scanning(subject):
-        for fault in _unusual_values(lidar.prim, scan):
-            described = lidar.spec.attributes.get(fault[0])
-            actual = lidar.prim.attributes.get(fault[0])
-            if described is None or not same_value(described.value, actual):
-                yield _problem(lidar, scan, fault)
-        yield from _without_emitters(lidar, scan, subject)
+        values = values_of(lidar.prim, subject.platform, subject.stage)
+        faults = [*_part_of_circle(values, scan), *_other_points(values, scan)]
+        found = [_problem(lidar, scan, fault) for fault in faults]
+        for name in values.attributes or values.written:
+            if name.startswith(scan.emitters) and _short(name) == scan.elevation:
+                found += _not_level(lidar, scan, subject, name)
+        for problem in found:
+            name = problem.property or ""
+            entry = lidar.spec.attributes.get(name)  # what the lab describes so is no fault
+            if entry is None or not same_value(entry.value, values.get(name)):
+                yield problem
 
 
-def _without_emitters(
-    lidar: PresentSensor, scan: ScanSpec, subject: StageSubject
-) -> Iterator[Problem]:
-    """Yield a lidar that leaves its emitters to the schema; L06 reports one without the schema."""
-    prim, profile = lidar.prim, lidar.spec.attributes
-    named = [name for name in profile if name.startswith(scan.emitters)]
-    is_own = any(name.startswith(scan.emitters) for name in prim.attributes)
-    if named and not is_own and lidar.spec.required_api in prim.apis:
-        name = next((name for name in named if _short(name) == scan.elevation), named[0])
-        message = f"{name} is not set: the emitters of the schema look up and down"
-        fault = (name, message, display(profile[name].value))
-        missing = [name for name in profile if name not in prim.attributes]
-        yield replace(
-            _problem(lidar, scan, fault),
-            fix=tuple(Restore(prim.path, name) for name in missing),
-            rests_on=subject.stage.unknown(prim.path),
-        )
-
-
-def _unusual_values(prim: Prim, scan: ScanSpec) -> Iterator[_Fault]:
-    limits = [_number(prim, name) for name in scan.circle]
+def _part_of_circle(values: SensorValues, scan: ScanSpec) -> Iterator[_Fault]:
+    limits = [values.number(name) for name in scan.circle]
     start, end = (
         usual if limit is None else limit
         for limit, usual in zip(limits, scan.circle.values(), strict=True)
     )
     covered = end - start if end >= start else (end - start) % _TURN
     if not covered >= scan.whole:
-        written = [name for name, limit in zip(scan.circle, limits, strict=True) if limit]
+        written = [name for name in scan.circle if values.written.get(name)]
         name = written[-1] if written else [*scan.circle][-1]
         message = (
             f"the lidar covers {covered:g} degrees of the circle, from azimuth {start:g} to {end:g}"
         )
         yield name, message, f"{_TURN:g} degrees"
-    for name, value in prim.attributes.items():
-        if not (name.startswith(scan.emitters) and _short(name) == scan.elevation):
-            continue
-        items = value if isinstance(value, tuple) else (value,)
-        degrees = [float(item) for item in items if isinstance(item, (int, float))]
-        steepest = max(degrees, key=abs, default=0.0)
-        if not abs(steepest) <= scan.level:
-            direction = "up" if steepest > 0 else "down"
-            message = f"{name} reaches {steepest:g} degrees: the lidar looks {direction}"
-            yield name, message, "0 degrees"
+
+
+def _other_points(values: SensorValues, scan: ScanSpec) -> Iterator[_Fault]:
     for name, kept in scan.keep.items():
-        actual = prim.attributes.get(name)
+        actual = values.get(name)
         if actual is not None and not same_value(actual, kept.value):
             expected = display(kept.value)
             message = f"{name} is {display(actual)}, expected {expected}; {kept.otherwise}"
             yield name, message, expected
+
+
+def _not_level(
+    lidar: PresentSensor, scan: ScanSpec, subject: StageSubject, name: str
+) -> Iterator[Problem]:
+    """Yield elevations that are not level: as written, or else those of the schema."""
+    prim, profile = lidar.prim, lidar.spec.attributes
+    degrees = numbers(entries(values_of(prim, subject.platform, subject.stage).get(name)))
+    steepest = max(degrees, key=abs, default=0.0)
+    if abs(steepest) <= scan.level:
+        return
+    if name in prim.attributes:
+        direction = "up" if steepest > 0 else "down"
+        message = f"{name} reaches {steepest:g} degrees: the lidar looks {direction}"
+        yield _problem(lidar, scan, (name, message, "0 degrees"))
+        return
+    emitters = tuple((prim.path, other) for other in profile if other.startswith(scan.emitters))
+    if not emitters:  # the lab leaves them to the schema, too
+        return
+    low, high = min(degrees), max(degrees)
+    message = f"{name} is not set: the emitters of the schema look from {low:g} to {high:g} degrees"
+    missing = [other for other in profile if other not in prim.attributes]
+    yield replace(
+        _problem(lidar, scan, (name, message, "0 degrees")),
+        fix=tuple(Restore(prim.path, other) for other in missing or [name]),
+        # Where the lists of the emitters differ in length, that is what is wrong.
+        assumes=emitters,
+        rests_on=subject.stage.unknown(prim.path),
+    )
 
 
 @rule("L11", "lidar-asset", scope="stage", severity="warning")

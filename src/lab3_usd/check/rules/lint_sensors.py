@@ -4,27 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import effective_value, sensor_of
-from lab3_usd.facts.stuck_nodes import (
-    paths_above,
-    refused_target,
-    silencing_values,
-)
+from lab3_usd.facts.sensor_faults import SensorFault, faults_of
+from lab3_usd.facts.sensor_values import values_of
+from lab3_usd.facts.stuck_nodes import paths_above, refused_target
 from lab3_usd.isaac.behaviour import SensorOf
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.changes import ApplySchema
-from lab3_usd.model.finding import Problem
-from lab3_usd.model.physics import is_body, number
+from lab3_usd.model.finding import Problem, Severity, display
+from lab3_usd.model.physics import is_body
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node
 from lab3_usd.model.transforms import AXES, angle_between, decompose, rotate_vector
 
-_TICK = "omni:sensor:tickRate"
-_CORE = "omni:sensor:Core:"
-_SCAN = f"{_CORE}scanRateBaseHz"
-_NEAR, _FAR = f"{_CORE}nearRangeM", f"{_CORE}farRangeM"
 _PRODUCT = "inputs:renderProductPath"
 _KIND, _FLAT = "inputs:type", "laser_scan"
 _STEEP = 45.0  # degrees
@@ -120,41 +116,51 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K72", "no-scan-from-this", scope="lint")
-def no_scan_from_this(subject: LintSubject) -> Iterator[Problem]:
-    """A value prevents any scan.
+@rule("K72", "refused-sensor", scope="lint", formerly="no-scan-from-this")
+def refused_sensor(subject: LintSubject) -> Iterator[Problem]:
+    """The values of a sensor do not fit each other.
 
-    Why: a rotary lidar with a rate of 0 has no angle between two rays, and the helper of a laser
-    scan rejects it. Without an emitter there are no rays. With the near range beyond the far range,
-    nothing is in range.
+    Why: before it runs, the model of a sensor compares its values, and does not start where one has
+    another type, where a list of a lidar has no entry for each emitter, or where there is no such
+    channel, bank or range. What is not set has the value of the schema: 128 emitters. A rotary
+    lidar with a rate of 0 has no angle between two rays, and with the near range beyond the far
+    range, nothing is in range. Where no node reads the sensor, it is a warning.
 
-    Fix: set rates above 0, one entry for each emitter, and a far range beyond the near range.
+    Fix: set the value named here, or create the sensor anew with Create > Sensors.
 
-    Example: `omni:sensor:Core:scanRateBaseHz = 0`.
+    Example: `omni:sensor:Core:numberOfEmitters = 2` with one azimuth.
 
-    Basis: `OgnROS2RtxLidarHelper.py:119-134` for the rates. The renderer, which uses emitters and
-    ranges, is not public.
+    Basis: NVIDIA's rules of Isaac Sim 6.2 (`lidar_sensor_rules.py`), its checker of 6.0.1, and
+    `OgnROS2RtxLidarHelper.py:119-134`.
     """
-    for prim in _lidars(subject):
-        readers = tuple(node.path for node, _, path in _read_sensors(subject) if path == prim.path)
-        for name, fault in silencing_values(prim):
-            expected = "above 0" if number(prim.attributes.get(name)) is not None else "an emitter"
-            yield Problem(
-                prim.path,
-                f"{name} {fault}",
-                property=name,
-                expected=expected,
-                related=readers,
-            )
-        near, far = (number(prim.attributes.get(name)) for name in (_NEAR, _FAR))
-        if near is not None and far is not None and near >= far:
-            yield Problem(
-                prim.path,
-                f"{_NEAR} is {near:g}, {_FAR} is {far:g}",
-                property=_FAR,
-                expected=f"above {near:g}",
-                actual=f"{far:g}",
-            )
+    for prim, fault in _sensor_faults(subject):
+        if fault.severity == "error":
+            readers = tuple(node.path for node, _, at in _read_sensors(subject) if at == prim.path)
+            severity: Severity | None = None if readers else "warning"
+            found = _problem(prim, fault, subject)
+            yield replace(found, related=readers, severity=severity)
+
+
+def _sensor_faults(subject: LintSubject) -> Iterator[tuple[Prim, SensorFault]]:
+    """Yield what is wrong with the values of sensors: those that nodes read, and all others."""
+    models, stage = subject.platform.sensor_models, subject.stage
+    read = (stage.prim(path) for _, _, path in _read_sensors(subject))
+    sensors = (*read, *stage.with_api(lambda api: models.is_sensor([api])))
+    for prim in {prim.path: prim for prim in sensors if prim is not None and prim.present}.values():
+        for fault in faults_of(prim, subject.platform, stage):
+            yield prim, fault
+
+
+def _problem(prim: Prim, fault: SensorFault, subject: LintSubject) -> Problem:
+    name = next(iter(fault.attributes), None)
+    return Problem(
+        prim.path,
+        fault.message,
+        property=name,
+        expected=fault.expected,
+        actual=None if name is None else display(prim.attributes.get(name)),
+        rests_on=subject.stage.unknown(prim.path) if fault.is_open else None,
+    )
 
 
 def _lidars(subject: LintSubject) -> list[Prim]:
@@ -168,7 +174,8 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     """A lidar is read at another rate than it turns.
 
     Why: if it is read more often than it turns, each message covers a part of the circle, and the
-    rest of the scan is empty. With a tick rate of 0 it is read at every frame.
+    rest of the scan is empty. With a tick rate of 0 it is read at every frame. A rate that is not
+    set is 10.
 
     Fix: set tick rate and scan rate to the same number.
 
@@ -178,15 +185,18 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     not public; that a tick rate of 0 means every frame is shown for cameras
     (`test_camera.py:1421`).
     """
+    names = subject.platform.sensor_models.lidar
     for prim in _lidars(subject):
-        tick, scan = (number(prim.attributes.get(name)) for name in (_TICK, _SCAN))
-        if tick is not None and scan and tick != scan:
+        values = values_of(prim, subject.platform, subject.stage)
+        tick, turns = values.number(names.rate), values.number(names.turns)
+        if tick is not None and tick >= 0 and turns and tick != turns:
             yield Problem(
                 prim.path,
-                f"{_TICK} is {tick:g} while {_SCAN} is {scan:g}",
-                property=_TICK,
-                expected=f"{scan:g}",
+                f"{names.rate} is {tick:g} while {names.turns} is {turns:g}",
+                property=names.rate if names.rate in prim.attributes else names.turns,
+                expected=f"{turns:g}",
                 actual=f"{tick:g}",
+                rests_on=subject.stage.unknown_value(prim, names.rate, names.turns),
             )
 
 
@@ -306,3 +316,21 @@ def script(subject: LintSubject) -> Iterator[Problem]:
     """
     for code in subject.stage.scripts:
         yield Problem(code.prim, f"carries code ({code.carrier}), which is not judged")
+
+
+@rule("K89", "odd-sensor-value", scope="lint", severity="warning")
+def sensor_value(subject: LintSubject) -> Iterator[Problem]:
+    """A sensor has a value or an attribute that its model does not know.
+
+    Why: an attribute that no schema has is ignored, as is a token that is none. NVIDIA's rules for
+    Isaac Sim 6.2 refuse the other values. A sensor whose model is another one by name is a note.
+
+    Fix: set the value named here, and remove an attribute that no schema has.
+
+    Example: `omni:sensor:Core:nearRange`, instead of `omni:sensor:Core:nearRangeM`.
+
+    Basis: NVIDIA's rules of Isaac Sim 6.2 (`lidar_sensor_rules.py`), and the schema of 6.0.1.
+    """
+    for prim, fault in _sensor_faults(subject):
+        if fault.severity != "error":
+            yield replace(_problem(prim, fault, subject), severity=fault.severity)

@@ -24,6 +24,7 @@ from lab3_usd.isaac.behaviour import (
 )
 from lab3_usd.isaac.load.graph_form import GraphEntry, graph_form
 from lab3_usd.isaac.load.node_types import PortEntry, parse_port, parse_types
+from lab3_usd.isaac.load.sensor_models import sensor_models
 from lab3_usd.isaac.names import Names, OtherName
 from lab3_usd.isaac.node_types import (
     INPUT,
@@ -205,6 +206,7 @@ def assemble_platform(folder: Path) -> Platform:
         transform_messages=transform_messages(types),
         needs=_needs(folder, types, releases),
         sensors=sensors,
+        sensor_models=sensor_models(folder),
         bodies=by_type(BODIES, BodyOf),
         joints=by_type(JOINTS, JointsOf),
         units=by_type(UNITS, UnitOf),

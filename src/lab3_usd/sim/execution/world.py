@@ -15,6 +15,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import Vector
@@ -206,6 +207,7 @@ class World(Struct):
     """A stage that plays."""
 
     scene: Scene
+    platform: Platform
     machines: Machines
     surroundings: Surroundings
     network: Network
@@ -245,9 +247,13 @@ class World(Struct):
 
 
 def world_of(
-    scene: Scene, profile: dict[str, Any] | None = None, *, has_ground: bool = False
+    scene: Scene,
+    platform: Platform,
+    profile: dict[str, Any] | None = None,
+    *,
+    has_ground: bool = False,
 ) -> World:
     """Return a scene before it plays, if asked for with ground below each robot that has none."""
     machines = Machines(scene, has_ground=has_ground)
     surroundings = Surroundings.of(scene, machines)
-    return World(scene, machines, surroundings, Network(""), {}, profile or {})
+    return World(scene, platform, machines, surroundings, Network(""), {}, profile or {})

@@ -59,6 +59,9 @@ def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     unplayed = why_unplayed(name, trial)
     if unplayed or (not faults and "" in trial.recording.unplayed):
         return Check(name, "not judged", unplayed or trial.recording.unplayed[""])
+    silent = _unheard(name, trial)
+    if not faults and silent:
+        return Check(name, "not judged", f"nothing on {silent}")
     if not faults and name in MOVED and (not trial.recording.path or trial.stands()):
         return Check(name, "not judged", "the robot never moved")
     if not faults:
@@ -70,6 +73,14 @@ def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     outcome: Verdict = "bad" if sure else "not judged"
     basis = trial.causes.basis(name, leading.prim) if trial.causes is not None else ()
     return Check(name, outcome, text, leading.prim, leading.kind, leading.cause, rests_on=basis)
+
+
+def _unheard(name: str, trial: Trial) -> str:
+    """Return the topic that a check of what sensors show waits for in vain, '' where it has one."""
+    wanted = trial.wanted
+    topics = {"scan": (wanted.scan,), "map": (wanted.scan,), "camera": (wanted.image, wanted.info)}
+    asked = [topic for topic in topics.get(name, ()) if topic]
+    return asked[0] if asked and not any(map(trial.recording.topic, asked)) else ""
 
 
 def why_unplayed(name: str, trial: Trial) -> str:

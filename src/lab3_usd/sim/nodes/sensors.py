@@ -7,12 +7,16 @@ of the sensor, until Stop.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from msgspec.structs import replace
 
+from lab3_usd.facts.sensor_faults import sensor_faults
+from lab3_usd.facts.sensor_values import SensorValues, entries, sensor_values, size
+from lab3_usd.isaac.behaviour import SensorOf
+from lab3_usd.isaac.sensor_models import LidarNames
 from lab3_usd.model.dry_run import RENDER_PRODUCT, ScenePrim
 from lab3_usd.model.fault import FaultKind
+from lab3_usd.model.physics import numbers
 from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.world import Product, World, Writer, open_endpoint
 from lab3_usd.sim.lidar import Beam
@@ -124,14 +128,14 @@ def camera_helper(node: NodeInstance, world: World) -> bool:
 
 
 def _camera_rate(world: World, product: Product) -> float:
-    prim = world.scene.prims[product.sensor]
-    return _number(prim, RATE) or 0.0 if "OmniSensorAPI" in prim.apis else 0.0
+    prim, models = world.scene.prims[product.sensor], world.platform.sensor_models
+    rate = values_in(world, prim).number(models.lidar.rate) if models.is_sensor(prim.apis) else 0.0
+    return rate or 0.0
 
 
-def _number(prim: ScenePrim, name: str) -> float | None:
-    """Return a number that a prim has, None where it has none or something else."""
-    value = prim.values.get(name)
-    return float(value) if isinstance(value, (int, float)) else None
+def values_in(world: World, prim: ScenePrim) -> SensorValues:
+    """Return the values of a sensor, as written or by schema."""
+    return sensor_values(world.platform, prim.apis, prim.values)
 
 
 @computes("ROS2CameraInfoHelper")
@@ -175,29 +179,9 @@ def _publish_info(node: NodeInstance, world: World, product: Product, side: str)
     return True
 
 
-CORE = "omni:sensor:Core:"
-USUAL = {  # LidarConfigHelper.h:145-158; the emitters of the schema are not public
-    f"{CORE}scanRateBaseHz": 10,
-    f"{CORE}patternFiringRateHz": 36000,
-    f"{CORE}nearRangeM": 0.3,
-    f"{CORE}farRangeM": 200.0,
-    f"{CORE}emitterState:s001:azimuthDeg": (0.0,),
-}
-RATE = "omni:sensor:tickRate"
-LIDAR_API = "OmniSensorGenericLidarCoreAPI"
-LIDAR_RATE = 10.0  # of the schema (test_lidar.py:68, 107)
 MOST = 100_000  # rays of a turn that are played
 _TURN = 360.0
 _WHOLE, _LEVEL = 359.0, 1.0  # degrees of a circle, and above or below it
-_CIRCLE = {f"{CORE}validStartAzimuthDeg": 0.0, f"{CORE}validEndAzimuthDeg": _TURN}
-# Where rays go as they are played, with either direction of a whole turn.
-_PLAYED = {
-    f"{CORE}scanType": ("ROTARY",),
-    f"{CORE}rotationDirection": ("CW", "CCW"),
-    f"{CORE}startAzimuthOffsetDeg": (0.0,),
-    f"{CORE}outputFrameOfReference": ("SENSOR",),
-}
-_SOLID = "SOLID_STATE"  # of a lidar that does not turn
 KINDS = ("laser_scan", "point_cloud")
 
 
@@ -207,88 +191,88 @@ def lidar_helper(node: NodeInstance, world: World) -> bool:
     product = product_of(node, world)
     if product is None:
         return bool(node.memory)
-    prim = _with_profile(world.scene.prims[product.sensor], world)
-    if prim.type != "OmniLidar":
+    needed = world.platform.sensors[node.type.type]
+    prim = _with_profile(world.scene.prims[product.sensor], needed, world)
+    if prim.type not in needed.types:
         return node.fails(f"{prim.path} is not a lidar", "not-a-lidar")
-    if LIDAR_API not in prim.apis:
+    if needed.needs not in prim.apis:
         return node.fails(f"{prim.path} has no lidar schema", "no-lidar-schema")
     return _publish(node, world, prim, product)
 
 
 def _publish(node: NodeInstance, world: World, prim: ScenePrim, product: Product) -> bool:
-    kind, beam = node.text("type", world), _beam(prim)
+    names, values = world.platform.sensor_models.lidar, values_in(world, prim)
+    kind, beam = node.text("type", world), _beam(values, names)
     if kind not in KINDS:
         return node.fails(f"it publishes no {kind or 'type'}", "unknown-output")
-    if kind == KINDS[0] and beam is None:
-        return node.fails(
-            f"{prim.path} has no rate, no emitter, no ray in a turn, or too many",
-            "invalid-scan-profile",
-        )
-    rate = _number(prim, RATE)
-    rate = LIDAR_RATE if rate is None else rate
+    is_scan = kind == KINDS[0]
+    refused = _refused(world, prim, is_scan=is_scan)
+    if refused or (is_scan and beam is None):
+        reason = refused or "it has no rate, no emitter, no ray in a turn, or too many"
+        return node.fails(f"{prim.path}: {reason}", "invalid-scan-profile")
+    rate = values.number(names.rate) or 0.0
     writer = attach(node, world, product, f"lidar {kind}", rate)
     if writer is None:
         return False
-    writer.turns = _number(prim, f"{CORE}scanRateBaseHz") or 0.0
-    if kind == KINDS[0]:
+    writer.turns = values.number(names.turns) or 0.0
+    if is_scan:
         writer.beam = beam
-        _note_unplayed(node, world, prim)
-    if rate > 0 and not prim.values.get(f"{CORE}accumulateOutputs"):
+        _note_unplayed(node, world, prim, values)
+    if rate > 0 and not values.get(names.whole):
         writer.covered = min(1.0, writer.turns / rate)
     return True
 
 
-def _with_profile(prim: ScenePrim, world: World) -> ScenePrim:
-    """Return a lidar; what its asset or its schema would say is assumed."""
+def _refused(world: World, prim: ScenePrim, *, is_scan: bool) -> str:
+    """Return why a lidar does not start, '' where it does or a missing asset may say so."""
+    is_there = prim.path not in world.scene.missing
+    for fault in sensor_faults(world.platform, values_in(world, prim)):
+        if fault.stops(is_scan=is_scan) and (is_there or not fault.is_open):
+            return fault.message
+    return ""
+
+
+def _with_profile(prim: ScenePrim, needed: SensorOf, world: World) -> ScenePrim:
+    """Return a lidar; what its asset would say is assumed."""
     missing = world.scene.missing.get(prim.path)
-    if prim.type != "OmniLidar":
+    if missing is None or prim.type not in needed.types:
         return prim
-    if missing is not None:
-        world.assumed[prim.path] = f"{missing} cannot be found; a plain 2D profile is assumed"
-        return replace(prim, values={**world.profile, **prim.values}, apis=prim.apis | {LIDAR_API})
-    unset = [name.rpartition(":")[2] for name in USUAL if name not in prim.values]
-    if unset and LIDAR_API in prim.apis:
-        world.assumed[prim.path] = f"{', '.join(unset)} not set; a level scan is assumed"
-    return replace(prim, values={**USUAL, **prim.values})
+    world.assumed[prim.path] = f"{missing} cannot be found; a plain 2D profile is assumed"
+    return replace(prim, values={**world.profile, **prim.values}, apis=prim.apis | {needed.needs})
 
 
-def _note_unplayed(node: NodeInstance, world: World, prim: ScenePrim) -> None:
+def _note_unplayed(node: NodeInstance, world: World, prim: ScenePrim, values: SensorValues) -> None:
     """Note where the rays of a lidar go elsewhere than those that are played."""
-    names = [name for name, value in prim.values.items() if _goes_elsewhere(name, value)]
-    circle = dict(_CIRCLE)
-    for name in circle.keys() & prim.values.keys():
-        circle[name] = _number(prim, name) or 0.0
+    lidar = world.platform.sensor_models.lidar
+    found = [
+        name
+        for name, value in values.of_instances(lidar.elevations).items()
+        if any(abs(angle) > _LEVEL for angle in numbers(entries(value)))
+    ]
+    found += [name for name, usual in lidar.played.items() if values.get(name) not in usual]
+    circle = {name: values.number(name) or 0.0 for name in lidar.circle}
     start, end = circle.values()
     if (end - start if end >= start else (end - start) % _TURN) < _WHOLE:
-        names += [name for name, usual in _CIRCLE.items() if circle[name] != usual]
-    if names:
-        reason = f"{names[0]} is {prim.values[names[0]]}"
+        found += [name for name, usual in lidar.circle.items() if circle[name] != usual]
+    if found:
+        name = found[0]
+        reason = f"{name} is {prim.values.get(name, 'not set, and not level by schema')}"
         world.not_simulated[prim.path] = reason
         world.unplayed[node.path] = f"not simulated: {prim.path}: {reason}"
 
 
-def _goes_elsewhere(name: str, value: Any) -> bool:
-    if name.startswith(f"{CORE}emitterState:") and name.endswith(":elevationDeg"):
-        angles = value if isinstance(value, tuple) else (value,)
-        return any(isinstance(angle, (int, float)) and abs(angle) > _LEVEL for angle in angles)
-    return name in _PLAYED and value not in _PLAYED[name]
-
-
-def _beam(prim: ScenePrim) -> Beam | None:
+def _beam(values: SensorValues, names: LidarNames) -> Beam | None:
     """Read the scan (:93-148); without an emitter or a range nothing comes back."""
-
-    def number(name: str) -> float:
-        return _number(prim, f"{CORE}{name}") or 0.0
-
-    turns, firings = number("scanRateBaseHz"), number("patternFiringRateHz")
-    emitters = prim.values.get(f"{CORE}numberOfEmitters", 1)
-    angles = prim.values.get(f"{CORE}emitterState:s001:azimuthDeg", (0.0,))
-    if not emitters or not isinstance(angles, tuple) or not 0 < len(angles) <= MOST:
+    turns, firings, near, far = (
+        values.number(name) or 0.0 for name in (names.turns, names.firings, names.near, names.far)
+    )
+    azimuths = next(iter(values.of_instances(names.azimuths).values()), None)
+    angles, count = numbers(entries(azimuths)), size(azimuths)
+    if not 0 < count <= MOST:
         return None
-    near, far = number("nearRangeM"), number("farRangeM")
-    if prim.values.get(f"{CORE}scanType") == _SOLID:  # (:110-118)
+    if values.get(names.kind) == names.still:  # (:110-118)
         start, end = math.radians(min(angles)), math.radians(max(angles))
-        return Beam(start, (end - start) / len(angles) or 2 * math.pi, len(angles), near, far)
+        return Beam(start, (end - start) / count or 2 * math.pi, count, near, far)
     if not (0 < turns <= firings < math.inf and firings // turns <= MOST):
         return None
     step = 2 * math.pi * turns / firings

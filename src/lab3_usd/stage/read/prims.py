@@ -17,7 +17,7 @@ from lab3_usd.isaac.values import Value
 from lab3_usd.model.prims import NameFilter, Prim, Prims, name_matches, of_any_name
 from lab3_usd.stage.read.assets import IS_PRESENT, is_in_scene
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
-from lab3_usd.stage.read.properties import AuthoredProperties, plain_value
+from lab3_usd.stage.read.properties import MOST_EMITTERS, AuthoredProperties, plain_value
 from lab3_usd.stage.read.transforms import TransformCache, is_placeless
 
 Authored = dict[str, tuple[str, Value]]  # type and value by name
@@ -106,7 +106,7 @@ class PrimReader:
             if not (_is_asked_for(name) or name in self.sensor_attributes):
                 continue
             authored = properties[name]
-            value = authored.value()
+            value = authored.value(MOST_EMITTERS)
             if value is not None:
                 attributes[name] = value
             elif targets := authored.targets():

@@ -30,6 +30,7 @@ from lab3_usd.model.stage import AnimatedAttribute, same_value
 
 CENTIMETRES = 0.01  # per unit, where a stage does not say
 LONGEST = 4096  # elements; longer arrays (points, faces) are nothing a rule asks about
+MOST_EMITTERS = 1_000_000  # elements of the lists of a sensor
 # Sets of types, as to ask whether a value is an instance of one takes many times as long.
 _NUMBERS = {int, float}
 _PLAIN = {type(None), bool, int, float, str}
@@ -50,10 +51,10 @@ _SPLINE, _SPLINE_TEXT = "spline", b".spline"
 _VALUE, _SOURCES = "default", "connectionPaths"
 
 
-def plain_value(value: Any) -> Value | None:
-    """Return the value without Gf, Sdf and Vt; None for none, or one that is not needed.
+def plain_value(value: Any, longest: int = LONGEST) -> Value | None:
+    """Return the value without Gf, Sdf and Vt; None for none, or an array that is not needed.
 
-    Quaternions come in OGN's order x, y, z, w.
+    Quaternions come in OGN's order x, y, z, w. Longer arrays than `longest` are not needed.
     """
     kind = type(value)
     if kind in _PLAIN:
@@ -64,15 +65,15 @@ def plain_value(value: Any) -> Value | None:
         return (x, y, z, float(value.real))
     if kind is Sdf.AssetPath:
         return str(value.path)
-    return tuple(elements(value)) if kind in _VECTORS else _items(value)
+    return tuple(elements(value)) if kind in _VECTORS else _items(value, longest)
 
 
-def _items(value: Any) -> Value | None:
+def _items(value: Any, longest: int) -> Value | None:
     try:
         count = len(value)
     except TypeError:
         return None
-    if count > LONGEST:
+    if count > longest:
         return None
     # Iterating over a Vt or Gf type is five to twenty times as slow as asking for its elements.
     items = (plain_value(value[index]) for index in range(count))
@@ -239,17 +240,18 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
             return RELATIONSHIP
         return str(self.specs[0].typeName) if self.specs else ""
 
-    def value(self) -> Value | None:
-        """Return the value that a layer gives to an attribute, None where none does."""
+    def value(self, longest: int = LONGEST) -> Value | None:
+        """Return the value that a layer gives to an attribute, as `plain_value` does."""
         specs = self.specs
         if len(specs) == 1 and type(specs[0]) is Sdf.AttributeSpec:
             alone = specs[0].default  # of one layer, which needs no composition
             kind = type(alone)
             if kind not in _WITH_VARIABLES:
-                return alone if kind in _PLAIN else plain_value(alone)
+                return alone if kind in _PLAIN else plain_value(alone, longest)
         if not self._is_authored(_VALUE):
             return None
-        return plain_value(Usd.Attribute.Get(Usd.Prim.GetAttribute(self.prim, self.name)))
+        found = Usd.Attribute.Get(Usd.Prim.GetAttribute(self.prim, self.name))
+        return plain_value(found, longest)
 
     def sources(self) -> tuple[str, ...]:
         """Return the properties that an attribute is connected to."""

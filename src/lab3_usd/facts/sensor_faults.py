@@ -1,0 +1,197 @@
+"""What is wrong with the values of a sensor, by its schemas and what is known of its model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
+from re import escape, fullmatch
+from typing import Any
+
+from msgspec import Struct
+
+from lab3_usd.facts.sensor_rules import breaches
+from lab3_usd.facts.sensor_values import SensorValues, values_of
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.releases import is_within
+from lab3_usd.isaac.sensor_models import INSTANCE, Ends, SensorModels
+from lab3_usd.model.finding import Severity, display
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import StageModel
+
+_KNOWN_SINCE = "6.0"  # the first release whose schemas are known
+_KINDS: Mapping[str, type] = {
+    "bool": bool,
+    **dict.fromkeys(("uchar", "int", "uint", "int64", "uint64"), int),
+    **dict.fromkeys(("half", "float", "double"), float),
+    **dict.fromkeys(("string", "token"), str),
+}
+_SCHEMA = "the schema"
+
+
+class SensorFault(Struct, frozen=True):
+    """A value that a sensor cannot have, or that does not fit another one.
+
+    `attributes` are those that it is about, first the one to repair; an instance with an odd name
+    has none. It `ends` what it prevents, where it is an error. `is_open` tells whether an asset
+    that is missing could say otherwise.
+    """
+
+    attributes: tuple[str, ...]
+    message: str
+    expected: str
+    severity: Severity
+    source: str
+    ends: Ends = "model"
+    is_open: bool = False
+
+    def stops(self, *, is_scan: bool) -> bool:
+        """Whether nothing comes of the sensor, where its node publishes a laser scan or not."""
+        return self.severity == "error" and self.ends in (
+            ("model", "scan") if is_scan else ("model",)
+        )
+
+
+def faults_of(prim: Prim, platform: Platform, stage: StageModel) -> tuple[SensorFault, ...]:
+    """Return what is wrong with the values of a sensor's prim."""
+    return sensor_faults(platform, values_of(prim, platform, stage))
+
+
+def sensor_faults(platform: Platform, values: SensorValues) -> tuple[SensorFault, ...]:
+    """Return what is wrong with the values that a stage has written of a sensor.
+
+    What rests on a value that is wrong by itself is not judged.
+    """
+    found: list[SensorFault] = []
+    wrong: set[str] = set()
+    for fault in _all_faults(platform, values, wrong) if values.attributes else ():
+        found.append(fault)
+        wrong.update(fault.attributes[:1])
+    return tuple(found)
+
+
+def _all_faults(platform: Platform, values: SensorValues, wrong: set[str]) -> Iterator[SensorFault]:
+    models, release = platform.sensor_models, platform.release
+    is_known = is_within(release, _KNOWN_SINCE, "")
+    if is_known:
+        yield from _types(values, models)
+    for name in dict.fromkeys(name for name, _ in models.applied(values.apis)):
+        part = models.rules.get(name)
+        for rule in () if part is None else part.rules:
+            if part is not None and is_within(release, rule.since, ""):
+                for breach in breaches(rule, part, values, wrong):
+                    yield SensorFault(
+                        breach.names,
+                        breach.message,
+                        breach.expected,
+                        rule.severity,
+                        rule.source,
+                        rule.ends,
+                        breach.is_list,
+                    )
+    if is_known:
+        yield from _tokens(values, models, wrong)
+        yield from _unknown_names(values, models)
+        yield from _odd_instances(values.apis, models)
+
+
+def _types(values: SensorValues, models: SensorModels) -> Iterator[SensorFault]:
+    for name, value in values.written.items():
+        said = values.attributes.get(name)
+        if said is None:
+            continue
+        if name not in models.any_type and not _fits(value, said.type):
+            message = f"{name} has type {_type_of(value)}, expected {said.type}"
+            yield SensorFault((name,), message, said.type, "error", _SCHEMA)
+        elif not _is_finite(value):
+            message = f"{name} is {display(value)}, which is no finite number"
+            yield SensorFault((name,), message, "a finite number", "warning", _SCHEMA)
+
+
+def _fits(value: Any, usd_type: str) -> bool:
+    """Whether a value is of a type; whole numbers of any size are alike, and so are others."""
+    if usd_type.endswith("[]"):
+        return isinstance(value, tuple) and all(_fits(item, usd_type[:-2]) for item in value)
+    kind = _KINDS.get(usd_type)
+    if kind is not None:
+        return type(value) is kind
+    kind = _KINDS.get(usd_type.rstrip("234"))  # of a vector
+    return kind is None or (isinstance(value, tuple) and all(type(item) is kind for item in value))
+
+
+def _type_of(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"{_type_of(value[0]) if value else ''}[]"
+    return "string" if isinstance(value, str) else type(value).__name__
+
+
+def _is_finite(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_is_finite, value))
+    return not isinstance(value, float) or math.isfinite(value)
+
+
+def _tokens(values: SensorValues, models: SensorModels, wrong: set[str]) -> Iterator[SensorFault]:
+    """Yield tokens that the schema does not have, where no rule speaks of them."""
+    judged = {
+        part.whole(name)
+        for part in models.rules.values()
+        for rule in part.rules
+        if rule.among
+        for name in rule.of
+    }
+    for name, value in values.written.items():
+        said = values.attributes.get(name)
+        tokens = () if said is None or name in wrong | judged else said.tokens
+        if tokens and value not in tokens:
+            expected = " or ".join(tokens)
+            message = f"{name} is {display(value)}, expected {expected}"
+            yield SensorFault((name,), message, expected, "warning", _SCHEMA)
+
+
+def _unknown_names(values: SensorValues, models: SensorModels) -> Iterator[SensorFault]:
+    """Yield attributes that no schema has, and those of an instance that is not applied."""
+    spaces = tuple(dict.fromkeys(f"{name.rpartition(':')[0]}:" for name in values.attributes))
+    known = [name for schema in models.schemas.values() for name in schema.attributes]
+    for name in values.written:
+        if name in values.attributes or name in known or not name.startswith(spaces):
+            continue
+        instance = next(filter(None, (_instance_in(name, each) for each in known)), "")
+        nearest = models.renamed.get(name) or _nearest(name, values.attributes)
+        if instance:
+            reason, expected = f"'{instance}' is not applied", f"'{instance}' applied"
+        elif nearest:
+            reason, expected = f"no schema has it; the nearest is {nearest}", nearest
+        else:
+            reason, expected = "no schema has it", "a name that a schema has"
+        message = f"{name} is ignored: {reason}"
+        yield SensorFault((name,), message, expected, "warning", _SCHEMA, is_open=True)
+
+
+def _instance_in(name: str, template: str) -> str:
+    """Return the instance that a name is of where a template is its own, else ''."""
+    if INSTANCE not in template:
+        return ""
+    found = fullmatch(escape(template).replace(escape(INSTANCE), "([^:]+)"), name)
+    return found[1] if found else ""
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    """Return the known name whose last part is the most like that of a name, '' for none."""
+    short = {each.rpartition(":")[2].lower(): each for each in known}
+    found = get_close_matches(name.rpartition(":")[2].lower(), short, n=1)
+    return short[found[0]] if found else ""
+
+
+def _odd_instances(apis: tuple[str, ...], models: SensorModels) -> Iterator[SensorFault]:
+    """Yield instances of schemas with other names than they should have."""
+    patterns = {
+        schema: pattern
+        for part in models.rules.values()
+        for schema, pattern in part.instances.items()
+    }
+    for name, instance in models.applied(apis):
+        pattern = patterns.get(name)
+        if pattern is not None and fullmatch(pattern, instance) is None:
+            message = f"the instance '{instance}' of {name} is expected to be called {pattern}"
+            yield SensorFault((), message, pattern, "warning", _SCHEMA, is_open=True)

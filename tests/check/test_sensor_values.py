@@ -1,0 +1,140 @@
+"""What the values of a lidar must be: by its schemas, and by what NVIDIA's checkers refuse."""
+
+from __future__ import annotations
+
+import json
+import runpy
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+from linting import said_by
+from places import REPOSITORY, SHARED
+from pxr import Sdf, Usd
+from scene_changes import LIDAR
+from scene_stages import told
+from sensor_stages import CASES, whole, with_values
+
+from lab3_usd.facts.sensor_faults import SensorFault, faults_of
+from lab3_usd.isaac.sensor_models import INSTANCE
+from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.stage.read.reader import read_model
+
+Change = Mapping[str, Any]
+SCHEMAS = SHARED / "isaac" / "sensor-schemas.json"
+
+
+def faults(change: Change) -> tuple[SensorFault, ...]:
+    platform = load_lab().platform
+    stage = read_model(with_values(change), platform, "stage.usda")
+    return faults_of(stage.prims[LIDAR], platform, stage)
+
+
+@pytest.mark.parametrize("change", CASES["refused"].values(), ids=CASES["refused"])
+def test_what_the_checker_refuses_is_one_error(change: Change) -> None:
+    assert [fault.severity for fault in faults(change) if fault.severity != "warning"] == ["error"]
+
+
+@pytest.mark.parametrize("change", CASES["taken"].values(), ids=CASES["taken"])
+def test_what_the_checker_takes_is_no_fault(change: Change) -> None:
+    assert faults(change) == ()
+
+
+@pytest.mark.parametrize("case", CASES["told"].values(), ids=CASES["told"])
+def test_what_public_rules_refuse_is_told_at_its_attribute(case: Mapping[str, Any]) -> None:
+    found = faults(case["change"])
+    written = {whole(name) for name in case["change"] if name != "apply"}
+    assert [fault.severity for fault in found] == [case["expect"]]
+    assert not found[0].attributes or written & {*found[0].attributes}
+    assert case.get("nearest", "") in found[0].message
+
+
+@pytest.mark.parametrize(
+    "case", ["count_2_lists_1", "channel_0", "ranges_missing", "tick_negative"]
+)
+def test_check_and_lint_say_the_same_of_a_lidar(case: str) -> None:
+    change = CASES["refused"].get(case) or CASES["told"][case]["change"]
+    stage = with_values(change)
+    said = {f"{rule} {prim} {name}" for rule, prim, name in told(stage, "05") if rule[0] in "LD"}
+    renamed = {each.replace("L09", "K72").replace("D08", "K89") for each in said}
+    assert renamed
+    assert renamed - {*said_by(stage)} <= {f"L05 {LIDAR} omni:sensor:tickRate"}
+
+
+def test_an_unknown_name_is_a_warning_of_check() -> None:
+    change = CASES["told"]["near_range"]["change"]
+    assert told(with_values(change), "05") == [("D08", LIDAR, whole("nearRange"))]
+
+
+def test_a_lidar_that_no_node_reads_is_a_warning() -> None:
+    stage = with_values(CASES["refused"]["channel_0"])
+    stage.RemovePrim(f"{LIDAR}/ROS_Lidar2D")
+    assert f"K72 {LIDAR} {whole('s001:channelId')}" in said_by(stage, "warning")
+
+
+def test_a_missing_asset_may_have_other_emitters() -> None:
+    stage = with_values(
+        {**CASES["refused"]["count_2_lists_1"], **CASES["told"]["near_range"]["change"]}
+    )
+    stage.GetPrimAtPath(LIDAR).GetReferences().AddReference("./nowhere.usd")
+    assert not {each[:3] for each in said_by(stage)} & {"K72", "K73", "K89"}
+    assert not {rule for rule, _, _ in told(stage, "05")} & {"L05", "L09", "L10", "D08"}
+
+
+RADAR, ACOUSTIC = "OmniSensorGenericRadarWpmDmatAPI", "OmniSensorGenericAcousticWpmAPI"
+CAMERA_API = "OmniSensorGenericCameraCoreAPI"
+
+
+@pytest.mark.parametrize(
+    ("kind", "api", "name", "value_type", "value", "severity"),
+    [
+        ("OmniRadar", RADAR, "omni:sensor:WpmDmat:waveLengthMm", "int", 4, "error"),
+        ("OmniRadar", RADAR, "omni:sensor:WpmDmat:scan:s001:rangeResM", "float", 0.0, "warning"),
+        ("OmniRadar", RADAR, "omni:sensor:WpmDmat:cfarMode", "token", "3D", "warning"),
+        ("OmniAcoustic", ACOUSTIC, "omni:sensor:WpmAcoustic:signalMode", "token", "FM", "error"),
+        ("OmniAcoustic", ACOUSTIC, "omni:sensor:WpmAcoustic:signalMode", "token", "am", ""),
+        ("Camera", CAMERA_API, "omni:sensor:core:compandingAlignment", "float", 1.0, "error"),
+        ("Camera", "OmniSensorAPI", "omni:sensor:frameRate", "float", 1.0, "warning"),
+        ("Camera", "OmniSensorAPI", "omni:sensor:tickRate", "float", 5.0, ""),
+    ],
+)
+def test_other_sensors_are_judged_by_the_same_data(
+    kind: str, api: str, name: str, value_type: str, value: object, severity: str
+) -> None:
+    stage, platform = Usd.Stage.CreateInMemory(), load_platform()
+    prim = stage.DefinePrim("/sensor", kind)
+    prim.AddAppliedSchema(api)
+    prim.CreateAttribute(name, Sdf.ValueTypeNames.Find(value_type)).Set(value)
+    model = read_model(stage, platform, "stage.usda")
+    found = faults_of(model.prims["/sensor"], platform, model)
+    assert [fault.severity for fault in found] == ([severity] if severity else [])
+
+
+def test_rules_name_attributes_that_schemas_have() -> None:
+    models = load_platform().sensor_models
+    known = {name for schema in models.schemas.values() for name in schema.attributes}
+    named = {
+        part.whole(name)
+        for part in models.rules.values()
+        for rule in part.rules
+        for name in (*rule.of, *rule.or_else, *rule.when, *rule.when_above, rule.unless)
+        if name
+    }
+    limits = {
+        part.whole(limit)
+        for part in models.rules.values()
+        for rule in part.rules
+        for limit in (rule.entries, rule.above, rule.least, rule.below, rule.most, rule.distinct)
+        if isinstance(limit, str) and limit
+    }
+    assert INSTANCE in "".join(named)
+    assert (named | limits | set(models.any_type)) - known == set()
+
+
+@pytest.mark.skipif(not SCHEMAS.is_file(), reason="needs the facts beside the repository")
+def test_the_schemas_are_those_of_isaac_sim() -> None:
+    script = REPOSITORY / "docs" / "make_sensor_schemas.py"
+    namespace = runpy.run_path(str(script))
+    said = json.loads(SCHEMAS.read_text(encoding="utf-8"))["omniSensor"][namespace["RELEASE"]]
+    kept = namespace["FILE"].read_text(encoding="utf-8")
+    assert namespace["text"](namespace["schemas"](said)) == kept
