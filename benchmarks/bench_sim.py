@@ -3,7 +3,8 @@
 Usage: python benchmarks/bench_sim.py [--slow N] [--runs N]
 
 The built stage of checkpoint 05 is driven by the fixed drive, `--slow` times as long as usual, on
-one core, with the lidar and without it. Exits with 1 where less comes out than is asked for.
+one core, with the lidar and without it; then stages of 10 and 100 robots with lidar and camera are
+played, each robot by its own commands. Exits with 1 where less comes out than is asked for.
 """
 
 from __future__ import annotations
@@ -19,8 +20,13 @@ from pathlib import Path
 
 from msgspec import Struct
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
+
+from robot_kinds import fleet
+
 from lab3_usd import build_checkpoint
 from lab3_usd.model.dry_run import Scene
+from lab3_usd.sim.any_stage import play_any
 from lab3_usd.sim.dry_run import outcome
 from lab3_usd.sim.execution.drive import Session, fixed_drive
 from lab3_usd.sim.judge.topics import expected_at
@@ -33,6 +39,7 @@ from lab3_usd.stage.read.scene import read_scene
 CHECKPOINT = "05"
 LIDAR_GRAPH = "ROS_Lidar2D"
 ASKED = {"with scan": 20.0, "without scan": 30.0}  # times real time
+FLEETS = {10: 10.0, 100: 100.0}  # seconds of the processor, by the number of robots
 KILOBYTES = 1024
 
 
@@ -87,6 +94,14 @@ def main() -> int:
             f" ({ASKED[name]:.0f} asked), {share:.0%} of it judging"
         )
         short += times < ASKED[name]
+    for count, asked in FLEETS.items():
+        robots = read_scene(fleet(count), load_platform())
+        start = time.process_time()
+        played = play_any(robots, load_platform(), None)
+        busy = time.process_time() - start
+        right = sum(check.name == "follows" and check.verdict == "ok" for check in played.checks)
+        print(f"{count} robots: {busy:.1f} s of the processor ({asked:.0f} asked), {right} follow")
+        short += busy > asked or right < count
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / KILOBYTES
     print(f"memory: {memory:.0f} MB at most")
     return 1 if short else 0

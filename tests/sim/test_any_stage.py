@@ -23,12 +23,13 @@ from foreign_robots import (
 from invoking import invoke
 from pxr import Gf, Sdf, Usd, UsdGeom
 from report_schema import dry_run_of
-from robot_kinds import four_wheels, rollers
+from robot_kinds import fleet, four_wheels, rollers
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Behaviour
+from lab3_usd.sim.execution.world import world_of
 from lab3_usd.sim.lidar import sweep
-from lab3_usd.sim.robots import robots_of, scene_for
+from lab3_usd.sim.robots import owned_graphs, robots_of, scene_for
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
@@ -617,11 +618,30 @@ def test_the_play_of_a_robot_is_without_the_graphs_of_others(tmp_path: Path) -> 
     scene = read_scene(Usd.Stage.Open(str(tmp_path / "two.usda")), load_platform())
     platform = load_platform()
     robots = robots_of(scene, platform)
-    shown = [scene_for(each, robots, scene, platform) for each in robots]
+    shown = [scene_for(each, owned_graphs(robots, scene), scene, platform) for each in robots]
     kept = [{graph.path for graph in scene.graphs} for scene in shown]
     assert kept[0] >= {DRIVE, "/World/Odometry", "/World/Lidar"}
     assert f"{DRIVE}2" not in kept[0]
     assert kept[1] == {f"{DRIVE}2"}
+
+
+def test_a_robot_at_rest_moves_once_it_is_commanded() -> None:
+    world = world_of(read_scene(rover(), load_platform()), load_platform(), has_ground=True)
+    machine = world.machines.member[f"{ROBOT}/chassis"]
+    for _ in range(3):
+        world.machines.step(1 / 60)
+    assert machine.is_at_rest
+    machine.joints["left_wheel_joint"].target_velocity = 1.0
+    world.machines.wake(machine)
+    world.machines.step(1 / 60)
+    assert machine.yaw != 0.0
+
+
+def test_plays_of_robots_start_where_the_robots_stand(tmp_path: Path) -> None:
+    found = played(fleet(3), tmp_path, drive=BRIEFLY)
+    assert (len(found.robots), bad(found)) == (3, set())
+    (driven,) = {leg.driven for leg in found.legs if leg.name.endswith("ahead")}
+    assert driven == pytest.approx((0.15, 0.0), rel=0.05)
 
 
 def test_what_a_robot_publishes_is_its_own(tmp_path: Path) -> None:

@@ -377,9 +377,18 @@ def rollers() -> Usd.Stage:
 @made_once
 def in_namespaces() -> Usd.Stage:
     """Two robots, each with a node namespace of its own, TF included."""
+    return _fleet(_TWO)
+
+
+def fleet(count: int) -> Usd.Stage:
+    """Robots in a row, each with a node namespace of its own."""
+    return _fleet({f"robot_{number}": 3.0 * number for number in range(count)})
+
+
+def _fleet(places: Mapping[str, float]) -> Usd.Stage:
     stage = empty_stage("Z", 1.0)
     _clock(stage)
-    for name, y in _TWO.items():
+    for name, y in places.items():
         _mobile(stage, f"/World/{name}", y)
         _mobile_graph(stage, f"/World/{name}_ROS", f"/World/{name}", space=name)
     return stage

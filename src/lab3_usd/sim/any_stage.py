@@ -5,7 +5,7 @@ Nothing of a lab is asked. Each robot is driven by its own commands, in a play o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import pairwise
 
 from msgspec import Struct
@@ -27,7 +27,7 @@ from lab3_usd.sim.commands import (
 )
 from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.execution.recording import Message, Recording, Scan
-from lab3_usd.sim.execution.world import NOT_OPENED
+from lab3_usd.sim.execution.world import NOT_OPENED, standing_of
 from lab3_usd.sim.judge.causes import DRIVEN, SUBSCRIBER, RunCauses
 from lab3_usd.sim.judge.checks import graphs, verdict
 from lab3_usd.sim.judge.expectations import (
@@ -51,6 +51,7 @@ from lab3_usd.sim.robots import (
     expected_of,
     labels,
     listening_robots,
+    owned_graphs,
     robots_of,
     scene_for,
 )
@@ -99,26 +100,33 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
     """
     known = robots_of(scene, platform, topic)
     robots = tuple(robot for robot in known if topic in ("", robot.commands.topic))
-    plays = []
+    plays: list[Trial] = []
+    of_robots: list[Check] = []
+    standing = standing_of(scene, has_ground=True)
+    graphs_of = owned_graphs(known, scene)
+    names = labels(robots)
     for number, robot in enumerate(robots or (None,)):
         legs = drive_for(robot, scene.meters_per_unit)
         if drive is not None and (robot is None or robot.kind == TWIST):
             legs = drive_of(drive, NO_LIMITS)
         # The first play shows all topics; the others, what concerns their robot.
-        shown = scene_for(robot, known, scene, platform) if robot is not None and number else scene
-        play = record(shown, platform, legs, expected_of(robot))
+        shown = scene_for(robot, graphs_of, scene, platform) if robot and number else scene
+        play = record(shown, platform, legs, expected_of(robot), standing)
         plays.append(play)
         if robot is not None and robot.kind != JOINTS and scene.up != "Z":
             text = f"robots drive with Z up only, and the stage has {scene.up} up"
             plays[0].recording.not_simulated["/"] = text
             play.recording.unplayed |= dict.fromkeys(OVER_GROUND, f"not simulated: {text}")
+        if robot is not None:
+            of = names[number] if len(robots) > 1 else ""
+            found = _checks_of(robot, known, play, scene)
+            of_robots += [replace(check, of=of) for check in found]
+        if number:
+            play.recording.forget_messages()
     checks = [*_stage_checks(plays[0], robots)]
     if any(rival(robot, known) for robot in robots):
         checks.append(verdict("commands", list(commanded_once(known)), plays[0]))
-    for robot, name, play in zip(robots, labels(robots), plays, strict=False):
-        of = name if len(robots) > 1 else ""
-        found = _checks_of(robot, known, play, scene)
-        checks.extend(replace(check, of=of) for check in found)
+    checks += of_robots
     failures = list(_failing(plays, checks))
     if failures:
         others = [check for check in checks if check.name != "graphs"]
@@ -128,17 +136,20 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
 
 def _failing(plays: Sequence[Trial], checks: Sequence[Check]) -> Iterator[RunFault]:
     """Yield the nodes that fail to the end of every play, and that no check names."""
-    told = [f"{check.prim} {check.text}" for check in checks if check.verdict != "ok"]
+    told = {
+        word
+        for check in checks
+        if check.verdict != "ok"
+        for word in (check.prim, *check.text.replace(";", " ").split())
+    }
     causes = [play.causes for play in plays if isinstance(play.causes, RunCauses)]
     for path in causes[0].program.nodes if causes else ():
         running = [each.program.nodes.get(path) for each in causes]
-        nodes = [node for node in running if node is not None]
-        cause = causes[0].broken(nodes[0])
-        if (
-            all(node.failure is not None and node.failure.kind not in _PASSING for node in nodes)
-            and cause is not None
-            and not any({cause.prim, path} & {*text.replace(";", " ").split()} for text in told)
-        ):
+        failures = [node.failure for node in running if node is not None]
+        if any(failure is None or failure.kind in _PASSING for failure in failures):
+            continue
+        cause = causes[0].broken(causes[0].program.nodes[path])
+        if cause is not None and not {cause.prim, path} & told:
             yield RunFault(f"{path} fails", cause.kind or "not-executed", cause.prim, cause.reason)
 
 
@@ -213,8 +224,16 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
         for message in recording.messages
         if message.type == CLOCK or (message.type == TRANSFORMS and not message.static)
     )
+    there: dict[tuple[int, str], list[Message]] = {}
+    kept: dict[int, list[Message]] = {}
+    for message in recording.messages:
+        domain = domain_of(message, trial)
+        if not message.session and (message.type, domain, message.topic) in topics:
+            there.setdefault((domain, message.topic), []).append(message)
+        if not message.session and message.static:
+            kept.setdefault(domain, []).append(message)
     for kind, domain, topic in sorted(topics):
-        seen = _alone(trial, domain, topic)
+        seen = _alone(trial, domain, topic, there.get((domain, topic), ()), kept.get(domain, ()))
         if kind == CLOCK:
             check = verdict("clock", [*running_clock(seen), *unheard_clock(seen, topics)], seen)
         else:
@@ -312,18 +331,15 @@ def domain_of(message: Message, trial: Trial) -> int:
     return trial.wanted.domain if message.away is None else message.away
 
 
-def _alone(trial: Trial, domain: int, topic: str) -> Trial:
-    """Return the first play with the messages of one topic, and with static transforms."""
-    there = [
-        replace(message, away=None)
-        for message in trial.recording.messages
-        if not message.session and domain_of(message, trial) == domain
-    ]
+def _alone(
+    trial: Trial, domain: int, topic: str, sent: Iterable[Message], kept: Sequence[Message]
+) -> Trial:
+    """Return the first play with what was sent on one topic, and with static transforms."""
     recording = Recording(
         trial.recording.seconds,
-        [message for message in there if message.topic == topic],
+        [replace(message, away=None) for message in sent],
         trial.recording.path,
-        static=kept_transforms(there),
+        static=kept_transforms(kept),
     )
     wanted = replace(trial.wanted, domain=domain, clock=topic, transforms=topic)
     return Trial(recording, trial.drive[:1], wanted, causes=trial.causes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -130,16 +130,10 @@ def owners_of(robots: Sequence[Robot]) -> Callable[[str], frozenset[str]]:
     return owners
 
 
-def scene_for(robot: Robot, robots: Sequence[Robot], scene: Scene, platform: Platform) -> Scene:
-    """Return a scene without the graphs that name only prims of other robots.
-
-    Those that name none are left out as well, unless they may publish transforms.
-    """
-    if robot.machine is None:
-        return scene
-    owners, base = owners_of(robots), robot.machine.base
-    own = {robot.subscriber, robot.odometry, robot.scan, *robot.controllers}
-    kept = []
+def owned_graphs(robots: Sequence[Robot], scene: Scene) -> dict[str, frozenset[str]]:
+    """Return the bases of the robots that the prims named in each graph belong to."""
+    owners = owners_of(robots)
+    found = {}
     for graph in scene.graphs:
         named = [path for node in graph.nodes for paths in node.targets.values() for path in paths]
         named += [
@@ -148,11 +142,30 @@ def scene_for(robot: Robot, robots: Sequence[Robot], scene: Scene, platform: Pla
             for state in node.inputs.values()
             if isinstance(state.value, str) and state.value.startswith("/")
         ]
-        found = {owner for path in named for owner in owners(path)}
-        is_own = base in found or own & {node.path for node in graph.nodes}
-        types = [platform.get(node.type) for node in graph.nodes]
-        if is_own or (
-            not found and any(t is None or TRANSFORMS in t.message.values() for t in types)
+        found[graph.path] = frozenset(owner for path in named for owner in owners(path))
+    return found
+
+
+def scene_for(
+    robot: Robot, owned: Mapping[str, frozenset[str]], scene: Scene, platform: Platform
+) -> Scene:
+    """Return a scene without the graphs that name only prims of other robots.
+
+    Those that name none are left out as well, unless they may publish transforms. `owned` are the
+    bases of the robots that each graph names.
+    """
+    if robot.machine is None:
+        return scene
+    own = {robot.subscriber, robot.odometry, robot.scan, *robot.controllers}
+    graphs = {path.rpartition("/")[0] for path in own}
+    kept = []
+    for graph in scene.graphs:
+        found = owned[graph.path]
+        types = () if found else [platform.get(node.type) for node in graph.nodes]
+        if (
+            robot.machine.base in found
+            or graph.path in graphs
+            or any(t is None or TRANSFORMS in t.message.values() for t in types)
         ):
             kept.append(graph)
     return replace(scene, graphs=tuple(kept))
@@ -169,6 +182,7 @@ def listening_robots(scene: Scene, platform: Platform) -> list[Robot]:
 def _listening(player: Player) -> Iterator[Robot]:
     """Yield a robot for each subscriber from which wires lead to a controller of joints."""
     world, nodes = player.world, player.program.nodes
+    followers = _followers(world.scene)
     for node in nodes.values():
         kind = node.type.message.get("", "")
         if SUBSCRIBER not in node.type.role or kind not in {TWIST, STEERING, JOINTS}:
@@ -176,7 +190,7 @@ def _listening(player: Player) -> Iterator[Robot]:
         endpoint: RosEndpoint | None = node.memory.get("endpoint") or open_endpoint(node, world)
         if endpoint is None:
             continue
-        behind = [nodes[path] for path in _behind(world.scene, node.path) if path in nodes]
+        behind = [nodes[path] for path in _behind(followers, node.path) if path in nodes]
         for controller in behind:
             if controller.type.drives is not None:
                 machine = articulated(controller, world)
@@ -197,7 +211,7 @@ def _listening(player: Player) -> Iterator[Robot]:
                     moved=frozenset(names_of(controller, machine, world)),
                     reach=reach,
                 )
-                yield robot if machine is None else _watched(robot, machine, player)
+                yield robot if machine is None else _watched(robot, machine, player, followers)
 
 
 def names_of(controller: NodeInstance, machine: Machine | None, world: World) -> tuple[str, ...]:
@@ -227,17 +241,23 @@ def _reach(controller: NodeInstance, machine: Machine | None, player: Player) ->
     return reach_of(controller, machine, world, others)
 
 
-def _behind(scene: Scene, start: str) -> list[str]:
-    """Return the nodes into which wires lead from a node, over others as well."""
+def _followers(scene: Scene) -> dict[str, list[str]]:
+    """Return the nodes into which wires lead from each node."""
+    found: dict[str, list[str]] = {}
+    for node in (node for graph in scene.graphs for node in graph.nodes):
+        wires = (wire for state in node.inputs.values() for wire in state.sources)
+        for source in dict.fromkeys(wire.rpartition(".")[0] for wire in wires):
+            found.setdefault(source, []).append(node.path)
+    return found
+
+
+def _behind(followers: Mapping[str, Sequence[str]], start: str) -> list[str]:
+    """Return the nodes into which wires lead from a node, over others as well, nearest first."""
     found = {start: None}
-    nodes = [node for graph in scene.graphs for node in graph.nodes]
-    before = 0
-    while len(found) > before:
-        before = len(found)
-        for node in nodes:
-            sources = (wire for state in node.inputs.values() for wire in state.sources)
-            if any(wire.rpartition(".")[0] in found for wire in sources):
-                found.setdefault(node.path)
+    for path in (waiting := [start]):
+        new = [follower for follower in followers.get(path, ()) if follower not in found]
+        found.update(dict.fromkeys(new))
+        waiting += new
     return [*found][1:]
 
 
@@ -271,7 +291,9 @@ def _allowed(nodes: Sequence[NodeInstance], world: World) -> tuple[tuple[float, 
     return (slow * ahead, slow * turn), slow * ramp
 
 
-def _watched(robot: Robot, machine: Machine, player: Player) -> Robot:
+def _watched(
+    robot: Robot, machine: Machine, player: Player, followers: Mapping[str, Sequence[str]]
+) -> Robot:
     """Return a robot with the body by which it is watched: that of odometry, of TF, or its base."""
     world, nodes = player.world, player.program.nodes
     prims, sent = world.scene.prims, world.network.sent
@@ -283,9 +305,7 @@ def _watched(robot: Robot, machine: Machine, player: Player) -> Robot:
         if node.memory.get("path") in machine.rest:
             body = str(node.memory["path"])
             behind = {message.node for message in sent if message.type == ODOMETRY}
-            publisher = next(
-                (path for path in _behind(world.scene, node.path) if path in behind), ""
-            )
+            publisher = next((path for path in _behind(followers, node.path) if path in behind), "")
             break
     carried = (
         writer.node.path

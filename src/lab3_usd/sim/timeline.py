@@ -22,7 +22,7 @@ from lab3_usd.sim.execution.recording import (
     Steering,
     View,
 )
-from lab3_usd.sim.execution.world import RosEndpoint, Twist, World, Writer, send, world_of
+from lab3_usd.sim.execution.world import RosEndpoint, Standing, Twist, World, Writer, send, world_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
 from lab3_usd.sim.judge.expectations import SIZE, Expected, Trial
 from lab3_usd.sim.lidar import Beam, Ranges, sweep
@@ -241,9 +241,12 @@ def driven(world: World) -> Machine | None:
     return max(machines, key=lambda machine: len(machine.joints), default=None)
 
 
-def player_of(scene: Scene, platform: Platform, wanted: Expected) -> Player:
+def player_of(
+    scene: Scene, platform: Platform, wanted: Expected, standing: Standing | None = None
+) -> Player:
     """Return a scene ready to play, which takes commands from the topic that is asked for."""
-    world = world_of(scene, platform, wanted.profile, has_ground=wanted.has_ground)
+    ground = wanted.has_ground
+    world = world_of(scene, platform, wanted.profile, has_ground=ground, standing=standing)
     world.network.commands = RosEndpoint(wanted.domain, wanted.commands)
     player = Player(world, platform, wanted.robot)
     world.not_simulated.update(player.program.not_simulated)
@@ -264,9 +267,13 @@ def record(
     platform: Platform,
     drive: Sequence[Session],
     wanted: Expected,
+    standing: Standing | None = None,
 ) -> Trial:
-    """Play the sessions, and return what was sent, where the robot went, and what it stood in."""
-    player = player_of(scene, platform, wanted)
+    """Play the sessions, and return what was sent, where the robot went, and what it stood in.
+
+    What stands there may be shared with plays of the same prims that are over.
+    """
+    player = player_of(scene, platform, wanted, standing)
     world = player.world
     robot, unit = player.robot, scene.meters_per_unit
     start = in_metres(world.machines.place(player.body), unit) if robot is not None else HERE

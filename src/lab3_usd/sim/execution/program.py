@@ -58,6 +58,7 @@ class Program(Struct):
     idle: dict[str, str]  # graphs that are not evaluated in the frame loop, and why
     unwritten: dict[str, NodeType | None]
     dead: list[tuple[str, Failure]] = field(default_factory=list)
+    before: dict[str, list[NodeInstance]] = field(default_factory=dict)  # what triggers each node
     guessed: dict[str, str] = field(default_factory=dict)
 
     def run(self, what: str, world: World, *, again: bool = False) -> None:
@@ -96,6 +97,10 @@ def compile_graphs(scene: Scene, platform: Platform) -> Program:
             _connect(node, program)
             program.dead += _dropped(node, program.nodes, platform)
         _schedule(graph, nodes, program)
+    for node in program.nodes.values():
+        followers = (follower for some in node.follows.values() for follower in some)
+        for path in dict.fromkeys(follower.path for follower in followers):
+            program.before.setdefault(path, []).append(node)
     return program
 
 

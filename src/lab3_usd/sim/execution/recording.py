@@ -208,6 +208,12 @@ class Recording(Struct):
     _sorted: dict[tuple[str, int | None], list[Message]] = field(default_factory=dict)
     _trees: dict[tuple[str, int], Tree] = field(default_factory=dict)
 
+    def forget_messages(self) -> None:
+        """Drop what was sent, once it is judged: of many plays it fills the memory."""
+        self.messages.clear()
+        self._sorted.clear()
+        self._trees.clear()
+
     def topic(self, name: str, session: int | None = None) -> list[Message]:
         """Return what was sent on a topic in the lab's domain."""
         if not self._sorted:

@@ -246,14 +246,29 @@ class World(Struct):
         self.network.contexts.clear()
 
 
+class Standing(Struct, frozen=True):
+    """What stands on a stage, which plays of it, one after another, have in common."""
+
+    machines: Machines
+    surroundings: Surroundings
+
+
+def standing_of(scene: Scene, *, has_ground: bool = False) -> Standing:
+    """Return what stands on a stage, if asked for with ground below robots that have none."""
+    machines = Machines(scene, has_ground=has_ground)
+    return Standing(machines, Surroundings.of(scene, machines))
+
+
 def world_of(
     scene: Scene,
     platform: Platform,
     profile: dict[str, Any] | None = None,
     *,
     has_ground: bool = False,
+    standing: Standing | None = None,
 ) -> World:
-    """Return a scene before it plays, if asked for with ground below each robot that has none."""
-    machines = Machines(scene, has_ground=has_ground)
-    surroundings = Surroundings.of(scene, machines)
-    return World(scene, platform, machines, surroundings, Network(""), {}, profile or {})
+    """Return a scene before it plays; what stands there may be that of a play that is over."""
+    there = standing or standing_of(scene, has_ground=has_ground)
+    there.machines.reset()
+    machines, around = there.machines, there.surroundings
+    return World(scene, platform, machines, around, Network(""), {}, profile or {})

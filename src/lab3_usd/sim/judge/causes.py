@@ -214,11 +214,8 @@ class RunCauses(Struct, frozen=True):
         return None
 
     def _before(self, node: NodeInstance) -> Iterator[NodeInstance]:
-        for running in self.program.nodes.values():
-            if any(node is follower for some in running.follows.values() for follower in some):
-                yield running
-        for source, _ in node.wires.values():
-            yield source
+        yield from self.program.before.get(node.path, ())
+        yield from (source for source, _ in node.wires.values())
 
     def of_motion(self) -> Cause | None:
         """Return why commands do not move the robot as they should."""

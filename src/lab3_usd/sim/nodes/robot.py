@@ -181,6 +181,7 @@ def _command(node: NodeInstance, world: World, joints: list[Joint]) -> bool:
     commands = {f"{kind}Command" for kind in ("position", "velocity", "effort")}
     if not (position or velocity or effort or node.fed & commands):
         return node.fails("nothing is connected to its command inputs", "no-vector-input")
+    world.machines.wake(node.memory["machine"])
     # What is no number leaves the target as it is (:138-162).
     for joint, value in zip(joints, position, strict=False):
         joint.target_position = joint.target_position if math.isnan(value) else float(value)

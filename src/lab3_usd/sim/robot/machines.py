@@ -230,6 +230,8 @@ class Machines:
         self._back: dict[str, Affine] = {}
         self._places: dict[str, Affine] | None = None
         self._still: dict[str, dict[str, Affine]] = {}  # of machines at rest, by their bases
+        self._awake: dict[str, Machine] = {}  # those that may move, by their bases
+        self._articulations: dict[str, Machine | None] = {}
         for machine in self.machines:
             self._set_down(machine)
         self.reset()
@@ -242,6 +244,11 @@ class Machines:
         self._still.clear()
         for machine in self.machines:
             machine.reset()
+            self.wake(machine)
+
+    def wake(self, machine: Machine) -> None:
+        """Let a machine move from the next step on, as its joints are commanded."""
+        self._awake[machine.base] = machine
 
     def body_of(self, path: str) -> str:
         """Return the body that a prim goes with; '' for the world."""
@@ -270,6 +277,11 @@ class Machines:
         return member if any(self._articulation(root) is member for root in roots) else None
 
     def _articulation(self, path: str) -> Machine | None:
+        if path not in self._articulations:
+            self._articulations[path] = self._find_articulation(path)
+        return self._articulations[path]
+
+    def _find_articulation(self, path: str) -> Machine | None:
         for prim in self.scene.below(path) if path else ():
             enabled = prim.values.get("physxArticulation:articulationEnabled") is not False
             if ROOT in prim.apis and enabled:
@@ -344,9 +356,11 @@ class Machines:
         self._now.clear()
         self._back.clear()
         self._places = None
-        for machine in self.machines:
-            if (machine.joints or not machine.grounded) and not machine.is_at_rest:
-                self._still.pop(machine.base, None)
+        for base, machine in [*self._awake.items()]:
+            if machine.is_at_rest or (machine.grounded and not machine.joints):
+                del self._awake[base]
+            else:
+                self._still.pop(base, None)
                 machine.step(dt)
 
     def _set_down(self, machine: Machine) -> None:
