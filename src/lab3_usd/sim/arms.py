@@ -26,9 +26,9 @@ from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
 from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial, agree, in_root
 from lab3_usd.sim.nodes.transforms import frame_name
+from lab3_usd.sim.robot.bodies import collides
 from lab3_usd.sim.robot.machine import FIXED, HINGE, SLIDER, Joint, Machine
 from lab3_usd.sim.robot.machine import JOINTS as JOINT_TYPES
-from lab3_usd.sim.robot.machines import collides
 
 JOINTS, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 TURN, WAY = 0.3, 0.05  # radians and metres that the last joint is commanded to go

@@ -10,8 +10,9 @@ from lab3_usd.model.dry_run import Affine, Scene, ScenePrim
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES
 from lab3_usd.model.physics import MASS, SCENE, number, numbers, vector
 from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.sim.robot.bodies import collides
 from lab3_usd.sim.robot.machine import HINGE, JOINTS, Joint, Machine
-from lab3_usd.sim.robot.machines import Machines, collides
+from lab3_usd.sim.robot.machines import Machines
 
 _GROUP = "PhysicsCollisionGroup"
 _OWNER, _PAIRS = "physics:simulationOwner", "physics:filteredPairs"

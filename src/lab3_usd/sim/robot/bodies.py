@@ -1,0 +1,184 @@
+"""The bodies of a scene that move, and how joints tie them to machines."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from typing import get_args
+
+from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, ScenePrim, rotation
+from lab3_usd.model.joint_drives import DRIVEN_AXES, JointCommand, hindrance
+from lab3_usd.model.physics import EXCLUDED, limits, number
+from lab3_usd.sim.robot.machine import (
+    DRIVE,
+    FIXED,
+    HINGE,
+    JOINTS,
+    Joint,
+    Machine,
+)
+
+BODY, ROOT, COLLIDER = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI", "PhysicsCollisionAPI"
+
+
+def is_dynamic(prim: ScenePrim) -> bool:
+    """Whether a prim is a body that moves."""
+    on = prim.values.get("physics:rigidBodyEnabled") is not False
+    return BODY in prim.apis and on and not prim.values.get("physics:kinematicEnabled")
+
+
+def is_kinematic(prim: ScenePrim) -> bool:
+    """Whether a prim is a body that nothing moves."""
+    return BODY in prim.apis and prim.values.get("physics:kinematicEnabled") is True
+
+
+def collides(prim: ScenePrim) -> bool:
+    """Whether a prim is a collision shape."""
+    return COLLIDER in prim.apis and prim.values.get("physics:collisionEnabled") is not False
+
+
+class Bodies:
+    """The bodies of a scene that move."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.prims = {prim.path: prim for prim in scene.prims.values() if is_dynamic(prim)}
+
+    def machines(self) -> list[Machine]:
+        """Return what hangs together, each placed from its root over its joints."""
+        joints = [joint for joint in map(self.joint, self.scene.prims.values()) if joint]
+        return assembled(self.prims, joints)
+
+    def of(self, path: str) -> str:
+        """Return the body that a prim goes with; '' for the world."""
+        for prim in self.scene.above(path):
+            if prim.path in self.prims:
+                return prim.path
+            if prim.loose:
+                break
+        return ""
+
+    def joint(self, prim: ScenePrim) -> Joint | None:
+        """Return the joint of a prim, None where it makes none."""
+        on = prim.values.get("physics:jointEnabled") is not False
+        if prim.type not in JOINTS or not on:
+            return None
+        ends = [prim.targets.get(f"physics:body{number}", ()) for number in (0, 1)]
+        if any(end and end[0] not in self.scene.prims for end in ends):
+            return None  # PhysX makes no joint to a prim that is not there
+        bodies = [self.of(end[0]) if end else "" for end in ends]
+        still = (self._kinematic(end[0]) for end in ends if end)
+        drive = DRIVE.get(prim.type, "")
+        kind = drive.split(":")[1] if drive else ""
+        force = number(prim.values.get(f"{drive}maxForce"))
+        driven = f"PhysicsDriveAPI:{kind}" in prim.apis and (force is None or force > 0)
+
+        def of_drive(name: str) -> float:
+            return (number(prim.values.get(drive + name)) or 0.0) if driven else 0.0
+
+        unit = math.radians(1.0) if prim.type == HINGE else 1.0
+        low, high = limits(prim.values)
+        return Joint(
+            prim.path.rpartition("/")[2],
+            prim.type,
+            (bodies[0], bodies[1]),
+            (self._frame(prim, 0, ends[0], bodies[0]), self._frame(prim, 1, ends[1], bodies[1])),
+            AXES[{"Y": 1, "Z": 2}.get(str(prim.values.get("physics:axis")), 0)],
+            of_drive("stiffness"),
+            of_drive("damping"),
+            0.0,
+            authored=(of_drive("targetVelocity") * unit, of_drive("targetPosition") * unit),
+            excluded=prim.values.get(EXCLUDED) is True,
+            kinematic=next(filter(None, still), ""),
+            force=math.inf if force is None else force,
+            is_acceleration=prim.values.get(f"{drive}type") == "acceleration",
+            limits=(low * unit, high * unit),
+            rollers=_rollers(prim),
+            path=prim.path,
+            hindrances=dict(_hindrances(prim)),
+        )
+
+    def _kinematic(self, path: str) -> str:
+        """Return the body that a prim goes with where that is kinematic."""
+        if self.of(path):
+            return ""
+        bodies = (prim.path for prim in self.scene.above(path) if is_kinematic(prim))
+        return next(bodies, "")
+
+    def _frame(self, prim: ScenePrim, number: int, ends: tuple[str, ...], body: str) -> Affine:
+        """Return the frame of a joint in its body, without scale."""
+        at = prim.values.get(f"physics:localPos{number}") or (0.0, 0.0, 0.0)
+        turn = rotation(prim.values.get(f"physics:localRot{number}") or (1.0, 0.0, 0.0, 0.0))
+        target = self.scene.prims[ends[0]].world if ends else HERE
+        inside = target.then(Affine(turn, at))
+        owner = self.prims[body].world.rigid() if body else HERE
+        return owner.inverse().then(inside).rigid()
+
+
+def _hindrances(prim: ScenePrim) -> Iterator[tuple[JointCommand, str]]:
+    """Yield the kinds of commands that a joint cannot follow, each with the reason."""
+    commands: tuple[JointCommand, ...] = get_args(JointCommand)
+    for command in commands if prim.type in DRIVEN_AXES else ():
+        why = hindrance(prim.type, prim.apis, prim.values, command)
+        if why is not None:
+            yield command, why.text
+
+
+def _rollers(prim: ScenePrim) -> tuple[float, float] | None:
+    """Return how the rollers of a wheel stand to its axle, and its radius; None without any.
+
+    So says IsaacMecanumWheelAPI (holonomic_robot_usd_setup.py:58-60).
+    """
+    angle, radius = (number(prim.values.get(f"isaacmecanumwheel:{n}")) for n in ("angle", "radius"))
+    return None if angle is None or radius is None else (math.radians(angle), radius)
+
+
+def assembled(bodies: dict[str, ScenePrim], joints: list[Joint]) -> list[Machine]:
+    """Sort bodies into machines; each is placed from its root over its joints."""
+    ends: dict[str, list[Joint]] = {body: [] for body in bodies}
+    for joint in joints:
+        for body in dict.fromkeys(filter(None, joint.bodies)):
+            ends[body].append(joint)
+    roots = [body for body in bodies if ROOT in bodies[body].apis]
+    second = {joint.bodies[1] for joint in joints if joint.bodies[0]}
+    firsts = [body for body in bodies if body not in second]
+    machines: list[Machine] = []
+    taken: set[str] = set()
+    for base in (*roots, *firsts, *bodies):
+        if base not in taken:
+            machine = _machine(base, bodies, ends)
+            taken |= machine.rest.keys()
+            machines.append(machine)
+    return machines
+
+
+def _machine(base: str, bodies: dict[str, ScenePrim], ends: dict[str, list[Joint]]) -> Machine:
+    rest, waiting, held = {base: HERE}, deque([base]), False
+    parents: dict[str, Joint] = {}
+    moving: dict[str, Joint] = {}
+    closing: list[Joint] = []
+    kinematic = ""
+    while waiting:
+        body = waiting.popleft()
+        for joint in ends[body]:
+            number = joint.bodies.index(body)
+            neighbour = joint.bodies[1 - number]
+            held = held or not neighbour
+            kinematic = kinematic or joint.kinematic
+            if not neighbour or neighbour in rest:
+                tree = (parents.get(body), parents.get(neighbour))
+                closing += [joint] if joint.kind == FIXED and joint not in tree else []
+                continue
+            outer, inner = joint.frames[number], joint.frames[1 - number]
+            rest[neighbour] = rest[body].then(outer).then(inner.inverse())
+            parents[neighbour] = joint
+            waiting.append(neighbour)
+            if joint.kind != FIXED:
+                moving[joint.name] = joint
+    machine = Machine(base, bodies[base].world.rigid(), rest, parents, moving, held, kinematic)
+    for joint in closing:  # which holds its bodies together, so that none between them moves
+        first, second = ({id(j): j for j in machine.above(body)} for body in joint.bodies)
+        for number in first.keys() ^ second.keys():
+            (first | second)[number].locked = True
+    return machine
