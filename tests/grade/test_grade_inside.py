@@ -130,6 +130,16 @@ def test_a_damaged_archive_is_unreadable(course: GradingSetup, tmp_path: Path) -
     assert judged(course, tmp_path / "jane.zip", tmp_path)["status"] == "unreadable"
 
 
+def test_a_folder_with_nothing_but_a_damaged_archive_is_unreadable(
+    course: GradingSetup, tmp_path: Path
+) -> None:
+    (tmp_path / "jane").mkdir()
+    (tmp_path / "jane" / "work.zip").write_bytes(b"no zip")
+    found = judged(course, tmp_path / "jane", tmp_path)
+    assert found["status"] == "unreadable"
+    assert found["reason"].startswith("work.zip: is damaged")
+
+
 def test_a_submission_without_stages_is_empty_and_says_why(
     course: GradingSetup, tmp_path: Path
 ) -> None:

@@ -35,6 +35,7 @@ from lab3_usd.grade.intake.submission_copy import (
 )
 from lab3_usd.spec.load.loader import load_lab
 
+NO_ARCHIVE = "is damaged or not an archive; pack it again"
 ZIP_ENDINGS = (".zip",)
 TAR_ENDINGS = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz")
 OTHER_ENDINGS = (".rar", ".7z", ".tar.zst", ".gz", ".bz2", ".xz")
@@ -127,9 +128,7 @@ def unpack(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
         check_reached(archive.name, error)
         # Students would be lost with what follows in the archive of a class.
         if len(copy.digests) == taken or copy.archives:
-            raise ArchiveError(
-                f"{archive.name}: is damaged or not an archive; pack it again"
-            ) from error
+            raise ArchiveError(f"{archive.name}: {NO_ARCHIVE}") from error
         copy.refuse(archive.name, "the archive is damaged; the rest of it is lost")
 
 
