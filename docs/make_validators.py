@@ -2,7 +2,8 @@
 
 Run `python docs/make_validators.py` after faults, rules or validators have changed. Python 3.12 has
 them all: `pip install -e .[nvidia] ros-openusd-compliance-checker simready-foundation-tier-core`.
-The measurement is kept in `tests/lint_validators.json`.
+On a Python without some of them these keep what was measured before. The measurement is kept in
+`tests/lint_validators.json`.
 """
 
 from __future__ import annotations
@@ -19,12 +20,15 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
+import corpus
 import quick_yaml
-from linting import broken_robot
 from pxr import Usd
 
 from lab3_usd.judge.lint import lint_stage
+from lab3_usd.sim.dry_run import dry_run
+from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.native import native_errors
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
@@ -44,7 +48,8 @@ JOINTS = {
 }
 MARK = "<!-- Below: written by docs/make_validators.py. -->\n"
 NVIDIA = "usd_validation_nvidia"
-LINT = "lab3 lint"
+LINT, SIM = "lab3 lint", "lab3 sim"
+DRIVE = "0.15,0,1 0,0.8,0.5"  # of the dry runs, which are short
 Reports = Counter[tuple[str, str]]  # rule and prim of each report
 
 
@@ -62,6 +67,12 @@ def by_lint(path: Path) -> Reports:
     return Counter(
         (finding.rule, finding.prim) for finding in findings if finding.severity != "note"
     )
+
+
+def by_sim(path: Path) -> Reports:
+    """Return the checks of a dry run that fail."""
+    checks = dry_run(path, load_lab(), "", DRIVE).behaviour.checks
+    return Counter((check.name, check.prim) for check in checks if check.verdict == "bad")
 
 
 def by_openusd(path: Path) -> Reports:
@@ -148,12 +159,31 @@ def _reports_of_sound(validator: Validator, robot: str) -> Reports:
 
 def reports_of(validator: Validator, robot: str, steps: list[dict[str, Any]]) -> Reports:
     """Return the reports about a robot after these steps, saved as a file of its own."""
-    stage = broken_robot(robot, steps)
-    stage.SetDefaultPrim(next(iter(stage.GetPseudoRoot().GetChildren())))
+    return _reports_about(validator, corpus.Entry(corpus.FAULTY, "stage", robot, steps))
+
+
+def _reports_about(validator: Validator, entry: corpus.Entry) -> Reports:
     with TemporaryDirectory() as folder:
-        path = Path(folder) / f"{robot}.usda"
-        stage.GetRootLayer().Export(str(path))
-        return validator.reports(path)
+        corpus.write(entry, Path(folder))
+        return validator.reports(Path(folder) / entry.file)
+
+
+def score(validator: Validator) -> dict[str, int]:
+    """Return how many faults of users a validator finds, and how many right stages it reports.
+
+    It finds a fault by what it does not report of the right robot: at a prim at fault, or anywhere.
+    """
+    right = [entry for entry in corpus.entries() if entry.group != corpus.FAULTY]
+    accused = sum(bool(_reports_about(validator, entry)) for entry in right)
+    news = [
+        ({prim for _, prim in new_reports(validator, entry.robot, entry.steps)}, entry.prims)
+        for entry in corpus.entries()
+        if entry.is_of_users
+    ]
+    at_place = sum(bool(prims & {*at}) for prims, at in news)
+    found = sum(bool(prims) for prims, _ in news)
+    stages = {"faults": len(news), "stages": len(right)}
+    return {"place": at_place, "any": found, "right": accused, **stages}
 
 
 def control(validator: Validator) -> str:
@@ -165,15 +195,32 @@ def control(validator: Validator) -> str:
     return f"{sum(map(bool, seen))} of {len(seen)}" if any(seen) else ""
 
 
-def measure() -> dict[str, Any]:
-    """Return versions, control and faults by validator: where it found something, and how often."""
-    columns = {validator.title: column(validator) for validator in VALIDATORS}
-    controls = {validator.title: control(validator) for validator in VALIDATORS}
+def measure(known: Mapping[str, Any]) -> dict[str, Any]:
+    """Return versions, control and faults by validator: where it found something, and how often.
+
+    What is not installed keeps what is `known` of it.
+    """
+    here = [each for each in VALIDATORS if installed(each.package) is not None]
+    fresh = {validator.title for validator in here}
+    columns = {validator.title: column(validator) for validator in here}
+    for title in (each.title for each in VALIDATORS if each.title not in fresh):
+        kept = {name: cells[title] for name, cells in known["faults"].items() if title in cells}
+        columns[title] = kept
+    controls = {validator.title: control(validator) for validator in here}
+    controls |= {title: kept for title, kept in known["control"].items() if title not in fresh}
+    scores = {each.title: score(each) for each in (*here, Validator(SIM, "lab3-usd", by_sim))}
+    titles = [validator.title for validator in VALIDATORS]
     return {
-        "versions": {validator.title: version(validator.package) for validator in VALIDATORS},
-        "control": {title: found for title, found in controls.items() if found},
+        "versions": {
+            each.title: installed(each.package) or known["versions"][each.title]
+            for each in VALIDATORS
+        },
+        "control": {title: controls[title] for title in titles if controls.get(title)},
+        "corpus": {
+            title: scores.get(title) or known["corpus"][title] for title in (LINT, SIM, *titles[1:])
+        },
         "faults": {
-            name: {title: cells[name] for title, cells in columns.items() if name in cells}
+            name: {title: columns[title][name] for title in titles if name in columns[title]}
             for name in FAULTS
         },
     }
@@ -189,6 +236,16 @@ def summary(measured: Mapping[str, Any]) -> Iterator[str]:
     yield _row(f"faults found, of {len(faults)}", [f"**{found[title]}**" for title in titles])
     yield _row("control", [measured["control"].get(title, "-") for title in titles])
     yield _row("version", [measured["versions"][title] for title in titles])
+    yield from ("", "On the corpus:", "")
+    scores: Mapping[str, Mapping[str, int]] = measured["corpus"]
+    yield _row("", scores)
+    yield _row("---", ["---"] * len(scores))
+    for text, key, total in (
+        ("faults of users found at their place", "place", "faults"),
+        ("found anywhere", "any", "faults"),
+        ("right stages with a report", "right", "stages"),
+    ):
+        yield _row(text, [f"{score[key]} of {score[total]}" for score in scores.values()])
     yield from ("", "Faults that users reported:", "")
     for name in (name for name in faults if name in ISSUES):
         others = ", ".join(title for title in faults[name] if title != LINT)
@@ -229,13 +286,6 @@ def page() -> str:
     return by_hand + MARK + "\n" + "\n".join(summary(measured)) + "\n"
 
 
-def missing() -> Iterator[str]:
-    """Yield the packages that are not installed."""
-    for validator in VALIDATORS:
-        if installed(validator.package) is None:
-            yield validator.package
-
-
 def installed(package: str) -> str | None:
     """Return the version of a package; None where it is not installed."""
     try:
@@ -246,7 +296,6 @@ def installed(package: str) -> str | None:
 
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)  # some validators log each file that lacks something
-    if names := ", ".join(missing()):
-        sys.exit(f"not installed: {names}")
-    MEASURED.write_text(json.dumps(measure(), indent=1) + "\n", encoding="utf-8", newline="\n")
+    known = json.loads(MEASURED.read_text(encoding="utf-8"))
+    MEASURED.write_text(json.dumps(measure(known), indent=1) + "\n", encoding="utf-8", newline="\n")
     PAGE.write_text(page(), encoding="utf-8", newline="\n")

@@ -34,6 +34,13 @@ def test_the_measurement_covers_each_fault() -> None:
     assert list(MEASURED["faults"]) == list(script.FAULTS)
 
 
+def test_the_score_of_the_linter_is_what_its_tables_say() -> None:
+    by_kind = script.quick_yaml.load((script.TESTS / "robot_faults.yaml").read_text("utf-8"))
+    found = sum(int(cell.partition(" ")[0]) for cell in committed(script.LINT).values())
+    found += sum(bool(seed["lint"]) for seed in by_kind.values())
+    assert MEASURED["corpus"][script.LINT]["place"] == found
+
+
 def test_the_page_shows_the_measurement() -> None:
     page = script.PAGE.read_text(encoding="utf-8")
     assert page == script.page(), "docs/make_validators.py: page()"

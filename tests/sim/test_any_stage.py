@@ -691,3 +691,10 @@ def test_a_robot_is_not_at_fault_for_where_another_one_listens(tmp_path: Path) -
     (check,) = (check for check in found.checks if check.name == "follows" and check.message)
     assert (check.kind, check.of) == ("wrong-turn", f"{ROBOT}/chassis")
     assert not check.prim.startswith(f"{DRIVE}2/")
+
+
+def test_a_helper_that_is_switched_off_is_no_fault(tmp_path: Path) -> None:
+    stage = rover()
+    helper = stage.GetPrimAtPath("/World/Lidar/helper")
+    helper.CreateAttribute("inputs:enabled", Sdf.ValueTypeNames.Bool).Set(False)  # noqa: FBT003
+    assert bad(played(stage, tmp_path, drive=BRIEFLY)) == set()
