@@ -23,8 +23,10 @@ from html_pages import (
     since,
     stages,
 )
+from invoking import invoke
 from linting import broken_robot
 from msgspec.structs import replace
+from places import REPOSITORY
 from pxr import Usd
 from report_examples import (
     BROKEN,
@@ -540,3 +542,12 @@ def test_a_page_of_the_linter_speaks_of_no_lab(count: int, tmp_path: Path) -> No
     shown = re.sub(r"<(style|script).*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL).lower()
     assert "k02" in shown
     assert [word for word in ("checkpoint", "handout", "lab 3", "0/0") if word in shown] == []
+
+
+def test_the_pictures_of_a_stage_of_no_lab_are_those_of_the_linter(tmp_path: Path) -> None:
+    page = tmp_path / "lint.html"
+    invoke("lint", REPOSITORY / "docs/examples/carter.usda", "--format", "html", "-o", page)
+    shown = page.read_text(encoding="utf-8")
+    assert "3 transforms, 1 in another tree" in shown
+    assert "10 nodes, 11 wires, 1 with an error" in shown
+    assert "not asked for" not in shown

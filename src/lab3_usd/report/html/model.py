@@ -12,13 +12,23 @@ from msgspec import Struct
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, StageError
 from lab3_usd.facts.endpoints import endpoints
-from lab3_usd.facts.frames import published_edges, unknown_publishers, unresolved_frames
+from lab3_usd.facts.frame_targets import UnresolvedFrames
+from lab3_usd.facts.frames import (
+    Edge,
+    all_edges,
+    all_unresolved_frames,
+    published_edges,
+    unknown_publishers,
+    unresolved_frames,
+)
 from lab3_usd.installation import command_line
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import ChecklistItem, Crash, Severity, StageResult, section_key
+from lab3_usd.model.stage import StageModel
 from lab3_usd.report.entries import coverage_line, is_repairable
 from lab3_usd.report.grouped_stages import Block, ReportedFault, Spot, Stages
 from lab3_usd.report.picture.model import Picture
-from lab3_usd.report.pictures.graph_picture import stage_pictures
+from lab3_usd.report.pictures.graph_picture import linted_pictures, stage_pictures
 from lab3_usd.report.safe_text import excerpt_lines, read_excerpts
 from lab3_usd.report.tf_tree import TreeReport, as_text
 from lab3_usd.report.topic_table import TopicReport, cells
@@ -45,18 +55,32 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
         return None
     checkpoint = lab.checkpoints.get(result.checkpoint or "")
     try:
-        edges, hidden = published_edges(model, lab.platform), unresolved_frames(model, lab.platform)
+        edges, hidden = _heard(model, lab.platform, every=checkpoint is None)
         unknown = unknown_publishers(model, lab.platform)
         reserved = lab.frames.reserved if result.checkpoint else {}
         tree = TreeReport(result.path, edges, unknown, reserved, hidden)
+        pictures = (
+            linted_pictures(lab.platform, model, result.findings)
+            if checkpoint is None
+            else stage_pictures(lab, checkpoint, model, result.findings)
+        )
         topics = TopicReport(result.path, endpoints(model, lab.platform), edges, hidden)
         return StageContent(
-            pictures=tuple(stage_pictures(lab, checkpoint, model, result.findings)),
+            pictures=tuple(pictures),
             tree=tuple(as_text(tree)),
             topics=tuple(tuple(cells(endpoint, topics)) for endpoint in topics.endpoints),
         )
     except StageError:  # it is damaged where no rule has looked
         return None
+
+
+def _heard(
+    model: StageModel, platform: Platform, *, every: bool
+) -> tuple[tuple[Edge, ...], tuple[UnresolvedFrames, ...]]:
+    """Return the transforms and unknown frames of /tf, or those of `every` topic."""
+    if every:
+        return all_edges(model, platform), all_unresolved_frames(model, platform)
+    return published_edges(model, platform), unresolved_frames(model, platform)
 
 
 class PortLink(Struct, frozen=True):

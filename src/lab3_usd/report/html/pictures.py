@@ -174,7 +174,7 @@ def _target_of(finding: Finding, picture: Picture) -> _PictureTarget | None:
 
 def _related_targets(finding: Finding, picture: Picture) -> Iterator[_PictureTarget]:
     """Yield the other ports that a finding names, as far as they are in the picture."""
-    boxes = {box.key: box for box in picture.boxes if picture.kind == "graph"}
+    boxes = {box.key: box for box in picture.boxes if picture.kind != "frames"}
     for site in finding.related:
         prim, _, prop = site.partition(".")
         if prim in boxes and (not prop or boxes[prim].row(prop)):

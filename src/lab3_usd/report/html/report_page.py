@@ -77,7 +77,7 @@ def _view(block: Block, lab: Lab, *, graded: bool) -> BlockView:
     return BlockView(
         block=block,
         ranks=ranks(list(cards(block, block_faults, shown.links, graded=graded)), lab),
-        graphs=tuple(picture for picture in shown.pictures if picture.kind == "graph"),
+        graphs=tuple(picture for picture in shown.pictures if picture.kind != "frames"),
         trees=tuple(picture for picture in shown.pictures if picture.kind == "frames"),
         topics=topics(contents),
         checks=tuple(ChecklistSection(name, tuple(items)) for name, items in sections.items()),
