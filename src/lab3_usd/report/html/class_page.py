@@ -1,4 +1,4 @@
-"""The page of a class: the distribution of grades, the hardest items, a row per student."""
+"""The page of a class: who needs the grader, a row per student, then how the class did."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ BIN = 10  # per cent
 _HARDEST = 20
 _NAMED = 20  # students of a group that handed in the same
 _MOST = 500  # rows that are shown at first
+_LATE, _TO_JUDGE = "late", "to be judged by you"
+_DRY_RUN = "dry run/"  # what the ids of requirements begin with that a dry run shows to be unmet
 _PIECES = 500  # pieces of text that make a part of the page
 Row = Mapping[str, Any]
 Losses = Counter[tuple[str, str]]
@@ -37,6 +39,14 @@ class Hard(Struct, frozen=True):
     title: str
     group: str
     count: int
+
+
+class Needing(Struct, frozen=True):
+    """What a grader has to look at, of how many students, and the rows of the first of them."""
+
+    what: str
+    count: int
+    first: tuple[Row, ...]
 
 
 class ItemSummary(Struct, frozen=True):
@@ -69,8 +79,10 @@ def class_page(
         bars=list(distribution(percents)),
         hardest=hardest(lost),
         missing=missing(lost),
-        alike=alike,
+        needing=list(needing(rows)),
+        alike=list(_with_names(alike, rows)),
         named=_NAMED,
+        top_reason=top_reason,
         most=_MOST,
         summaries=summaries(items, rows),
         statuses=sorted(Counter(row["status"] for row in rows).items()),
@@ -92,6 +104,49 @@ def _report_of(row: Row) -> str:
     return f"{folder}/{REPORT}"
 
 
+def needing(rows: Rows) -> Iterator[Needing]:
+    """Yield the rows that a grader has to look at: by status, with an open item, or late."""
+    counts: Counter[str] = Counter()
+    first: dict[str, list[Row]] = {}
+    for row in rows:
+        reasons = {
+            row["status"]: row["status"] != "graded",
+            _LATE: row["late"],
+            _TO_JUDGE: any(item["state"] == "open" for item in row["items"]),
+        }
+        for what in (what for what, is_so in reasons.items() if is_so):
+            counts[what] += 1
+            first.setdefault(what, [])
+            first[what] += [row] if counts[what] <= _NAMED else []
+    for what in sorted(counts, key=lambda what: (what in {_LATE, _TO_JUDGE}, what)):
+        yield Needing(what, counts[what], tuple(first[what]))
+
+
+def top_reason(row: Row) -> str:
+    """Return why a student lost most points at once, in words of the fault; '' for nothing."""
+    costly = [line for line in row["lost"] if line.get("points")]
+    if not costly:
+        return ""
+    line = max(costly, key=lambda line: float(line["points"]))
+    found, part = line.get("found") or "", line["title"].partition(": ")
+    if not found:
+        return str(line["title"])
+    return f"{part[0]}: {found}" if part[1] and part[0] not in found else str(found)
+
+
+def _with_names(alike: Sequence[Row], rows: Rows) -> Iterator[Row]:
+    """Yield groups of students with the names beside the numbers."""
+    names = {row["student"]: row["name"] for row in rows} if alike else {}
+    for group in alike:
+        named = [
+            f"{names[student]} ({student})"
+            if names.get(student) not in {None, "", student}
+            else student
+            for student in group["students"][:_NAMED]
+        ]
+        yield {**group, "named": named}
+
+
 def distribution(percents: Sequence[float]) -> Iterator[Bar]:
     """Yield the bars of the histogram; 100 per cent and more count in the last."""
     last = 100 - BIN
@@ -104,14 +159,19 @@ def distribution(percents: Sequence[float]) -> Iterator[Bar]:
 def losses(rows: Iterable[Row]) -> Losses:
     """Count how many students lost each requirement, by its id and title.
 
-    At which item a student lost one does not matter here.
+    At which item a student lost one does not matter here, nor what a dry run measured.
     """
     counts: Losses = Counter()
     for row in rows:
-        counts.update(
-            {(lost["requirement"], lost["title"]) for lost in row["lost"] if lost["requirement"]}
-        )
+        lost = ((line["requirement"], line["title"]) for line in row["lost"])
+        counts.update({(name, _title(name, title)) for name, title in lost if name})
     return counts
+
+
+def _title(requirement: str, title: str) -> str:
+    if not requirement.startswith(_DRY_RUN):
+        return title
+    return f"{requirement.removeprefix(_DRY_RUN)} is as it should be"
 
 
 def hardest(lost: Losses) -> list[Hard]:
