@@ -68,6 +68,26 @@ def test_a_submission_is_judged_and_the_working_directory_left_as_it_was(
     assert Path.cwd() == before
 
 
+def test_the_starter_stands_in_for_a_sublayer_that_was_not_handed_in(
+    course: GradingSetup, tmp_path: Path
+) -> None:
+    given = starter().name
+    found = {}
+    for name in (given, "other.usda"):
+        folder = submission(tmp_path / name / "jane", "01")
+        (work,) = folder.rglob("*01*.usda")
+        layer = Sdf.Layer.FindOrOpen(str(work))
+        layer.subLayerPaths.append(f"./supplied/{name}")
+        layer.Save()
+        found[name] = judged(course, folder, tmp_path / name)
+    assert found[given]["verdicts"] == {"01": "pass"}
+    (remark,) = (text for text in found[given]["remarks"] if given in text)
+    assert remark.endswith(
+        f"./supplied/{given} was not handed in; the grader's file stands in for it"
+    )
+    assert found["other.usda"]["verdicts"] == {"01": "fail"}
+
+
 def test_what_is_known_is_not_judged_again(course: GradingSetup, tmp_path: Path) -> None:
     jane = submission(tmp_path / "jane", "00")
     first = judged(course, jane, tmp_path / "one")

@@ -23,6 +23,7 @@ from workers_here import workers_here
 from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import SpecError
 from lab3_usd.judge.stage import check_stage
+from lab3_usd.judge.starter import against_starter, open_starter
 from lab3_usd.model.finding import StageResult
 from lab3_usd.new_lab.lab import describe_lab, write_folder
 from lab3_usd.spec.lab import Lab
@@ -451,3 +452,15 @@ def test_a_course_may_use_another_release(lab: Lab, built: Path, tmp_path: Path)
 def test_an_unknown_release_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match=r"isaac: '7.1' is no release of Isaac Sim; known are 5.0"):
         load_lab(lab_of("7.1", tmp_path / "lab"))
+
+
+@pytest.mark.parametrize("robot", ["r1", "r2"])
+def test_what_was_changed_of_the_starter_costs_the_robot_that_it_is_of(
+    lab: Lab, built: Path, tmp_path: Path, robot: str
+) -> None:
+    wheel = {"r1": f"{R1}/left_wheel", "r2": f"{R2}/body/left_wheel"}[robot]
+    path = changed(built, tmp_path, 3, put(f"{wheel}/tyre.radius", 0.02))
+    starter = open_starter(built / file_of(1), lab)
+    found = against_starter(check_stage(path, lab=lab), starter, lab).findings
+    assert {(f.rule[0], f.costs) for f in found if f.severity == "error"} >= {("U", (robot,))}
+    assert {cost for f in found for cost in f.costs if f.severity == "error"} == {robot}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from msgspec import Struct
@@ -33,8 +33,6 @@ class RuleResults(Struct, frozen=True):
 
 
 NOTHING = RuleResults()
-# What the rules of a scope are about, wherever the prims of their findings stand.
-_PART_OF_SCOPE: Mapping[Scope, tuple[str, ...]] = {"frames": (TF,), "starter": (SCENE,)}
 
 
 def run_family(scope: Scope, family: str, subject: Any, lab: Lab | None) -> RuleResults:
@@ -106,6 +104,13 @@ def _repair(problem: Problem) -> Repair:
     return replace(repair, safe=False) if problem.likely else repair
 
 
+def _part_of(rule: Rule, problem: Problem, lab: Lab | None) -> tuple[str, ...]:
+    """Return the part that the rules of a scope are about, wherever their findings stand."""
+    if rule.scope == "starter":
+        return (SCENE if lab is None else lab.scene.group_of(problem.prim or "/"),)
+    return (TF,) if rule.scope == "frames" else ()
+
+
 def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
     """Stamp the rule's id, name and severity on what it yielded."""
     section = None if lab is None else lab.handout.rules.get(rule.id)
@@ -126,7 +131,7 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         unopened=problem.unopened,
         unmet=problem.unmet,
         absent=problem.absent,
-        costs=problem.costs or _PART_OF_SCOPE.get(rule.scope, ()),
+        costs=problem.costs or _part_of(rule, problem, lab),
         assumes=problem.assumes,
         covers=problem.covers,
         frames=problem.frames,

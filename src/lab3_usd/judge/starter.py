@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
 from lab3_usd.check.fold import fold
+from lab3_usd.check.registry import Demand
 from lab3_usd.check.requirements import (
     demands_of,
     unmet_by,
@@ -25,7 +26,7 @@ from lab3_usd.model.finding import Finding, StageResult, ordered
 from lab3_usd.spec.lab import Lab
 
 _FAMILY = "U"
-_SHAPED, _PLACED = "Scene/collision/", "Scene/place/"
+_SHAPED, _PLACED = "collision", "place"  # what is asked of links and joints
 _FaultKey = tuple[str, str, str | None, str | None]
 
 
@@ -171,6 +172,10 @@ class _Beside(Struct, frozen=True, eq=False):
     lab: Lab
 
 
+def _is_about(demand: Demand, what: str) -> bool:
+    return demand.id.split("/")[1] == what
+
+
 def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
     from lab3_usd.stage.compare.starter import compare_starter
     from lab3_usd.stage.read.opening import stage_errors
@@ -181,8 +186,8 @@ def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
     demands = demands_of(lab, lab.checkpoints[beside.checkpoint])
     subject = replace(
         comparison,
-        shaped={demand.prim: demand.id for demand in demands if demand.id.startswith(_SHAPED)},
-        placed={demand.prim: demand.id for demand in demands if demand.id.startswith(_PLACED)},
+        shaped={demand.prim: demand.id for demand in demands if _is_about(demand, _SHAPED)},
+        placed={demand.prim: demand.id for demand in demands if _is_about(demand, _PLACED)},
         faulty_sites=reported.faulty_sites,
         related_prims=reported.related_prims,
         supplied=frozenset(

@@ -57,7 +57,8 @@ class FileBounds:
     opened. `graphs` are paths at which a graph belongs, `digests` those of files, as far as they
     are known. Stages in `closed` are not opened again. Files go by their names in the submission.
     `alone` are the layers that lead to no other. `supplied` are folders in which the grader has the
-    assets of servers: addresses may lead there.
+    assets of servers: addresses may lead there. `starter` is the grader's, which stands in for a
+    sublayer of its name that was not handed in; `lent` are those, by stage.
     """
 
     root: Path
@@ -66,6 +67,8 @@ class FileBounds:
     broken: Mapping[str, str] = field(default_factory=dict)
     announce: Callable[[str], None] = lambda _name: None
     supplied: tuple[str, ...] = ()
+    starter: str = ""
+    lent: dict[str, str] = field(default_factory=dict)
     graphs: Collection[str] = ()
     nesting: int = 200
     digests: Mapping[str, str] = field(default_factory=dict)
@@ -161,6 +164,10 @@ def close_openings(bounds: FileBounds, root: Sdf.Layer, name: str) -> None:
                 opened = open_layer(bounds, identifier, file) if may_open else None
             else:
                 opened = _open_inside(bounds, layer, asset)
+            if isinstance(opened, tuple) and _is_starter(bounds, layer, asset):
+                layer.UpdateCompositionAssetDependency(asset, bounds.starter)
+                bounds.lent[name] = asset
+                opened = open_layer(bounds, bounds.starter, bounds.starter)
             if isinstance(opened, tuple):
                 bounds.found.setdefault((name, asset), BlockedAsset(name, asset, *opened))
                 _redirect(layer, asset)
@@ -221,6 +228,13 @@ def _open_file(bounds: FileBounds, identifier: str, file: str) -> Sdf.Layer | _R
         return str(error).rpartition(": ")[2], True
     except (Tf.ErrorException, RuntimeError, UnicodeError):
         return "it is damaged", True
+
+
+def _is_starter(bounds: FileBounds, layer: Sdf.Layer, asset: str) -> bool:
+    """Whether a sublayer that cannot be opened is the starter that everybody was given."""
+    is_named = Path(asset).name == Path(bounds.starter).name
+    is_there = os.path.lexists(_located(layer, asset)[1])
+    return bool(bounds.starter) and is_named and not is_there and asset in layer.subLayerPaths
 
 
 def _redirect(layer: Sdf.Layer, asset: str) -> None:

@@ -86,6 +86,7 @@ def grade_submission(
         check=partial(check_layer, limits=setup.limits),
         allowed=setup.allowed,
         supplied=setup.supplied,
+        starter="" if setup.starter is None else os.path.realpath(setup.starter.path),
         broken=task.broken,
         announce=announce,
         graphs=tuple(spec.path for spec in setup.lab.graphs.values()),
@@ -127,6 +128,10 @@ def grade_submission(
         remarks = tuple(remark.text for remark in staged.remarks)
         left = (finding for finding in judged.submission.findings if finding.rule == _UNJUDGED)
         remarks += tuple(f"{finding.prim}: {finding.message}" for finding in left)
+        remarks += tuple(
+            f"{stage}: {asset} was not handed in; the grader's file stands in for it"
+            for stage, asset in bounds.lent.items()
+        )
         name = task.name if setup.named else ""
         reports = write_reports(report, setup.rubric, points, name, remarks)
     fields: Json = {} if setup.named else {SHARED: True}
