@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from invoking import invoke
 
 pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
 from recordings import Sent, on, rewritten
+from report_schema import dry_run_of
 
 from lab3_usd.errors import UsageError
 from lab3_usd.sim.bag.any_recording import RecordedRobot, robots_in
@@ -30,10 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def judged(path: Path, *arguments: str | Path) -> dict[str, Any]:
-    document: dict[str, Any] = json.loads(
-        invoke("bag", path, "--format", "json", *arguments).stdout
-    )
-    return document
+    return dry_run_of(invoke("bag", path, "--format", "json", *arguments).stdout)
 
 
 def verdicts(path: Path) -> dict[str, str]:

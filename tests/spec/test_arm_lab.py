@@ -17,6 +17,7 @@ from pxr import Sdf, Usd
 from seven_joints import COMMANDS, FILES, LINKS, ROBOT, STATES, write_stages
 from workers_here import workers_here
 
+from lab3_usd.commands.sim import _record
 from lab3_usd.errors import UsageError
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import Finding
@@ -283,3 +284,13 @@ def test_a_dry_run_at_a_checkpoint_commands_the_joints(
     joints = next(check for check in behaviour.checks if check.name == "joints")
     assert (joints.verdict, behaviour.verdict) == (verdict, verdict), behaviour.checks
     assert [word for word in words if word not in joints.text] == []
+
+
+def test_a_bag_of_a_checkpoint_says_that_joints_are_commanded_in_another_play(
+    described: tuple[list[Path], Path, str], lab: Lab, tmp_path: Path
+) -> None:
+    run = dry_run(described[0][-1], lab, "5", "0,0,0.5")
+    assert run.trial is not None
+    topic = run.behaviour.robots[0].topic
+    *_, last = _record(run, run.trial, lab, tmp_path / "bag", None)
+    assert last == f"  commands on {topic} come in another play: not recorded"

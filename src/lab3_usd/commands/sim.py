@@ -248,6 +248,10 @@ def _record(run: DryRun, trial: Trial, lab: Lab, bag: Path, drive: str | None) -
         yield printable(f"recorded: {written.folder}: {holds}")
         if written.left_out:
             yield printable(f"  without content, so not recorded: {', '.join(written.left_out)}")
+    told = {(command.domain, command.topic) for command in tape.commands}
+    for robot in run.behaviour.robots:
+        if (robot.domain, robot.topic) not in told:
+            yield printable(f"  commands on {robot.topic} come in another play: not recorded")
 
 
 def with_dry_run(result: StageResult, shown: dict[str, object]) -> StageResult:
