@@ -25,6 +25,9 @@ SWITCHES = (
     "--disable-dev-shm-usage",
     "--hide-scrollbars",
     "--force-prefers-reduced-motion",
+    # A part of its work is to divide itself up.
+    "--in-process-gpu",
+    "--disable-features=RenderDocument,ProactivelySwapBrowsingInstance",
 )
 DESKTOP = (1280, 900)
 SHOWN = """[...document.querySelectorAll(arguments[0])].filter((each) => {
