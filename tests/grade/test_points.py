@@ -18,7 +18,8 @@ from fault_chains import (
 )
 from grade_files import LAB, built, stage
 from msgspec.structs import replace
-from scene_changes import ROBOT, Change, author, deactivate, put, retype
+from pxr import Gf
+from scene_changes import ROBOT, Change, author, deactivate, put, retype, turn
 from submissions import checked
 
 from lab3_usd.grade import dry_runs
@@ -197,6 +198,19 @@ def with_conversion(name: str) -> float:
 def earned_by_drive(*changes: Change) -> float:
     graded = grade_with("02", Mistake("", changes))
     return next(item.earned for item in graded.items if item.id == "drive")
+
+
+def test_a_fault_costs_no_item_that_does_not_rest_on_its_part() -> None:
+    held = f"{ROBOT}/joints/scan_joint"
+    tilted = Mistake("", (put(held, "physics:localRot0", Gf.Quatf(turn(20, (0, 1, 0)))),))
+    earned = {
+        item.id: item.earned / item.possible
+        for checkpoint in ("01", "02", "03")
+        for item in grade_with(checkpoint, tilted).items
+        if item.id == {"01": "clock", "02": "drive", "03": "scan"}[checkpoint]
+    }
+    assert earned["clock"] == earned["drive"] == 1.0
+    assert 0.9 < earned["scan"] < 1.0
 
 
 def test_another_conversion_of_metres_into_metres_is_a_blemish() -> None:

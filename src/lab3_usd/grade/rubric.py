@@ -49,6 +49,7 @@ class Item(Struct, frozen=True, forbid_unknown_fields=True):
     optional: bool = False
     needs: tuple[str, ...] = ()
     breaks: tuple[str, ...] = ()
+    rests: tuple[str, ...] = ()
     dry_run: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
     visibility: Visibility = "visible"
@@ -95,8 +96,8 @@ class Rubric(Struct, frozen=True, dict=True):
     """Everything that a rubric file says, and what follows from it for one lab.
 
     `blemish` is the share of an item that each node, prim or error with a fault takes beside the
-    shares of its requirements, `again` the share that the
-    earlier items decide, judged again in the item's stage. `digest` tells two rubrics apart.
+    shares of its requirements, `again` the share that the earlier items decide, by what the item
+    `rests` on, judged again in its stage. `digest` tells two rubrics apart.
 
     Of the lab: `required` is what each checkpoint asks for, none of it met; `asked` what each item
     asks that no earlier one does; `earlier` the items that come before one; `added` the ids of what
@@ -270,6 +271,10 @@ def _check_breaks(item: Item, required: Mapping[str, tuple[Requirement, ...]], p
                 f"{place}: '{name}' in 'breaks' is no rule, and nothing that "
                 f"checkpoint {item.checkpoint} asks for"
             )
+    every = [requirement.id for asked in required.values() for requirement in asked]
+    for name in item.rests:
+        if _ERROR not in name and not any(fnmatchcase(known, name) for known in every):
+            raise SpecError(f"{place}: '{name}' in 'rests' is nothing that a checkpoint asks for")
     for name in item.files:
         one_of(name, rules, f"{place}: files")
     if item.dry_run:

@@ -355,12 +355,17 @@ def _of_files(rubric: Rubric, item: Item, faults: Iterable[Fault]) -> Iterator[_
 
 
 def _earlier_losses(rubric: Rubric, item: Item, stage: StageFacts, kept: float) -> Iterator[_Loss]:
-    """Yield what the earlier items, judged again in this stage, take of what is left."""
+    """Yield what the earlier items, judged again in this stage, take of what is left.
+
+    An item with requirements loses only by what it rests on, one without any by everything.
+    """
     earlier = rubric.earlier[item.id]
     share = kept * (rubric.again if rubric.asked[item.id] else 1.0)
     points = sum(known.points for known in earlier)
     for known in earlier if share else ():
         losses = [*_own_losses(rubric, known, stage)]
+        if rubric.asked[item.id]:
+            losses = [loss for loss in losses if is_named(loss.requirement, item.rests)]
         lost = share * known.points / points * (1.0 - _kept(known, losses))
         if lost:
             first = max(losses, key=lambda loss: loss.share)
