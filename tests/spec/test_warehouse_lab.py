@@ -26,6 +26,7 @@ from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import against_starter, open_starter
 from lab3_usd.model.finding import StageResult
 from lab3_usd.new_lab.lab import describe_lab, write_folder
+from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab, load_platform
 from lab3_usd.spec.submission import named_checkpoint
@@ -464,3 +465,16 @@ def test_what_was_changed_of_the_starter_costs_the_robot_that_it_is_of(
     found = against_starter(check_stage(path, lab=lab), starter, lab).findings
     assert {(f.rule[0], f.costs) for f in found if f.severity == "error"} >= {("U", (robot,))}
     assert {cost for f in found for cost in f.costs if f.severity == "error"} == {robot}
+
+
+def test_each_part_of_a_robot_may_be_left_out(built: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "lab"
+    shutil.copytree(WAREHOUSE, copy)
+    scene = yaml.safe_load((copy / "scene.yaml").read_text())
+    scene["robots"]["r2"] = {"path": R2, "handout": "1.3"}
+    (copy / "scene.yaml").write_text(yaml.safe_dump(scene, sort_keys=False))
+    lab = load_lab(copy)
+    assert check_stage(built / file_of(5), lab=lab).verdict == "pass"
+    checks = dry_run(built / file_of(5), lab, "5").behaviour.checks
+    assert {check.verdict for check in checks} == {"ok"}
+    assert {check.of for check in checks} == {"", "r1", "r2"}

@@ -25,6 +25,7 @@ from lab3_usd.model.dry_run import (
     Topic,
     Unknown,
 )
+from lab3_usd.model.physics import BODY_API
 from lab3_usd.sim.any_stage import Played, commanded_joints, domain_of, play_any
 from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message
@@ -38,6 +39,7 @@ from lab3_usd.sim.replay import replay
 from lab3_usd.sim.robots import Robot, expected_of, labels
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.scene import is_within
 
 EVERY = 6  # frames of the path, for each kept one
 
@@ -338,7 +340,7 @@ def dry_run(
     for name, wanted in asked.items():
         stays = wanted.goes_with_environment
         sessions = tuple(s for s in drives[name] if not (stays and s.environment))
-        plays[name] = record(scene, platform, sessions, wanted)
+        plays[name] = record(scene, platform, sessions, _watched(wanted, name, scene, lab))
         is_localized = lab.checkpoints[checkpoint].localization
         if is_localized and (not name or wanted.root == lab.frames.root):
             _lay_on_map(plays[name], path, maps, lab)
@@ -354,6 +356,17 @@ def dry_run(
     if not behaviour.checks and not lab.checkpoints[checkpoint].graphs:
         behaviour = replace(behaviour, missing=_nothing_yet(lab, checkpoint), is_early=True)
     return DryRun(behaviour, trial, scene)
+
+
+def _watched(wanted: Expected, name: str, scene: Scene, lab: Lab) -> Expected:
+    """Return what is expected of one of several robots, by a body that it has in the stage."""
+    robot = next((robot for robot in lab.scene.robots if name and robot.title == name), None)
+    if robot is None:
+        return wanted
+    bodies = [path for path, prim in scene.prims.items() if BODY_API in prim.apis]
+    own = sorted(path for path in bodies if is_within(path, robot.path))
+    known = (path for path in (robot.base, *robot.link_paths, *own) if path in bodies)
+    return replace(wanted, robot=next(known, robot.base))
 
 
 def _with_joints(
