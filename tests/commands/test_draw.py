@@ -300,3 +300,9 @@ def test_a_tree_that_nothing_connects_is_marked(linted: dict[str, str]) -> None:
 
 def test_a_picture_shrinks_to_the_window(linted: dict[str, str]) -> None:
     assert "max-width:max(100%,999.6px);height:auto" in linted["carter-differential_drive"]
+
+
+def test_no_lab_asks_for_the_tf_of_a_stage_without_a_checkpoint(tmp_path: Path) -> None:
+    draw(REPOSITORY / "docs" / "examples" / "carter.usda", "-o", tmp_path)
+    picture = (tmp_path / "carter-TF.svg").read_text(encoding="utf-8")
+    assert ("1 in another tree" in picture, "not asked for" in picture) == (True, False)

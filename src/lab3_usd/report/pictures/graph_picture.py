@@ -323,9 +323,11 @@ def stage_pictures(
     for graph in stage.graphs:
         if graph.active and graph.path not in known:
             yield graph_picture(None, None, graph, findings, every_port=every_port)
+    if checkpoint is None:
+        yield from _published_trees(lab.platform, stage)
+        return
     edges, hidden = published_edges(stage, lab.platform), unresolved_frames(stage, lab.platform)
-    has_tree = checkpoint is not None and checkpoint.frames
-    localized = checkpoint is not None and checkpoint.localization
+    has_tree, localized = checkpoint.frames, checkpoint.localization
     if edges or hidden or has_tree:
         yield frames_picture(lab.frames, edges, hidden, required=has_tree, localized=localized)
 
@@ -339,6 +341,11 @@ def linted_pictures(
             picture = graph_picture(None, None, graph, findings, every_port=every_port)
             subtitle = _counts_text(graph.path, picture.boxes, picture.curves, LINT_WORDS)
             yield on_canvas(replace(picture, kind="lint", judged=True, subtitle=subtitle))
+    yield from _published_trees(platform, stage)
+
+
+def _published_trees(platform: Platform, stage: StageModel) -> Iterator[Picture]:
+    """Yield the picture of the trees of a stage that no lab asks for, if it publishes any."""
     edges, hidden = all_edges(stage, platform), all_unresolved_frames(stage, platform)
     if edges or hidden:
         yield published_frames_picture(edges, hidden)
