@@ -27,6 +27,7 @@ _FOR_EXPORTS = {
     "scale": "--scale",
     "given": "--map",
     "dry_run": "--dry-run",
+    "feedback": "--feedback",
 }
 
 
@@ -166,6 +167,11 @@ def _refuse_empty(
     metavar="FILE",
     help="Table of submission and id, or classroom_roster.csv, for --gradebook.",
 )
+@click.option(
+    "--feedback",
+    is_flag=True,
+    help="With --gradebook: also write what returns reasons and reports on the platform.",
+)
 @click.option("--dry-run", is_flag=True, help="Only show what --gradebook would fill in.")
 @click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tls://host:port.")
 @click.option("--insecure-cluster", is_flag=True, help="Take a public scheduler that has no TLS.")
@@ -234,16 +240,19 @@ def _check(submissions: str | None, options: dict[str, Any]) -> None:
 
 def _fill_export(options: dict[str, Any]) -> None:
     """Fill the points into a platform's export, and show what becomes of each row."""
+    from lab3_usd.grade.feedback import reasons_by_student, write_feedback
     from lab3_usd.grade.filled_export import decision_lines, fill_export, write_export
     from lab3_usd.grade.gradebook import read_gradebook
 
     out = options["out"]
+    book = read_gradebook(out)
     export = fill_export(
         options["gradebook"],
         options["roster"],
-        read_gradebook(out),
+        book,
         options["column"],
         options["given"],
+        reasons_by_student(book) if options["feedback"] else None,
         scale=options["scale"],
     )
     path = out / export.name
@@ -251,6 +260,11 @@ def _fill_export(options: dict[str, Any]) -> None:
         click.echo(f"{path}: not written (--dry-run)")
     else:
         click.echo(write_export(out, export, force=options["force"]))
+        for returned in write_feedback(out, export, book) if options["feedback"] else ():
+            students = f"{returned.students} student{'s' * (returned.students != 1)}"
+            click.echo(f"{returned.path}: {students}")
+            for name in returned.left_out:
+                click.echo(f"    left out: {name}")
     for text in decision_lines(export):
         click.echo(text)
 

@@ -55,12 +55,16 @@ class Decision(Struct, frozen=True):
 
 
 class FilledExport(Struct, frozen=True):
-    """An export with the points of a class: what was decided, and the bytes of the file."""
+    """An export with the points of a class: what was decided, and the bytes of the file.
+
+    `returned` are the rows that have a submission's points now, with its student.
+    """
 
     roster: Roster
     points: float
     decisions: tuple[Decision, ...]
     data: bytes
+    returned: tuple[tuple[RosterRow, str], ...] = ()
 
     @property
     def name(self) -> str:
@@ -75,13 +79,15 @@ def fill_export(
     book: Mapping[str, Any],
     column: str = "",
     given: Path | None = None,
+    reasons: Mapping[str, tuple[str, ...]] | None = None,
     *,
     scale: bool = False,
 ) -> FilledExport:
     """Fill the points of a gradebook into the export of a platform; every other byte stays.
 
-    `given` is a table of submissions and ids, or the roster of GitHub Classroom. With `scale`,
-    points are converted to the maximum of the platform.
+    `given` is a table of submissions and ids, or the roster of GitHub Classroom. `reasons` are
+    lines for each student, for an empty cell of comments. With `scale`, points are converted to the
+    maximum of the platform.
 
     Raises:
         UsageError: the export is none of this platform, leaves open which column is meant, or has
@@ -107,8 +113,13 @@ def fill_export(
         raise UsageError("the rubric has no points to fill in, only extra points")
     mapped = _mapped_rows(given, submissions, roster) if given else {}
     matching = matched(submissions, roster, mapped)
-    decisions, values = _decided(matching, submissions, roster, roster.maximum / points)
-    return FilledExport(roster, points, decisions, filled(roster.table, values))
+    decisions, values = _decided(matching, submissions, roster, roster.maximum / points, reasons)
+    returned = tuple(
+        (match.row, match.student)
+        for match, decision in zip(matching.rows, decisions, strict=False)
+        if decision.outcome in {"filled", "changed", "unchanged"}
+    )
+    return FilledExport(roster, points, decisions, filled(roster.table, values), returned)
 
 
 def write_export(out: Path, export: FilledExport, *, force: bool = False) -> Path:
@@ -158,22 +169,33 @@ def _cells(decision: Decision) -> tuple[str, str, str, str]:
 
 
 def _decided(
-    matching: Matching, submissions: Iterable[Submission], roster: Roster, factor: float
+    matching: Matching,
+    submissions: Iterable[Submission],
+    roster: Roster,
+    factor: float,
+    reasons: Mapping[str, tuple[str, ...]] | None,
 ) -> tuple[tuple[Decision, ...], dict[tuple[int, int], str]]:
-    """Return the decisions, and the values to fill in by row and column."""
+    """Return the decisions, and the values to fill in by row and column.
+
+    With `reasons`, those whose points are there already get theirs as well.
+    """
     by_student = {submission.student: submission for submission in submissions}
     decisions, values = [], {}
+    outcomes = {"filled", "changed"} if reasons is None else {"filled", "changed", "unchanged"}
     for match in matching.rows:
         submission = by_student.get(match.student)
         decision = _decision(match, submission, roster, factor)
         decisions.append(decision)
-        if submission is None or decision.outcome not in {"filled", "changed"}:
+        if submission is None or decision.outcome not in outcomes:
             continue
-        values[match.row.line, roster.column] = decision.after
+        if decision.after:
+            values[match.row.line, roster.column] = decision.after
         has_cell = 0 <= roster.comment < len(roster.table.rows[match.row.line])
         is_open = has_cell and not roster.table.value(match.row.line, roster.comment).strip()
-        if is_open and submission.because:
-            values[match.row.line, roster.comment] = _comment(submission.because)
+        remarks = () if PLATFORMS[roster.platform].comment_format else submission.because
+        lines = (*remarks, *(reasons or {}).get(match.student, ()))
+        if is_open and lines:
+            values.update(_comments(lines, match.row.line, roster))
     decisions += [
         Decision("without a row", "", _called(by_student[student]), why=why)
         for student, why in matching.without_row
@@ -213,10 +235,17 @@ def _called(submission: Submission) -> str:
     return f"{submission.student} ({submission.name})"
 
 
-def _comment(because: Iterable[str]) -> str:
-    """Return reasons for a field that shows HTML and that a spreadsheet may open."""
-    text = "<br>".join(html.escape(reason, quote=False) for reason in because)
-    return f"'{text}" if text.startswith(FORMULA_STARTS) else text
+def _comments(
+    lines: Iterable[str], line: int, roster: Roster
+) -> Iterator[tuple[tuple[int, int], str]]:
+    """Yield the cells of a comment: for a field that shows HTML, or of a format that is named."""
+    name, form = PLATFORMS[roster.platform].comment_format or ("", "")
+    if form:
+        text = "\n".join(lines)
+        yield (line, roster.table.headings.index(name)), form
+    else:
+        text = "<br>".join(html.escape(each, quote=False) for each in lines)
+    yield (line, roster.comment), f"'{text}" if text.startswith(FORMULA_STARTS) else text
 
 
 # ---- a map of submissions

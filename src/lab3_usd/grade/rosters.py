@@ -33,7 +33,8 @@ class Platform(Struct, frozen=True):
 
     `ids` hold ids of a kind, `names` make up a name: the first of these sets of columns that the
     export has. `points` is the pattern of headings of points, with `title` and `maximum`; `group`
-    holds a team, `comment` what is told to the student.
+    holds a team, `comment` what is told to the student, and `comment_format` is the column for the
+    format of that, with the format of plain text.
     """
 
     ids: Mapping[str, str]
@@ -41,6 +42,7 @@ class Platform(Struct, frozen=True):
     points: str
     group: str = ""
     comment: str = ""
+    comment_format: tuple[str, str] | None = None
     pending: tuple[str, ...] = ()
 
 
@@ -71,6 +73,8 @@ PLATFORMS: Mapping[str, Platform] = {
         ids={"Username": BLACKBOARD_USER, "Student ID": STUDENT_ID},
         names=(("First Name", "Last Name"),),
         points=r"(?P<title>.+?) *\[Total Pts: (?P<maximum>[\d.,]+) Score\](?: ?\|(?P<number>\d+))?",
+        comment="Feedback to Learner",
+        comment_format=("Feedback Format", "SMART_TEXT"),
         pending=("needs grading", "in progress"),
     ),
 }

@@ -1,0 +1,164 @@
+"""Returns the reasons and reports of a class in the form that a platform takes.
+
+Rules of names: moodle/moodle, mod/assign/feedback/file/importziplib.php; instructure/canvas-lms,
+app/models/abstract_assignment.rb (`infer_comment_context_from_filename`) and
+rubric_assessment_import.rb. Nothing was tried on a live platform.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import zipfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+
+from lab3_usd.errors import UsageError
+from lab3_usd.files import write_whole
+from lab3_usd.grade.filled_export import FilledExport
+from lab3_usd.grade.gradebook import STUDENTS, lost_by
+from lab3_usd.grade.intake.people import CANVAS_USER, MOODLE_NUMBER
+from lab3_usd.grade.shared_reports import REPORTS
+from lab3_usd.report.safe_text import safe_cell
+
+NAME = "lab3-report.html"  # not the name of anything that was handed in
+_REPORT = "report.html"
+_DATE = (1980, 1, 1, 0, 0, 0)  # the same bytes at any time
+_ZIP = ".zip"
+
+
+class Returned(Struct, frozen=True):
+    """A file to upload, of how many students, and who is left out for what reason."""
+
+    path: Path
+    students: int
+    left_out: tuple[str, ...] = ()
+
+
+def reasons_by_student(book: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    """Return what each student reads: each item that lost points, and why."""
+    titles = {item["id"]: item["title"] for item in book["items"]}
+    return {
+        row["student"]: tuple(
+            f"{titles[item['id']]}: {line.text}"
+            for item in row["items"]
+            for line in lost_by(row, item["id"])
+            if line.points
+        )
+        for row in book["students"]
+    }
+
+
+def write_feedback(out: Path, export: FilledExport, book: Mapping[str, Any]) -> list[Returned]:
+    """Write what returns reports and reasons to those whose points were filled in.
+
+    Raises:
+        UsageError: the platform takes nothing that is known, or a file cannot be written.
+    """
+    platform = export.roster.platform
+    if platform not in _WAYS:
+        names = ", ".join(_WAYS)
+        raise UsageError(f"--feedback: how {platform} takes reports is not known; {names} is")
+    return [*_WAYS[platform](out, export, book)]
+
+
+def _moodle(out: Path, export: FilledExport, book: Mapping[str, Any]) -> Iterator[Returned]:
+    """Yield the archive for "Upload multiple feedback files in a zip": a folder for each person."""
+    rows = _rows(book)
+    files = [
+        (f"lab3_{number}_assignsubmission_file/{NAME}", report)
+        for row, student in export.returned
+        if (number := row.ids.get(MOODLE_NUMBER)) and (report := _report(out, rows[student]))
+    ]
+    yield _archive(out / "moodle-feedback.zip", files)
+
+
+def _canvas(out: Path, export: FilledExport, book: Mapping[str, Any]) -> Iterator[Returned]:
+    """Yield the archive for "Upload Submissions", and the table of rubric assessments.
+
+    Canvas shows a file under the name of what was handed in: only an archive can come back.
+    """
+    rows, files, left_out = _rows(book), [], []
+    for row, student in export.returned:
+        entries = [name for name in rows[student]["entries"] if name.lower().endswith(_ZIP)]
+        report = _report(out, rows[student])
+        if entries and report:
+            files.append((entries[-1], _zipped([(_REPORT, report.read_bytes())])))
+        else:
+            left_out.append(f"{row.label}: handed in no archive")
+    yield _archive(out / "canvas-feedback.zip", files, left_out)
+    yield _assessments(out / "canvas-rubric.csv", export, book)
+
+
+def _assessments(path: Path, export: FilledExport, book: Mapping[str, Any]) -> Returned:
+    """Write points and comments for each criterion, called as the items are."""
+    rows, titles = _rows(book), {item["id"]: item["title"] for item in book["items"]}
+    text = io.StringIO(newline="")
+    table = csv.writer(text)
+    parts = ("Points", "Comments", "Rating")
+    table.writerow(["Student Id", *(f"{t} - {part}" for t in titles.values() for part in parts)])
+    known = [(row.ids[CANVAS_USER], rows[student]) for row, student in export.returned
+             if CANVAS_USER in row.ids]  # fmt: skip
+    for number, row in known:
+        cells: list[str] = []
+        for item in row["items"]:
+            why = "\n".join(line.text for line in lost_by(row, item["id"]) if line.points)
+            is_open = item["state"] in {"open", "blocked"}
+            cells += ["" if is_open else f"{item['earned']:g}", safe_cell(why), ""]
+        table.writerow([number, *cells])
+    write_whole(path, text.getvalue().encode(), force=True)
+    return Returned(path, len(known))
+
+
+def _blackboard(_out: Path, export: FilledExport, _book: Mapping[str, Any]) -> Iterator[Returned]:
+    """Yield nothing more: Blackboard takes comments in the export itself, and no files.
+
+    Raises:
+        UsageError: the export has no column of comments.
+    """
+    if export.roster.comment < 0:
+        raise UsageError(
+            f"{export.roster.path}: has no column of comments; choose Work Offline > Download with "
+            "comments"
+        )
+    yield from ()
+
+
+_WAYS: Mapping[str, Callable[[Path, FilledExport, Mapping[str, Any]], Iterator[Returned]]] = {
+    "moodle": _moodle,
+    "canvas": _canvas,
+    "blackboard": _blackboard,
+}
+
+
+def _rows(book: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    return {row["student"]: row for row in book["students"]}
+
+
+def _report(out: Path, row: Mapping[str, Any]) -> Path | None:
+    """Return the page of a student, None where there is none."""
+    shared = row.get("shared")
+    folder = out / REPORTS / shared if shared else out / STUDENTS / row["folder"]
+    page = folder / _REPORT
+    return page if page.is_file() else None
+
+
+def _archive(
+    path: Path, files: Iterable[tuple[str, Path | bytes]], left_out: Iterable[str] = ()
+) -> Returned:
+    contents = [
+        (name, file if isinstance(file, bytes) else file.read_bytes()) for name, file in files
+    ]
+    write_whole(path, _zipped(contents), force=True)
+    return Returned(path, len(contents), tuple(left_out))
+
+
+def _zipped(files: Iterable[tuple[str, bytes]]) -> bytes:
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files:
+            archive.writestr(zipfile.ZipInfo(name, _DATE), content, zipfile.ZIP_DEFLATED)
+    return data.getvalue()
