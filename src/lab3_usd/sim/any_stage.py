@@ -41,7 +41,7 @@ from lab3_usd.sim.judge.expectations import (
 from lab3_usd.sim.judge.motion import odometry, rest
 from lab3_usd.sim.judge.sensors import MISSED, WALL
 from lab3_usd.sim.judge.topics import clock, heard_transforms, tree
-from lab3_usd.sim.mounting import own_frames, pairs, streams
+from lab3_usd.sim.mounting import carried_streams, own_frames, pairs
 from lab3_usd.sim.own_view import kept_transforms, own_view
 from lab3_usd.sim.robots import (
     NO_LIMITS,
@@ -375,7 +375,7 @@ def _robot_checks(trial: Trial, robot: Robot, scene: Scene) -> Iterator[Check]:
         "moving frames": (moving, has_base),
         "mounted": (
             lambda seen: own_frames(seen, scene, machine) if machine is not None else iter(()),
-            has_base and streams(trial.recording.messages),
+            has_base and machine is not None and carried_streams(trial, scene, machine),
         ),
         "scan": (placed_scan, scan_came),
         "again": (lambda seen: follows_after_replay(seen, robot), len(trial.drive) > 1),

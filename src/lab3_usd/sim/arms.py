@@ -25,6 +25,7 @@ from lab3_usd.sim.execution.world import World
 from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
 from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial, agree, in_root
+from lab3_usd.sim.mounting import carried_streams, held_frames
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robot.bodies import collides
 from lab3_usd.sim.robot.machine import FIXED, HINGE, SLIDER, Joint, Machine
@@ -250,6 +251,9 @@ def arm_checks(trial: Trial, scene: Scene, machine: Machine, controller: str) ->
     seen = _with_frames(trial, scene, machine)
     if seen.wanted.transforms:
         yield verdict("links", list(links(seen, scene)), seen)
+        if carried_streams(trial, scene, machine):
+            faults = list(held_frames(seen, scene, machine))
+            yield verdict("mounted", faults, seen) if faults else Check("mounted", "ok")
     if any(_own_states(trial, machine)):
         yield verdict("joint states", list(joint_states(trial, scene, machine)), trial)
     if _moves(trial):

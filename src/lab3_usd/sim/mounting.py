@@ -37,28 +37,73 @@ def streams(messages: Sequence[Message]) -> dict[tuple[int | None, str], list[Me
     return found
 
 
+def carried_streams(trial: Trial, scene: Scene, machine: Machine) -> list[list[Message]]:
+    """Return the messages of each sensor of a robot whose points, if any, are in its own axes."""
+    found = []
+    for messages in streams(trial.recording.messages).values():
+        sensor, _ = _seen(messages[0]) or ("", Affine())
+        is_carried = any(is_within(sensor, (path,)) for path in machine.rest)
+        in_own_axes = scene.prims[sensor].values.get(_AXES, _OWN) == _OWN
+        if is_carried and in_own_axes and messages[0].away is None:
+            found.append(messages)
+    return found
+
+
 def own_frames(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFault]:
     """Every sensor of a robot is in a frame that moves with it, and is not that of another one."""
     base = trial.wanted.base
-    for messages in streams(trial.recording.messages).values():
-        sensor, place = _seen(messages[0]) or ("", Affine())
+    for messages in carried_streams(trial, scene, machine):
         first, last = messages[min(1, len(messages) - 1)], messages[-1]
-        is_carried = any(is_within(sensor, (path,)) for path in machine.rest)
-        in_own_axes = scene.prims[sensor].values.get(_AXES, _OWN) == _OWN
-        if not is_carried or not in_own_axes or first.away is not None:
-            continue
+        sensor, place = _seen(first) or ("", Affine())
         if not _moves_with_base(trial, first, last):
             text = f"{first.frame} does not move with {base}, and {first.topic} shows {sensor}"
             yield RunFault(text, "loose-sensor", first.node)
             continue
         frame = in_root(trial, first)
-        _, place = _seen(first) or ("", place)
         if frame is None:
             continue
         off = frame.inverse().then(trial.start.inverse().then(place))
         fault = _of_another(first, sensor, off, scene) or _turned(first, sensor, off)
         if fault is not None:
             yield fault
+
+
+def held_frames(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFault]:
+    """Every sensor on links that joints move is in a frame of its own that moves with it.
+
+    It is looked at where legs of joint commands end, as seen from the first link that TF has.
+    """
+    for messages in carried_streams(trial, scene, machine):
+        first = messages[0]
+        sensor, _ = _seen(first) or ("", Affine())
+        offsets = list(_offsets(trial, scene, messages))
+        if not offsets:
+            continue
+        if not all(agree(offsets[0], off) for off in offsets):
+            text = f"{first.frame} does not move with {sensor}, which {first.topic} shows"
+            yield RunFault(text, "loose-sensor", first.node)
+            continue
+        off = offsets[0]
+        fault = _of_another(first, sensor, off, scene) or _turned(first, sensor, off)
+        if fault is not None:
+            yield fault
+
+
+def _offsets(trial: Trial, scene: Scene, messages: Sequence[Message]) -> Iterator[Affine]:
+    """Yield where a sensor is in the frame of its messages, at the ends of legs."""
+    for held in trial.recording.held:
+        shown = [message for message in messages if message.at <= held.at]
+        if held.session or not shown:
+            continue
+        _, place = _seen(shown[-1]) or ("", Affine())
+        frame = in_root(trial, Message("", 0.0, shown[-1].frame, at=held.at))
+        for link, stands in held.links.items():
+            name = frame_name(scene.prims[link])
+            published = in_root(trial, Message("", 0.0, name, at=held.at))
+            if published is not None and frame is not None:
+                seen = published.inverse().then(frame)
+                yield seen.inverse().then(stands.inverse().then(place))
+                break
 
 
 def _moves_with_base(trial: Trial, first: Message, last: Message) -> bool:
