@@ -171,6 +171,11 @@ def _command(node: NodeInstance, world: World, joints: list[Joint]) -> bool:
     position, velocity, effort = (
         node.items(f"{kind}Command", world) for kind in ("position", "velocity", "effort")
     )
+    if not node.memory["joints"] and not node.memory["names"]:  # one value is for all of them
+        position, velocity, effort = (
+            given * len(joints) if len(given) == 1 else given
+            for given in (position, velocity, effort)
+        )
     for targets in (position, velocity, effort):
         if targets and len(targets) != len(joints):
             return node.fails(
