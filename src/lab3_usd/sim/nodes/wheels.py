@@ -190,6 +190,8 @@ def _given_motion(
     linear, angular = (node.number(f"{name}Gain", world) for name in ("linear", "angular"))
     way = unit / node.unit(unit)
     sizes = [math.hypot(*each.column[:2]) for each in rollers]
+    if not all(sizes):  # a wheel about an upright axis goes nowhere
+        return ()
     rows = [(x / r, y / r, -z / r) for ((x, y, z), _, _), r in zip(rollers, sizes, strict=True)]
     back = _inverse([(row, 1.0) for row in rows])
     made: list[Vector] = []
