@@ -478,3 +478,21 @@ def test_each_part_of_a_robot_may_be_left_out(built: Path, tmp_path: Path) -> No
     checks = dry_run(built / file_of(5), lab, "5").behaviour.checks
     assert {check.verdict for check in checks} == {"ok"}
     assert {check.of for check in checks} == {"", "r1", "r2"}
+
+
+def test_what_the_lab_itself_asks_for_is_no_fault(tmp_path: Path) -> None:
+    copy = tmp_path / "lab"
+    shutil.copytree(WAREHOUSE, copy)
+    graph, scene = copy / "Clock.yaml", copy / "scene.yaml"
+    clock, described = yaml.safe_load(graph.read_text()), yaml.safe_load(scene.read_text())
+    clock["nodes"]["service"] = {"type": "isaacsim.ros2.bridge.ROS2ServicePrim"}
+    clock["wires"] += ["tick.tick -> service.execIn", "context.context -> service.context"]
+    graph.write_text(yaml.safe_dump(clock, sort_keys=False))
+    described["sensors"]["cloud"]["scan"] = described["sensors"]["scan"]["scan"]
+    scene.write_text(yaml.safe_dump(described, sort_keys=False))
+    lab = load_lab(copy)
+    plan = {tmp_path / file_of(6): lab.checkpoints["6"]}
+    (path,) = build_files(lab, None, plan, BuildOptions())
+    result = check_stage(path, lab=lab)
+    assert {f.rule for f in result.findings if f.severity != "note"} == set()
+    assert result.verdict == "pass"
