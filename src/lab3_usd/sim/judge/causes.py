@@ -69,12 +69,19 @@ class RunCauses(Struct, frozen=True):
 
     def of_silence(self, topic: str, message: str) -> Cause | None:
         """Return why no message of this type comes on a topic."""
+        stop = self.of_stop()
+        if stop is not None:
+            return stop
         for node in self.program.nodes.values():
             kind = node.values.get(_TYPE) if _TYPE in node.values else ""
             sent = node.type.message.get(str(kind or ""), node.type.message.get("", ""))
             if sent == message and SUBSCRIBER not in node.type.role:
                 return self._elsewhere(node, topic) or self.broken(node)
         return None
+
+    def of_stop(self) -> Cause | None:
+        """Return the node that stopped the simulation, None where none did."""
+        return next((c for c in self.of_graphs() if c.kind == "simulation-stopped"), None)
 
     def of_graphs(self) -> Iterator[Cause]:
         """Yield the parts of the graphs that never run or are dropped."""
@@ -219,7 +226,9 @@ class RunCauses(Struct, frozen=True):
 
     def of_motion(self) -> Cause | None:
         """Return why commands do not move the robot as they should."""
-        robot = self.robot
+        robot, stop = self.robot, self.of_stop()
+        if stop is not None:
+            return stop
         if robot is None:
             return Cause("", "the stage has no robot with joints that turn", "no-driven-robot")
         return next(_of_robot(robot), None) or self.of_joints()
