@@ -39,6 +39,7 @@ from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import decompose, dot, rotate_vector
 
 _VELOCITY = "inputs:velocityCommand"
+_FASTEST = "physxJoint:maxJointVelocity"  # drive_rules.py:102 of Isaac Sim's own validation
 _APART, _ACROSS = -0.9, 0.5  # cosine of the angle between two axes
 _FLAT = 1.8  # widths of a wheel by its radius, from which on nothing tells its axis
 _WHEEL_SPEEDS = "speeds of wheels"
@@ -123,8 +124,9 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
     """Body, joint or limit stop a commanded wheel or its robot.
 
     Why: a disabled joint moves nothing, and a joint with limits stops there. A body that is
-    kinematic, disabled or not a rigid body does not move, be it the wheel or the chassis, nor does
-    a wheel that a fixed joint ties to another body. A wheel without a collision shape, and without
+    kinematic, disabled or not a rigid body does not move, be it the wheel or the chassis, also
+    through fixed joints, nor does a wheel that a fixed joint ties to another body, or whose joint
+    has a maximum velocity of 0. A wheel without a collision shape, and without
     rollers that have one, turns in the air.
 
     Fix: enable the joint and the bodies, switch Kinematic off, delete limits and fixed joints of
@@ -155,7 +157,7 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
                     related=(command.node.path,),
                     rests_on=subject.stage.unknown_below(wheel),
                 )
-        for base in sorted(_bases(wheels, subject.stage)):
+        for base in sorted(_fixed_to(_bases(wheels, subject.stage), subject.stage)):
             body = _body(base, subject.stage)
             if body is None or body.path in judged:
                 continue
@@ -188,6 +190,19 @@ def _without_shape(wheels: list[Prim], stage: StageModel) -> list[str]:
     ]
 
 
+def _fixed_to(bodies_of_base: set[str], stage: StageModel) -> set[str]:
+    """Return these bodies, and those that fixed joints hold to them."""
+    held = [
+        {*ends(joint)}
+        for joint in joints(stage)
+        if joint.type == FIXED and not is_switched_off(joint, JOINT_ENABLED)
+    ]
+    found = set(bodies_of_base)
+    while more := {path for pair in held if pair & found for path in pair} - found:
+        found |= more
+    return found
+
+
 def _stops(body: Prim) -> Iterator[tuple[str, str]]:
     """Yield the switches of a body that keep it where it is: property, message."""
     if is_switched_off(body, BODY_ENABLED):
@@ -202,6 +217,8 @@ def _obstacles(
     """Yield the reasons that keep a wheel from turning: prim, property, message."""
     if is_switched_off(joint, JOINT_ENABLED):
         yield joint.path, JOINT_ENABLED, "is switched off"
+    if joint.attributes.get(_FASTEST) == 0:
+        yield joint.path, _FASTEST, f"has {_FASTEST} 0"
     low, high = limits(joint.attributes)
     if low > -FAR or high < FAR:
         name = LIMITS[0] if low > -FAR else LIMITS[1]
