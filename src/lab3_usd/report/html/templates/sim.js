@@ -23,6 +23,7 @@
     for (const each of groups) each.toggleAttribute("hidden", each.dataset.moment !== slider.value);
     output.value = names[slider.value];
     slider.setAttribute("aria-valuetext", names[slider.value]);
+    if (!now) return;
     now.removeAttribute("hidden");
     now.setAttribute("transform", `translate(${moments[slider.value].dataset.place})`);
   };
