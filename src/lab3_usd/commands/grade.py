@@ -18,6 +18,8 @@ from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
 
 if TYPE_CHECKING:
+    from lab3_usd.grade.class_run import ClassSettings
+    from lab3_usd.grade.gradebook import Rows
     from lab3_usd.grade.intake.submission_copy import Limits
 
 _SECONDS_BETWEEN = 0.1
@@ -148,6 +150,12 @@ def _refuse_empty(
     help="Count the points of this gradebook again by --rubric, without submissions.",
 )
 @click.option(
+    "--adjust",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Table of student, item, points and text: what you decide by hand.",
+)
+@click.option(
     "--gradebook",
     metavar="PLATFORM",
     help="Fill the points into the export of canvas, moodle, brightspace or blackboard.",
@@ -208,8 +216,6 @@ def _check(submissions: str | None, options: dict[str, Any]) -> None:
     Raises:
         UsageError: it does not go together.
     """
-    from lab3_usd.grade.rosters import PLATFORMS
-
     afterwards = [name for name in ("regrade", "gradebook", "explain") if options[name] is not None]
     if options["form"] is not None and afterwards:
         raise UsageError(f"--{afterwards[0]} is for a class; --format grades one submission")
@@ -221,6 +227,21 @@ def _check(submissions: str | None, options: dict[str, Any]) -> None:
         raise click.MissingParameter(param_type="option", param_hint="'--starter'")
     if options["out"] is None and options["regrade"] is None and options["form"] is None:
         raise click.UsageError("Missing option '--output' / '-o'.", click.get_current_context())
+    if options["adjust"] and submissions is None and options["regrade"] is None:
+        raise UsageError("--adjust goes with SUBMISSIONS or --regrade, which count the points")
+    _check_export(options)
+    if options["dry_run"] and (submissions is not None or options["regrade"] is not None):
+        raise UsageError("--dry-run writes nothing: grade first, then give it with --gradebook")
+
+
+def _check_export(options: dict[str, Any]) -> None:
+    """Refuse what does not go together of an export.
+
+    Raises:
+        UsageError: it does not go together.
+    """
+    from lab3_usd.grade.rosters import PLATFORMS
+
     if options["gradebook"] == "gradescope":
         raise UsageError(
             "--gradebook gradescope: Gradescope imports no points; give it the results.json of "
@@ -234,8 +255,6 @@ def _check(submissions: str | None, options: dict[str, Any]) -> None:
     for name, option in _FOR_EXPORTS.items():
         if options[name] and options["gradebook"] is None:
             raise UsageError(f"{option} is for --gradebook")
-    if options["dry_run"] and (submissions is not None or options["regrade"] is not None):
-        raise UsageError("--dry-run writes nothing: grade first, then give it with --gradebook")
 
 
 def _fill_export(options: dict[str, Any]) -> None:
@@ -288,7 +307,8 @@ def _regrade(options: dict[str, Any]) -> None:
     from lab3_usd.spec.load.loader import load_lab
 
     out = options["regrade"]
-    changed = regrade(out, load_rubric(options["rubric"], load_lab()), force=options["force"])
+    rubric = load_rubric(options["rubric"], load_lab())
+    changed = regrade(out, rubric, options["adjust"], force=options["force"])
     for grade in changed:
         (earned, possible), (now, now_possible) = grade.before, grade.after
         click.echo(
@@ -300,7 +320,7 @@ def _regrade(options: dict[str, Any]) -> None:
 
 def _grade(submissions: str, options: dict[str, Any]) -> None:
     """Grade a class into a gradebook."""
-    from lab3_usd.grade.class_run import ClassSettings, grade_class
+    from lab3_usd.grade.class_run import ClassSettings
     from lab3_usd.grade.intake.addresses import is_address
 
     settings = ClassSettings(
@@ -308,6 +328,7 @@ def _grade(submissions: str, options: dict[str, Any]) -> None:
         starter=options["starter"],
         out=options["out"],
         rubric=options["rubric"],
+        adjustments=options["adjust"],
         limits=_limits(options),
         jobs=options["jobs"] or _processors(),
         resume=options["resume"],
@@ -317,7 +338,7 @@ def _grade(submissions: str, options: dict[str, Any]) -> None:
         runner=_runner(options["cluster"], insecure=options["insecure_cluster"]),
         notify=_notify,
     )
-    rows = grade_class(settings, _progress())
+    rows = _graded_or_continued(settings)
     counts = Counter(row["status"] for row in rows)
     states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
     number = f"{counts.total()} submission{'s' * (counts.total() != 1)}"
@@ -325,6 +346,50 @@ def _grade(submissions: str, options: dict[str, Any]) -> None:
     _tell_failures(rows)
     if counts["tool failed"]:
         sys.exit(EXIT_CRASH)
+
+
+def _graded_or_continued(settings: ClassSettings) -> Rows:
+    """Grade a class; if the user or the system ends it, say how to continue."""
+    from lab3_usd.grade.class_run import grade_class
+
+    draw, numbers = _progress(), [0, 0]
+
+    def show(done: int, total: int) -> None:
+        numbers[:] = done, total
+        draw(done, total)
+
+    try:
+        return grade_class(settings, show)
+    except KeyboardInterrupt:
+        if numbers[1]:
+            done, total = numbers
+            _notify(f"{done} of {total} done; continue with: {_command_to_continue()}")
+        raise
+
+
+def _command_to_continue() -> str:
+    """Return this command with --resume; a password in an address is left out."""
+    from click.core import ParameterSource
+
+    from lab3_usd.grade.intake.addresses import shown
+    from lab3_usd.installation import command_line
+
+    context = click.get_current_context()
+    words = [program(), "grade"]
+    for parameter in context.command.params:
+        name = str(parameter.name)
+        is_given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if not is_given or name in {"resume", "force"}:
+            continue
+        value = context.params[name]
+        if isinstance(parameter, click.Option) and parameter.is_flag:
+            words.append(parameter.opts[0])
+        elif isinstance(parameter, click.Option):
+            values = value if parameter.multiple else [value]
+            words += [word for each in values for word in (parameter.opts[0], str(each))]
+        else:
+            words.append(shown(value))
+    return command_line(*words, "--resume")
 
 
 _NAMED = 5  # students
@@ -347,7 +412,15 @@ def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
     Raises:
         UsageError: an option for a class is given, or the output lies in what is graded.
     """
-    for name in ("resume", "force", "merge_uploads", "cluster", "insecure_cluster", "jobs"):
+    for name in (
+        "adjust",
+        "resume",
+        "force",
+        "merge_uploads",
+        "cluster",
+        "insecure_cluster",
+        "jobs",
+    ):
         if options[name]:
             option = f"--{name.replace('_', '-')}"
             raise UsageError(f"{option} is for a class; --format grades one submission")

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from lab3_usd.data import lab_folder, own_lab
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.grade import shared_reports
+from lab3_usd.grade.adjustments import adjustments_in
 from lab3_usd.grade.gradebook import (
     Rows,
     check_target,
@@ -32,6 +33,7 @@ from lab3_usd.grade.intake.submissions import (
     submissions_in,
 )
 from lab3_usd.grade.lock import locked
+from lab3_usd.grade.regrade import adjust
 from lab3_usd.grade.rubric import Rubric, load_rubric
 from lab3_usd.grade.workers.messages import Json, PoolSettings, Task, status_of
 from lab3_usd.grade.workers.pool import Runner, run_tasks
@@ -48,13 +50,15 @@ class ClassSettings(Struct, frozen=True):
     `runner` has the tasks judged; `notify` receives a line for each part of a class that is left
     out. `assets` are folders in which assets of servers lie, by their addresses.
     With `merge_uploads`, what the last upload of a student lacks comes from the ones before. With
-    `force`, the lock of a run that was killed is taken.
+    `force`, the lock of a run that was killed is taken. `adjustments` is a table of what the
+    grader decides by hand; without it those count that the gradebook has.
     """
 
     submissions: Path | str
     starter: Path
     out: Path
     rubric: Path | None = None
+    adjustments: Path | None = None
     limits: Limits = field(default_factory=Limits)
     jobs: int = 1
     resume: bool = False
@@ -76,7 +80,8 @@ def grade_class(
     Raises:
         SpecError: the rubric is wrong. Nothing has been graded then.
         StageError: the starter cannot be opened.
-        UsageError: there are no submissions, or the gradebook cannot be written.
+        UsageError: there are no submissions, a line of the adjustments is wrong, or the gradebook
+            cannot be written.
     """
     place = local_path(settings.submissions)
     check_apart(place, settings.out)
@@ -110,6 +115,8 @@ def _graded(
             )
             for submission in find_submissions(location, settings.notify)
         ]
+        people = [(submission.student, submission.name) for submission in submissions]
+        by_hand = adjustments_in(settings.out, settings.adjustments, rubric, people)
         by_folder = {submission.folder: submission for submission in submissions}
         items = [item.id for item in rubric.items]
         tasks = (_task(submission, settings, salt, items) for submission in submissions)
@@ -134,6 +141,8 @@ def _graded(
                 _notify_unconfined(answer, notified, settings.notify)
                 _record(settings.out, by_folder[task.folder], salt, answer, rubric)
                 progress(done, len(submissions))
+    if by_hand is not None:
+        adjust(settings.out, submissions, rubric, by_hand)
     return write_tables(settings.out, submissions, rubric)
 
 

@@ -39,14 +39,14 @@ class Returned(Struct, frozen=True):
 
 
 def reasons_by_student(book: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
-    """Return what each student reads: each item that lost points, and why."""
+    """Return what each student reads: why items lost points, and what the grader wrote."""
     titles = {item["id"]: item["title"] for item in book["items"]}
     return {
         row["student"]: tuple(
             f"{titles[item['id']]}: {line.text}"
             for item in row["items"]
             for line in lost_by(row, item["id"])
-            if line.points
+            if line.is_told
         )
         for row in book["students"]
     }
@@ -105,7 +105,7 @@ def _assessments(path: Path, export: FilledExport, book: Mapping[str, Any]) -> R
     for number, row in known:
         cells: list[str] = []
         for item in row["items"]:
-            why = "\n".join(line.text for line in lost_by(row, item["id"]) if line.points)
+            why = "\n".join(line.text for line in lost_by(row, item["id"]) if line.is_told)
             is_open = item["state"] in {"open", "blocked"}
             cells += ["" if is_open else f"{item['earned']:g}", safe_cell(why), ""]
         table.writerow([number, *cells])

@@ -16,6 +16,7 @@ from msgspec import to_builtins
 from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftover_files, write_parts, write_whole
+from lab3_usd.grade.adjustments import ADJUSTMENTS
 from lab3_usd.grade.deductions import reasons
 from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.lock import LOCK
@@ -134,7 +135,7 @@ def write_reports(
 STUDENTS, RESULT = "students", "result.json"
 CSV, GRADEBOOK_JSON, PAGE = "grades.csv", "grades.json", "index.html"
 FINISHED = ("graded", "empty", "unreadable")  # the other ways to end may go better next time
-_TABLES = (CSV, GRADEBOOK_JSON, PAGE)
+_TABLES = (CSV, GRADEBOOK_JSON, PAGE, ADJUSTMENTS)
 _FILES = (HTML, JSON, GRADESCOPE, RESULT)
 _VERSION = 1
 # What `--gradebook` writes beside the tables.
@@ -403,10 +404,13 @@ def _remarks_text(row: Row) -> str:
     for item in row["items"]:
         lost = lost_by(row, item["id"])
         if item["state"] in {"missing", "unreadable", "blocked", "open"}:
-            where = " ".join(filter(None, (lost[0].rule, lost[0].place))) if lost else ""
-            remarks.append(f"{item['id']}: {item['state']}{f' ({where})' if where else ''}")
+            causes = [line for line in lost if line.rule or line.place][:1]
+            where = " ".join(filter(None, (causes[0].rule, causes[0].place))) if causes else ""
+            said = [line.text for line in lost if line.is_told and not line.points]
+            state = f"{item['state']}{f' ({where})' if where else ''}"
+            remarks.append(f"{item['id']}: {', '.join([state, *said])}")
         elif lost:
-            first = ([line for line in lost if line.points] or lost)[:_LINES]
+            first = ([line for line in lost if line.is_told] or lost)[:_LINES]
             lines = [line.text for line in first]
             lines += [f"{len(lost) - len(lines)} more"] if len(lost) > len(lines) else []
             remarks.append(f"{item['id']}: {', '.join(lines)}")

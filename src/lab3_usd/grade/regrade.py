@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import msgspec
 from msgspec import Struct, to_builtins
@@ -14,6 +13,7 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
+from lab3_usd.grade.adjustments import Adjustment, ByItem, adjustments_in
 from lab3_usd.grade.deductions import carried_text
 from lab3_usd.grade.gradebook import (
     GRADESCOPE,
@@ -25,13 +25,14 @@ from lab3_usd.grade.gradebook import (
     deductions_in,
     lost_by,
     read_gradebook,
+    read_result,
     write_reports,
     write_tables,
 )
 from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.lock import locked
 from lab3_usd.grade.rubric import Rubric
-from lab3_usd.grade.scoring import SubmissionFacts, grade_facts
+from lab3_usd.grade.scoring import Grade, SubmissionFacts, grade_facts
 from lab3_usd.grade.shared_reports import SHARED, shared_folder, write_shared
 from lab3_usd.model.finding import Report, Submission
 
@@ -92,22 +93,28 @@ def sum_of(book: Row, row: Row) -> Iterator[str]:
         yield f"    {text}"
 
 
-def regrade(out: Path, rubric: Rubric, *, force: bool = False) -> list[ChangedGrade]:
+def regrade(
+    out: Path, rubric: Rubric, adjustments: Path | None = None, *, force: bool = False
+) -> list[ChangedGrade]:
     """Give the students of a gradebook their points by another rubric, and return who changed.
 
-    No submission is opened: what was found in it is in the results.
+    No submission is opened: what was found in it is in the results. `adjustments` is a table of
+    what the grader decides by hand; without it those count that the gradebook has.
 
     Raises:
-        UsageError: there is no gradebook, or one of an earlier release.
+        UsageError: there is no gradebook, or one of an earlier release, or a line of the
+            adjustments is wrong.
     """
     with locked(out, force=force):
         students = read_gradebook(out)["students"]
         rows = [_recorded(out, student) for student in students]
+        people = [(row["student"], row["name"]) for row, _ in rows]
+        by_hand = adjustments_in(out, adjustments, rubric, people) or {}
         changed = [
             ChangedGrade(
                 row["student"],
                 (row["earned"], row["possible"]),
-                _regraded(out, rubric, row, facts),
+                _regraded(out, rubric, row, facts, by_hand.get(row["student"], {})),
             )
             for row, facts in rows
         ]
@@ -132,12 +139,37 @@ def _recorded(out: Path, student: Row) -> tuple[Row, SubmissionFacts]:
         ) from error
 
 
+def adjust(
+    out: Path,
+    submissions: Iterable[StudentSubmission],
+    rubric: Rubric,
+    by_hand: Mapping[str, Mapping[str, Adjustment]],
+) -> None:
+    """Give the results of a run what the grader decided by hand, where they do not have it yet."""
+    for submission in submissions:
+        row = read_result(out, submission)
+        if row is None:
+            continue
+        facts = msgspec.convert(row["facts"], SubmissionFacts)
+        own = by_hand.get(submission.student, {})
+        points = grade_facts(rubric, facts, own, late=row["late"])
+        if msgspec.convert(row, Grade) != points:
+            _write_points(out, rubric, row, points)
+
+
 def _regraded(
-    out: Path, rubric: Rubric, row: dict[str, Any], facts: SubmissionFacts
+    out: Path, rubric: Rubric, row: Row, facts: SubmissionFacts, by_hand: ByItem
 ) -> tuple[float, float]:
     """Write the points of a student by a rubric, and return them."""
     late = row["late"] or row["student"] in rubric.late.students
-    points = grade_facts(rubric, facts, late=late)
+    points = grade_facts(rubric, facts, by_hand, late=late)
+    # Neither this rubric nor the starter made these findings: --resume judges them again.
+    _write_points(out, rubric, row | {"late": late, "salt": ""}, points)
+    return points.earned, points.possible
+
+
+def _write_points(out: Path, rubric: Rubric, row: Row, points: Grade) -> None:
+    """Write the points of a student into the result and the reports."""
     shared = shared_folder(out, row)
     folder = out / STUDENTS / row["folder"]
     empty = Report((), (Submission("submission" if shared else row["student"]),))
@@ -149,8 +181,7 @@ def _regraded(
     if len(_OF_GRADE.findall(old)) == len(parts):
         new = iter(parts)
         reports[HTML] = _OF_GRADE.sub(lambda _part: next(new), old)
-    # Neither this rubric nor the starter made these findings: --resume judges them again.
-    row |= {**to_builtins(points), "late": late, "salt": ""}
+    row |= to_builtins(points)
     if shared:
         about = shared / JSON
         reports[JSON] = about.read_text(encoding="utf-8") if about.is_file() else reports[JSON]
@@ -159,4 +190,3 @@ def _regraded(
         for name in (HTML, GRADESCOPE):
             write_whole(folder / name, reports[name].encode("utf-8", "replace"), force=True)
     write_whole(folder / RESULT, (json.dumps(row, indent=1) + "\n").encode(), force=True)
-    return points.earned, points.possible

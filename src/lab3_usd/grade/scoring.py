@@ -12,13 +12,16 @@ from typing import Literal, NamedTuple
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.grade.adjustments import Adjustment
 from lab3_usd.grade.rubric import Cap, Item, Rubric, is_named
 from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult, is_among
+from lab3_usd.model.grade import ADJUSTED, REMARK
 from lab3_usd.spec.submission import named_checkpoint
 
 State = Literal["full", "part", "none", "missing", "unreadable", "blocked", "open"]
 DRY_RUN = "dry run"
 _OF_NODES = ("node", "setting", "wire", "target")
+_NOTHING: Mapping[str, Adjustment] = {}
 
 
 class Fault(Struct, frozen=True):
@@ -84,7 +87,7 @@ class Deduction(Struct, frozen=True):
 
     `requirement` is the id of what is not met, `PART/error/RULE` for an error that fails none,
     and empty where the faults are named elsewhere. `found` is what the fault behind it says,
-    `again` the earlier item that was judged again.
+    `again` the earlier item that was judged again. Points that a grader adds by hand are negative.
     """
 
     item: str
@@ -183,10 +186,20 @@ def grade(
     return grade_facts(rubric, facts_of(results, rubric.required, findings, checklist), late=late)
 
 
-def grade_facts(rubric: Rubric, facts: SubmissionFacts, *, late: bool = False) -> Grade:
-    """Return the points for what is known of a submission."""
+def grade_facts(
+    rubric: Rubric,
+    facts: SubmissionFacts,
+    by_hand: Mapping[str, Adjustment] = _NOTHING,
+    *,
+    late: bool = False,
+) -> Grade:
+    """Return the points for what is known of a submission.
+
+    What a grader decides `by_hand` about an item changes no other item; being late limits the sum.
+    """
     stages = {stage.checkpoint: stage for stage in facts.stages}
     grades: dict[str, ItemGrade] = {}
+    adjusted: dict[str, ItemGrade] = {}
     lost: list[Deduction] = []
     for item in rubric.items:
         if item.checklist:
@@ -195,8 +208,26 @@ def grade_facts(rubric: Rubric, facts: SubmissionFacts, *, late: bool = False) -
             graded, losses = _by_stage(rubric, item, stages.get(item.checkpoint), facts, grades)
             graded, losses = _capped(rubric.caps, item, graded, losses, facts)
         grades[item.id] = graded
+        if item.id in by_hand:
+            adjusted[item.id], remark = _adjusted(item, graded, by_hand[item.id])
+            lost.append(remark)
         lost += _in_cents(item, graded, losses)
-    return _total(rubric, grades, tuple(lost), late=late)
+    return _total(rubric, {**grades, **adjusted}, tuple(lost), late=late)
+
+
+def _adjusted(item: Item, graded: ItemGrade, by_hand: Adjustment) -> tuple[ItemGrade, Deduction]:
+    """Return the item with the points that a grader gives, and the line that says so."""
+    if by_hand.points is None:
+        return graded, Deduction(item.id, "", f"{REMARK}{by_hand.text}")
+    points = by_hand.points + (graded.earned if by_hand.is_change else 0.0)
+    earned = min(max(round(points, 2), 0.0), item.points)
+    state: State = "full" if earned == item.points else "part" if earned else "none"
+    because = f"{ADJUSTED}{by_hand.text}"
+    lost = round(item.points - earned - (graded.possible - graded.earned), 2)
+    return (
+        ItemGrade(item.id, state, earned, item.points, because=because),
+        Deduction(item.id, "", because, lost),
+    )
 
 
 class _Loss(NamedTuple):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from msgspec import Struct
 
+ADJUSTED, REMARK = "adjusted by hand: ", "remark: "  # what the words of a grader follow
+
 
 class LostPoints(Struct, frozen=True):
     """Points that an item lost, and why: none where nothing was left to lose.
 
-    The lines `below` add up to its points.
+    The lines `below` add up to its points. What a grader adds by hand is less than nothing.
     """
 
     points: float
@@ -20,9 +22,14 @@ class LostPoints(Struct, frozen=True):
     @property
     def text(self) -> str:
         """The points, why, the rule and the place, in one line."""
-        points = f"-{self.points:.2f} " if self.points else ""
+        points = f"{-self.points:+.2f} " if self.points else ""
         where = " ".join(filter(None, (self.rule, self.place)))
         return f"{points}{self.title}{f' ({where})' if where else ''}"
+
+    @property
+    def is_told(self) -> bool:
+        """Whether it says where points went, or what a grader wrote."""
+        return bool(self.points) or self.title.startswith((ADJUSTED, REMARK))
 
 
 class GradeItem(Struct, frozen=True):

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from markupsafe import Markup
 from msgspec import Struct
 
+from lab3_usd.model.grade import ADJUSTED, REMARK
 from lab3_usd.report.html.templates import content_policy, environment, text_of
 from lab3_usd.report.options import NAME, tool_version
 
@@ -83,6 +84,7 @@ def class_page(
         alike=list(_with_names(alike, rows)),
         named=_NAMED,
         top_reason=top_reason,
+        by_hand=by_hand,
         most=_MOST,
         summaries=summaries(items, rows),
         statuses=sorted(Counter(row["status"] for row in rows).items()),
@@ -124,7 +126,10 @@ def needing(rows: Rows) -> Iterator[Needing]:
 
 def top_reason(row: Row) -> str:
     """Return why a student lost most points at once, in words of the fault; '' for nothing."""
-    costly = [line for line in row["lost"] if line.get("points")]
+    texts = (ADJUSTED, REMARK)
+    costly = [
+        line for line in row["lost"] if line.get("points") and not line["title"].startswith(texts)
+    ]
     if not costly:
         return ""
     line = max(costly, key=lambda line: float(line["points"]))
@@ -132,6 +137,13 @@ def top_reason(row: Row) -> str:
     if not found:
         return str(line["title"])
     return f"{part[0]}: {found}" if part[1] and part[0] not in found else str(found)
+
+
+def by_hand(row: Row) -> Iterator[str]:
+    """Yield what a grader wrote about the items of a student."""
+    for line in row["lost"]:
+        if line["title"].startswith((ADJUSTED, REMARK)):
+            yield f"{line['item']}: {line['title']}"
 
 
 def _with_names(alike: Sequence[Row], rows: Rows) -> Iterator[Row]:

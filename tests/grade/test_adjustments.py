@@ -1,0 +1,228 @@
+"""What a grader decides by hand: points and remarks, in a table, shown wherever a grade is."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+import quick_yaml
+from html_pages import read
+from invoking import invoke
+from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
+from workers_here import graded_here, workers_here
+
+from lab3_usd.errors import UsageError
+from lab3_usd.grade import class_run
+from lab3_usd.grade.class_run import ClassSettings
+from lab3_usd.grade.feedback import reasons_by_student
+from lab3_usd.grade.gradebook import HTML, read_gradebook
+from lab3_usd.grade.regrade import student_in
+
+# Jane's work is whole: 100 points. Joe lost 1.83 of 10 at the clock. The video is 10 points more,
+# which nobody but a person can judge.
+TABLE = """student,item,points,text
+jane,video,8,"clear, but no goal is reached"
+jane,drive,-2.5,drove into the wall in the check-off
+joe,clock,+1,the wire was there in the check-off
+joe,scan,,neat
+"""
+JANE = (105.5, 110.0)  # 100 + 8 - 2.5
+JOE = (99.17, 100.0)  # 98.17 + 1; the video is still open
+
+
+@pytest.fixture(scope="module")
+def graded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A class of two with its gradebook, without adjustments, and the files to go on with."""
+    folder = tmp_path_factory.mktemp("graded")
+    submission(folder / "class" / "jane")
+    cut_wire(submission(folder / "class" / "joe") / "work" / stage("01").name)
+    rubric = quick_yaml.load((MINI / "rubric.yaml").read_text(encoding="utf-8"))
+    video = {"title": "The video", "checklist": "Robot stops at the goal", "points": 10}
+    rubric["items"]["video"] = video
+    (folder / "rubric.yaml").write_text(quick_yaml.dump(rubric), encoding="utf-8")
+    (folder / "hand.csv").write_text(TABLE, encoding="utf-8")
+    graded_here(settings(folder))
+    return folder
+
+
+@pytest.fixture
+def here(graded: Path, tmp_path: Path) -> Path:
+    """A copy of all of it."""
+    shutil.copytree(graded, tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+def settings(folder: Path, book: str = "book", **more: object) -> ClassSettings:
+    rubric = folder / "rubric.yaml"
+    return ClassSettings(folder / "class", starter(), folder / book, rubric, **more)  # type: ignore[arg-type]
+
+
+def regraded(folder: Path, *options: object) -> str:
+    rubric = folder / "rubric.yaml"
+    result = invoke("grade", "--regrade", folder / "book", "--rubric", rubric, *options)
+    assert result.exit_code == 0
+    return result.stdout
+
+
+def sums(book: Path) -> list[tuple[float, float]]:
+    return [(row["earned"], row["possible"]) for row in read_gradebook(book)["students"]]
+
+
+def test_points_by_hand_are_counted_and_the_change_is_printed(here: Path) -> None:
+    shown = regraded(here, "--adjust", here / "hand.csv")
+    assert shown.splitlines()[:2] == [
+        "jane: 100.00 of 100 -> 105.50 of 110 (+5.50)",
+        "joe: 98.17 of 100 -> 99.17 of 100 (+1.00)",
+    ]
+    assert sums(here / "book") == [JANE, JOE]
+
+
+def test_what_only_a_person_can_judge_is_no_longer_open(here: Path) -> None:
+    before = student_in(read_gradebook(here / "book"), "jane")["items"][-1]
+    assert (before["id"], before["state"], before["possible"]) == ("video", "open", 0.0)
+    regraded(here, "--adjust", here / "hand.csv")
+    jane, joe = read_gradebook(here / "book")["students"]
+    assert (jane["items"][-1]["state"], jane["items"][-1]["possible"]) == ("part", 10.0)
+    assert joe["items"][-1]["state"] == "open"
+
+
+def test_grading_and_regrading_with_the_same_table_give_the_same_grades(here: Path) -> None:
+    graded_here(settings(here, "other", adjustments=here / "hand.csv"))
+    regraded(here, "--adjust", here / "hand.csv")
+    for name in ("grades.csv", "grades.json", "index.html", "students/jane/report.html"):
+        assert (here / "book" / name).read_bytes() == (here / "other" / name).read_bytes(), name
+
+
+def test_the_same_table_again_gives_the_same_bytes(here: Path) -> None:
+    regraded(here, "--adjust", here / "hand.csv")
+    before = files_below(here / "book")
+    assert regraded(here, "--adjust", here / "hand.csv").startswith("0 changed")
+    assert files_below(here / "book") == before
+
+
+def test_every_line_of_an_item_adds_up_to_what_it_lost(here: Path) -> None:
+    regraded(here, "--adjust", here / "hand.csv")
+    for row in read_gradebook(here / "book")["students"]:
+        for item in row["items"]:
+            lost = sum(line["points"] for line in row["lost"] if line["item"] == item["id"])
+            assert lost == pytest.approx(item["possible"] - item["earned"])
+
+
+WORDS = "adjusted by hand: the wire was there in the check-off"
+
+
+def test_the_words_stand_wherever_the_grade_is_shown(here: Path) -> None:
+    regraded(here, "--adjust", here / "hand.csv")
+    book = here / "book"
+    page = read((book / "students" / "joe" / HTML).read_text(encoding="utf-8")).text
+    assert f"+1.00 {WORDS}" in re.sub(r"\s+", " ", page)
+    assert "remark: neat" in page
+    of_class = read((book / "index.html").read_text(encoding="utf-8")).text
+    assert f"clock: {WORDS}" in of_class
+    assert "video: adjusted by hand: clear, but no goal is reached" in of_class
+    with (book / "grades.csv").open(newline="") as file:
+        jane, joe = csv.DictReader(file)
+    assert "drive: -2.50 adjusted by hand: drove into the wall in the check-off" in jane["remarks"]
+    assert "video: -2.00 adjusted by hand: clear, but no goal is reached" in jane["remarks"]
+    assert (jane["video"], joe["video"]) == ("8.00", "")
+    assert f"clock: +1.00 {WORDS}, -1.83" in joe["remarks"]
+    explained = invoke("grade", "-o", book, "--explain", "joe").stdout
+    assert f"    +1.00 {WORDS}\n" in explained
+    assert "    remark: neat\n" in explained
+    scored = json.loads((book / "students" / "joe" / "results.json").read_text())
+    assert scored["score"] == 99.17
+    assert r"\+1\.00 adjusted by hand\: the wire was there" in scored["tests"][1]["output"]
+    told = reasons_by_student(read_gradebook(book))["joe"]
+    assert f"/clock is publishing: +1.00 {WORDS}" in told
+    assert "/scan publishes a LaserScan: remark: neat" in told
+
+
+def test_without_a_table_what_was_adjusted_stays(here: Path) -> None:
+    regraded(here, "--adjust", here / "hand.csv")
+    assert regraded(here).startswith("0 changed")
+    graded_here(settings(here, resume=True))
+    assert sums(here / "book") == [JANE, JOE]
+
+
+def test_a_new_upload_keeps_what_was_adjusted(here: Path) -> None:
+    regraded(here, "--adjust", here / "hand.csv")
+    shutil.copyfile(stage("01"), here / "class" / "joe" / "work" / stage("01").name)
+    graded_here(settings(here, resume=True))
+    assert sums(here / "book") == [JANE, (100.0, 100.0)]  # no more than the item has
+    joe = student_in(read_gradebook(here / "book"), "joe")
+    assert WORDS in [line["title"] for line in joe["lost"]]
+
+
+def test_a_table_without_lines_takes_everything_back(here: Path) -> None:
+    before = files_below(here / "book")
+    regraded(here, "--adjust", here / "hand.csv")
+    (here / "none.csv").write_text("student,item,points,text\n")
+    regraded(here, "--adjust", here / "none.csv")
+    after = files_below(here / "book")
+    for name in ("grades.csv", "grades.json", "index.html", "students/joe/report.html"):
+        assert after[name] == before[name], name
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("jim,clock,1,x", "line 2: no student is called 'jim'"),
+        ("joe,klock,1,x", "line 2: the rubric has no item 'klock'; it has starter, clock,"),
+        ("joe,clock,10.5,x", "line 2: 10.5 points are more than the item's 10"),
+        ("joe,clock,+11,x", "line 2: +11 points are more than the item's 10"),
+        ("joe,clock,nan,x", "line 2: 'nan' is not a number of points"),
+        ("joe,clock,1,", "line 2: has no text"),
+        ('joe,clock,1,"a\nb"\njoe,clock,2,c', "line 4: joe and clock stand in line 2 too"),
+    ],
+)
+def test_a_wrong_line_is_named_and_nothing_is_written(here: Path, line: str, why: str) -> None:
+    (here / "wrong.csv").write_text(f"student,item,points,text\n{line}\n")
+    before = files_below(here / "book")
+    with pytest.raises(UsageError, match=re.escape(f"wrong.csv: {why}")):
+        regraded(here, "--adjust", here / "wrong.csv")
+    assert files_below(here / "book") == before
+    with pytest.raises(UsageError, match=re.escape(f"wrong.csv: {why}")):
+        graded_here(settings(here, "new", adjustments=here / "wrong.csv"))
+    assert files_below(here / "new") == {}
+
+
+def test_a_table_of_a_spreadsheet_in_german_is_read(here: Path) -> None:
+    text = "Student;Item;Points;Text\r\njoe;clock;8,5;gut\r\n"
+    (here / "hand.csv").write_bytes(text.encode("utf-16"))
+    regraded(here, "--adjust", here / "hand.csv")
+    assert sums(here / "book")[1] == (98.5, 100.0)  # 90 + 8.5
+
+
+def test_adjustments_are_refused_where_no_points_are_counted(here: Path) -> None:
+    with pytest.raises(UsageError, match="--adjust goes with SUBMISSIONS or --regrade"):
+        invoke("grade", "-o", here / "book", "--explain", "joe", "--adjust", here / "hand.csv")
+
+
+def test_a_run_that_is_ended_says_how_to_continue(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write, written = class_run.write_student, []
+
+    def once(*arguments: object) -> None:
+        if written:
+            raise KeyboardInterrupt
+        written.append(write(*arguments))  # type: ignore[arg-type, func-returns-value]
+
+    book = here / "new book"
+    words = [here / "class", "--starter", starter(), "-o", book, "--adjust", here / "hand.csv"]
+    words += ["--rubric", here / "rubric.yaml", "--jobs", 1]
+    with workers_here(), monkeypatch.context() as patched:
+        patched.setattr(class_run, "write_student", once)
+        ended = invoke("grade", *words)
+    assert ended.exit_code == 1
+    assert ended.stderr.splitlines()[0].startswith("lab3: 1 of 2 done; continue with: lab3 grade ")
+    command = shlex.split(ended.stderr.splitlines()[0].partition("with: lab3 ")[2])
+    with workers_here():
+        again = invoke(*command)
+    assert again.stdout == f"2 submissions (2 graded): {book / 'index.html'}\n"
+    assert sums(book) == [JANE, JOE]
