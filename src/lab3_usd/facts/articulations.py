@@ -29,7 +29,7 @@ from lab3_usd.model.physics import (
     limits,
     number,
 )
-from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
 
 _DRIVE = "PhysicsDriveAPI"
@@ -138,19 +138,36 @@ def joints_of(command: Command, stage: StageModel) -> dict[str, Prim]:
     """
     inside = {command.robot, *command.roots}
     around = {root.rpartition("/")[0] or root for root in command.roots}
-    joints = [
+    joints, places = _movable_joints(stage)
+    by_name: dict[str, Prim] = {}
+    for tops in (inside, around):
+        for place in sorted({place for top in tops for place in places.get(top, ())}):
+            by_name.setdefault(joints[place].name, joints[place])
+    return by_name
+
+
+@once_per_stage
+def _movable_joints(stage: StageModel) -> tuple[tuple[Prim, ...], Mapping[str, list[int]]]:
+    """Return the joints that can move, and by each prim those at or below it, or with a body there.
+
+    They are told by their places, in the order of the stage.
+    """
+    joints = tuple(
         prim
         for prim in stage.of_type(is_joint_type)
         if prim.present and prim.type != FIXED and not is_excluded(prim)
-    ]
-    by_name: dict[str, Prim] = {}
-    for tops in (inside, around):
-        for joint in joints:
-            if any(
-                is_at_or_below(path, top) for path in (joint.path, *ends(joint)) for top in tops
-            ):
-                by_name.setdefault(joint.name, joint)
-    return by_name
+    )
+    places: dict[str, list[int]] = {}
+    for place, joint in enumerate(joints):
+        for top in {top for path in (joint.path, *ends(joint)) for top in _at_and_above(path)}:
+            places.setdefault(top, []).append(place)
+    return joints, places
+
+
+def _at_and_above(path: str) -> Iterator[str]:
+    while path:
+        yield path
+        path = path.rpartition("/")[0]
 
 
 def has_joint(joints: Mapping[str, Prim], name: str) -> bool:

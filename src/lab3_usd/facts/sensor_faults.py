@@ -17,7 +17,7 @@ from lab3_usd.isaac.releases import is_within
 from lab3_usd.isaac.sensor_models import INSTANCE, Ends, SensorModels
 from lab3_usd.model.finding import Severity, display
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import StageModel
+from lab3_usd.model.stage import StageModel, once_per_stage
 
 _KNOWN_SINCE = "6.0"  # the first release whose schemas are known
 _KINDS: Mapping[str, type] = {
@@ -54,7 +54,12 @@ class SensorFault(Struct, frozen=True):
 
 def faults_of(prim: Prim, platform: Platform, stage: StageModel) -> tuple[SensorFault, ...]:
     """Return what is wrong with the values of a sensor's prim."""
-    return sensor_faults(platform, values_of(prim, platform, stage))
+    return _faults_at(stage, platform, prim.path)
+
+
+@once_per_stage
+def _faults_at(stage: StageModel, platform: Platform, path: str) -> tuple[SensorFault, ...]:
+    return sensor_faults(platform, values_of(stage.prims[path], platform, stage))
 
 
 def sensor_faults(platform: Platform, values: SensorValues) -> tuple[SensorFault, ...]:

@@ -17,7 +17,7 @@ from lab3_usd.facts.articulations import (
     wired_commands,
 )
 from lab3_usd.facts.execution_order import effective_value
-from lab3_usd.facts.wires import connections
+from lab3_usd.facts.wires import Connection, connections
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.joint_drives import (
@@ -49,12 +49,15 @@ def one_command_for_all(subject: LintSubject) -> Iterator[Problem]:
 
     Example: two Get Array Index nodes behind a Differential Controller, both with index 0.
     """
-    wires = [*connections(subject.stage, subject.platform)]
+    by_source: dict[str, list[Connection]] = {}
+    for wire in connections(subject.stage, subject.platform):
+        by_source.setdefault(wire.source_prim, []).append(wire)
     for maker in subject.live.values():
         for out, size in maker.type.sizes.items() if maker.type is not None else ():
+            wires = by_source.get(maker.path, ())
             taking = [wire.node for wire in wires if wire.path == f"{maker.path}.{out}"]
             elements = {node.path: _element(node, size, subject) for node in taking}
-            fed = [wire.node.path for wire in wires if wire.source_prim in elements]
+            fed = [wire.node.path for path in elements for wire in by_source.get(path, ())]
             numbers = {*elements.values()}
             if size > 1 and len(fed) > 1 and len(numbers) == 1 and None not in numbers:
                 first = taking[0]

@@ -143,7 +143,7 @@ class StagePrims(Prims):
         self._index = index
         self._by_name: dict[str, list[int]] = {}
         self._known: dict[str, Prim] = {}
-        self._answers: dict[tuple[int, str], list[Prim]] = {}  # by index and key
+        self._answers: dict[tuple[int, NameFilter], list[Prim]] = {}  # by index and key
 
     def __getitem__(self, path: str) -> Prim:
         """Return the prim at a path, in the scene or not."""
@@ -232,14 +232,13 @@ class StagePrims(Prims):
 
     def _chosen(self, index: Mapping[str, list[int]], name_filter: NameFilter) -> Sequence[Prim]:
         """Return the prims of every key that is asked for, each once and as they are traversed."""
-        if not isinstance(name_filter, str):
-            numbers = {number for key in index if name_filter(key) for number in index[key]}
-            return self._numbered(sorted(numbers))
         known = self._answers.get((id(index), name_filter))
         if known is None:
-            known = self._answers[id(index), name_filter] = self._numbered(
-                index.get(name_filter, ())
-            )
+            if isinstance(name_filter, str):
+                numbers = index.get(name_filter, [])
+            else:
+                numbers = sorted({n for key in index if name_filter(key) for n in index[key]})
+            known = self._answers[id(index), name_filter] = self._numbered(numbers)
         return known
 
     def _numbered(self, numbers: Iterable[int]) -> list[Prim]:
