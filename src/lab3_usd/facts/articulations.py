@@ -159,7 +159,8 @@ def _movable_joints(stage: StageModel) -> tuple[tuple[Prim, ...], Mapping[str, l
     )
     places: dict[str, list[int]] = {}
     for place, joint in enumerate(joints):
-        for top in {top for path in (joint.path, *ends(joint)) for top in _at_and_above(path)}:
+        tops = (top for path in (joint.path, *ends(joint)) for top in _at_and_above(path))
+        for top in dict.fromkeys(tops):
             places.setdefault(top, []).append(place)
     return joints, places
 

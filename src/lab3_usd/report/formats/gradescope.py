@@ -59,7 +59,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
 
 def _test(item: GradeItem, outputs: dict[str, str]) -> Json:
     """Return the test of an item, with the findings of its groups, each once."""
-    lost = "\n".join(map(text, _lost_lines(item)))
+    lost = "\n".join(_lost_lines(item))
     blocks = [lost, *(outputs.pop(name, "") for name in item.groups)]
     return {
         "name": item.title,
@@ -73,8 +73,8 @@ def _test(item: GradeItem, outputs: dict[str, str]) -> Json:
 
 def _lost_lines(item: GradeItem) -> Iterator[str]:
     for line in item.lost:
-        yield f"- {line.text}"
-        yield from (f"    - {below.text}" for below in line.below)
+        yield f"- {text(line.text)}"
+        yield from (f"    - {text(below.text)}" for below in line.below)
 
 
 def _found(result: StageResult) -> Iterator[tuple[str, str]]:
