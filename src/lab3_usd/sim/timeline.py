@@ -192,7 +192,9 @@ class Player:
         render(world)
         if world.stopped_by:
             text = f"it stops the simulation {world.since_play:.3g} s after Play"
-            self.program.dead.append((world.stopped_by, Failure(text, "simulation-stopped")))
+            stop = (world.stopped_by, Failure(text, "simulation-stopped"))
+            if stop not in self.program.dead:  # as in an earlier session
+                self.program.dead.append(stop)
             world.machines.reset()
 
     def _pose(self, leg: Leg) -> Pose:
