@@ -102,19 +102,5 @@ def test_two_topics_of_one_node_are_no_rivals_of_another() -> None:
     assert found.related == ()
 
 
-def test_a_wheel_on_rollers_that_have_shapes_turns_not_in_the_air() -> None:
-    joint, roller = "/World/Rover/left_roller_joint", "/World/Rover/left_roller"
-    steps: list[dict[str, Any]] = [
-        {"copy": ["/World/Rover/left_wheel", roller]},
-        {"copy": ["/World/Rover/left_wheel_joint", joint]},
-        {"targets": [f"{joint}.physics:body0", "/World/Rover/left_wheel"]},
-        {"targets": [f"{joint}.physics:body1", roller]},
-        {"schema off": ["/World/Rover/left_wheel/collision", "PhysicsCollisionAPI"]},
-    ]
-    assert not [text for text in said_by(broken_robot("rover", steps)) if text.startswith("K82")]
-    without_rollers = broken_robot("rover", steps[-1:])
-    assert "K82 /World/Rover/left_wheel" in said_by(without_rollers)
-
-
 def test_every_rule_has_a_case() -> None:
     assert list(CASES) == RULES

@@ -222,7 +222,7 @@ class Machines:
             for joint in machine.joints.values():
                 wheel = _wheel_at(machine, joint, points, low + TOUCH * unit)
                 body = machine.link_of(joint)
-                if wheel is not None and not self._grips(body, ground, wheel):
+                if wheel is not None and not self._grips(machine, ground, wheel):
                     machine.smooth = body
                 elif wheel is not None:
                     machine.wheels.append(wheel)
@@ -250,9 +250,9 @@ class Machines:
             if any(height_at((surface,), u, v, z + step) is not None for u, v in spots)
         ]
 
-    def _grips(self, body: str, ground: float, wheel: Wheel) -> bool:
-        """Whether a shape of a wheel has friction on what it stands on."""
-        (x, y), (u, v, _) = wheel.contact, self.member[body].start.origin
+    def _grips(self, machine: Machine, ground: float, wheel: Wheel) -> bool:
+        """Whether a shape of a wheel, or of its rollers, has friction on what it stands on."""
+        (x, y), (u, v, _) = wheel.contact, machine.start.origin
         heights = {
             path: height_at((surface,), x + u, y + v, ground + LEVEL)
             for path, surface in self._solid.items()
@@ -260,6 +260,8 @@ class Machines:
         below = [path for path, at in heights.items() if at is not None and at >= ground - LEVEL]
         shapes = [
             prim.path
+            for body in machine.rest
+            if wheel.joint in machine.above(body)
             for prim in self.scene.below(body)
             if collides(prim) and self.body_of(prim.path) == body
         ]
