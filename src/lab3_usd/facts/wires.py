@@ -9,7 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.facts.execution_order import Nodes, is_source, live_nodes, live_sources
-from lab3_usd.isaac.node_types import INPUT, Port, can_connect, without_role
+from lab3_usd.isaac.node_types import INPUT, Dynamic, NodeType, Port, can_connect, without_role
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import Node, StageModel, absence_reason, is_acyclic, once_per_stage
 
@@ -19,8 +19,8 @@ Kind = Literal["execution", "data"]
 class Connection(Struct, frozen=True, eq=False):
     """A wire into a node; `source` is None where no live node is there.
 
-    `given` is the type that the source's output takes from the source's only input, '' where its
-    own type says it or nothing does.
+    `given` is the type that the source's output takes from its inputs, '' where its own type says
+    it or nothing does.
     """
 
     node: Node
@@ -112,26 +112,49 @@ def connection(node: Node, port: str, path: str, live: Nodes) -> Connection:
 
 
 def _followed_type(node: Node, output: str, live: Nodes) -> str:
-    """Return the type of an output that follows the only input of its node, '' for another one.
+    """Return the type of an output that follows the inputs of its node, '' for another one.
 
-    Both list their types in the same order (Break 3-Vector: a vector gives a number, an array of
+    An array has the type that is set, or its first element's. An output and the only input of its
+    node list their types in the same order (Break 3-Vector: a vector gives a number, an array of
     vectors an array of numbers).
     """
     kind = node.type
     port = None if kind is None else kind.listed(output)
-    if kind is None or port is None or not (port.is_union and port.accepts):
+    if kind is None or port is None or not port.is_union:
+        return ""
+    if kind.dynamic is not None:
+        return _array_type(node, kind, kind.dynamic, live)
+    if not port.accepts:
         return ""
     inputs = [each for name, each in kind.ports.items() if name.startswith(INPUT) and each.is_union]
     if len(inputs) != 1 or len(inputs[0].accepts) != len(port.accepts):
         return ""
-    sources = [*live_sources(node, inputs[0].name, live)]
-    known = sources[0][0].type if len(sources) == 1 else None
-    fed = None if known is None else known.listed(sources[0][1])
-    taken = () if fed is None or fed.is_union else inputs[0].accepts
-    for number, accepted in enumerate(taken):
-        if fed is not None and without_role(accepted) == without_role(fed.ogn_type):
+    fed = _fed_type(node, inputs[0].name, live)
+    for number, accepted in enumerate(inputs[0].accepts if fed else ()):
+        if without_role(accepted) == without_role(fed):
             return port.accepts[number]
     return ""
+
+
+def _array_type(node: Node, kind: NodeType, dynamic: Dynamic, live: Nodes) -> str:
+    port = kind.input(dynamic.array)
+    if port is None or node.sources(port.name):
+        return ""
+    value = node.value(port.name)
+    if value not in port.allowed:  # which Isaac Sim takes for none
+        return ""
+    if value != port.default:
+        return str(value)
+    fed = _fed_type(node, f"{INPUT}{dynamic.prefix}0", live)
+    return f"{fed}[]" if fed else ""
+
+
+def _fed_type(node: Node, port: str, live: Nodes) -> str:
+    """Return the type of the only output that is wired to an input, '' where it is not known."""
+    sources = [*live_sources(node, port, live)]
+    known = sources[0][0].type if len(sources) == 1 else None
+    fed = None if known is None else known.listed(sources[0][1])
+    return "" if fed is None or fed.is_union else fed.ogn_type
 
 
 def why_dead(wire: Connection, stage: StageModel, platform: Platform) -> str | None:

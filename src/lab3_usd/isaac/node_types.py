@@ -238,12 +238,14 @@ class NodeType(Struct, frozen=True, dict=True):
 class Dynamic(Struct, frozen=True, forbid_unknown_fields=True):
     """Ports that exist on request: `prefix` + number, as many as `count` says.
 
-    `type` is OGN's word for their type, `metadata` the types that a file lists.
+    `type` is OGN's word for their type, `metadata` the types that a file lists. The input `array`
+    names the type of the array that the node makes of them, or `auto` for that of the first.
     """
 
     prefix: str
     count: str
     metadata: str
+    array: str = ""
     type: str = ""
 
 

@@ -152,7 +152,8 @@ def _node_type(
             ports[port], former=_value(entry.former[port[len(INPUT) :]], usd_type, place)
         )
     if entry.dynamic is not None:
-        grown = (f"{entry.dynamic.prefix}0", entry.dynamic.count)
+        asked = (f"{entry.dynamic.prefix}0", entry.dynamic.count, entry.dynamic.array)
+        grown = tuple(filter(None, asked))
         _named(grown, INPUT, ports, f"{where}: dynamic")
     return NodeType(
         type=name,
