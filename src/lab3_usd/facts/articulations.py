@@ -138,34 +138,32 @@ def joints_of(command: Command, stage: StageModel) -> dict[str, Prim]:
     """
     inside = {command.robot, *command.roots}
     around = {root.rpartition("/")[0] or root for root in command.roots}
-    joints, places = _movable_joints(stage)
     by_name: dict[str, Prim] = {}
     for tops in (inside, around):
-        for place in sorted({place for top in tops for place in places.get(top, ())}):
-            by_name.setdefault(joints[place].name, joints[place])
+        found = {place for top in tops for place in _first_joints(stage).get(top, {}).items()}
+        for name, (_, joint) in sorted(found, key=lambda place: place[1][0]):
+            by_name.setdefault(name, joint)
     return by_name
 
 
 @once_per_stage
-def _movable_joints(stage: StageModel) -> tuple[tuple[Prim, ...], Mapping[str, list[int]]]:
-    """Return the joints that can move, and by each prim those at or below it, or with a body there.
+def _first_joints(stage: StageModel) -> Mapping[str, Mapping[str, tuple[int, Prim]]]:
+    """Return the joints that can move of each prim, by name, numbered as the stage has them.
 
-    They are told by their places, in the order of the stage.
+    They are those that stand at or below the prim or tie a body there, the first of each name.
     """
-    joints = tuple(
-        prim
-        for prim in stage.of_type(is_joint_type)
-        if prim.present and prim.type != FIXED and not is_excluded(prim)
-    )
-    places: dict[str, list[int]] = {}
-    for place, joint in enumerate(joints):
-        tops = (top for path in (joint.path, *ends(joint)) for top in _at_and_above(path))
-        for top in dict.fromkeys(tops):
-            places.setdefault(top, []).append(place)
-    return joints, places
+    first: dict[str, dict[str, tuple[int, Prim]]] = {}
+    for number_of_joint, joint in enumerate(stage.of_type(is_joint_type)):
+        if joint.present and joint.type != FIXED and not is_excluded(joint):
+            for path in (joint.path, *ends(joint)):
+                for top in _upwards(path):
+                    first.setdefault(top, {}).setdefault(joint.name, (number_of_joint, joint))
+    return first
 
 
-def _at_and_above(path: str) -> Iterator[str]:
+def _upwards(path: str) -> Iterator[str]:
+    """Yield a path, those of the prims above it, and the root of the stage."""
+    yield "/"
     while path:
         yield path
         path = path.rpartition("/")[0]
@@ -405,10 +403,17 @@ def driven_pairs(
             yield command, controller, (wheels[0], wheels[1])
 
 
+@once_per_stage
 def driven_wheels(
     stage: StageModel, platform: Platform
+) -> tuple[tuple[Command, Node, tuple[Prim, ...]], ...]:
+    """Return the commands of wheels, with what computes them and the joints in its order."""
+    return tuple(_driven_wheels(stage, platform))
+
+
+def _driven_wheels(
+    stage: StageModel, platform: Platform
 ) -> Iterator[tuple[Command, Node, tuple[Prim, ...]]]:
-    """Yield the commands of wheels, with what computes them and the joints in its order."""
     for command in commands(stage, platform):
         controller = controller_of(command, stage, platform)
         known = joints_of(command, stage) if command.roots and controller is not None else {}

@@ -6,7 +6,7 @@ which link another one hangs; what a robot lists as its links plays no part.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
@@ -22,7 +22,7 @@ from lab3_usd.model.physics import (
     is_joint_type,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
 
 NAME_OVERRIDE = "isaac:nameOverride"
 
@@ -142,6 +142,20 @@ def articulation_links(root: Prim, stage: StageModel) -> Links | None:
     """Return the links that joints tie to an articulation root, parents first; None for no root."""
     if ARTICULATION_API not in root.apis:
         return None
+    parents, children = _tied_links(stage)
+    ahead = [_topmost(path, parents) for path in bodies_below(stage, root.path)]
+    links: Links = {}
+    while ahead:
+        path = ahead.pop(0)
+        if path not in links:
+            links[path] = parents.get(path, "")
+            ahead.extend(children.get(path, ()))
+    return links or None
+
+
+@once_per_stage
+def _tied_links(stage: StageModel) -> tuple[Links, Mapping[str, Sequence[str]]]:
+    """Map each link to the one on which the first of its joints hangs it, and those to theirs."""
     parents: Links = {}
     for joint in stage.of_type(is_joint_type):
         if joint.present:
@@ -151,14 +165,7 @@ def articulation_links(root: Prim, stage: StageModel) -> Links | None:
     children: dict[str, list[str]] = {}
     for child, parent in parents.items():
         children.setdefault(parent, []).append(child)
-    ahead = [_topmost(path, parents) for path in bodies_below(stage, root.path)]
-    links: Links = {}
-    while ahead:
-        path = ahead.pop(0)
-        if path not in links:
-            links[path] = parents.get(path, "")
-            ahead.extend(children.get(path, ()))
-    return links or None
+    return parents, children
 
 
 def _topmost(path: str, parents: Links) -> str:

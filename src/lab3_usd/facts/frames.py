@@ -180,6 +180,7 @@ def robots_shown(edges: Iterable[Edge], stage: StageModel) -> set[str]:
     return {robot for robot in robots if bodies.sizes[robot] > 1}
 
 
+@once_per_stage
 def frames_in(stage: StageModel, platform: Platform, domain: str) -> frozenset[str]:
     """Return the frames that are published in a domain, on whatever topic."""
     trees = (heard.tree for heard in heard_trees(stage, platform) if heard.domain == domain)

@@ -79,8 +79,13 @@ def is_joint_type(name: str) -> bool:
 
 def bodies_below(stage: StageModel, top: str) -> list[str]:
     """Return the paths of the rigid bodies of the scene at and below a prim, parents first."""
-    rigid = (prim for prim in stage.with_api(BODY_API) if is_at_or_below(prim.path, top))
-    return [prim.path for prim in rigid if prim.present and not prim.placeless]
+    return [path for path in _rigid_bodies(stage) if is_at_or_below(path, top)]
+
+
+@once_per_stage
+def _rigid_bodies(stage: StageModel) -> tuple[str, ...]:
+    rigid = (prim for prim in stage.with_api(BODY_API) if prim.present)
+    return tuple(prim.path for prim in rigid if not prim.placeless)
 
 
 def bodies(prim: Prim) -> tuple[str, str]:
