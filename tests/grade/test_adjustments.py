@@ -94,7 +94,8 @@ def test_what_only_a_person_can_judge_is_no_longer_open(here: Path) -> None:
 def test_grading_and_regrading_with_the_same_table_give_the_same_grades(here: Path) -> None:
     graded_here(settings(here, "other", adjustments=here / "hand.csv"))
     regraded(here, "--adjust", here / "hand.csv")
-    for name in ("grades.csv", "grades.json", "index.html", "students/jane/report.html"):
+    of_joe = ("students/joe/report.html", "students/joe/results.json")
+    for name in ("grades.csv", "grades.json", "index.html", *of_joe):
         assert (here / "book" / name).read_bytes() == (here / "other" / name).read_bytes(), name
 
 
@@ -103,6 +104,19 @@ def test_the_same_table_again_gives_the_same_bytes(here: Path) -> None:
     before = files_below(here / "book")
     assert regraded(here, "--adjust", here / "hand.csv").startswith("0 changed")
     assert files_below(here / "book") == before
+
+
+def test_the_results_for_gradescope_keep_what_was_found(here: Path) -> None:
+    path = here / "book" / "students" / "joe" / "results.json"
+    before = json.loads(path.read_text())
+    regraded(here, "--adjust", here / "hand.csv")
+    after = json.loads(path.read_text())
+    assert (before["score"], after["score"]) == (98.17, 99.17)
+    assert after["output"] == before["output"]
+    assert [test["name"] for test in after["tests"]] == [test["name"] for test in before["tests"]]
+    clock = after["tests"][1]["output"]
+    assert clock.endswith(before["tests"][1]["output"])
+    assert "**error W01**" in clock
 
 
 def test_every_line_of_an_item_adds_up_to_what_it_lost(here: Path) -> None:
@@ -164,7 +178,8 @@ def test_a_table_without_lines_takes_everything_back(here: Path) -> None:
     (here / "none.csv").write_text("student,item,points,text\n")
     regraded(here, "--adjust", here / "none.csv")
     after = files_below(here / "book")
-    for name in ("grades.csv", "grades.json", "index.html", "students/joe/report.html"):
+    of_joe = ("students/joe/report.html", "students/joe/results.json")
+    for name in ("grades.csv", "grades.json", "index.html", *of_joe):
         assert after[name] == before[name], name
 
 

@@ -23,6 +23,7 @@ from lab3_usd.grade.gradebook import (
     STUDENTS,
     Row,
     deductions_in,
+    grade_sheet,
     lost_by,
     read_gradebook,
     read_result,
@@ -35,6 +36,8 @@ from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.scoring import Grade, SubmissionFacts, grade_facts
 from lab3_usd.grade.shared_reports import SHARED, shared_folder, write_shared
 from lab3_usd.model.finding import Report, Submission
+from lab3_usd.report.formats.registry import render
+from lab3_usd.report.options import Options
 
 # What of a student's page shows the grade; pictures have titles as well.
 _OF_GRADE = re.compile(
@@ -147,10 +150,10 @@ def adjust(
 ) -> None:
     """Give the results of a run what the grader decided by hand, where they do not have it yet."""
     for submission in submissions:
-        row = read_result(out, submission)
-        if row is None:
+        result = read_result(out, submission)
+        if result is None:
             continue
-        facts = msgspec.convert(row["facts"], SubmissionFacts)
+        row, facts = _recorded(out, result)
         own = by_hand.get(submission.student, {})
         points = grade_facts(rubric, facts, own, late=row["late"])
         if msgspec.convert(row, Grade) != points:
@@ -181,6 +184,15 @@ def _write_points(out: Path, rubric: Rubric, row: Row, points: Grade) -> None:
     if len(_OF_GRADE.findall(old)) == len(parts):
         new = iter(parts)
         reports[HTML] = _OF_GRADE.sub(lambda _part: next(new), old)
+    scored = (shared or folder) / GRADESCOPE
+    if scored.is_file() and [each["id"] for each in row["items"]] == list(rubric.asked):
+        try:
+            sheet = grade_sheet(rubric, msgspec.convert(row, Grade), "", "")
+            before = render("gradescope", empty, None, Options(grade=sheet))
+            old_tests = scored.read_text(encoding="utf-8")
+            reports[GRADESCOPE] = _with_findings(old_tests, before, reports[GRADESCOPE])
+        except (ValueError, KeyError, TypeError):
+            pass  # somebody edited the file: the points are right without its findings
     row |= to_builtins(points)
     if shared:
         about = shared / JSON
@@ -190,3 +202,22 @@ def _write_points(out: Path, rubric: Rubric, row: Row, points: Grade) -> None:
         for name in (HTML, GRADESCOPE):
             write_whole(folder / name, reports[name].encode("utf-8", "replace"), force=True)
     write_whole(folder / RESULT, (json.dumps(row, indent=1) + "\n").encode(), force=True)
+
+
+def _with_findings(old: str, before: str, now: str) -> str:
+    """Return the tests of `now` with the findings of `old`, which follow the reasons of `before`.
+
+    Both were made without findings.
+    """
+    document, bare, new = json.loads(old), json.loads(before), json.loads(now)
+    findings = {
+        test["name"]: was["output"].removeprefix(test["output"]).strip("\n")
+        for test, was in zip(bare["tests"], document["tests"], strict=False)
+        if test["name"] == was["name"] and was["output"].startswith(test["output"])
+    }
+    for test in new["tests"]:
+        blocks = (test["output"], findings.get(test["name"], ""))
+        test["output"] = "\n\n".join(filter(None, blocks))
+    new["output"] = document["output"]
+    new["tests"] += [test for test in document["tests"] if "max_score" not in test]
+    return json.dumps(new, indent=2) + "\n"
