@@ -300,10 +300,11 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
             may_meet(domain, domain_of(clock, subject.live, subject.platform)) for clock in clocks
         ):
             first, count = simulated[0], len(simulated)
-            others = "" if count == 1 else f", as {count - 1} more"
+            more = count - 1
+            others = f" and {more} other topic{'s' * (more > 1)} use" if more else " uses"
             yield Problem(
                 first.node.path,
-                f"{first.topic} has simulation time{others}, and no /clock is published",
+                f"{first.topic}{others} simulation time, but nothing publishes /clock",
                 expected="a publisher of /clock",
                 related=tuple(dict.fromkeys(stamp.node.path for stamp in simulated[1:])),
                 rests_on=next(iter(subject.stage.unresolved), None),

@@ -248,7 +248,7 @@ def lost_work(subject: SubmissionSubject) -> Iterator[Problem]:
         lost = _lost(earlier, later)
         if len(lost) > (0 if subject.handed_in else _SHOWN):
             path = subject.listing.stages[number].path
-            message = f"checkpoint {before} had what is gone here: {_few(tuple(lost))}"
+            message = f"these parts of checkpoint {before} are missing here: {_few(tuple(lost))}"
             earlier_path = subject.listing.stages[before].path
             handout = subject.spec.stages.handout
             yield Problem(
