@@ -12,7 +12,7 @@ from lab3_usd.grade.scoring import SubmissionFacts
 from lab3_usd.sim.dry_run import is_asked, scene_of
 from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.judge.checks import CHECKS, why_unplayed
-from lab3_usd.sim.judge.expectations import RunFault, Trial
+from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
 from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
@@ -21,7 +21,7 @@ _DRIVE = "0.15,0,1 0,0.8,1"  # enough to see what it does: the whole drive takes
 
 
 def with_dry_runs(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) -> SubmissionFacts:
-    """Play the stages that have faults, each file once, and add what that shows.
+    """Play the stages that have faults, each file once for all that is expected alike of it.
 
     Stages without faults are not played: nothing would come of it. A dry run that fails itself is a
     crash over its stage.
@@ -32,11 +32,12 @@ def with_dry_runs(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) 
     stages = []
     for stage in facts.stages:
         demands = lab.same_demands(stage.checkpoint)
-        key = digests.get(stage.path, stage.path), demands.id
+        wanted = expected_at(lab, lab.checkpoints[demands.id])
+        key = digests.get(stage.path, stage.path), repr(wanted)
         is_played = stage.readable and stage.faults and stage.path not in facts.crashes
         if is_played and demands.graphs and key not in shown:
             try:
-                shown[key] = shown_by(Path(stage.path), lab, demands.id)
+                shown[key] = shown_by(Path(stage.path), lab, wanted)
             except MemoryError:
                 raise
             except Exception as error:  # noqa: BLE001 - whatever it raises is its crash
@@ -48,13 +49,12 @@ def with_dry_runs(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) 
     return replace(facts, stages=tuple(stages), crashes=crashes)
 
 
-def shown_by(path: Path, lab: Lab, checkpoint: str) -> dict[str, str]:
+def shown_by(path: Path, lab: Lab, wanted: Expected) -> dict[str, str]:
     """Return what a dry run shows to be wrong, by topic, check and kind of fault.
 
     What an asset that is missing could bring is not in there. What a node would do that is not
     simulated, as a script, is not looked for: it is not what the lab asks for.
     """
-    wanted = expected_at(lab, lab.checkpoints[checkpoint])
     try:
         scene = scene_of(path, lab.platform)
     except StageError:
