@@ -133,6 +133,12 @@ def _refuse_empty(
     help="Memory that a worker may use.",
 )
 @assets_option
+@click.option(
+    "--maps",
+    type=click.Path(path_type=Path),
+    metavar="PATH",
+    help="The supplied map, its YAML or folder: maps are compared with it, missing ones replaced.",
+)
 @click.option("--resume", is_flag=True, help="Continue a gradebook; keep its finished results.")
 @click.option("--force", is_flag=True, help="Take the gradebook of a run that was killed.")
 @click.option(
@@ -329,6 +335,7 @@ def _grade(submissions: str, options: dict[str, Any]) -> None:
         out=options["out"],
         rubric=options["rubric"],
         adjustments=options["adjust"],
+        maps=options["maps"],
         limits=_limits(options),
         jobs=options["jobs"] or _processors(),
         resume=options["resume"],
@@ -425,6 +432,7 @@ def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
             option = f"--{name.replace('_', '-')}"
             raise UsageError(f"{option} is for a class; --format grades one submission")
     from lab3_usd.commands.shared.reporting import write_report
+    from lab3_usd.deliverables.maps import supplied_map
     from lab3_usd.grade.class_run import grade_alone
     from lab3_usd.grade.gradebook import GRADESCOPE
     from lab3_usd.grade.workers.messages import PoolSettings
@@ -437,6 +445,7 @@ def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
         options["rubric"],
         _limits(options),
         assets=asset_places(options["assets"]),
+        supplied_map=None if options["maps"] is None else supplied_map(options["maps"]),
     )
     graded = grade_alone(submission, settings, _notify)
     if graded["crashes"]:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
+import msgspec
 import yaml
 from msgspec import Struct
 
@@ -16,6 +17,7 @@ from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.model.folder import MapSubject
 from lab3_usd.model.occupancy import OccupancyMap
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.ros import MapFacts
 
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
@@ -158,6 +160,47 @@ def read_map(path: Path, *, given: bool = True) -> OccupancyMap:
         if (value if is_negated else _WHITE - value) / _WHITE > threshold
     )
     return OccupancyMap(path.name, resolution, (x, y, turn), grid.width, grid.height, walls, given)
+
+
+class SuppliedMap(Struct, frozen=True):
+    """The map that a grader supplied to the class: its values and its cells."""
+
+    facts: MapFacts
+    grid: Grid
+
+
+def supplied_map(path: Path) -> SuppliedMap:
+    """Read the supplied map, a YAML file or the folder that holds it.
+
+    Raises:
+        MapError: it cannot be read, is too large, or the lab has no map.
+    """
+    facts = load_lab().scene.map
+    if facts is None:
+        raise MapError(f"{path}: the lab has no map to compare with")
+    file = find_map(path, facts) if path.is_dir() else path
+    if not file.is_file():
+        raise MapError(f"{file}: there is no such file")
+    values, fault = _read(file)
+    image = values.get("image") if values is not None else None
+    if values is None or not isinstance(image, str):
+        raise MapError(f"{file} {fault or 'names no image'}")
+    grid = read_pgm(file.parent / image)
+    if grid.width * grid.height > _MOST_COMPARED:
+        raise MapError(f"{file}: {grid.width} x {grid.height} cells are too many")
+    known = {
+        "mode": facts.mode,
+        **{name: value for name, value in values.items() if name in MapFacts.__struct_fields__},
+        "handout": facts.handout,
+        "yaml": file.name,
+        "image": Path(image).name,
+        "width": grid.width,
+        "height": grid.height,
+    }
+    try:
+        return SuppliedMap(msgspec.convert(known, MapFacts, strict=False), grid)
+    except msgspec.ValidationError as error:
+        raise MapError(f"{file}: {error}") from error
 
 
 def map_of_stage(stage: Path, maps: Path | None, lab: Lab) -> OccupancyMap | None:

@@ -12,6 +12,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from lab3_usd.data import lab_folder, own_lab
+from lab3_usd.deliverables.maps import SuppliedMap, supplied_map
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.grade import shared_reports
 from lab3_usd.grade.adjustments import adjustments_in
@@ -51,7 +52,8 @@ class ClassSettings(Struct, frozen=True):
     out. `assets` are folders in which assets of servers lie, by their addresses.
     With `merge_uploads`, what the last upload of a student lacks comes from the ones before. With
     `force`, the lock of a run that was killed is taken. `adjustments` is a table of what the
-    grader decides by hand; without it those count that the gradebook has.
+    grader decides by hand; without it those count that the gradebook has. With `maps`, the supplied
+    map or its folder, those handed in are compared.
     """
 
     submissions: Path | str
@@ -59,6 +61,7 @@ class ClassSettings(Struct, frozen=True):
     out: Path
     rubric: Path | None = None
     adjustments: Path | None = None
+    maps: Path | None = None
     limits: Limits = field(default_factory=Limits)
     jobs: int = 1
     resume: bool = False
@@ -78,6 +81,7 @@ def grade_class(
     so that an interrupted run can be resumed.
 
     Raises:
+        MapError: the supplied map cannot be read.
         SpecError: the rubric is wrong. Nothing has been graded then.
         StageError: the starter cannot be opened.
         UsageError: there are no submissions, a line of the adjustments is wrong, or the gradebook
@@ -88,7 +92,8 @@ def grade_class(
     rubric = load_rubric(settings.rubric, load_lab())
     with assets_at(settings.assets):
         check_starter(settings.starter)
-        salt = salt_of(rubric, settings.starter, settings.assets)
+        supplied = None if settings.maps is None else supplied_map(settings.maps)
+        salt = salt_of(rubric, settings.starter, settings.assets, supplied)
     check_target(settings.out, resume=settings.resume)
     with locked(settings.out, force=settings.force):
         check_target(settings.out, resume=settings.resume)  # another run may just have ended
@@ -133,6 +138,7 @@ def _graded(
             dict(settings.assets),
             settings.merge_uploads,
             named=len(submissions) <= shared_reports.MOST_NAMED,
+            supplied_map=None if settings.maps is None else supplied_map(settings.maps),
         )
         progress(0, len(submissions))
         notified: set[str] = set()
@@ -198,7 +204,12 @@ def check_starter(starter: Path) -> None:
     open_stage(starter)
 
 
-def salt_of(rubric: Rubric, starter: Path, assets: Mapping[str, Path]) -> str:
+def salt_of(
+    rubric: Rubric,
+    starter: Path,
+    assets: Mapping[str, Path],
+    supplied: SuppliedMap | None = None,
+) -> str:
     """Return a digest of everything that a grade depends on beside the submission.
 
     Of assets that are not the starter's it holds where they lie.
@@ -208,6 +219,8 @@ def salt_of(rubric: Rubric, starter: Path, assets: Mapping[str, Path]) -> str:
     digest = hashlib.sha256(f"{tool_version()}\0{rubric.digest}\0".encode())
     for path in [starter, *sorted(lab_folder().glob("*.yaml"))]:
         digest.update(hashlib.sha256(path.read_bytes()).digest())
+    if supplied is not None:
+        digest.update(repr(supplied.facts).encode() + supplied.grid.cells)
     for address, folder in sorted(assets.items()):
         digest.update(f"{address}\0{folder.resolve()}\0".encode("utf-8", "backslashreplace"))
     # The files that the starter consists of; one in a package is read with the package.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from lab3_usd.check.rule_runs import RuleResults, merge_results, run_family
 from lab3_usd.deliverables.evidence.reader import read_listed
 from lab3_usd.deliverables.maps import (
     MapFrame,
+    SuppliedMap,
     agreement,
     draw_map,
     find_map,
@@ -28,6 +30,7 @@ from lab3_usd.model.folder import (
     Evidence,
     EvidenceSubject,
     Listing,
+    MapSubject,
 )
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import MapFacts, RosSpec
@@ -35,13 +38,23 @@ from lab3_usd.spec.submission import SubmissionSpec
 
 
 class FolderContents(Struct, frozen=True):
-    """A submission folder, the files that it holds, and what they are judged by."""
+    """A submission folder, the files that it holds, and what they are judged by.
+
+    `maps` is a folder whose map is judged instead, or the grader's map, which those handed in are
+    compared with, and which stands in for a missing one.
+    """
 
     root: Path
     listing: Listing
     lab: Lab
     ros: RosSpec
     spec: SubmissionSpec
+    maps: Path | SuppliedMap | None = None
+
+    @property
+    def map(self) -> MapFacts | None:
+        """What the map has to be: the grader's, else as the lab describes it."""
+        return self.maps.facts if isinstance(self.maps, SuppliedMap) else self.lab.scene.map
 
     @property
     def usable(self) -> list[str]:
@@ -56,19 +69,19 @@ class FolderContents(Struct, frozen=True):
 
 def judge_maps(
     contents: FolderContents,
-    maps: Path | None,
     stage: Path | None,
     may_open: Callable[[str], str],
     *,
     handed_in: bool,
 ) -> RuleResults:
-    """Judge the map of the submission, or of the folder `maps`; with a stage, also its walls.
+    """Judge the map of a submission; with a stage, also its walls.
 
     A map that is still to come is not reported. `may_open` receives the image before it is opened,
     and returns a reason not to open it.
     """
-    lab = contents.lab
-    facts = lab.scene.map
+    lab, facts = contents.lab, contents.map
+    supplied = contents.maps if isinstance(contents.maps, SuppliedMap) else None
+    maps = contents.maps if isinstance(contents.maps, Path) else None
     if facts is None:
         return RuleResults()
     root = maps or contents.root
@@ -80,6 +93,10 @@ def judge_maps(
             return RuleResults()
         if path is not None and path.relative_to(root).as_posix() in contents.refused:
             return RuleResults()
+        is_missing = path is None or not path.exists()
+        if supplied is not None and is_missing and _is_due(contents):
+            subject = MapSubject(facts, given=False, file=facts.yaml, replaced=True)
+            return run_family("maps", "M", subject, lab)
         subject = map_subject(path, facts, root, may_open)
         if subject.image_file in contents.refused:
             return RuleResults()
@@ -89,6 +106,11 @@ def judge_maps(
         except Lab3Error:
             agreements = ()  # what cannot be compared gives no figure
         subject = replace(subject, agreements=agreements)
+    if supplied is not None and subject.size == (facts.width, facts.height):
+        with suppress(Lab3Error):  # an image of another format, which map_server reads
+            grid = read_pgm(root / subject.image_file)
+            shares = (agreement(grid, supplied.grid), agreement(supplied.grid, grid))
+            subject = replace(subject, likeness=min(shares))
     return run_family("maps", "M", subject, lab)
 
 
@@ -102,11 +124,15 @@ def _map_path(contents: FolderContents, facts: MapFacts) -> Path | None:
         return find_map(contents.root / name, facts)
     if facts.yaml in contents.usable:
         return contents.root / facts.yaml
-    stages = [contents.lab.checkpoints[stage] for stage in contents.listing.stages]
-    is_due = not stages or any(checkpoint.localization for checkpoint in stages)
-    if not is_due or not contents.listing.stage_folder:
+    if not _is_due(contents) or not contents.listing.stage_folder:
         return None
     return contents.root / contents.spec.folders.maps / facts.yaml
+
+
+def _is_due(contents: FolderContents) -> bool:
+    """Whether a stage that needs the map is handed in, or no stage at all."""
+    stages = [contents.lab.checkpoints[stage] for stage in contents.listing.stages]
+    return not stages or any(checkpoint.localization for checkpoint in stages)
 
 
 def _wall_agreements(
@@ -166,7 +192,7 @@ def judge_saved_outputs(
     subject = EvidenceSubject(
         ros=contents.ros,
         frames=contents.lab.frames,
-        facts=contents.lab.scene.map,
+        facts=contents.map,
         evidence=evidence,
         reached=contents.lab.until(until),
         required=required,

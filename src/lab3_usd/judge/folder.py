@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from lab3_usd import features
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
-from lab3_usd.deliverables.maps import opens_all
+from lab3_usd.deliverables.maps import SuppliedMap, opens_all
 from lab3_usd.deliverables.submission import folder_named, list_submission, stage_ending
 from lab3_usd.errors import Lab3Error, StageError, described
 from lab3_usd.judge.files import (
@@ -41,7 +41,7 @@ class _Starters(Struct, frozen=True):
 
 
 class FolderSettings(Struct, frozen=True):
-    """What a folder is judged with: the supplied starter, and a folder of maps beside it.
+    """What a folder is judged with: the supplied starter, and the maps of `FolderContents`.
 
     With `require_evidence`, saved output that is missing is an error instead of a note. With
     `heeds_ignores`, what notes in a stage ignore on purpose is left out. With `native`, OpenUSD's
@@ -52,7 +52,7 @@ class FolderSettings(Struct, frozen=True):
     """
 
     starter: Path | Starter | None = None
-    maps: Path | None = None
+    maps: Path | SuppliedMap | None = None
     require_evidence: bool = False
     heeds_ignores: bool = False
     native: bool = False
@@ -91,7 +91,8 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     """
     lab = load_lab()
     spec = lab.submission
-    contents = FolderContents(folder, list_submission(folder, lab, spec), lab, lab.ros, spec)
+    listing = list_submission(folder, lab, spec)
+    contents = FolderContents(folder, listing, lab, lab.ros, spec, settings.maps)
     starters = find_starters(folder, contents.listing, settings.starter, lab)
     results = dict(_results(contents, starters, settings))
     until = [*contents.listing.stages][-1] if contents.listing.stages else lab.last
@@ -120,8 +121,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     judged = merge_results((
         run_family("submission", "X", subject, lab),
         judge_maps(
-            contents, settings.maps, Path(readable[-1]) if readable else None, may_open,
-            handed_in=handed_in,
+            contents, Path(readable[-1]) if readable else None, may_open, handed_in=handed_in
         ),
         judge_parameters(contents),
         judge_saved_outputs(

@@ -9,7 +9,7 @@ from posixpath import normpath
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import same, shortened
-from lab3_usd.model.finding import Problem
+from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.folder import MapSubject
 
 REFUSED = "map_server cannot load it"
@@ -53,6 +53,7 @@ READ: Mapping[str, Callable[[object], object]] = {
 }
 
 
+_ALIKE = 0.9  # of the walls; so many points of a scan have to lie at a wall of its map
 _DEFAULTS = {"mode": "trinary"}  # what map_server takes where the file says nothing
 
 
@@ -115,7 +116,9 @@ def map_image_name(subject: MapSubject) -> Iterator[Problem]:
     name = PureWindowsPath(image).name
     if name != subject.facts.image:
         message = f"'image' names '{name}', expected '{subject.facts.image}'"
-        yield Problem(subject.file, message, "image", subject.facts.image, name)
+        is_same = (subject.likeness or 0) >= _ALIKE  # the same map by another name
+        severity: Severity = "warning" if is_same else "error"
+        yield Problem(subject.file, message, "image", subject.facts.image, name, severity=severity)
 
 
 @rule("M04", "map-image-missing", scope="maps")
@@ -259,8 +262,34 @@ def map_not_given(subject: MapSubject) -> Iterator[Problem]:
 
     Example: `lab3 check {map_stage}`.
     """
-    if not subject.given:
+    if subject.replaced:
+        message = "map is not handed in; the grader's map stands in for it"
+        yield Problem(subject.file, message, severity="warning")
+    elif not subject.given:
         yield Problem(subject.file, "map is not given, so not checked")
+
+
+@rule("M11", "map-differs", scope="maps")
+def map_differs(subject: MapSubject) -> Iterator[Problem]:
+    """The map has other walls than the grader's.
+
+    Why: the scan lies beside the walls of another map, and AMCL is lost. Below 90 % in common it is
+    an error, else a warning; 100 % is a note.
+
+    Fix: copy the supplied `{map}` and `{map_image}` into `{maps}/` again.
+
+    Example: `lab3 grade --maps`, and a map of another room: 12 %.
+    """
+    if subject.likeness is None:
+        return
+    is_other, is_same = subject.likeness < _ALIKE, subject.likeness == 1
+    yield Problem(
+        subject.image_file,
+        f"map has {subject.likeness:.0%} of its walls in common with the grader's map",
+        expected=f"at least {_ALIKE:.0%}",
+        actual=f"{subject.likeness:.3f}",
+        severity="error" if is_other else "note" if is_same else "warning",
+    )
 
 
 def _quoted(value: object) -> str:

@@ -10,6 +10,7 @@ import msgspec
 from msgspec import Struct
 
 from lab3_usd.data import program
+from lab3_usd.deliverables.maps import SuppliedMap
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 
@@ -34,10 +35,11 @@ _Message = TypeVar("_Message", bound=Struct)
 class PoolSettings(Struct, frozen=True):
     """How to judge: with which starter and rubric, and what workers may use and read.
 
-    `lab` is the folder of another lab than the bundled one, `assets` the folders in which the
-    grader has what lies at these addresses. With `merge`, what the last upload of a student lacks
-    comes from the ones before. With `with_report`, an answer holds the report as data too. Without
-    `named`, reports do not name the student. `typed` is the name by which the program was started.
+    Maps are compared with the `supplied_map`. `lab` is the folder of another lab than the bundled
+    one, `assets` the folders in which the grader has what lies at these addresses. With `merge`,
+    what the last upload of a student lacks comes from the ones before. With `with_report`, an
+    answer holds the report as data too. Without `named`, reports do not name the student. `typed`
+    is the name by which the program was started.
     """
 
     starter: Path | None
@@ -50,6 +52,7 @@ class PoolSettings(Struct, frozen=True):
     merge: bool = False
     with_report: bool = False
     named: bool = True
+    supplied_map: SuppliedMap | None = None
     typed: str = msgspec.field(default_factory=program)
 
 

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.check.rule_runs import finding_of
+from lab3_usd.deliverables.maps import SuppliedMap
 from lab3_usd.grade.dry_runs import with_dry_runs
 from lab3_usd.grade.gradebook import write_reports
 from lab3_usd.grade.intake.archives import NO_ARCHIVE, ArchiveError
@@ -40,7 +41,9 @@ from lab3_usd.stage.graph_signature import files_read, graph_signature
 from lab3_usd.stage.read.opening import PLACEHOLDER
 from lab3_usd.stage.sandboxed_open import BlockedAsset, FileBounds, opening_within
 
-_NOT_OPENED, _UNJUDGED = "Z01", "X13"
+_NOT_OPENED = "Z01"
+# What remarks name: stages left aside, no map, another map.
+_UNJUDGED, _ABOUT_MAPS = "X13", ("M10", "M11")
 _SOMEBODY = "submission"
 _EMPTY = hashlib.sha256().hexdigest()
 
@@ -48,7 +51,8 @@ _EMPTY = hashlib.sha256().hexdigest()
 class GradingSetup(Struct, frozen=True):
     """What every submission of a class is judged with.
 
-    `starter` is open already, and `allowed` are the files that it consists of. `supplied` are the
+    `starter` is open already, and `allowed` are the files that it consists of. Maps are compared
+    with the `supplied_map`. `supplied` are the
     folders in which the grader has assets of servers. With `merge`, what the last upload of a
     student lacks comes from the ones before. With `with_report`, the answer holds the report as
     data, and where in the upload the submission lies. Without `named`, the reports name nobody, and
@@ -64,6 +68,7 @@ class GradingSetup(Struct, frozen=True):
     merge: bool = False
     with_report: bool = False
     named: bool = True
+    supplied_map: SuppliedMap | None = None
 
 
 def grade_submission(
@@ -96,6 +101,7 @@ def grade_submission(
     with _inside(staged.folder), opening_within(bounds):
         settings = FolderSettings(
             starter=setup.starter,
+            maps=setup.supplied_map,
             may_open=partial(_may_open, bounds),
             digests=staged.digests,
             handed_in=True,
@@ -126,8 +132,12 @@ def grade_submission(
         }
         report = Report(judged.results, (judged.submission,))
         remarks = tuple(remark.text for remark in staged.remarks)
-        left = (finding for finding in judged.submission.findings if finding.rule == _UNJUDGED)
-        remarks += tuple(f"{finding.prim}: {finding.message}" for finding in left)
+        remarks += tuple(
+            f"{finding.prim}: {finding.message}"
+            for finding in judged.submission.findings
+            if finding.rule == _UNJUDGED
+            or (finding.rule in _ABOUT_MAPS and finding.severity != "note")
+        )
         remarks += tuple(
             f"{stage}: {asset} was not handed in; the grader's file stands in for it"
             for stage, asset in bounds.lent.items()

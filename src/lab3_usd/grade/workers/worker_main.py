@@ -170,6 +170,7 @@ def load_setup(settings: PoolSettings) -> GradingSetup:
         merge=settings.merge,
         with_report=settings.with_report,
         named=settings.named,
+        supplied_map=settings.supplied_map,
     )
 
 
