@@ -13,17 +13,15 @@ from places import SHARED
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.data import data_folder
+from lab3_usd.deliverables.drawn_maps import DrawnMap, MapFrame, draw_map
 from lab3_usd.deliverables.maps import (
     FREE,
     OCCUPIED,
     UNKNOWN,
-    DrawnMap,
     Grid,
     MapError,
     MapFile,
-    MapFrame,
     agreement,
-    draw_map,
     map_yaml,
     pgm,
     read_pgm,

@@ -24,7 +24,7 @@ from pxr import Sdf
 from workers_here import graded_here, workers_here
 
 from lab3_usd.commands import grade as grade_command
-from lab3_usd.commands.grade import Rate, line
+from lab3_usd.commands.shared.progress import Rate, line, progress_line
 from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of
 from lab3_usd.grade.gradebook import Rows
@@ -558,10 +558,10 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -
     terminal = Terminal()
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys, "stderr", terminal)
-    grade_command._progress()(1, 1)
+    progress_line()(1, 1)
     assert "1/1" in terminal.getvalue()
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    grade_command._progress()(1, 1)
+    progress_line()(1, 1)
     assert sys.stderr.getvalue() == ""  # type: ignore[attr-defined]  # it is in memory
 
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 import os
 import sys
-import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.shared.options import asset_places, assets_option, understands_ansi
+from lab3_usd.commands.shared.options import asset_places, assets_option
+from lab3_usd.commands.shared.progress import progress_line
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
 
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from lab3_usd.grade.gradebook import Rows
     from lab3_usd.grade.intake.submission_copy import Limits
 
-_SECONDS_BETWEEN = 0.1
-_WIDTH = 30
 _FOR_EXPORTS = {
     "column": "--column",
     "scale": "--scale",
@@ -31,28 +29,6 @@ _FOR_EXPORTS = {
     "dry_run": "--dry-run",
     "feedback": "--feedback",
 }
-
-
-class Rate:
-    """Draws the line again whenever something is done, at most ten times a second."""
-
-    def __init__(self, stream: TextIO) -> None:
-        """Start the clock at the first call of `show`."""
-        self._stream = stream
-        self._started = 0.0
-        self._drawn = 0.0
-
-    def show(self, done: int, total: int) -> None:
-        """Draw how many of how many are done; the last call ends the line."""
-        now = time.monotonic()
-        self._started = self._started or now
-        if done < total and now - self._drawn < _SECONDS_BETWEEN:
-            return
-        self._drawn = now
-        self._stream.write(f"\r\x1b[K{line(done, total, now - self._started)}")
-        if done >= total:
-            self._stream.write("\n")
-        self._stream.flush()
 
 
 class Seconds(click.FloatRange):
@@ -359,7 +335,7 @@ def _graded_or_continued(settings: ClassSettings) -> Rows:
     """Grade a class; if the user or the system ends it, say how to continue."""
     from lab3_usd.grade.class_run import grade_class
 
-    draw, numbers = _progress(), [0, 0]
+    draw, numbers = progress_line(), [0, 0]
 
     def show(done: int, total: int) -> None:
         numbers[:] = done, total
@@ -478,24 +454,3 @@ def _processors() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def _progress() -> Callable[[int, int], None]:
-    """Show how many are done, how fast, and how long it takes, on a terminal only."""
-    if not understands_ansi(sys.stderr):
-        return lambda _done, _total: None
-
-    return Rate(sys.stderr).show
-
-
-def line(done: int, total: int, seconds: float) -> str:
-    """Return `grading [#####-----] 50/100  2.5/s  20 s left`."""
-    filled = _WIDTH * done // max(total, 1)
-    bar = "#" * filled + "-" * (_WIDTH - filled)
-    text = f"grading [{bar}] {done}/{total}"
-    if not done or seconds <= 0:
-        return text
-    rate = done / seconds
-    minutes, rest = divmod(round((total - done) / rate), 60)
-    duration = f"{minutes} min {rest:02} s" if minutes else f"{rest} s"
-    return f"{text}  {rate:.1f}/s  {duration} left"

@@ -68,7 +68,8 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
     frame is the world of the stage.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.deliverables.maps import MapFile, MapFrame, draw_map, map_yaml, pgm
+    from lab3_usd.deliverables.drawn_maps import MapFrame, draw_map
+    from lab3_usd.deliverables.maps import MapFile, map_yaml, pgm
     from lab3_usd.spec.load.loader import load_lab
 
     lab = load_lab()

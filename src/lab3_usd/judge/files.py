@@ -11,16 +11,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.rule_runs import RuleResults, merge_results, run_family
+from lab3_usd.deliverables.drawn_maps import MapFrame, draw_map
 from lab3_usd.deliverables.evidence.reader import read_listed
-from lab3_usd.deliverables.maps import (
-    MapFrame,
-    SuppliedMap,
-    agreement,
-    draw_map,
-    find_map,
-    map_subject,
-    read_pgm,
-)
+from lab3_usd.deliverables.maps import SuppliedMap, agreement, find_map, map_subject, read_pgm
 from lab3_usd.deliverables.nav2 import read_params
 from lab3_usd.deliverables.submission import find_parameter_files, folder_named
 from lab3_usd.errors import Lab3Error
