@@ -1,21 +1,26 @@
 """`pytest --lab3 work/`: every requirement of every checkpoint as a test of its own.
 
 `pytest --lab3-lint robots/`: every stage of Isaac Sim as a test, which the linter passes or fails.
+
+Both heed the configuration beside the stages, as the commands do, or that of `--lab3-config`.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from msgspec.structs import replace
 
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
+    from lab3_usd.config.settings import Config
     from lab3_usd.model.finding import Finding, Requirement, StageResult
 
 ENDINGS = (".usd", ".usda", ".usdc")
@@ -38,6 +43,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="PATH",
         help="a stage of Isaac Sim, or a folder of them: each stage becomes a test",
     )
+    group.addoption(
+        "--lab3-config",
+        metavar="FILE",
+        help="the configuration, not the nearest one; its rules of your own may be files",
+    )
+    group.addoption(
+        "--lab3-baseline",
+        metavar="FILE",
+        help="findings and stages not judged that are accepted, from lab3 --write-baseline FILE",
+    )
+
+
+_CONFIGS = pytest.StashKey[dict[str, "Config"]]()  # by the paths given
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -48,52 +66,94 @@ def pytest_configure(config: pytest.Config) -> None:
     Raises:
         pytest.UsageError: a path does not exist, or the configuration is wrong.
     """
-    for option in ("--lab3", "--lab3-lint"):
-        for path in config.getoption(option):
+    given = {option: config.getoption(option) for option in ("--lab3", "--lab3-lint")}
+    for option, paths in given.items():
+        for path in paths:
             if not Path(path).exists():
                 raise pytest.UsageError(f"{option} {path}: there is no such file or folder")
             config.args.append(path)
-    if config.getoption("--lab3") and not os.environ.get(LAB_VARIABLE):
-        _use_lab(config)
+    if any(given.values()):
+        _use_configuration(config, [path for paths in given.values() for path in paths])
 
 
-def _use_lab(config: pytest.Config) -> None:
-    """Name the lab of the first stage that has one in its configuration, until the tests end."""
-    from lab3_usd.config.settings import places_for
+def _use_configuration(config: pytest.Config, paths: list[str]) -> None:
+    """Read the configuration of each path: its rules judge, and its lab, until the tests end.
 
+    Raises:
+        pytest.UsageError: a configuration or the baseline is wrong.
+    """
+    from lab3_usd.check.own_rules import no_own_rules_afterwards
+    from lab3_usd.commands.shared.baseline import read_baseline
+    from lab3_usd.config.settings import config_for, load_config
+
+    afterwards = ExitStack()
+    config.add_cleanup(afterwards.close)
+    afterwards.enter_context(no_own_rules_afterwards())
+    file, baseline = (config.getoption(f"--lab3-{name}") for name in ("config", "baseline"))
     try:
-        labs = [places_for(Path(path)).lab for path in config.getoption("--lab3")]
+        config.stash[_CONFIGS] = {
+            path: load_config(Path(file)) if file else config_for([path], "--lab3-config")
+            for path in paths
+        }
+        if baseline is not None:
+            read_baseline(Path(baseline))
     except UsageError as error:
         raise pytest.UsageError(str(error)) from error
+    labs = [config.stash[_CONFIGS][path].lab for path in config.getoption("--lab3")]
     lab = next(filter(None, labs), None)
-
-    def put_back() -> None:
-        os.environ.pop(LAB_VARIABLE, None)
-
-    if lab is not None:
+    if lab is not None and not os.environ.get(LAB_VARIABLE):
         os.environ[LAB_VARIABLE] = str(lab.resolve())
-        config.add_cleanup(put_back)
+        afterwards.callback(os.environ.pop, LAB_VARIABLE, None)
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
     """Take the stages that are named, or that lie in a folder that is."""
     if file_path.suffix.lower() not in ENDINGS:
         return None
-    if _is_named(file_path, parent.config.getoption("--lab3-lint")):
+    if _configuration(parent.config, "--lab3-lint", file_path) is not None:
         return LintedFile.from_parent(parent, path=file_path)
-    if not _is_named(file_path, parent.config.getoption("--lab3")):
+    configuration = _configuration(parent.config, "--lab3", file_path)
+    if configuration is None:
         return None
+    from lab3_usd.config.settings import matching
     from lab3_usd.judge.stage import checkpoint_of
     from lab3_usd.spec.load.loader import load_lab
 
-    if checkpoint_of(file_path.name, load_lab()) is None:
+    configured = next(matching(configuration.checkpoints, str(file_path), configuration), None)
+    if configured is None and checkpoint_of(file_path.name, load_lab()) is None:
         return None
     return CheckpointFile.from_parent(parent, path=file_path)
 
 
-def _is_named(file: Path, paths: list[str]) -> bool:
+def _configuration(config: pytest.Config, option: str, file: Path) -> Config | None:
+    """Return the configuration for a file that the paths of an option name; None for others."""
     around = {file, *file.parents}
-    return any(Path(path).resolve() in around for path in paths)
+    for path in config.getoption(option):
+        configuration = config.stash[_CONFIGS][path]
+        if Path(path).resolve() in around:
+            is_left_out = not Path(path).is_file() and configuration.excludes(file)
+            return None if is_left_out else configuration
+    return None
+
+
+def _as_asked(result: StageResult, option: str, config: pytest.Config) -> StageResult:
+    """Return a result with the findings that the configuration asks for and no baseline knows."""
+    from lab3_usd.commands.shared.baseline import without_known
+    from lab3_usd.config.settings import selected
+    from lab3_usd.judge.results import with_findings
+    from lab3_usd.model.finding import Report
+
+    configuration = _configuration(config, option, Path(result.path))
+    if configuration is not None:
+        findings = selected(result.findings, result.path, configuration)
+        result = with_findings(result, findings)
+    baseline = config.getoption("--lab3-baseline")
+    if baseline is None:
+        return result
+    every: dict[str, tuple[str, ...]] = {"select": (), "ignore": ()}
+    report = without_known(Report((result,)), Path(baseline), every).report
+    (new,) = report.results
+    return replace(new, gaps=()) if new.path in report.accepted else new
 
 
 class LintedFile(pytest.File):
@@ -101,10 +161,11 @@ class LintedFile(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """Yield the one test."""
-        from lab3_usd.judge.lint import lint_stage
+        from lab3_usd.judge.lint import LintSettings, lint_stage
 
+        result = lint_stage(self.path, LintSettings(heeds_ignores=True))
         item = NoFaultsItem.from_parent(self, name="lint")
-        item.result = lint_stage(self.path)
+        item.result = _as_asked(result, "--lab3-lint", self.config)
         yield item
 
 
@@ -113,15 +174,25 @@ class CheckpointFile(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """Yield a test for each requirement, and one for faults that belong to none."""
-        from lab3_usd.judge.stage import check_stage
+        from lab3_usd.judge.entries import JudgeSettings, judge_entry
+        from lab3_usd.judge.results import Target
 
-        result = check_stage(self.path)
+        configuration = _configuration(self.config, "--lab3", self.path)
+        settings = JudgeSettings(heeds_ignores=True)
+        if configuration is not None:
+            settings = replace(
+                settings,
+                config=configuration,
+                starter=configuration.starter,
+                maps=configuration.maps,
+            )
+        (result,), _ = judge_entry(settings, Target(str(self.path)))
         for requirement in result.requirements:
             item = RequirementItem.from_parent(self, name=requirement.id)
             item.requirement, item.result = requirement, result
             yield item
         whole = NoFaultsItem.from_parent(self, name="no faults")
-        whole.result = result
+        whole.result = _as_asked(result, "--lab3", self.config)
         yield whole
 
 

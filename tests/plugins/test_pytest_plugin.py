@@ -8,11 +8,13 @@ from pathlib import Path
 
 import pytest
 from foreign_robots import rover
+from invoking import invoke
 from missing_assets import behind_a_missing_robot
 from places import REPOSITORY
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from lab3_usd import build_checkpoint, check_stage
+from lab3_usd.check.registry import all_rules
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.write.builder import BuildOptions, build_files
@@ -117,3 +119,88 @@ def test_the_lab_of_the_configuration_is_the_one_that_judges(
     asked = check_stage(path, lab=lab).requirements
     run(pytester, "--lab3", str(tmp_path)).assert_outcomes(passed=len(asked) + 1)
     assert LAB_VARIABLE not in os.environ
+
+
+@pytest.fixture
+def shouting(tmp_path: Path) -> Path:
+    """A robot with a topic that the example of rules of one's own is about, and the rule."""
+    stage = rover()
+    node = stage.GetPrimAtPath("/World/Odometry/odometry")
+    node.CreateAttribute("inputs:topicName", Sdf.ValueTypeNames.String).Set("Odom")
+    stage.GetRootLayer().Export(str(tmp_path / "robot.usda"))
+    example = REPOSITORY / "docs" / "examples" / "own_rules"
+    text = (example / "acme_rules.py").read_text().replace("ACME01", "ACME07")
+    (tmp_path / "acme_rules.py").write_text(text.replace('severity="warning"', 'severity="error"'))
+    (tmp_path / "lab3.toml").write_text('rules = ["acme_rules.py"]\n')
+    return tmp_path
+
+
+def test_rules_of_ones_own_judge_if_their_configuration_is_named(
+    pytester: pytest.Pytester, shouting: Path
+) -> None:
+    options = ("--lab3-config", str(shouting / "lab3.toml"), "--lab3-lint", str(shouting))
+    result = run(pytester, *options)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*ACME07 /World/Odometry/odometry*inputs:topicName is 'Odom'*"])
+    assert "ACME07" not in all_rules()
+
+
+def test_a_file_of_rules_beside_the_stages_does_not_run(
+    pytester: pytest.Pytester, shouting: Path
+) -> None:
+    (shouting / "acme_rules.py").write_text("raise SystemExit('it ran')\n")
+    result = run(pytester, "--lab3-lint", str(shouting))
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["*would run as a program*with --lab3-config */lab3.toml*"])
+
+
+def test_an_installed_package_brings_rules_to_both_options(
+    pytester: pytest.Pytester, shouting: Path, clock: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    info = shouting / "packages" / "acme-1.0.dist-info"
+    info.mkdir(parents=True)
+    text = (shouting / "acme_rules.py").read_text().replace("ACME07", "ACME08")
+    (info.parent / "acme_in_pytest.py").write_text(text.replace("topic != topic.lower()", "True"))
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[lab3_usd.rules]\nacme8 = acme_in_pytest\n")
+    monkeypatch.syspath_prepend(info.parent)
+    (shouting / "lab3.toml").write_text('rules = ["acme8"]\n')
+    result = run(pytester, "--lab3-lint", str(shouting / "robot.usda"), "--lab3", str(clock))
+    result.assert_outcomes(passed=len(check_stage(clock).requirements), failed=2)
+    result.stdout.fnmatch_lines(["*ACME08 /World/ROS_Clock/ros2_publish_clock*"])
+
+
+def test_what_the_configuration_or_a_note_ignores_fails_no_test(
+    pytester: pytest.Pytester, tmp_path: Path
+) -> None:
+    stage = rover()
+    stage.GetAttributeAtPath("/World/Clock/clock.inputs:execIn").ClearConnections()
+    stage.GetRootLayer().Export(str(tmp_path / "robot.usda"))
+    run(pytester, "--lab3-lint", str(tmp_path)).assert_outcomes(failed=1)
+    (tmp_path / "lab3.toml").write_text('ignore = ["K01", "K47"]\n')
+    run(pytester, "--lab3-lint", str(tmp_path)).assert_outcomes(passed=1)
+    (tmp_path / "lab3.toml").unlink()
+    stage.GetPrimAtPath("/World/Clock/clock").SetCustomDataByKey("lab3:ignore", "K01")
+    stage.GetRootLayer().Export(str(tmp_path / "robot.usda"))
+    run(pytester, "--lab3-lint", str(tmp_path)).assert_outcomes(passed=1)
+
+
+def test_a_baseline_accepts_findings_and_what_could_not_be_judged(
+    pytester: pytest.Pytester, tmp_path: Path
+) -> None:
+    stages = tmp_path / "stages"
+    stages.mkdir()
+    stage = rover()
+    stage.GetAttributeAtPath("/World/Clock/clock.inputs:execIn").ClearConnections()
+    stage.GetRootLayer().Export(str(stages / "robot.usda"))
+    behind_a_missing_robot("05").GetRootLayer().Export(str(stages / "Lab3_05_odometry_tf.usda"))
+    known = tmp_path / "known.json"
+    invoke("lint", "--write-baseline", known, stages)
+    accepted = ("--lab3-baseline", str(known), "--lab3-lint", str(stages))
+    run(pytester, *accepted).assert_outcomes(passed=2)
+    stage.GetPrimAtPath("/World/Odometry/odometry").GetAttribute("inputs:execIn").ClearConnections()
+    stage.GetRootLayer().Export(str(stages / "robot.usda"))
+    result = run(pytester, *accepted)
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["*K01 /World/Odometry/odometry*"])
+    assert "/World/Clock/clock" not in result.stdout.str()

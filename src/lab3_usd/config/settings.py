@@ -49,8 +49,8 @@ class Config(Struct, frozen=True):
         return any(any(matching(named, str(item), self)) for item in (whole, *above))
 
 
-def config_for(paths: Iterable[str]) -> Config:
-    """Return the configuration for files that are judged together.
+def config_for(paths: Iterable[str], option: str = "--config") -> Config:
+    """Return the configuration for files that are judged together; `option` names one.
 
     Raises:
         UsageError: the file that holds it is wrong, or the paths have several.
@@ -58,15 +58,15 @@ def config_for(paths: Iterable[str]) -> Config:
     files = {find_file(Path(path)): path for path in paths}
     if len(files) > 1:
         named = "; ".join(f"{path}: {file or 'none'}" for file, path in files.items())
-        raise UsageError(f"these have several configurations, name one with --config: {named}")
+        raise UsageError(f"these have several configurations, name one with {option}: {named}")
     file = next(iter(files), None)
     if file is None:
         return Config()
     programs = [name for name in read_table(file).get("rules", ()) if str(name).endswith(ENDING)]
     if programs:
         raise UsageError(
-            f"{file}: rules names {', '.join(programs)}, which would run as a program; name the "
-            f"configuration with --config {file} if you trust it, or leave it out with --isolated"
+            f"{file}: rules names {', '.join(programs)}, which would run as a program; if you "
+            f"trust it, name the configuration with {option} {file}"
         )
     return load_config(file)
 
@@ -199,9 +199,24 @@ _KEYS: dict[str, Callable[[Any, str, Path], Any]] = {
 _Value = TypeVar("_Value")
 
 
-def with_config_applied(
-    findings: Iterable[Finding], path: str, config: Config
-) -> Iterator[Finding]:
+def chosen(rule: str, select: tuple[str, ...], ignore: tuple[str, ...]) -> bool:
+    """Whether the findings of a rule are wanted; a family means all of its rules."""
+    return (not select or is_among(rule, select)) and not is_among(rule, ignore)
+
+
+def selected(findings: Iterable[Finding], path: str, config: Config) -> tuple[Finding, ...]:
+    """Return the findings of a file that a configuration asks for, as grave as it says.
+
+    That a file cannot be read is said in any case.
+    """
+    every = tuple(findings)
+    unread = (finding for finding in every if finding.unopened == "stage")
+    readable = (finding for finding in every if finding.unopened != "stage")
+    kept = _as_configured(readable, path, config)
+    return (*unread, *(item for item in kept if chosen(item.rule, config.select, config.ignore)))
+
+
+def _as_configured(findings: Iterable[Finding], path: str, config: Config) -> Iterator[Finding]:
     """Yield the findings of a file that its patterns do not ignore, as grave as is set.
 
     What is set for a rule counts before what is set for its family.

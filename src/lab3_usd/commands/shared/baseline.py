@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.commands.shared.options import chosen
+from lab3_usd.config.settings import chosen
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole

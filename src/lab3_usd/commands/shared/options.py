@@ -12,7 +12,6 @@ import click
 
 from lab3_usd.data import LAB_VARIABLE, program
 from lab3_usd.errors import UsageError
-from lab3_usd.model.finding import is_among
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -240,11 +239,6 @@ def checkpoint_number(given: str, known: Collection[str]) -> str:
     if number not in known:
         raise UsageError(f"there is no checkpoint '{given}'; known are {', '.join(known)}")
     return number
-
-
-def chosen(rule: str, select: tuple[str, ...], ignore: tuple[str, ...]) -> bool:
-    """Whether the findings of a rule are wanted; a family means all of its rules."""
-    return (not select or is_among(rule, select)) and not is_among(rule, ignore)
 
 
 def wants_color() -> bool:

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from msgspec.structs import replace
 
 from lab3_usd import features
-from lab3_usd.commands.shared.options import chosen, wants_color, width
-from lab3_usd.config.settings import with_config_applied
+from lab3_usd.commands.shared.options import wants_color, width
+from lab3_usd.config.settings import selected
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
 from lab3_usd.files import absence
@@ -74,16 +75,10 @@ def selected_findings(
 
     An unreadable file is reported in any case. Points are those of all findings.
     """
-    every = tuple(findings)
     if options.get("form") == GRADESCOPE:  # fix has no formats
-        return every
-    unread = [finding for finding in every if finding.unopened == "stage"]
-    readable = (finding for finding in every if finding.unopened != "stage")
-    kept = with_config_applied(readable, path, options["config"])
-    selected = (
-        finding for finding in kept if chosen(finding.rule, options["select"], options["ignore"])
-    )
-    return (*unread, *selected)
+        return tuple(findings)
+    given = {name: options[name] for name in ("select", "ignore")}
+    return selected(findings, path, replace(options["config"], **given))
 
 
 def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
