@@ -112,7 +112,7 @@ def message_frames(stage: StageModel, platform: Platform) -> tuple[MessageFrame,
 class OdometryPair(Struct, frozen=True, eq=False):
     """A message and a transform that tell the same pose, with the frames of both.
 
-    The ports are those that name the children.
+    The ports are those that name the children, `names` all those that name frames, by node.
     """
 
     publisher: Node
@@ -121,6 +121,12 @@ class OdometryPair(Struct, frozen=True, eq=False):
     tree: Node
     tree_port: str
     transform: tuple[str, str]
+
+    @property
+    def names(self) -> tuple[tuple[str, str], ...]:
+        """The nodes and ports that name the frames of both."""
+        nodes = (self.publisher, self.tree)
+        return tuple((node.path, port) for node in nodes for port in _name_ports(node))
 
 
 class _SentPose(Struct, frozen=True, eq=False):
@@ -155,6 +161,11 @@ def odometry_pairs(stage: StageModel, platform: Platform) -> Iterator[OdometryPa
                 )
 
 
+def _name_ports(node: Node) -> tuple[str, ...]:
+    """Return the inputs by which a node names frames: of its transform, else of its message."""
+    return tf_ports(node).names or (() if node.type is None else node.type.frames)
+
+
 def _sent_pose(node: Node, stage: StageModel, platform: Platform) -> _SentPose | None:
     sources = (
         source
@@ -164,8 +175,7 @@ def _sent_pose(node: Node, stage: StageModel, platform: Platform) -> _SentPose |
     maker = next(sources, None)
     if node.type is None or maker is None or node.path not in run_states(stage, platform):
         return None
-    names = tf_ports(node).names
-    ports = names or node.type.frames
+    names, ports = tf_ports(node).names, _name_ports(node)
     values = [effective_value(node, port, live_nodes(stage, platform)) for port in ports]
     texts = [value for value in values if isinstance(value, str)]
     if len(texts) != len(_POSE) or len(ports) != len(_POSE):

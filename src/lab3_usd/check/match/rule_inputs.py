@@ -15,6 +15,7 @@ from lab3_usd.facts.execution_order import (
     run_states,
     unevaluated_by,
 )
+from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.facts.frames import (
     Edge,
     HeardTree,
@@ -363,12 +364,17 @@ class LintSubject(Struct, frozen=True, eq=False):
         return True
 
     def assumed(self, edges: Iterable[Edge]) -> tuple[Place, ...]:
-        """Return the namespaces that a problem of transforms rests on; else it is a root."""
+        """Return the names and the namespaces that a problem of transforms rests on."""
+        edges = tuple(edges)
         publishers = {edge.publisher for edge in edges}
-        return tuple(
-            (shared.prim, self.platform.ros.namespace_attribute)
-            for shared in shared_tf_topics(self.stage, self.platform)
-            if any(publishers & {*paths} for paths in shared.publishers.values())
+        named = (self.live[path] for path in dict.fromkeys(edge.cause for edge in edges))
+        return (
+            *((node.path, port) for node in named for port in tf_ports(node).names),
+            *(
+                (shared.prim, self.platform.ros.namespace_attribute)
+                for shared in shared_tf_topics(self.stage, self.platform)
+                if any(publishers & {*paths} for paths in shared.publishers.values())
+            ),
         )
 
     def title(self, node: Node) -> str:

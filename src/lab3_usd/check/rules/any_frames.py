@@ -74,7 +74,7 @@ def two_parents(subject: TransformsSubject) -> Iterator[Problem]:
                 related=_others(rivals, wrong[0]),
                 severity=_severity(pairs, subject),
                 frames=children,
-                assumes=subject.assumed(wrong),
+                assumes=subject.assumed(edge for pair in pairs for edge in pair),
             )
 
 
@@ -285,5 +285,6 @@ def unpublished_frame(subject: TransformsSubject) -> Iterator[Problem]:
                 expected=", ".join(sorted(frames)),
                 actual=named.name,
                 severity=None if subject.is_required(named.endpoint.node) else "warning",
+                assumes=((named.endpoint.node.path, named.port),),
                 rests_on=subject.frames_left_open(),
             )

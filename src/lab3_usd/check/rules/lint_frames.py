@@ -80,4 +80,5 @@ def odometry_tf_mismatch(subject: LintSubject) -> Iterator[Problem]:
                 expected=" -> ".join(pair.transform),
                 actual=" -> ".join(pair.message),
                 related=(pair.tree.path,),
+                assumes=pair.names,
             )

@@ -83,6 +83,7 @@ def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
                     joint.path,
                     f"ties the robot to the world, but {command.node.path} drives its wheels",
                     related=(command.node.path,),
+                    assumes=((command.node.path, command.port),),
                 )
 
 

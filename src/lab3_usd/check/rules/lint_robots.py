@@ -236,16 +236,16 @@ def command_count(subject: LintSubject) -> Iterator[Problem]:
                     related=(command.robot,) if is_for_all else (),
                     rests_on=(command.unknown if is_for_all else None)
                     or subject.stage.unknown_inputs(command.node),
-                    assumes=tuple(_elements_without_value(command, subject)),
+                    assumes=tuple(_sizes_and_gaps(command, subject)),
                 )
 
 
-def _elements_without_value(command: Command, subject: LintSubject) -> Iterator[Place]:
-    """Yield the elements without a value of the arrays that come in."""
+def _sizes_and_gaps(command: Command, subject: LintSubject) -> Iterator[Place]:
+    """Yield the sizes of the arrays that come in, and their elements without a value."""
     for port in (command.ports.joints, *command.ports.commands):
         for maker, _ in live_sources(command.node, port, subject.live):
             items = array_items(maker)
-            for element in () if items is None else items.empty:
+            for element in () if items is None else (items.count_port, *items.empty):
                 yield maker.path, element
 
 

@@ -16,6 +16,7 @@ from lab3_usd.facts.execution_order import (
     event_of,
     is_graph_evaluated,
     is_switched_on,
+    live_sources,
     run_states,
     shut_gate,
     signal_inputs,
@@ -423,6 +424,10 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
                     f"{port} is connected to an empty text: an element of the array is empty",
                     property=port,
                     expected="a text",
+                    assumes=tuple(
+                        (source.path, name)
+                        for source, name in live_sources(node, port, subject.live)
+                    ),
                 )
         if items.filled:
             for port in items.empty:
@@ -445,4 +450,5 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
                 actual=str(items.count),
                 severity="warning",
                 rests_on=subject.stage.unknown_inputs(node),
+                assumes=((node.path, items.count_port),),
             )

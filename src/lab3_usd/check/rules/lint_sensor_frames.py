@@ -203,28 +203,32 @@ def image_info_mismatch(subject: LintSubject) -> Iterator[Problem]:
         ]
         same = [image for image in images if image.sensor.path == info.sensor.path]
         if images and not same:
-            fault, port = f"shows {info.sensor.path}", info.product
-            fault += f", and {images[0].endpoint.topic} shows {images[0].sensor.path}"
-            yield _mismatch(info, images[0], fault, port)
+            fault = f"shows {info.sensor.path}, and {images[0].endpoint.topic} shows "
+            fault += images[0].sensor.path
+            yield _mismatch(info, images[0], fault, (info.product, images[0].product))
         frames = [image for image in same if image.frame != info.frame]
         if frames and len(frames) == len(same):
             fault = f"is in '{info.frame}', and {frames[0].endpoint.topic} in '{frames[0].frame}'"
-            yield _mismatch(info, frames[0], fault, info.port)
+            yield _mismatch(info, frames[0], fault, (info.port, frames[0].port))
         elif frames:
             fault = f"is in '{frames[0].frame}', and {info.endpoint.topic} in '{info.frame}'"
-            yield _mismatch(frames[0], info, fault, frames[0].port)
+            yield _mismatch(frames[0], info, fault, (frames[0].port, info.port))
         sized = [image for image in same if image.shown.size and info.shown.size]
         if sized and all(image.shown.size != info.shown.size for image in sized):
             fault = f"is of {_size(info)}, and {sized[0].endpoint.topic} of {_size(sized[0])}"
-            yield _mismatch(info, sized[0], fault, info.product)
+            yield _mismatch(info, sized[0], fault, (info.product, sized[0].product))
 
 
-def _mismatch(topic: SensorTopic, other: SensorTopic, fault: str, port: str) -> Problem:
+def _mismatch(
+    topic: SensorTopic, other: SensorTopic, fault: str, ports: tuple[str, str]
+) -> Problem:
+    nodes = (topic.endpoint.node.path, other.endpoint.node.path)
     return Problem(
-        topic.endpoint.node.path,
+        nodes[0],
         f"{topic.endpoint.topic} {fault}",
-        property=port,
-        related=(other.endpoint.node.path,),
+        property=ports[0],
+        related=nodes[1:],
+        assumes=tuple(zip(nodes, ports, strict=True)),
     )
 
 

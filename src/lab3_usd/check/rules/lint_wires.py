@@ -47,6 +47,7 @@ def value_and_wire(subject: LintSubject) -> Iterator[Problem]:
                 f"{wire.port} is wired, and its value {display(value)} does not count",
                 property=wire.port,
                 actual=display(value),
+                assumes=((wire.node.path, wire.port),),
             )
 
 
@@ -72,6 +73,7 @@ def wired_literal(subject: LintSubject) -> Iterator[Problem]:
                 property=wire.port,
                 actual=wire.path,
                 related=(wire.source_prim,),
+                assumes=((wire.node.path, wire.port),),
             )
 
 

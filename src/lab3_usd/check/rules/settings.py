@@ -330,7 +330,8 @@ def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
         if is_topic and found.met and found.value != found.setting.value:
             wanted = display(found.setting.value)
             message = f"{found.setting.port} is {display(found.value)}, which is {wanted} to ROS 2"
-            yield setting_problem(subject, found, message)
+            site = (found.node.path, found.setting.port)
+            yield replace(setting_problem(subject, found, message), assumes=(site,))
 
 
 @rule("P09", "stamp-reset", scope="stage", severity="note")
