@@ -194,6 +194,20 @@ def test_a_slip_in_the_needs_is_one_clear_line(
         assemble_platform(folder)
 
 
+@pytest.mark.parametrize(
+    ("kind", "output"),
+    [
+        ("omni.graph.action.OnTick", "time"),
+        ("omni.graph.nodes.BreakVector3", "x"),
+        ("isaacsim.core.nodes.IsaacReadSimulationTime", "simulationTime"),
+    ],
+)
+def test_a_role_is_given_to_a_type_of_any_file(folder: Path, kind: str, output: str) -> None:
+    roles = folder / "roles.yaml"
+    roles.write_text(f"{roles.read_text()}\n{kind}: {{sizes: {{{output}: 3}}}}\n")
+    assert assemble_platform(folder).types[kind].sizes == {f"outputs:{output}": 3}
+
+
 def test_a_platform_is_read_without_its_lab(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     lab = compiled_or_loaded(folder.parent, assemble).lab()

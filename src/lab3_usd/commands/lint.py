@@ -35,7 +35,7 @@ _AS_FIX = {
     "--isaac",
     "release",
     metavar="RELEASE",
-    help="Use the types, ports and defaults of this release of Isaac Sim (5.0 to 6.2).",
+    help="Use the types, ports and defaults of this release of Isaac Sim, such as 5.1.",
 )
 @click.option("--fix", is_flag=True, help="List the repairs that lab3 fix --lint would make.")
 @click.option("--diff", is_flag=True, help="With --fix: print the changes.")

@@ -149,7 +149,6 @@ def assemble_platform(folder: Path) -> Platform:
     data = read_yaml(folder / TYPES)
     later = record(read_yaml(folder / LATER), _LaterReleases, f"{name}/{LATER}")
     usd_types = {**system.usd_types, **data["usd_types"], **later.usd_types}
-    public = _with_roles({**data["types"], **later.types}, folder)
     kit = _read_kit(folder / KIT_TYPES)
     usd_types = {**kit.usd_types, **usd_types}
     library = {
@@ -157,10 +156,11 @@ def assemble_platform(folder: Path) -> Platform:
         for kind, entry in kit.types.items()
         if kind not in system.types
     }
+    files = {KIT_TYPES: library, TYPES: {**data["types"], **later.types}, SYSTEM: system.types}
     types = {
-        **parse_types(library, usd_types, f"{name}/{KIT_TYPES}"),
-        **parse_types(public, usd_types, f"{name}/{TYPES}"),
-        **parse_types(system.types, usd_types, f"{name}/{SYSTEM}"),
+        kind: node_type
+        for file, entries in _with_roles(files, folder).items()
+        for kind, node_type in parse_types(entries, usd_types, f"{name}/{file}").items()
     }
     names = record(read_yaml(folder / RENAMES), _Renames, f"{name}/{RENAMES}")
     earlier = record(
@@ -262,17 +262,20 @@ def other_ports(
     return named
 
 
-def _with_roles(types: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return the entries of types with the facts about their ports that are written by hand.
+def _with_roles(files: Mapping[str, Mapping[str, Any]], folder: Path) -> dict[str, dict[str, Any]]:
+    """Return the types of each file with the facts about their ports that are written by hand.
 
     Raises:
         SpecError: a type is not there.
     """
     roles = read_yaml(folder / ROLES)
     for name in roles:
-        if name not in types:
+        if not any(name in types for types in files.values()):
             raise SpecError(f"{folder.name}/{ROLES}: '{name}' is not a node type")
-    return {name: {**entry, **roles.get(name, {})} for name, entry in types.items()}
+    return {
+        file: {name: {**entry, **roles.get(name, {})} for name, entry in types.items()}
+        for file, types in files.items()
+    }
 
 
 def _release(entry: _ReleaseEntry, usd_types: Mapping[str, str], where: str) -> Release:
