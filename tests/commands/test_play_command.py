@@ -28,8 +28,10 @@ from lab3_usd.errors import UsageError
 from lab3_usd.sim.execution.drive import RATE, command_frames, fixed_drive
 from lab3_usd.spec.load.loader import load_lab
 
-LONGEST, WIDEST = 60, 100  # lines, characters
+LONGEST, WIDEST = 64, 100  # lines, characters
 START = subprocess.Popen
+LABS = REPOSITORY / "docs" / "examples" / "labs"
+TOPICS = ("/r1/cmd_vel", "/r2/cmd_vel")
 
 
 class IsaacSim:
@@ -40,7 +42,7 @@ class IsaacSim:
 
     def __init__(self, *, opens: bool = True, recorder_ends: bool = False) -> None:
         self.calls: list[tuple[Any, ...]] = []
-        self.sent: list[list[tuple[int, tuple[float, float, float]]]] = []  # by Play
+        self.sent: list[dict[str, list[tuple[int, tuple[float, float, float]]]]] = []  # by Play
         self.recorders: list[SimpleNamespace] = []
         self.playing = False
         self.frame = 0
@@ -67,7 +69,7 @@ class IsaacSim:
         assert commit
         self.calls.append(("play", os.environ["ROS_DOMAIN_ID"]))
         self.playing, self.frame = True, 0
-        self.sent.append([])
+        self.sent.append({})
 
     def stop(self, *, commit: bool | None = True) -> None:
         assert commit
@@ -79,9 +81,13 @@ class IsaacSim:
         return self.opens, None
 
     # rclpy, subprocess
-    def publish(self, message: SimpleNamespace) -> None:
-        told = (message.linear.x, message.linear.y, message.angular.z)
-        self.sent[-1].append((self.frame, told))
+    def publisher(self, kind: object, topic: str, depth: int) -> SimpleNamespace:
+        def publish(message: SimpleNamespace) -> None:
+            told = (message.linear.x, message.linear.y, message.angular.z)
+            self.sent[-1].setdefault(topic, []).append((self.frame, told))
+
+        self.calls.append(("publisher", kind, topic, depth))
+        return SimpleNamespace(publish=publish, get_subscription_count=self.listening)
 
     def listening(self) -> int:
         return sum(recorder.updates > 3 and recorder.ended is None for recorder in self.recorders)
@@ -100,12 +106,7 @@ class IsaacSim:
 
     def modules(self) -> Iterator[tuple[str, dict[str, Any]]]:
         vector = lambda: SimpleNamespace(x=0.0, y=0.0, z=0.0)  # noqa: E731 - a stand-in
-        node = SimpleNamespace(
-            create_publisher=lambda *words: (
-                self.calls.append(("publisher", *words))
-                or SimpleNamespace(publish=self.publish, get_subscription_count=self.listening)
-            )
-        )
+        node = SimpleNamespace(create_publisher=self.publisher)
         timeline = SimpleNamespace(set_end_time=self.call("end"))
         utils = "isaacsim.core.experimental.utils"
         yield (
@@ -187,7 +188,10 @@ def test_it_drives_each_as_a_dry_run_does(run: Callable[[IsaacSim], None]) -> No
     isaac = IsaacSim()
     run(isaac)
     lab, drive = load_lab(), fixed_drive()
-    wanted = [[(frame, leg.command) for frame, leg in command_frames(each)] for each in drive]
+    wanted = [
+        {"/cmd_vel": [(frame, leg.command) for frame, leg in command_frames(each)]}
+        for each in drive
+    ]
     assert isaac.sent == wanted * len(lab.checkpoints)
     frames = [sum(round(leg.seconds * RATE) for leg in each.legs) for each in drive]
     assert called(isaac, "stop") == frames * len(lab.checkpoints)
@@ -196,6 +200,21 @@ def test_it_drives_each_as_a_dry_run_does(run: Callable[[IsaacSim], None]) -> No
     )
     assert [words[1:] for words in called(isaac, "publisher")] == [["/cmd_vel", 10]]
     assert called(isaac, "init") == [("domain_id", lab.ros.system.domain)]
+
+
+def test_each_robot_of_a_fleet_is_driven_by_its_own_commands_and_limits(
+    run: Callable[[IsaacSim], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(LAB_VARIABLE, str(LABS / "warehouse"))
+    isaac = IsaacSim()
+    run(isaac)
+    fastest = [
+        {topic: max(ahead for _, (ahead, *_) in told) for topic, told in sent.items()}
+        for sent in isaac.sent
+    ]
+    # Twice the handout's 1.2 and 0.4 m/s, at least 1 m/s; then 0.15 after another Play.
+    limits, again = {"/r1/cmd_vel": 2.4, "/r2/cmd_vel": 1.0}, dict.fromkeys(TOPICS, 0.15)
+    assert fastest == [limits, again, again] * 7
 
 
 def test_it_records_a_bag_of_each_play_and_ends_it_as_ctrl_c_does(
@@ -263,7 +282,7 @@ def test_a_script_that_exists_is_kept(tmp_path: Path) -> None:
 
 
 def test_another_lab_has_its_own_stages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    jetbot = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
+    jetbot = LABS / "jetbot"
     monkeypatch.setenv(LAB_VARIABLE, str(jetbot))
     text = written(tmp_path).read_text(encoding="utf-8")
     assert "Plays Week 5 " in text

@@ -122,13 +122,13 @@ def test_a_behaviour_is_told_as_it_was(name: str) -> None:
 def test_a_page_of_a_dry_run_is_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
     stage = mini_lab.stage("01")
     monkeypatch.chdir(stage.parent)
-    shown = page.render(replace(PLAYED, stage=stage.name), REPLAY, mini_lab.LAB, FINDINGS)
+    shown = page.render(replace(PLAYED, stage=stage.name), {"": REPLAY}, mini_lab.LAB, FINDINGS)
     assert_golden_text("behaviour/page.html", in_lines(shown))
 
 
 def test_a_report_shows_one_moment_of_a_dry_run() -> None:
-    summary = page.dry_run_summary(PLAYED, REPLAY)
+    summary = page.dry_run_summary(PLAYED, {"": REPLAY})
     assert summary is not None
     assert [check.name for check in summary.wrong] == ["clock", "scan", "camera"]
-    for drawing in (summary.room, summary.near):
+    for drawing in (summary.plays[0].room, summary.plays[0].near):
         assert re.findall(r'data-moment="(\d+)"', drawing) == ["1"]  # the furthest

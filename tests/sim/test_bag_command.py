@@ -34,7 +34,8 @@ from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Behaviour, Frame, Topic, Unknown
 from lab3_usd.report.behaviour.text import PASSED_IN_A_RECORDING
 from lab3_usd.sim.bag import files, judge, reader
-from lab3_usd.sim.bag.judge import CHECKS, differences
+from lab3_usd.sim.bag.differences import differences
+from lab3_usd.sim.bag.judge import CHECKS
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
 
 SECOND = 1_000_000_000  # nanoseconds

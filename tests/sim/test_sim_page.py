@@ -39,7 +39,7 @@ def right(tmp_path_factory: pytest.TempPathFactory) -> DryRun:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory, right: DryRun) -> Path:
     path = tmp_path_factory.mktemp("page") / "sim.html"
-    path.write_text(render(right.behaviour, right.replay, the_lab()), encoding="utf-8")
+    path.write_text(render(right.behaviour, right.replays, the_lab()), encoding="utf-8")
     return path
 
 
@@ -56,7 +56,7 @@ def test_the_command_writes_the_page(tmp_path: Path) -> None:
 
 
 def test_moments_have_the_robot_the_scan_and_odometry(right: DryRun) -> None:
-    seen = right.replay
+    seen = right.replays[""]
     assert seen is not None
     first, last = seen.moments[0], seen.moments[-1]
     assert first.robot[:2] == pytest.approx((1.8, 0.0), abs=1e-3)
@@ -73,16 +73,16 @@ def test_the_first_line_says_what_it_is(page: Path) -> None:
 
 def test_a_stage_without_robot_or_topics_has_a_page_as_well(tmp_path: Path) -> None:
     gone = run_of(tmp_path, "05", {"deactivate": "/turtlebot3_burger"}, drive=BRIEF)
-    assert "Checks" in render(gone.behaviour, gone.replay, the_lab())
+    assert "Checks" in render(gone.behaviour, gone.replays, the_lab())
     (tmp_path / "none.usda").write_text("no stage")
     none = dry_run(tmp_path / "none.usda", the_lab(), "05")
-    assert "unreadable" in render(none.behaviour, none.replay, the_lab())
+    assert "unreadable" in render(none.behaviour, none.replays, the_lab())
 
 
 def test_names_of_a_stage_are_no_markup(tmp_path: Path) -> None:
     frame = "ROS_OdomTF/ros2_publish_raw_transform_tree.inputs:childFrameId"
     found = run_of(tmp_path, "05", {"set": [frame, EVIL]}, drive=BRIEF)
-    text = render(found.behaviour, found.replay, the_lab())
+    text = render(found.behaviour, found.replays, the_lab())
     assert EVIL not in text
     assert "&lt;script&gt;" in text
 
@@ -95,7 +95,7 @@ def test_a_failing_check_comes_first_and_leads_to_its_node(
     failing = next(check for check in found.behaviour.checks if check.verdict == "bad")
     path = tmp_path / "sim.html"
     judged = check_stage(tmp_path / "Lab3_05.usda").findings
-    path.write_text(render(found.behaviour, found.replay, the_lab(), judged), encoding="utf-8")
+    path.write_text(render(found.behaviour, found.replays, the_lab(), judged), encoding="utf-8")
     chromium.open(path)
     first = chromium.one(".checks li")
     assert first.get_attribute("class") == "bad"
@@ -159,7 +159,7 @@ def test_the_slider_starts_at_the_leg_that_is_wrong(
 def test_the_slider_starts_where_odometry_leaves_the_robot(tmp_path: Path) -> None:
     port = "ROS_OdomTF/isaac_compute_odometry.inputs:chassisPrim"
     found = run_of(tmp_path, "05", {"targets": [port, "/turtlebot3_burger/wheel_left_link"]})
-    seen = found.replay
+    seen = found.replays[""]
     assert seen is not None
     odometry = next(check for check in found.behaviour.checks if check.name == "odometry")
     assert odometry.verdict == "bad"
@@ -290,9 +290,9 @@ def test_a_drawing_of_the_drive_can_be_made_larger(chromium: Browser, page: Path
 
 
 def test_speeds_stand_below_the_place(right: DryRun) -> None:
-    assert right.replay is not None
-    speeds = right.replay.speeds
-    assert right.replay.wheels == ("wheel_left_joint", "wheel_right_joint")
+    assert right.replays.get("") is not None
+    speeds = right.replays[""].speeds
+    assert right.replays[""].wheels == ("wheel_left_joint", "wheel_right_joint")
     ahead = next(each for each in speeds if each.commanded and each.commanded[0] > 0)
     later = speeds[speeds.index(ahead) + 5]
     assert later.driven[0] == pytest.approx(0.033 / 0.025 * 0.15, rel=0.01)

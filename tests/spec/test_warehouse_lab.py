@@ -22,6 +22,8 @@ from workers_here import workers_here
 
 from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import SpecError
+from lab3_usd.grade.dry_runs import with_dry_runs
+from lab3_usd.grade.scoring import facts_of
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.judge.starter import against_starter, open_starter
 from lab3_usd.model.finding import StageResult
@@ -296,6 +298,55 @@ def test_a_fault_of_one_robot_is_shown_by_its_own_checks(
     assert expected in bad, what
     assert {of for of, _ in bad} <= {expected[0], ""}
     assert not any("castor" in str(check) for check in checks.values())  # a ball joint has no drive
+
+
+WIDE = put(f"{R2}/DriveR2/controller.inputs:wheelDistance", 0.6)  # r2 turns more than commanded
+BRIEF = ("--drive", "0.15,0,2 0,0.8,1.5 0,0,1")
+
+
+def recorded(stage: Path, folder: Path) -> dict[tuple[str, str], str]:
+    """The verdicts of the bag of a dry run, by robot and name."""
+    pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
+    bag = folder / "bag"
+    run("sim", stage, *BRIEF, "--bag", bag)
+    shown = json.loads(run("bag", bag, "--checkpoint", "5", "--format", "json").stdout)
+    return {(check["of"], check["name"]): check["verdict"] for check in shown["checks"]}
+
+
+def test_a_recording_of_both_robots_is_judged_by_the_commands_of_each(
+    built: Path, tmp_path: Path
+) -> None:
+    checks = recorded(built / file_of(5), tmp_path)
+    assert set(checks.values()) == {"ok"}
+    for robot in ("r1", "r2"):
+        moved = {name for of, name in checks if of == robot}
+        assert moved >= {"rest", "follows", "odometry", "moving frames", "way"}
+    assert ("r2", "scan") in checks
+    assert {"messages", "topics", "tree", "headers"} <= {name for of, name in checks if not of}
+
+
+def test_a_fault_in_a_recording_is_that_of_its_robot(built: Path, tmp_path: Path) -> None:
+    checks = recorded(changed(built, tmp_path, 5, WIDE), tmp_path)
+    assert [key for key, verdict in checks.items() if verdict == "bad"] == [("r2", "follows")]
+
+
+def test_the_page_of_a_dry_run_draws_each_robot(built: Path, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    assert run("sim", built / file_of(5), *BRIEF, "--page", page).exit_code == 0
+    text = page.read_text(encoding="utf-8")
+    for robot in ("r1", "r2"):
+        assert f"The drive of {robot}" in text
+        assert f"Motion and commands of {robot} over time" in text
+
+
+def test_what_a_dry_run_shows_of_one_robot_costs_its_own_item(
+    lab: Lab, built: Path, tmp_path: Path
+) -> None:
+    result = check_stage(changed(built, tmp_path, 3, WIDE), lab=lab)
+    (stage,) = with_dry_runs(facts_of([result], {}), lab, {}).stages
+    assert "follows" in stage.shown
+    assert "r2: follows" in stage.shown
+    assert "r1: follows" not in stage.shown
 
 
 def test_lab_new_describes_both_robots_their_sensors_and_frames(

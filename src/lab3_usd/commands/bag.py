@@ -69,7 +69,8 @@ def command(
         needs = f"bag needs the extra sim: {install_command('sim')}"
         raise UsageError(f"{program()} {needs}")
     from lab3_usd.sim.bag.any_recording import judge_any_recording
-    from lab3_usd.sim.bag.judge import differences, judge_recording
+    from lab3_usd.sim.bag.differences import differences
+    from lab3_usd.sim.bag.judge import judge_recording
 
     refuse_page(page)
     lab = load_lab()
@@ -100,7 +101,7 @@ def command(
         from lab3_usd.files import write_whole
         from lab3_usd.report.behaviour.page import render
 
-        html = render(behaviour, run.replay, lab)
+        html = render(behaviour, run.replays, lab)
         write_whole(page, html.encode("utf-8", "replace"), force=True)
     if form == "json":
         click.echo(text.render_json(behaviour), nl=False)

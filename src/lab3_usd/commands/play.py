@@ -11,7 +11,7 @@ from lab3_usd.data import program
 from lab3_usd.deliverables.scripts import fill_template
 from lab3_usd.errors import UsageError
 from lab3_usd.sim.execution.drive import COMMANDS, RATE, Leg, fixed_drive
-from lab3_usd.sim.judge.topics import expected_at
+from lab3_usd.sim.judge.topics import expected_of_each
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.submission import example_of
 
@@ -22,20 +22,20 @@ def isaac_script(lab: Lab, script: Path) -> str:
     """Return the script for the Python of Isaac Sim; it has not been run there.
 
     Raises:
-        UsageError: the lab has no topic to drive its robot by.
+        UsageError: the lab has no topic to drive its robots by.
     """
-    wanted = expected_at(lab, [*lab.checkpoints.values()][-1])
-    topic = wanted.commands
-    if not topic:
+    each = expected_of_each(lab, [*lab.checkpoints.values()][-1]).values()
+    driven = {wanted.commands: fixed_drive(wanted.limits) for wanted in each if wanted.commands}
+    if not driven:
         raise UsageError(
             f"{lab.title} has no topic of velocity commands to send; play its stages by hand, "
             "and record them with: ros2 bag record --all"
         )
-    package, kind = lab.topics[topic].type.rsplit("/", 1)
+    package, kind = lab.topics[next(iter(driven))].type.rsplit("/", 1)
     domain = lab.ros.system.domain
     drives = [
-        (name, session.environment or "0", " ".join(map(_leg_text, session.legs)))
-        for name, session in zip(_NAMES, fixed_drive(wanted.limits), strict=True)
+        (name, sessions[0].environment or "0", [" ".join(map(_leg_text, s.legs)) for s in sessions])
+        for name, *sessions in zip(_NAMES, *driven.values(), strict=True)
     ]
     return fill_template(
         "play.py.j2",
@@ -46,7 +46,7 @@ def isaac_script(lab: Lab, script: Path) -> str:
         drives=drives,
         package=package.replace("/", "."),
         kind=kind,
-        topic=topic,
+        topics=[*driven],
         domain=domain,
         setup=lab.ros.system.setup,
         rate=round(RATE),

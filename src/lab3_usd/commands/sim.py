@@ -219,7 +219,7 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
         from lab3_usd.files import write_whole
         from lab3_usd.report.behaviour.page import render
 
-        html = render(behaviour, run.replay, lab, findings)
+        html = render(behaviour, run.replays, lab, findings)
         write_whole(page, html.encode("utf-8", "replace"), force=True)
     is_json = options["form"] == "json"
     if is_json:
@@ -237,12 +237,14 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
 def _record(run: DryRun, trial: Trial, lab: Lab, bag: Path, drive: str | None) -> Iterator[str]:
     """Write a run as a bag for each domain, and yield what each holds, and what it cannot hold."""
     from lab3_usd.report.safe_text import printable
-    from lab3_usd.sim.bag.tape import tape_of, tape_of_robots
+    from lab3_usd.sim.bag.tape import tape_of, tape_of_plays, tape_of_robots
     from lab3_usd.sim.bag.writer import write_bags
 
     tape = tape_of(trial)
     if run.scene is not None and len(run.robots) > 1:
         tape = tape_of_robots(run.scene, lab.platform, run.robots, drive)
+    elif run.scene is not None and len(run.plays) > 1:
+        tape = tape_of_plays(run.scene, lab.platform, [*run.plays.values()])
     for written in write_bags(bag, tape):
         holds = f"{written.messages} messages on {written.topics} topics"
         yield printable(f"recorded: {written.folder}: {holds}")
@@ -274,7 +276,7 @@ def with_dry_run(result: StageResult, shown: dict[str, object]) -> StageResult:
     run = dry_run(Path(result.path), load_lab(), result.checkpoint)
     if run.behaviour.verdict == "unreadable":  # by damage where no rule looks
         return unreadable(result.path, result.checkpoint, run.behaviour.not_simulated[0].reason)
-    drawn = dry_run_summary(run.behaviour, run.replay)
+    drawn = dry_run_summary(run.behaviour, run.replays)
     if drawn is not None:
         shown[result.path] = drawn
     hint = f"{program()} sim plays the stage and shows what it does"

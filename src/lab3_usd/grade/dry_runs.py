@@ -9,11 +9,12 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import StageError
 from lab3_usd.grade.scoring import SubmissionFacts
-from lab3_usd.sim.dry_run import is_asked, scene_of
+from lab3_usd.model.dry_run import Scene
+from lab3_usd.sim.dry_run import is_asked, scene_of, watched_body
 from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.judge.checks import CHECKS, why_unplayed
 from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
-from lab3_usd.sim.judge.topics import expected_at
+from lab3_usd.sim.judge.topics import expected_of_each
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
 
@@ -32,7 +33,7 @@ def with_dry_runs(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) 
     stages = []
     for stage in facts.stages:
         demands = lab.same_demands(stage.checkpoint)
-        wanted = expected_at(lab, lab.checkpoints[demands.id])
+        wanted = expected_of_each(lab, lab.checkpoints[demands.id])
         key = digests.get(stage.path, stage.path), repr(wanted)
         is_played = stage.readable and stage.faults and stage.path not in facts.crashes
         if is_played and demands.graphs and key not in shown:
@@ -49,18 +50,31 @@ def with_dry_runs(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) 
     return replace(facts, stages=tuple(stages), crashes=crashes)
 
 
-def shown_by(path: Path, lab: Lab, wanted: Expected) -> dict[str, str]:
+def shown_by(path: Path, lab: Lab, each: Mapping[str, Expected]) -> dict[str, str]:
     """Return what a dry run shows to be wrong, by topic, check and kind of fault.
 
-    What an asset that is missing could bring is not in there. What a node would do that is not
-    simulated, as a script, is not looked for: it is not what the lab asks for.
+    `each` is what is expected of each robot by name: of several, a check or kind is also there by
+    the robot's name, as `r2: follows`. What an asset that is missing could bring is not in there.
+    What a node would do that is not simulated, as a script, is not looked for: it is not what the
+    lab asks for.
     """
     try:
         scene = scene_of(path, lab.platform)
     except StageError:
         return {}  # what is damaged, the rules did not need
-    platform = lab.platform
-    trial = record(scene, platform, drive_of(_DRIVE, wanted.limits), wanted)
+    shown: dict[str, str] = {}
+    for robot, wanted in each.items():
+        watched = watched_body(wanted, robot, scene, lab)
+        trial = record(scene, lab.platform, drive_of(_DRIVE, wanted.limits), watched)
+        for name, text in _shown(trial, scene).items():
+            shown.setdefault(name, text)
+            if robot and not name.startswith("/"):
+                shown[f"{robot}: {name}"] = text
+    return shown
+
+
+def _shown(trial: Trial, scene: Scene) -> dict[str, str]:
+    """Return what the play of one robot shows to be wrong."""
 
     def is_sure(check: str, fault: RunFault) -> bool:
         """Whether no asset that is missing could be at fault."""

@@ -221,6 +221,7 @@ def load_items(
             raise SpecError(f"{place}: give either 'checkpoint' or 'checklist'")
         _check_needs(item, tuple(data), place)
         _check_breaks(item, required, place)
+        _check_dry_run(item, lab, place)
         if not item.checklist:
             _check_requirements(item, required, place)
         elif item.checklist not in lines:
@@ -261,7 +262,7 @@ def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
 
 
 def _check_breaks(item: Item, required: Mapping[str, tuple[Requirement, ...]], place: str) -> None:
-    """Refuse what could contradict nothing: no requirement, rule, topic, check or kind of fault."""
+    """Refuse what could contradict nothing: no requirement and no rule."""
     ids = {requirement.id for requirement in required.get(item.checkpoint, ())}
     rules = {*all_rules(), *FAMILIES}
     for name in item.breaks:
@@ -277,12 +278,20 @@ def _check_breaks(item: Item, required: Mapping[str, tuple[Requirement, ...]], p
             raise SpecError(f"{place}: '{name}' in 'rests' is nothing that a checkpoint asks for")
     for name in item.files:
         one_of(name, rules, f"{place}: files")
-    if item.dry_run:
-        from lab3_usd.sim.judge.checks import CHECKS
 
-        for name in item.dry_run:
-            if not name.startswith("/"):
-                one_of(name, (*CHECKS, *FAULT_KINDS), f"{place}: dry_run")
+
+def _check_dry_run(item: Item, lab: Lab, place: str) -> None:
+    """Refuse what no dry run shows: no topic, check or kind of fault, of a robot of the lab."""
+    if not item.dry_run:
+        return
+    from lab3_usd.sim.judge.checks import CHECKS
+
+    for name in item.dry_run:
+        robot, _, of_robot = name.rpartition(": ")
+        known = lab.topics if name.startswith("/") else (*CHECKS, *FAULT_KINDS)
+        one_of(of_robot, known, f"{place}: dry_run")
+        if robot:
+            one_of(robot, [each.name for each in lab.scene.robots], f"{place}: dry_run")
 
 
 def _check_requirements(

@@ -273,20 +273,27 @@ def _remarks(trial: Trial, checks: Sequence[Check]) -> Iterator[str]:
 
 
 class DryRun(Struct, frozen=True):
-    """The results of a dry run, its scene, and its trial, None for an unreadable stage.
+    """The results of a dry run, its scene, and its plays by the robot that is driven.
 
-    `robots` are those of a stage without a checkpoint.
+    The only play has no name; an unreadable stage has none. `robots` are those of a stage without a
+    checkpoint.
     """
 
     behaviour: Behaviour
-    trial: Trial | None = None
+    plays: Mapping[str, Trial] = {}
     scene: Scene | None = None
     robots: tuple[Robot, ...] = ()
 
     @property
-    def replay(self) -> Replay | None:
-        """The data of the drawings."""
-        return replay(self.trial) if self.trial is not None else None
+    def trial(self) -> Trial | None:
+        """The first play."""
+        return next(iter(self.plays.values()), None)
+
+    @property
+    def replays(self) -> dict[str, Replay]:
+        """The data of the drawings of each play that has some."""
+        drawn = {name: replay(trial) for name, trial in self.plays.items()}
+        return {name: each for name, each in drawn.items() if each.moments}
 
 
 def scene_of(path: Path, platform: Platform) -> Scene:
@@ -335,12 +342,14 @@ def dry_run(
     platform = lab.platform
     if not checkpoint:
         played = play_any(scene, platform, drive, topic)
-        return DryRun(outcome_of_any(str(path), played), played.plays[0], scene, played.robots)
+        names = labels(played.robots) if len(played.robots) > 1 else [""]
+        by_name = dict(zip(names, played.plays, strict=False))
+        return DryRun(outcome_of_any(str(path), played), by_name, scene, played.robots)
     plays = {}
     for name, wanted in asked.items():
         stays = wanted.goes_with_environment
         sessions = tuple(s for s in drives[name] if not (stays and s.environment))
-        plays[name] = record(scene, platform, sessions, _watched(wanted, name, scene, lab))
+        plays[name] = record(scene, platform, sessions, watched_body(wanted, name, scene, lab))
         is_localized = lab.checkpoints[checkpoint].localization
         if is_localized and (not name or wanted.root == lab.frames.root):
             _lay_on_map(plays[name], path, maps, lab)
@@ -355,10 +364,10 @@ def dry_run(
             behaviour = _with_joints(behaviour, scene, platform, wanted, name)
     if not behaviour.checks and not lab.checkpoints[checkpoint].graphs:
         behaviour = replace(behaviour, missing=_nothing_yet(lab, checkpoint), is_early=True)
-    return DryRun(behaviour, trial, scene)
+    return DryRun(behaviour, plays, scene)
 
 
-def _watched(wanted: Expected, name: str, scene: Scene, lab: Lab) -> Expected:
+def watched_body(wanted: Expected, name: str, scene: Scene, lab: Lab) -> Expected:
     """Return what is expected of one of several robots, by a body that it has in the stage."""
     robot = next((robot for robot in lab.scene.robots if name and robot.title == name), None)
     if robot is None:

@@ -5,11 +5,13 @@ Each graph is drawn with how often its nodes computed.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 
 from markupsafe import Markup
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.explanations import explaining_finding, rules_named
 from lab3_usd.errors import Lab3Error
@@ -44,37 +46,81 @@ from lab3_usd.report.tf_tree import FAULT, TreeReport, as_text
 from lab3_usd.spec.lab import Lab
 
 
-class DryRunSummary(Struct, frozen=True):
-    """What a report shows of the dry run of one stage; the maps are markup of our own.
+class DrawnPlay(Struct, frozen=True):
+    """The drawings of a play, of the robot `name` where there are several; markup of our own.
 
-    Of each leg there is a text, and whether it is wrong.
+    Of each leg there is a text, and whether it is wrong. `shown` is the number of the moment that
+    is shown first.
     """
 
-    summary: str
-    legs: tuple[tuple[str, bool], ...]
-    sizes: tuple[str, ...]
-    wrong: tuple[Check, ...]
+    name: str
+    replay: Replay
+    shown: int
     room: Markup
     near: Markup
-    scans: bool
-    odometry: bool
+    legs: tuple[tuple[str, bool], ...]
+
+    @property
+    def has_scans(self) -> bool:
+        """Whether points of a lidar are drawn."""
+        return bool(self.replay.moments[-1].points)
+
+    @property
+    def has_odometry(self) -> bool:
+        """Whether there is a place by odometry."""
+        return self.replay.moments[-1].odometry is not None
 
 
-def dry_run_summary(behaviour: Behaviour, replay: Replay | None) -> DryRunSummary | None:
+class DryRunSummary(Struct, frozen=True):
+    """What a report shows of the dry run of one stage."""
+
+    summary: str
+    plays: tuple[DrawnPlay, ...]
+    sizes: tuple[str, ...]
+    wrong: tuple[Check, ...]
+
+
+def dry_run_summary(behaviour: Behaviour, replays: Mapping[str, Replay]) -> DryRunSummary | None:
     """Return what a report shows, None where nothing was played."""
-    if replay is None or not replay.moments:
+    if not replays:
         return None
-    shown = first_moment(behaviour, replay)
     return DryRunSummary(
         sum_text(behaviour),
-        tuple(_leg_marks(behaviour)),
+        tuple(_plays(behaviour, replays, still=True)),
         behaviour.sizes,
         tuple(check for check in behaviour.checks if check.verdict != "ok"),
-        Markup(room_svg(replay, shown, still=True)),  # noqa: S704 - no name of the stage is in it
-        Markup(near_svg(replay, shown, still=True)),  # noqa: S704
-        scans=bool(replay.moments[-1].points),
-        odometry=replay.moments[-1].odometry is not None,
     )
+
+
+_DRAWN = 8  # robots
+
+
+def _plays(
+    behaviour: Behaviour, replays: Mapping[str, Replay], *, still: bool = False
+) -> Iterator[DrawnPlay]:
+    """Yield the drawings of each robot: one moment of a `still` one, else all."""
+    for name, replay in list(replays.items())[:_DRAWN]:
+        own = _of_robot(behaviour, name)
+        shown = first_moment(own, replay)
+        yield DrawnPlay(
+            name,
+            replay,
+            shown,
+            Markup(room_svg(replay, shown, still=still)),  # noqa: S704 - no name is in it
+            Markup(near_svg(replay, shown, still=still)),  # noqa: S704
+            tuple(_leg_marks(own)),
+        )
+
+
+def _of_robot(behaviour: Behaviour, name: str) -> Behaviour:
+    """Return what is said of one of several robots; all of it without a name."""
+    if not name:
+        return behaviour
+    lead = f"{name}: "
+    own = (leg for leg in behaviour.legs if leg.name.startswith(lead))
+    legs = tuple(replace(leg, name=leg.name.removeprefix(lead)) for leg in own)
+    checks = tuple(check for check in behaviour.checks if check.of in ("", name))
+    return replace(behaviour, legs=legs, checks=checks)
 
 
 def _leg_marks(behaviour: Behaviour) -> Iterator[tuple[str, bool]]:
@@ -107,17 +153,17 @@ class GraphDrawing(Struct, frozen=True):
 
 
 def render(
-    behaviour: Behaviour, replay: Replay | None, lab: Lab, findings: Sequence[Finding] = ()
+    behaviour: Behaviour, replays: Mapping[str, Replay], lab: Lab, findings: Sequence[Finding] = ()
 ) -> str:
-    """Return the page; without a replay it says why there is none.
+    """Return the page; without a replay of a robot it says why there is none.
 
     `findings` are what the rules say of the stage: they know the repair of what failed.
     """
     style = palette_style() + text_of("sim.css") + text_of("maps.css") + text_of("picture.css")
     style += stylesheet()
     script = text_of("picture.js") + text_of("sim.js")
-    computed = replay.computed if replay is not None else {}
-    replay = replay if replay is not None and replay.moments else None
+    plays = list(_plays(behaviour, replays))
+    computed = _computed(replays.values())
     checks = sorted(behaviour.checks, key=lambda check: list(VERDICTS).index(check.verdict))
     rule_of = rules_named(behaviour, findings)
     failing = list(_failed_checks(checks, findings))
@@ -127,9 +173,7 @@ def render(
         else _graph_drawings(Path(behaviour.stage), lab, computed, failing)
     )
     graphs = list(drawn)
-    fit = replay.fit if replay is not None else None
-    edges = list(heard_edges(behaviour, replay))
-    shown = first_moment(behaviour, replay) if replay is not None else 0
+    edges = list(heard_edges(behaviour, plays[0].replay if plays else None))
     return (
         environment()
         .get_template("sim.html.j2")
@@ -153,23 +197,26 @@ def render(
             rule_of=rule_of,
             only_shown="" if behaviour.recording else ONLY_SHOWN,
             rate=rate,
-            legs=list(_leg_marks(behaviour)),
             summary=sum_text(behaviour),
-            replay=replay,
-            shown=shown,
-            moments=replay.moments if replay is not None else (),
-            room=own_markup(room_svg(replay, shown)) if replay is not None else "",
-            near=own_markup(near_svg(replay, shown)) if replay is not None else "",
-            fit=fit,
-            on_map=own_markup(map_svg(fit)) if fit is not None else "",
-            chart=own_markup(chart_svg(replay)) if replay is not None else "",
-            places=cursor_places(replay.moments) if replay is not None else (),
+            plays=plays,
+            fit=behaviour.fit,
+            on_map=own_markup(map_svg(behaviour.fit)) if behaviour.fit is not None else "",
+            chart=lambda replay: own_markup(chart_svg(replay)),
+            places=cursor_places,
             tree=tree_lines(edges),
             tree_picture=own_markup(svg(published_frames_picture(edges), "tf-")) if edges else "",
             graphs=graphs,
             tool=f"{NAME} {tool_version()}",
         )
     )
+
+
+def _computed(replays: Iterable[Replay]) -> dict[str, int]:
+    """Return how often each node computed in all plays."""
+    counts: Counter[str] = Counter()
+    for replay in replays:
+        counts.update(replay.computed)
+    return counts
 
 
 def _failed_checks(checks: Sequence[Check], findings: Sequence[Finding]) -> Iterator[FailedCheck]:

@@ -55,9 +55,9 @@ PASSED_IN_ANY_STAGE = {
     "scan": "scans show the walls where TF has the lidar",
     **PASSED_BY_JOINTS,
 }
-PASSED_BY_TREES = {
-    "tree": "each frame has one parent and one publisher, below the top of a robot's tree"
-}
+_BELOW = "below the top of a robot's tree"
+PASSED_BY_TREES = {"tree": f"each frame has one parent and one publisher, {_BELOW}"}
+_RECORDED_TREES = {"tree": f"each frame has one parent, {_BELOW}"}
 PASSED_IN_A_RECORDING = {
     **PASSED,
     "topics": "every topic is received, of its type",
@@ -90,14 +90,14 @@ PASSED_IN_ANY_RECORDING = {
 
 def passed_texts(behaviour: Behaviour) -> Mapping[str, str]:
     """Return the text of each check, for when it passes."""
+    if not behaviour.checkpoint:
+        return PASSED_IN_ANY_RECORDING if behaviour.recording else PASSED_IN_ANY_STAGE
+    children = {frame.child for frame in behaviour.frames}
+    has_trees = len({frame.parent for frame in behaviour.frames} - children) > 1
     if behaviour.recording:
-        return PASSED_IN_A_RECORDING if behaviour.checkpoint else PASSED_IN_ANY_RECORDING
-    if behaviour.checkpoint:
-        texts = PASSED | PASSED_BY_JOINTS if behaviour.robots else PASSED
-        children = {frame.child for frame in behaviour.frames}
-        tops = {frame.parent for frame in behaviour.frames} - children
-        return texts | PASSED_BY_TREES if len(tops) > 1 else texts
-    return PASSED_IN_ANY_STAGE
+        return PASSED_IN_A_RECORDING | (_RECORDED_TREES if has_trees else {})
+    texts = PASSED | PASSED_BY_JOINTS if behaviour.robots else PASSED
+    return texts | (PASSED_BY_TREES if has_trees else {})
 
 
 def rate(hz: float) -> str:

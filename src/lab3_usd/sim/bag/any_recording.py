@@ -30,8 +30,8 @@ from lab3_usd.sim.bag.judge import (
     legs,
     odometry,
     path,
-    remarks,
     running,
+    time_remarks,
     unreadable,
     way,
 )
@@ -117,7 +117,12 @@ def judge_any_recording(
         not_simulated=tuple(Unknown(topic, NO_CONTENT) for topic in sorted(layout.not_sent)),
         recording=str(recording),
     )
-    return replace(runs[0], behaviour=whole)
+    plays = {
+        robot.name if several else "": run.trial
+        for robot, run in zip(robots, runs, strict=True)
+        if run.trial is not None
+    }
+    return DryRun(whole, plays)
 
 
 _OF_ALL = {"messages", "rates", "clock"}
@@ -255,7 +260,7 @@ def _behaviour(
         else (),
         remarks=tuple(_remarks(gathered, robot)),
     )
-    return DryRun(behaviour, trial)
+    return DryRun(behaviour, {"": trial})
 
 
 def _add_wheels(recording: Recording, robot: RecordedRobot) -> None:
@@ -285,7 +290,9 @@ def _any_leg(leg: Leg, *, is_steered: bool) -> Leg:
 
 
 def _remarks(gathered: Gathered, robot: RecordedRobot) -> Iterator[str]:
-    yield from remarks(gathered, None, is_commanded=bool(robot.joint_commands))
+    yield from time_remarks(gathered)
+    if not (gathered.commands or robot.joint_commands):
+        yield "no command was recorded: `follows` is not judged"
     if robot.commands:
         yield f"{robot.odometry} is held against the commands on {robot.commands}"
     if robot.joint_commands:

@@ -73,7 +73,7 @@ def header(data: bytes) -> Header | None:
 
 
 def is_read(kind: str) -> bool:
-    """Whether messages of a type can be judged."""
+    """Whether more than the header is judged of messages of a type."""
     return kind in _READERS or kind == IMAGE
 
 

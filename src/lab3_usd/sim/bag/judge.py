@@ -1,4 +1,4 @@
-"""Judges a recording by the checks of a dry run, by those of its own, and against a dry run.
+"""Judges a recording by the checks of a dry run, and by those of its own.
 
 The commands of the recording become legs, and odometry the path, as a dry run has them.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,19 +17,18 @@ from msgspec.structs import replace
 from lab3_usd.deliverables.maps import MapError, map_of_stage
 from lab3_usd.errors import RecordingError
 from lab3_usd.facts.tree import SentTransform, Tree, tree
-from lab3_usd.model.dry_run import HERE, Behaviour, Check, Difference, Place, Topic, Unknown
-from lab3_usd.model.occupancy import MapFit
+from lab3_usd.model.dry_run import HERE, Behaviour, Check, Place, Topic, Unknown
+from lab3_usd.model.dry_run import Leg as DrivenLeg
 from lab3_usd.sim.bag.files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
 from lab3_usd.sim.dry_run import DryRun, driven_legs, is_asked, path_rows
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, leg_name
 from lab3_usd.sim.execution.recording import Pose
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
+from lab3_usd.sim.judge.checks import OF_STAGE, whole_verdict
 from lab3_usd.sim.judge.checks import verdict as verdict_of
-from lab3_usd.sim.judge.checks import whole_verdict
 from lab3_usd.sim.judge.expectations import (
     PHYSICAL,
-    Expected,
     RunFault,
     Trial,
     angle,
@@ -38,7 +37,13 @@ from lab3_usd.sim.judge.expectations import (
 )
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.sensors import SHORT
-from lab3_usd.sim.judge.topics import expected_at, map_topic, reached_topics, static_topics
+from lab3_usd.sim.judge.topics import (
+    expected_at,
+    expected_of_each,
+    map_topic,
+    reached_topics,
+    static_topics,
+)
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 
@@ -224,48 +229,6 @@ CHECKS: dict[str, CheckFunction] = {
 }
 
 
-RATES = 0.2  # part by which rates may differ
-
-
-def differences(recorded: Behaviour, dry: Behaviour) -> tuple[Difference, ...]:
-    """Return where a recording and the dry run of its stage differ; either may be wrong."""
-    return (*_topics(recorded, dry), *_frames(recorded, dry))
-
-
-def _topics(recorded: Behaviour, dry: Behaviour) -> Iterator[Difference]:
-    """Compare what the stage publishes; other nodes may publish more."""
-    came = {topic.name: topic for topic in recorded.topics}
-    not_sent = {unknown.prim for unknown in recorded.not_simulated}
-    for expected in dry.topics:
-        topic = came.get(expected.name)
-        if topic is None and expected.name in not_sent:
-            continue
-        if topic is None:
-            yield Difference(expected.name, "is only in the dry run")
-            continue
-        if topic.type != expected.type:
-            text = f"is {topic.type}, in the dry run {expected.type}"
-            yield Difference(expected.name, text)
-        if abs(topic.hz - expected.hz) > RATES * max(topic.hz, expected.hz):
-            text = f"comes at {topic.hz:.1f} Hz, in the dry run at {expected.hz:.1f}"
-            yield Difference(expected.name, text)
-        if topic.frame not in expected.frame.split(", "):
-            text = f"is in '{topic.frame}', in the dry run in '{expected.frame}'"
-            yield Difference(expected.name, text)
-
-
-def _frames(recorded: Behaviour, dry: Behaviour) -> Iterator[Difference]:
-    """Compare who is the parent of each frame that the stage publishes."""
-    came: dict[str, set[str]] = {}
-    for frame in recorded.frames:
-        came.setdefault(frame.child, set()).add(frame.parent)
-    for frame in dry.frames:
-        parents = came.get(frame.child, set())
-        if frame.parent not in parents:
-            place = f"is below {', '.join(sorted(parents))}" if parents else "never comes"
-            yield Difference(frame.child, f"{place}, in the dry run below {frame.parent}")
-
-
 _LONG = 1.0  # seconds of one command, from which on it is judged
 _SAME = 1e-3  # m/s and rad/s between commands
 _VARIED = "varied"
@@ -285,15 +248,9 @@ def judge_recording(
     `whole` asks for localization and a goal although nothing of them was recorded. `maps` is where
     the map is that scans are laid on; without it that of the recording is taken, else the lab's.
     """
-    wanted = expected_at(lab, lab.checkpoints[checkpoint])
     try:
         layout, bounds = layout_at(recording), Bounds()
-        asked = {
-            topic: kind for topic, kind in wanted.types.items() if topic not in layout.not_sent
-        }
-        topics = _read_topics(lab, replace(wanted, types=asked), checkpoint)
-        with opened(layout, bounds) as bag:
-            gathered = gather(bag.messages(), bag.topics, topics, bounds.listed)
+        readings = _read(layout, bounds, lab, checkpoint)
     except (RecordingError, OSError) as error:
         reason = (Unknown("/", str(error)),)
         return DryRun(
@@ -301,12 +258,14 @@ def judge_recording(
                 "", checkpoint, 0.0, "unreadable", not_simulated=reason, recording=str(recording)
             )
         )
-    if topics.map and (maps is not None or gathered.map is None):
-        try:
-            gathered.map = map_of_stage(recording, maps, lab)
-        except MapError as error:
-            gathered.map_fault = str(error)
-    run = _judged(gathered, topics, (lab, checkpoint), whole=whole, name=str(recording))
+    for topics, gathered in readings.values():
+        if topics.map and (maps is not None or gathered.map is None):
+            try:
+                gathered.map = map_of_stage(recording, maps, lab)
+            except MapError as error:
+                gathered.map_fault = str(error)
+    asked = _asking_for(readings, lambda topic: topic not in layout.not_sent)
+    run = _judged(asked, (lab, checkpoint), whole=whole, name=str(recording))
     unknown = (Unknown(topic, NO_CONTENT) for topic in sorted(layout.not_sent))
     return replace(run, behaviour=replace(run.behaviour, not_simulated=tuple(unknown)))
 
@@ -317,40 +276,68 @@ def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -
     Raises:
         RecordingError: it cannot be read.
     """
-    wanted = expected_at(lab, lab.checkpoints[checkpoint])
-    with opened(layout, bounds) as bag:
-        topics = _read_topics(lab, wanted, checkpoint)
-        gathered = gather(bag.messages(), bag.topics, topics, bounds.listed)
+    readings = _read(layout, bounds, lab, checkpoint)
+    _, gathered = readings[""]
     came = {topic for (topic, _), tally in gathered.tallies.items() if tally.count}
-    seen = replace(
-        wanted, types={topic: kind for topic, kind in wanted.types.items() if topic in came}
-    )
-    topics = _read_topics(lab, seen, checkpoint)
-    return _judged(gathered, topics, (lab, checkpoint), whole=False, name="").behaviour
+    seen = _asking_for(readings, lambda topic: topic in came)
+    return _judged(seen, (lab, checkpoint), whole=False, name="").behaviour
 
 
-def _read_topics(lab: Lab, wanted: Expected, checkpoint: str) -> Topics:
-    goal = lab.ros.goal
-    status = "" if goal is None else goal.status
-    return Topics(wanted, static_topics(lab), status, *map_topic(lab, checkpoint))
+_Readings = Mapping[str, tuple[Topics, Gathered]]
 
 
-def _judged(
-    gathered: Gathered, topics: Topics, asked_by: tuple[Lab, str], *, whole: bool, name: str
-) -> DryRun:
-    (lab, checkpoint), wanted = asked_by, topics.wanted
-    gathered.recording.seconds = gathered.timeline.now
-    drive = legs(gathered.commands, gathered.seconds, wanted.limits)
-    gathered.recording.path = list(path(gathered.places, drive))
-    trial = Trial(gathered.recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
-    if gathered.located:
-        trial.map, trial.map_fault = gathered.map, gathered.map_fault
-        trial.located = (gathered.located,)
-        trial.fit = fit(trial)
-    reached = reached_topics(lab, checkpoint)
-    recorded = Recorded(gathered, topics, trial, reached, topics.map_frame, lab.ros.goal)
-    checks = tuple(_checks(recorded, _left_out(recorded, lab, checkpoint, whole=whole)))
+def _read(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -> _Readings:
+    """Read a recording by what the lab asks of all robots (''), and of each of several by name.
+
+    Raises:
+        RecordingError: it cannot be read.
+    """
+    asked = {"": expected_at(lab, lab.checkpoints[checkpoint])}
+    asked |= expected_of_each(lab, lab.checkpoints[checkpoint])
+    status = "" if lab.ros.goal is None else lab.ros.goal.status
+    readings = {}
+    for name, wanted in asked.items():
+        topics = Topics(wanted, static_topics(lab), status, *map_topic(lab, checkpoint))
+        with opened(layout, bounds) as bag:
+            readings[name] = topics, gather(bag.messages(), bag.topics, topics, bounds.listed)
+    return readings
+
+
+def _asking_for(readings: _Readings, is_asked_for: Callable[[str], bool]) -> _Readings:
+    """Return what was read, asking for messages on some topics only."""
+    asking = {}
+    for name, (topics, gathered) in readings.items():
+        wanted = topics.wanted
+        types = {topic: kind for topic, kind in wanted.types.items() if is_asked_for(topic)}
+        asking[name] = replace(topics, wanted=replace(wanted, types=types)), gathered
+    return asking
+
+
+def _judged(readings: _Readings, asked_by: tuple[Lab, str], *, whole: bool, name: str) -> DryRun:
+    """Judge what was read: each of several robots by itself, what they share once."""
+    lab, checkpoint = asked_by
+    every = {
+        robot: _recorded(gathered, topics, lab, checkpoint)
+        for robot, (topics, gathered) in readings.items()
+    }
+    robots = {robot: one for robot, one in every.items() if robot} or every
+    checks: list[Check] = []
+    driven: list[DrivenLeg] = []
+    said: list[str] = []
+    for robot, one in every.items():
+        left_out = _left_out(one, lab, checkpoint, whole=whole)
+        if robots is not every:
+            left_out |= {each for each in (*SHARED, *CHECKS) if (each in _OF_ALL) == bool(robot)}
+        checks += [replace(check, of=robot) for check in _checks(one, left_out)]
+        if robot in robots and one.gathered.places:
+            legs_of = driven_legs(one.trial)
+            driven += [replace(leg, name=_of(robot, leg.name)) for leg in legs_of]
+        if robot in robots:
+            said += [_of(robot, text) for text in _remarks(one)]
+    gathered = every[""].gathered
     verdict, missing = whole_verdict(checks)
+    trials = {robot: one.trial for robot, one in robots.items()}
+    first = next(iter(trials.values()))
     behaviour = Behaviour(
         "",
         checkpoint,
@@ -358,21 +345,45 @@ def _judged(
         verdict,
         tuple(judged_topics(gathered)),
         tuple(gathered.frames),
-        checks,
-        tuple(path_rows(trial)),
-        legs=tuple(driven_legs(trial)) if gathered.places else (),
-        remarks=tuple(remarks(gathered, trial.fit)),
+        tuple(checks),
+        tuple(path_rows(first)),
+        legs=tuple(driven),
+        remarks=(*time_remarks(gathered), *said),
         recording=name,
         missing=missing,
-        fit=trial.fit,
+        fit=next((trial.fit for trial in trials.values() if trial.fit is not None), None),
     )
-    return DryRun(behaviour, trial)
+    return DryRun(behaviour, trials)
+
+
+# What a recording shows as a whole, whichever robot is driven.
+_OF_ALL = {*OF_STAGE, "messages", "QoS", "rates", "headers", "frames", "localization", "goal"}
+
+
+def _of(robot: str, text: str) -> str:
+    """Return a text about one of several robots."""
+    return f"{robot}: {text}" if robot else text
+
+
+def _recorded(gathered: Gathered, topics: Topics, lab: Lab, checkpoint: str) -> Recorded:
+    """Return what was recorded of a robot, as its drive."""
+    gathered.recording.seconds = gathered.timeline.now
+    drive = legs(gathered.commands, gathered.seconds, topics.wanted.limits)
+    gathered.recording.path = list(path(gathered.places, drive))
+    sessions = (Session(drive),)
+    trial = Trial(gathered.recording, sessions, topics.wanted, start=HERE, tolerance=PHYSICAL)
+    if gathered.located:
+        trial.map, trial.map_fault = gathered.map, gathered.map_fault
+        trial.located = (gathered.located,)
+        trial.fit = fit(trial)
+    reached = reached_topics(lab, checkpoint)
+    return Recorded(gathered, topics, trial, reached, topics.map_frame, lab.ros.goal)
 
 
 def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> frozenset[str]:
     """Return the checks that nothing was recorded for, or that are not asked for."""
     gathered, trial = recorded.gathered, recorded.trial
-    names = {name for name in SHARED if not is_asked(name, trial)} | {"odometry"}
+    names = {name for name in SHARED if not is_asked(name, trial)} - {"odometry"}
     if not gathered.commands or not trial.recording.path:
         names |= {*_MOVED}
     map_name = recorded.topics.map
@@ -393,10 +404,10 @@ def _checks(recorded: Recorded, left_out: frozenset[str]) -> Iterator[Check]:
     for name in dict.fromkeys([*SHARED, *CHECKS]):
         faults: list[RunFault] = []
         looked = False
-        if name in SHARED and name not in left_out:
+        if name in SHARED and name not in left_out and name != "odometry":  # of the motion itself
             looked = True
             faults += SHARED[name](recorded.trial)
-        if name in CHECKS and (name == "odometry" or name not in left_out):
+        if name in CHECKS and name not in left_out:
             looked = True
             faults += CHECKS[name](recorded)
         if looked:
@@ -414,13 +425,17 @@ def judged_topics(gathered: Gathered) -> Iterator[Topic]:
         yield Topic(topic, kind, by_stamp, frame, by_arrival, offered)
 
 
-def remarks(
-    gathered: Gathered, found: MapFit | None, *, is_commanded: bool = False
-) -> Iterator[str]:
-    """Say what else is to be known of the recording; `is_commanded` in another way than to go."""
+def _remarks(recorded: Recorded) -> Iterator[str]:
+    """Say what else is to be known of a robot."""
+    if recorded.trial.fit is not None:
+        yield recorded.trial.fit.text
+    if not recorded.gathered.commands:
+        yield "no command was recorded: `follows` is not judged"
+
+
+def time_remarks(gathered: Gathered) -> Iterator[str]:
+    """Say what else is to be known of the recording as a whole."""
     timeline = gathered.timeline
-    if found is not None:
-        yield found.text
     if not timeline.clocked:
         yield "no clock was recorded: rates are those of arrival"
     else:
@@ -432,8 +447,6 @@ def remarks(
     )
     if odd:
         yield f"{odd} topics have an invalid name or type"
-    if not (gathered.commands or is_commanded):
-        yield "no command was recorded: `follows` is not judged"
 
 
 def legs(

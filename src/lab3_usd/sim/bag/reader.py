@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from lab3_usd.errors import RecordingError
 from lab3_usd.model.dry_run import Affine, Frame, Place, heading, rotation
 from lab3_usd.model.occupancy import OccupancyMap
-from lab3_usd.sim.bag.decoder import MOST_NAMES, Decoded, decode, has_header, header
+from lab3_usd.sim.bag.decoder import MOST_NAMES, Decoded, decode, has_header, header, is_read
 from lab3_usd.sim.bag.files import Offered, Raw
 from lab3_usd.sim.execution.recording import (
     Message,
@@ -183,11 +183,12 @@ def _take(gathered: Gathered, raw: Raw, topics: Topics, *, whole: bool) -> None:
     timeline = gathered.timeline
     timeline.arrive(raw.arrival)
     tally = gathered.tallies.setdefault((raw.topic, raw.type), Tally())
-    read = (
-        decode(raw.type, raw.data)
-        if whole
-        else Decoded(header(raw.data) if has_header(raw.type) else None, None)
-    )
+    if whole and is_read(raw.type):
+        read = decode(raw.type, raw.data)
+    else:
+        head = header(raw.data) if has_header(raw.type) else None
+        is_damaged = whole and head is None and has_header(raw.type)
+        read = None if is_damaged else Decoded(head, None)
     if read is None:
         tally.unreadable += 1
         read = Decoded(None, None)

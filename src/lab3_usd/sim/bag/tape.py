@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from msgspec import Struct
 
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import Scene
-from lab3_usd.sim.execution.drive import RATE, Leg, command_frames, drive_of
+from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames, drive_of
 from lab3_usd.sim.execution.recording import Message
-from lab3_usd.sim.judge.expectations import Trial
+from lab3_usd.sim.judge.expectations import Expected, Trial
 from lab3_usd.sim.robots import NO_LIMITS, TWIST, Robot, drive_for, expected_of
 from lab3_usd.sim.timeline import content_of, player_of
 
@@ -56,22 +56,42 @@ def tape_of_robots(
     Raises:
         UsageError: the drive is none.
     """
-    player = player_of(scene, platform, expected_of(robots[0]))
-    network = player.world.network
-    network.inbox = {}
-    told: dict[int, list[tuple[tuple[int, str], Leg]]] = {}
-    frames, known = 0, set[tuple[int, str]]()
+    sessions: dict[tuple[int, str], Session] = {}
     for robot in robots:
-        place = (robot.commands.domain, robot.commands.topic)
-        if place in known:
-            continue  # what one robot hears there, another does as well
-        known.add(place)
         legs = drive_for(robot, scene.meters_per_unit)
         if drive is not None and robot.kind == TWIST:
             legs = drive_of(drive, NO_LIMITS)
-        for frame, leg in command_frames(legs[0]):
+        # What one robot hears on a topic, another does as well.
+        sessions.setdefault((robot.commands.domain, robot.commands.topic), legs[0])
+    return _tape(scene, platform, expected_of(robots[0]), sessions)
+
+
+def tape_of_plays(scene: Scene, platform: Platform, plays: Sequence[Trial]) -> Tape:
+    """Play a stage with the commands of several plays at once, those of each robot of a lab."""
+    sessions = {
+        (play.wanted.domain, play.wanted.commands): play.drive[0]
+        for play in plays
+        if play.wanted.commands
+    }
+    return _tape(scene, platform, plays[0].wanted, sessions)
+
+
+def _tape(
+    scene: Scene,
+    platform: Platform,
+    wanted: Expected,
+    sessions: Mapping[tuple[int, str], Session],
+) -> Tape:
+    """Play a stage with commands by domain and topic."""
+    player = player_of(scene, platform, wanted)
+    network = player.world.network
+    network.inbox = {}
+    told: dict[int, list[tuple[tuple[int, str], Leg]]] = {}
+    frames = 0
+    for place, session in sessions.items():
+        for frame, leg in command_frames(session):
             told.setdefault(frame, []).append((place, leg))
-        frames = max(frames, sum(round(leg.seconds * RATE) for leg in legs[0].legs))
+        frames = max(frames, sum(round(leg.seconds * RATE) for leg in session.legs))
     commands = []
     for frame in range(frames):
         for place, leg in told.get(frame, ()):

@@ -44,7 +44,8 @@ _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None) -> Expected:
     """Return what a ROS node should see of a stage of this checkpoint.
 
-    With a robot of the lab, the topics of others are left out.
+    With a robot of the lab, the topics of others are left out. All robots together have the root
+    that the lab localizes.
     """
     lab = lab.at(checkpoint.id)
     reached = (FROM_THE_FIRST, *lab.until(checkpoint.id))
@@ -69,7 +70,7 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
         commands=_named(required, _COMMANDS),
         joint_commands=_named([topic for topic in required if topic.subscribed], _JOINTS),
         **names,
-        root=root or lab.frames.root,
+        root=(root if robot is not None or not lab.scene.robots[1:] else "") or lab.frames.root,
         base=base or lab.frame_of(driven.base),
         scan_rate=_rate(lidar, _RATE),
         image_rate=_rate(camera, _RATE),

@@ -10,15 +10,14 @@
   window.addEventListener("hashchange", show);
   show();
 })();
-(() => {
-  const form = document.querySelector(".time");
-  if (!form) return;
+for (const form of document.querySelectorAll(".time")) {
+  const section = form.closest("section");
   const [slider, output] = [form.querySelector("input"), form.querySelector("output")];
   const button = form.querySelector("button");
-  const moments = [...document.querySelectorAll(".moments li")];
+  const moments = [...section.querySelectorAll(".moments li")];
   const names = moments.map((each) => each.textContent);
-  const now = document.querySelector(".now");
-  const groups = [...document.querySelectorAll("[data-moment]")];
+  const now = document.querySelector(`[data-motion="${section.dataset.play}"] .now`);
+  const groups = [...section.querySelectorAll("[data-moment]")];
   const show = () => {
     for (const each of groups) each.toggleAttribute("hidden", each.dataset.moment !== slider.value);
     output.value = names[slider.value];
@@ -56,6 +55,6 @@
     show();
   });
   form.hidden = false;
-  document.querySelector(".at").hidden = true;
+  section.querySelector(".at").hidden = true;
   show();
-})();
+}
