@@ -39,13 +39,28 @@ def explained(*findings: Finding) -> str:
 
 def test_the_rule_that_often_finds_such_faults_is_named_before_others() -> None:
     assert explained(finding("P01", NODE), finding("W01", SOURCE)) == "W01"
-    assert explained(finding("P01", NODE), finding("W01", ELSEWHERE)) == "W01"
+    assert explained(finding("W01", ELSEWHERE)) == "W01"
+
+
+def test_what_a_fault_rests_on_is_named_before_what_is_elsewhere() -> None:
+    assert explained(finding("P01", NODE), finding("W01", ELSEWHERE)) == "P01"
+
+
+def test_a_missing_node_explains_a_wire_that_is_gone() -> None:
+    assert explained(finding("N01", "/World/Clock"), finding("P01", SOURCE)) == "N01"
+
+
+def test_a_fault_without_a_place_is_explained_by_the_rule_that_often_finds_it() -> None:
+    found = finding("P01", NODE), finding("W01", ELSEWHERE, "warning")
+    explaining = explaining_finding(replace(CHECK, prim="", rests_on=()), found)
+    assert explaining is not None
+    assert explaining.rule == "W01"
 
 
 def test_of_other_rules_the_nearest_is_named() -> None:
     assert explained(finding("P03", SOURCE), finding("P01", NODE)) == "P01"
     assert explained(finding("P03", SOURCE), finding("P01", SOURCE, "error", NODE)) == "P01"
-    assert explained(finding("N01", "/World/Clock"), finding("P01", SOURCE)) == "P01"
+    assert explained(finding("N03", "/World/Clock"), finding("P01", SOURCE)) == "P01"
 
 
 def test_what_is_missing_in_a_graph_explains_its_faults() -> None:

@@ -13,6 +13,7 @@ from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.finding import SEVERITIES, Finding
 
 ONLY_IN_A_DRY_RUN = "F07"  # the rule of a fault that no other rule finds
+_MISSING_WIRE, _MISSING_NODE = "W01", "N01"  # a node takes its wires along
 
 # The rules that most often find what shows itself as a fault of each kind: of the lab, and of lint
 # ('' where none does). They choose among findings, and explain the faults of recordings.
@@ -153,13 +154,16 @@ def explaining_rule(check: Check) -> str:
 def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | None:
     """Return what the rules found about what a failed check rests on; None if only it shows that.
 
-    Errors count before warnings, then the rules that most often find such faults, then what is
-    nearest to the prim at fault. Of such a rule a finding anywhere in the stage counts, and of
-    every rule where nothing is known to be at fault, as the node itself is missing.
+    Errors count before warnings, then what the check rests on before other places, then the rules
+    that most often find such faults, then what is nearest to the prim at fault. Of such a rule a
+    finding anywhere in the stage counts, and of every rule where nothing is known to be at fault,
+    as the node itself is missing: there such a rule comes first.
     """
     if check.kind is None:
         return None
-    usual = EXPLAINED_BY[check.kind]
+    usual = {*EXPLAINED_BY[check.kind]}
+    if _MISSING_WIRE in usual:
+        usual.add(_MISSING_NODE)
     sites = {prim: number for number, prim in enumerate(check.rests_on)}
 
     far = 2 * len(sites) + 1
@@ -177,9 +181,10 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
         above = sites.get(prim.rpartition("/")[0] or "/", far)
         return sites.get(prim, min(far, above + len(sites)))
 
-    def rank(finding: Finding) -> tuple[int, bool, int]:
-        is_usual = finding.rule in usual
-        return SEVERITIES.index(finding.severity), not is_usual, distance(finding)
+    def rank(finding: Finding) -> tuple[bool, int, bool, bool, int]:
+        is_unusual, away = finding.rule not in usual, distance(finding)
+        severity = SEVERITIES.index(finding.severity)
+        return not check.prim and is_unusual, severity, away == far, is_unusual, away
 
     found = [
         finding
