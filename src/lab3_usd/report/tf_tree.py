@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct, field
 from msgspec.structs import asdict
@@ -53,6 +53,12 @@ class TreeReport(Struct, frozen=True):
         return f"  <- {printable(publisher)} ({topic}{f', {printable(rate)}' if rate else ''})"
 
 
+def tree_name(heard: HeardTree, trees: Sequence[HeardTree]) -> str:
+    """Return the name of one of several trees: its topic, with its domain if these differ."""
+    is_one = len({each.domain for each in trees}) == 1
+    return heard.topic if is_one else f"{heard.topic} in domain {heard.domain}"
+
+
 def as_text(
     report: TreeReport, width: int = sys.maxsize, *, verbose: bool = False
 ) -> Iterator[str]:
@@ -68,7 +74,7 @@ def as_text(
     trees = report.heard
     for heard in trees:
         if len(trees) > 1:
-            yield f"{printable(heard.topic)} in domain {printable(heard.domain)}:"
+            yield f"{printable(tree_name(heard, trees))}:"
         drawn: set[str] = set()
         roots = heard.tree.roots
         for top in roots:
@@ -125,7 +131,7 @@ def as_dot(report: TreeReport) -> str:
     lines = ["digraph tf {", "  node [shape=box, fontname=sans];", "  edge [fontname=sans];"]
     trees = report.heard
     for heard in trees:
-        where = f" ({heard.topic} in domain {heard.domain})" if len(trees) > 1 else ""
+        where = f" ({tree_name(heard, trees)})" if len(trees) > 1 else ""
         wrong = {fault.frame for fault in frame_faults(heard.tree, report.reserved)}
         edges = heard.tree.edges
         names = dict.fromkeys(name for edge in edges for name in (edge.parent, edge.child))

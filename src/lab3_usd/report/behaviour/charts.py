@@ -12,6 +12,8 @@ from lab3_usd.model.dry_run import Moment, Place, Replay
 
 WIDTH, ROW, LEFT, RIGHT, TOP = 720.0, 96.0, 124.0, 16.0, 26.0
 WHEELS = 6  # that are drawn
+_STEPS = (1, 2, 5, 10, 20, 60, 300)  # seconds between numbers of the axis
+_NUMBERS = 16  # of the axis, at most
 _WIDE = 34.0  # that the name of a leg needs
 Points = Sequence[tuple[float, float]]
 
@@ -36,8 +38,10 @@ def chart_svg(replay: Replay) -> str:
     parts = [_legs(moments, end, len(rows))]
     for number, row in enumerate(rows):
         parts += _row(number, row, end)
-    tall = TOP + len(rows) * ROW + 8
-    parts.append(f'<path class="now" d="M0 {TOP - 6:g}V{TOP + len(rows) * ROW:g}" hidden=""/>')
+    bottom = TOP + len(rows) * ROW
+    tall = bottom + 24
+    parts += _time_axis(bottom + 14, end)
+    parts.append(f'<path class="now" d="M0 {TOP - 6:g}V{bottom:g}" hidden=""/>')
     has_odometry = any(moment.odometry is not None for moment in moments)
     label = f"{', '.join(row.name for row in rows)} over time"
     label += "; odometry as dots" if has_odometry else ""
@@ -115,6 +119,15 @@ def _row(number: int, row: _Row, end: float) -> Iterator[str]:
             steps = (place.split() for place in places[1:])
             drawn = f"M{places[0]}" + "".join(f"H{x}V{y}" for x, y in steps)
         yield f'<path class="{kind}" d="{drawn}"/>'
+
+
+def _time_axis(y: float, end: float) -> Iterator[str]:
+    """Yield the seconds below the rows."""
+    yield f'<text x="4" y="{y:g}">time, s</text>'
+    step = next((step for step in _STEPS if end / step <= _NUMBERS), _STEPS[-1])
+    for seconds in range(0, math.floor(end) + 1, step):
+        x = f"{_across(seconds, end):.1f}"
+        yield f'<text text-anchor="middle" x="{x}" y="{y:g}">{seconds}</text>'
 
 
 def _legs(moments: Sequence[Moment], end: float, rows: int) -> str:

@@ -15,6 +15,7 @@ from lab3_usd.facts.tree import Tree, frame_faults, tree
 from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.layered import Placed, layered
 from lab3_usd.report.picture.model import STATES, Box, Curve, End, Picture, State, clip_end, sized
+from lab3_usd.report.tf_tree import tree_name
 from lab3_usd.spec.lab import FrameSpec, LocalizationSpec
 
 Pair = tuple[str, str]
@@ -87,7 +88,7 @@ def published_frames_picture(
     """
     trees, branches = trees_of(edges), list[DrawnEdge]()
     for heard in trees:
-        where = f" ({heard.topic} in domain {heard.domain})" if len(trees) > 1 else ""
+        where = f" ({tree_name(heard, trees)})" if len(trees) > 1 else ""
         wrong = {fault.frame for fault in frame_faults(heard.tree)}
         islands = {} if hidden else heard.tree.islands
         main = next((top for top in heard.tree.roots if top not in islands), "")
