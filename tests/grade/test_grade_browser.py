@@ -23,11 +23,13 @@ ROWS = [
     row("zoe", 50.0, lost=[{"item": "clock", "requirement": "ROS_Clock/wire/x", "title": EVIL}]),
 ]
 
+ALIKE = [{"students": ["ana_" * 30, "ben"], "what": "the same files", "checkpoints": ["01"]}]
+
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("class") / "index.html"
-    path.write_text(page_of("Lab 3", ITEMS, ROWS), encoding="utf-8")
+    path.write_text(page_of("Lab 3", ITEMS, ROWS, ALIKE), encoding="utf-8")
     return path
 
 

@@ -142,7 +142,7 @@ def test_what_a_dry_run_measured_makes_no_further_hardest_requirement() -> None:
     rows = [row(name, lost=[{**line, "title": f"went {name}"}]) for name in ("a", "b")]
     page = Page(page_of("Lab 3", ITEMS, rows))
     text = " ".join(" ".join(page.text).split())
-    assert "2 of 2 dry run follows is as it should be" in text
+    assert "2 of 2 dry run the check 'follows'" in text
 
 
 def test_identical_work_is_named() -> None:
@@ -209,3 +209,12 @@ def test_every_control_has_a_name() -> None:
     page = Page(page_of("Lab 3", ITEMS, [row("a")]))
     assert len(page.all("label")) == len(page.all("input")) + len(page.all("select"))
     assert [each["lang"] for each in page.all("html")] == ["en"]
+
+
+def test_names_have_a_column_where_they_say_more_than_the_submission() -> None:
+    def headings(name: str) -> str:
+        page = Page(page_of("Lab 3", ITEMS, [row("ana", name=name)]))
+        return " ".join(" ".join(page.text).split())
+
+    assert "Student Name Status" in headings("Ana Lee")
+    assert "Student Status" in headings("ana")

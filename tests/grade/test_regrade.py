@@ -225,10 +225,10 @@ def test_the_same_work_is_listed_and_not_judged(tmp_path: Path) -> None:
         {"students": ["ann", "bob"], "what": "the same files", "checkpoints": [LAST]},
         {
             "students": ["ann", "bob", "cem"],
-            "what": "the same graphs but for names",
+            "what": "the same graphs, except names",
             "checkpoints": [],
         },
         {"students": ["ann", "bob", "dan"], "what": "the same files", "checkpoints": stages[:-1]},
     ]
     page = read((tmp_path / "book" / "index.html").read_text(encoding="utf-8"))
-    assert "ann, bob, cem: the same graphs but for names" in page.text
+    assert "ann, bob, cem: the same graphs, except names" in page.text

@@ -41,6 +41,8 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     about = SUBMISSION
     foreign = [folder / f"{name}.usda" for name in ("a_warehouse_" * 15, "yard")]
     rover = broken_robot("rover", [{"deactivate": "/World/Clock"}])
+    lost = rover.DefinePrim("/World/Lost").GetReferences()
+    lost.AddReference("../shelves_of_the_warehouse/" * 8 + "shelf.usda")
     for path in foreign:
         rover.GetRootLayer().Export(str(path))
     reports = {
@@ -574,6 +576,13 @@ def test_a_picture_that_can_still_be_read_is_fitted_at_once(
     assert {share >= 0.75 for share, _, _ in found} == {True, False}
     assert [fits for _, fits, _ in found] == [share >= 0.75 for share, _, _ in found]
     assert [hint for _, _, hint in found] == [not fits for _, fits, _ in found]
+
+
+def test_a_turned_phone_fits_its_pictures_again(chromium: Browser, pages: dict[str, Path]) -> None:
+    chromium.open(pages["clean"], PHONE)
+    assert chromium.shown("figcaption small")
+    chromium.resize((2600, 900))
+    assert not chromium.shown("figcaption small")
 
 
 @pytest.fixture(scope="module")

@@ -391,7 +391,7 @@ def test_pictures_without_room_are_left_out_and_said(
     )
     whole = read(page(judged(paths)))
     monkeypatch.setattr(html_pictures, "PICTURE_CHARACTERS", 0)
-    monkeypatch.setattr(html_pictures, "LEAST_CHARACTERS", 15_000)
+    monkeypatch.setattr(html_pictures, "LEAST_CHARACTERS", 14_000)
     tree = read(page(judged(paths)))
     assert [len(list(each.all("svg", "lab3"))) for each in (whole, tree)] == [2, 1]
     left_out = [

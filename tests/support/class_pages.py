@@ -15,8 +15,13 @@ ITEMS = [
 EVIL = "<script>alert(1)</script>\x1b[2J{{ 7 * 7 }}\" onmouseover='x'"
 
 
-def page_of(title: str, items: list[dict[str, Any]], rows: list[dict[str, Any]]) -> str:
-    return "".join(class_page(title, items, rows))
+def page_of(
+    title: str,
+    items: list[dict[str, Any]],
+    rows: list[dict[str, Any]],
+    alike: list[dict[str, Any]] | None = None,
+) -> str:
+    return "".join(class_page(title, items, rows, alike or ()))
 
 
 def row(student: str, percent: float | None = 100.0, **changes: Any) -> dict[str, Any]:

@@ -358,7 +358,7 @@ def alike(rows: Iterable[Row]) -> list[Row]:
         for students, numbers in shared.items()
     ]
     found += [
-        {"students": students, "what": "the same graphs but for names", "checkpoints": []}
+        {"students": students, "what": "the same graphs, except names", "checkpoints": []}
         for likeness, students in by_content.items()
         if likeness and len(students) > 1 and tuple(students) not in shared
     ]

@@ -71,7 +71,8 @@ def class_page(
     It needs no network, and no script for reading: the script only sorts and filters.
     """
     lost = losses(rows)
-    percents = [row["percent"] for row in rows if row["percent"] is not None]
+    known = [(row["percent"], row["name"] not in {"", row["student"]}) for row in rows]
+    percents = [percent for percent, _ in known if percent is not None]
     style, script = (text_of(name) for name in ("class.css", "class.js"))
     page = environment().get_template("class.html.j2").stream(
         title=title,
@@ -85,6 +86,7 @@ def class_page(
         named=_NAMED,
         top_reason=top_reason,
         by_hand=by_hand,
+        has_names=any(is_named for _, is_named in known),
         most=_MOST,
         summaries=summaries(items, rows),
         statuses=sorted(Counter(row["status"] for row in rows).items()),
@@ -183,7 +185,8 @@ def losses(rows: Iterable[Row]) -> Losses:
 def _title(requirement: str, title: str) -> str:
     if not requirement.startswith(_DRY_RUN):
         return title
-    return f"{requirement.removeprefix(_DRY_RUN)} is as it should be"
+    name = requirement.removeprefix(_DRY_RUN)
+    return f"{name} is received as the lab asks" if "/" in name else f"the check '{name}'"
 
 
 def hardest(lost: Losses) -> list[Hard]:

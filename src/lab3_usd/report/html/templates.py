@@ -22,6 +22,7 @@ FOLDER = Path(__file__).resolve().parent / "templates"
 COMPILED = FOLDER / "compiled"
 _BREAK_AFTER = re.compile(r"(?<=\w)[/.:_](?=\w)")
 _CODE = re.compile(r"`([^`]+)`")
+_LONG = 20  # letters of a word that may not fit into a line
 
 
 def fill(template: str, more_style: str = "", **values: object) -> str:
@@ -69,7 +70,9 @@ def environment() -> jinja2.Environment:
         finalize=_finalized,
     )
     environment.globals["program"] = program
-    environment.filters.update(picture=own_markup, path=_path, prose=_prose, paper=_paper)
+    environment.filters.update(
+        picture=own_markup, path=_path, prose=_prose, command=_command, paper=_paper
+    )
     return environment
 
 
@@ -99,8 +102,18 @@ def _path(text: str) -> Markup:
 
 
 def _prose(text: str) -> Markup:
-    """Return a sentence, what stands between backticks as code."""
-    return own_markup(_CODE.sub(r"<code>\1</code>", _escaped(text)))
+    """Return a sentence, what stands between backticks as code; long paths may be broken."""
+    words = (_path(word) if len(word) > _LONG else _escaped(word) for word in text.split(" "))
+    return own_markup(_CODE.sub(r"<code>\1</code>", " ".join(words)))
+
+
+def _command(text: str) -> Markup:
+    """Return a command line, broken between its words and in paths, not after a hyphen."""
+    words = (
+        f'<span class="flag">{_escaped(word)}</span>' if word.startswith("-") else _path(word)
+        for word in text.split(" ")
+    )
+    return own_markup(" ".join(words))
 
 
 def _escaped(text: str) -> str:

@@ -231,8 +231,7 @@ def _legend_entries(picture: Picture) -> Iterator[LegendEntry]:
         seen |= {row.state for box in picture.boxes for row in box.rows}
         seen |= {remark.state for remark in picture.remarks}
         for state in STATES:
-            is_rare = picture.kind == "frames" or (state == "warned" and picture.kind != "lint")
-            if state in entries and (state in seen or not is_rare):
+            if state in entries and state in seen:
                 yield entries[state]
 
 

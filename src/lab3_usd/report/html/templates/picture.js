@@ -97,6 +97,7 @@
       true,
     );
 
+    window.addEventListener("resize", () => zoom(picture.classList.contains("fit") ? 0 : scale));
     zoom(share() < LEAST && picture.matches(".picture") ? 1 : 0);
     const fault = drawn.querySelector("a");
     if (!fault) return;

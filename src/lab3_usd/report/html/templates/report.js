@@ -88,6 +88,7 @@
 
   for (const code of navigator.clipboard ? all(".site code, .card dd code, .command code") : []) {
     const text = code.textContent;
+    if (text.includes(" ") && !code.closest(".command")) continue; // words, not a path
     const button = document.createElement("button");
     button.type = "button";
     button.className = "copy";
