@@ -5,8 +5,56 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.registry import rule
-from lab3_usd.model.finding import Problem
+from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.native import NativeErrors
+
+OTHER = "UV99"
+VALIDATORS = {
+    "UV01": "usdValidation:CompositionErrorTest",
+    "UV02": "usdValidation:AttributeTypeMismatch",
+    "UV03": "usdValidation:StageMetadataChecker",
+    "UV10": "usdGeomValidators:StageMetadataChecker",
+    "UV11": "usdGeomValidators:EncapsulationChecker",
+    "UV12": "usdGeomValidators:SubsetFamilies",
+    "UV13": "usdGeomValidators:SubsetParentIsImageable",
+    "UV20": "usdPhysicsValidators:RigidBodyChecker",
+    "UV21": "usdPhysicsValidators:ColliderChecker",
+    "UV22": "usdPhysicsValidators:ArticulationChecker",
+    "UV23": "usdPhysicsValidators:PhysicsJointChecker",
+    "UV30": "usdShadeValidators:EncapsulationMaterialValidator",
+    "UV31": "usdShadeValidators:EncapsulationRulesValidator",
+    "UV32": "usdShadeValidators:MaterialBindingApiAppliedValidator",
+    "UV33": "usdShadeValidators:MaterialBindingCollectionValidator",
+    "UV34": "usdShadeValidators:MaterialBindingRelationships",
+    "UV35": "usdShadeValidators:NormalMapTextureValidator",
+    "UV36": "usdShadeValidators:ShaderSdrCompliance",
+    "UV37": "usdShadeValidators:SubsetMaterialBindFamilyName",
+    "UV38": "usdShadeValidators:SubsetsMaterialBindFamily",
+    "UV40": "usdSkelValidators:SkelBindingApiAppliedValidator",
+    "UV41": "usdSkelValidators:SkelBindingApiValidator",
+    "UV50": "usdLuxValidators:EncapsulationRulesValidator",
+    "UV60": "usdMediaValidators:AuthorshipInputsPaired",
+    "UV61": "usdMediaValidators:ShadowedOrDuplicateAuthorship",
+    "UV70": "usdUtilsValidators:MissingReferenceValidator",
+    "UV71": "usdUtilsValidators:FileExtensionValidator",
+    "UV72": "usdUtilsValidators:PackageEncapsulationValidator",
+    "UV73": "usdUtilsValidators:RootPackageValidator",
+    "UV74": "usdUtilsValidators:UsdzPackageValidator",
+}
+
+
+def rule_of(validator: str) -> str:
+    """Return the rule that a validator is: `OTHER` for one of a newer usd-core."""
+    return next((rule for rule, name in VALIDATORS.items() if name == validator), OTHER)
+
+
+def _problems(subject: NativeErrors, rule_id: str) -> Iterator[Problem]:
+    """Yield what the validator of a rule says; for `OTHER`, what all unknown ones say."""
+    for error in subject.errors:
+        if rule_of(error.validator) == rule_id:
+            severity: Severity = "note" if error.may_be_defined_elsewhere else error.severity
+            message = error.message if rule_id != OTHER else f"{error.validator}: {error.message}"
+            yield Problem(error.prim, message, property=error.property, severity=severity)
 
 
 @rule("UV01", "composition-error", scope="native")
@@ -22,7 +70,7 @@ def composition_error(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a prim refers to a prim below itself.
     """
-    yield from subject.problems("UV01")
+    yield from _problems(subject, "UV01")
 
 
 @rule("UV02", "attribute-of-another-type", scope="native")
@@ -37,7 +85,7 @@ def attribute_of_another_type(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `token physics:gravityDirection` on a physics scene, where a `vector3f` belongs.
     """
-    yield from subject.problems("UV02")
+    yield from _problems(subject, "UV02")
 
 
 @rule("UV03", "no-default-prim", scope="native")
@@ -52,7 +100,7 @@ def no_default_prim(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `defaultPrim` is missing.
     """
-    yield from subject.problems("UV03")
+    yield from _problems(subject, "UV03")
 
 
 @rule("UV99", "other-validator", scope="native")
@@ -66,7 +114,7 @@ def other_validator(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: the installed usd-core has one validator more than the table of `lab3 rules`.
     """
-    yield from subject.problems("UV99")
+    yield from _problems(subject, "UV99")
 
 
 @rule("UV10", "no-units", scope="native")
@@ -81,7 +129,7 @@ def no_units(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `upAxis` is missing.
     """
-    yield from subject.problems("UV10")
+    yield from _problems(subject, "UV10")
 
 
 @rule("UV11", "nested-shapes", scope="native")
@@ -95,7 +143,7 @@ def nested_shapes(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a Sphere below a Cube.
     """
-    yield from subject.problems("UV11")
+    yield from _problems(subject, "UV11")
 
 
 @rule("UV12", "subset-family", scope="native")
@@ -109,7 +157,7 @@ def subset_family(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a family of type `partition` leaves out a face.
     """
-    yield from subject.problems("UV12")
+    yield from _problems(subject, "UV12")
 
 
 @rule("UV13", "subset-without-mesh", scope="native")
@@ -123,7 +171,7 @@ def subset_without_mesh(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a GeomSubset below a prim without a type.
     """
-    yield from subject.problems("UV13")
+    yield from _problems(subject, "UV13")
 
 
 @rule("UV20", "body-that-cannot-move", scope="native")
@@ -138,7 +186,7 @@ def body_that_cannot_move(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: PhysicsRigidBodyAPI on a Scope.
     """
-    yield from subject.problems("UV20")
+    yield from _problems(subject, "UV20")
 
 
 @rule("UV21", "collider-shape", scope="native")
@@ -152,7 +200,7 @@ def collider_shape(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a Sphere scaled by (1, 2, 3) with PhysicsCollisionAPI.
     """
-    yield from subject.problems("UV21")
+    yield from _problems(subject, "UV21")
 
 
 @rule("UV22", "articulation-in-another", scope="native")
@@ -166,7 +214,7 @@ def articulation_in_another(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: robot and gripper both have an articulation root.
     """
-    yield from subject.problems("UV22")
+    yield from _problems(subject, "UV22")
 
 
 @rule("UV23", "joint-without-bodies", scope="native")
@@ -179,7 +227,7 @@ def joint_without_bodies(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `physics:body0` names an Xform without PhysicsRigidBodyAPI.
     """
-    yield from subject.problems("UV23")
+    yield from _problems(subject, "UV23")
 
 
 @rule("UV30", "material-contents", scope="native")
@@ -193,7 +241,7 @@ def material_contents(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a Cube below a Material.
     """
-    yield from subject.problems("UV30")
+    yield from _problems(subject, "UV30")
 
 
 @rule("UV31", "shader-place", scope="native")
@@ -207,7 +255,7 @@ def shader_place(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a Shader below a Shader.
     """
-    yield from subject.problems("UV31")
+    yield from _problems(subject, "UV31")
 
 
 @rule("UV32", "binding-not-applied", scope="native")
@@ -221,7 +269,7 @@ def binding_not_applied(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `material:binding` on a Cube without the schema.
     """
-    yield from subject.problems("UV32")
+    yield from _problems(subject, "UV32")
 
 
 @rule("UV33", "binding-collection", scope="native")
@@ -235,7 +283,7 @@ def binding_collection(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `material:binding:collection:all` names a missing collection.
     """
-    yield from subject.problems("UV33")
+    yield from _problems(subject, "UV33")
 
 
 @rule("UV34", "binding-no-relationship", scope="native")
@@ -248,7 +296,7 @@ def binding_no_relationship(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `token material:binding`.
     """
-    yield from subject.problems("UV34")
+    yield from _problems(subject, "UV34")
 
 
 @rule("UV35", "normal-map", scope="native")
@@ -262,7 +310,7 @@ def normal_map(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a UsdUVTexture feeds `inputs:normal` without scale and bias.
     """
-    yield from subject.problems("UV35")
+    yield from _problems(subject, "UV35")
 
 
 @rule("UV36", "shader-inputs", scope="native")
@@ -276,7 +324,7 @@ def shader_inputs(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `float inputs:diffuseColor` on a UsdPreviewSurface.
     """
-    yield from subject.problems("UV36")
+    yield from _problems(subject, "UV36")
 
 
 @rule("UV37", "bound-subset", scope="native")
@@ -290,7 +338,7 @@ def bound_subset(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a GeomSubset with `material:binding` and no family name.
     """
-    yield from subject.problems("UV37")
+    yield from _problems(subject, "UV37")
 
 
 @rule("UV38", "bound-subset-family", scope="native")
@@ -304,7 +352,7 @@ def bound_subset_family(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `subsetFamily:materialBind:familyType = "unrestricted"`.
     """
-    yield from subject.problems("UV38")
+    yield from _problems(subject, "UV38")
 
 
 @rule("UV40", "skeleton-not-applied", scope="native")
@@ -318,7 +366,7 @@ def skeleton_not_applied(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `skel:skeleton` on a Mesh without the schema.
     """
-    yield from subject.problems("UV40")
+    yield from _problems(subject, "UV40")
 
 
 @rule("UV41", "skeleton-root", scope="native")
@@ -331,7 +379,7 @@ def skeleton_root(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a Mesh with SkelBindingAPI below an Xform.
     """
-    yield from subject.problems("UV41")
+    yield from _problems(subject, "UV41")
 
 
 @rule("UV50", "light-place", scope="native")
@@ -345,7 +393,7 @@ def light_place(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a DistantLight below a Shader.
     """
-    yield from subject.problems("UV50")
+    yield from _problems(subject, "UV50")
 
 
 @rule("UV60", "authorship-pairs", scope="native")
@@ -359,7 +407,7 @@ def authorship_pairs(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `authorship:step:inputs` has one element.
     """
-    yield from subject.problems("UV60")
+    yield from _problems(subject, "UV60")
 
 
 @rule("UV61", "authorship-hidden", scope="native", severity="warning")
@@ -373,7 +421,7 @@ def authorship_hidden(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `apiSchemas = ["AuthorshipAPI:last"]` above a reference that has a record of its own.
     """
-    yield from subject.problems("UV61")
+    yield from _problems(subject, "UV61")
 
 
 @rule("UV70", "missing-reference", scope="native", severity="note")
@@ -389,7 +437,7 @@ def missing_reference(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a texture on an Omniverse server.
     """
-    yield from subject.problems("UV70")
+    yield from _problems(subject, "UV70")
 
 
 @rule("UV71", "file-extension", scope="native")
@@ -403,7 +451,7 @@ def file_extension(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: `notes.txt` in a .usdz.
     """
-    yield from subject.problems("UV71")
+    yield from _problems(subject, "UV71")
 
 
 @rule("UV72", "package-refers-outside", scope="native", severity="warning")
@@ -417,7 +465,7 @@ def package_refers_outside(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: the root layer of a .usdz refers to `/home/me/robot.usd`.
     """
-    yield from subject.problems("UV72")
+    yield from _problems(subject, "UV72")
 
 
 @rule("UV73", "root-package", scope="native")
@@ -431,7 +479,7 @@ def root_package(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a .usdz made by `zip`.
     """
-    yield from subject.problems("UV73")
+    yield from _problems(subject, "UV73")
 
 
 @rule("UV74", "package-in-use", scope="native")
@@ -445,4 +493,4 @@ def package_in_use(subject: NativeErrors) -> Iterator[Problem]:
 
     Example: a stage refers to a .usdz made by `zip`.
     """
-    yield from subject.problems("UV74")
+    yield from _problems(subject, "UV74")
