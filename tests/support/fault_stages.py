@@ -293,7 +293,7 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
     "wrong-turn-rate": (value(f"{LIDAR}.omni:sensor:Core:scanRateBaseHz", 20), "scan"),
     "no-ray-returns": (value(f"{LIDAR}.omni:sensor:Core:farRangeM", 0.2), "scan"),
     "scan-off-walls": (put(LIDAR, "xformOp:translate", (0.3, 0.0, 0.0)), "scan"),
-    "image-info-frames-differ": (value(f"{INFO}.inputs:frameId", "lens"), "camera"),
+    "image-info-frames-differ": (value(f"{INFO}.inputs:frameId", "base_link"), "camera"),
     "image-info-sizes-differ": (
         steps(
             {"copy": [IMAGE_PRODUCT, "ROS_Camera/small"]},
