@@ -68,6 +68,7 @@ ELSEWHERE = {
     "F03",
     "S16",
     "S22",
+    "S26",  # the bundled lab describes no such joint
     "C08",
     "C10",
     "F04",

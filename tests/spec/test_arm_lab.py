@@ -14,7 +14,16 @@ from pathlib import Path
 import pytest
 from invoking import invoke
 from pxr import Sdf, Usd
-from seven_joints import COMMANDS, FILES, LINKS, ROBOT, STATES, write_stages
+from seven_joints import (
+    COMMANDS,
+    FILES,
+    JOINTS,
+    LIMITS,
+    LINKS,
+    ROBOT,
+    STATES,
+    write_stages,
+)
 from workers_here import workers_here
 
 from lab3_usd.commands.sim import _record
@@ -65,6 +74,15 @@ def test_the_checkpoints_are_those_of_the_stages(lab: Lab) -> None:
 def test_only_what_an_arm_has_is_written(described: tuple[list[Path], Path, str]) -> None:
     text = "".join(path.read_text() for path in described[1].glob("*.yaml"))
     assert [word for word in FOREIGN if word.lower() in text.lower()] == []
+
+
+def test_each_joint_is_described_with_its_limits_and_its_drive(lab: Lab) -> None:
+    joints = lab.scene.robot.joints
+    assert list(joints) == list(JOINTS)
+    for number, (name, found) in enumerate(joints.items(), start=1):
+        assert found.links == (f"link{number - 1}", f"link{number}"), name
+        assert (found.type, found.axis, found.limits) == ("PhysicsRevoluteJoint", "Z", LIMITS)
+        assert found.drive == {"stiffness": 800.0, "damping": 1000.0}
 
 
 def test_every_link_below_the_articulation_root_is_a_frame(lab: Lab) -> None:
@@ -122,6 +140,13 @@ def cuts(path: str, port: str) -> Mistake:
     return lambda stage: node(stage, path).GetAttribute(f"inputs:{port}").ClearConnections()
 
 
+DRIVE = "drive:angular:physics:"
+
+
+def joint(name: str, attribute: str, value: object) -> Mistake:
+    return lambda stage: node(stage, f"Panda/{name}").GetAttribute(attribute).Set(value)
+
+
 # The rule that finds a mistake, and the words of the course in what it says.
 MISTAKES: dict[str, tuple[Mistake, str, tuple[str, ...]]] = {
     "another topic": (
@@ -169,6 +194,54 @@ MISTAKES: dict[str, tuple[Mistake, str, tuple[str, ...]]] = {
         ),
         "S12",
         ("link0", "root_joint", "Joint Enabled"),
+    ),
+    "a joint with a weaker drive": (
+        joint("joint3", f"{DRIVE}stiffness", 80.0),
+        "S26",
+        ("joint3", "stiffness", "80", "800"),
+    ),
+    "a joint with a stiffer damper": (
+        joint("joint4", f"{DRIVE}damping", 2000.0),
+        "S26",
+        ("joint4", "damping", "2000", "1000"),
+    ),
+    "a joint without a drive": (
+        lambda stage: node(stage, "Panda/joint2").RemoveAppliedSchema("PhysicsDriveAPI:angular"),
+        "S26",
+        ("joint2", "no drive"),
+    ),
+    "a joint with another limit": (
+        joint("joint5", "physics:upperLimit", 90.0),
+        "S26",
+        ("joint5", "upper limit", "90", "160"),
+    ),
+    "a joint that turns about another axis": (
+        joint("joint6", "physics:axis", "Y"),
+        "S26",
+        ("joint6", "about Y", "expected Z"),
+    ),
+    "a joint that ties another link": (
+        lambda stage: (
+            node(stage, "Panda/joint7")
+            .GetRelationship("physics:body0")
+            .SetTargets([f"{ROBOT}/link2"])
+        ),
+        "S26",
+        ("joint7", "link2", "link6"),
+    ),
+    "a joint that is gone": (
+        lambda stage: stage.RemovePrim(f"{ROBOT}/joint3"),
+        "S26",
+        ("joint3", "missing"),
+    ),
+    "a joint that is off": (
+        lambda stage: (
+            node(stage, "Panda/joint1")
+            .CreateAttribute("physics:jointEnabled", Sdf.ValueTypeNames.Bool)
+            .Set(value=False)
+        ),
+        "S26",
+        ("joint1", "switched off"),
     ),
     "a node that is missing": (
         lambda stage: stage.RemovePrim("/World/Commands/listen"),

@@ -107,6 +107,10 @@ def put(path: str, value: Any) -> Callable[[Usd.Stage], None]:
     return change
 
 
+def aim(path: str, target: str) -> Callable[[Usd.Stage], None]:
+    return lambda stage: stage.GetRelationshipAtPath(path).SetTargets([target])
+
+
 def switch_off(path: str) -> Callable[[Usd.Stage], None]:
     return lambda stage: stage.GetPrimAtPath(path).SetActive(active=False)
 
@@ -203,6 +207,11 @@ MISTAKES: list[tuple[str, Callable[[Any], None], tuple[str, str, str]]] = [
         "a link below another one is switched off",
         switch_off(f"{R2}/body/tower"),
         ("S01", f"{R2}/body/tower", "r2"),
+    ),
+    (
+        "the castor of r1 hangs on its mast",
+        aim(f"{R1}/joints/castor_joint.physics:body0", f"{R1}/mast"),
+        ("S26", f"{R1}/joints/castor_joint", "r1"),
     ),
     ("the castor of r1 is switched off", switch_off(f"{R1}/castor"), ("S01", f"{R1}/castor", "r1")),
 ]
@@ -364,6 +373,9 @@ def test_lab_new_describes_both_robots_their_sensors_and_frames(
         }
         assert found.wheels.distance == pytest.approx(robot.wheels.distance)
         assert found.wheels.joints == robot.wheels.joints
+        assert {name: (joint.type, joint.links) for name, joint in found.joints.items()} == {
+            name: (joint.type, joint.links) for name, joint in robot.joints.items()
+        }
     paths_of = [{sensor.path for sensor in each.sensors.values()} for each in (new, lab)]
     assert paths_of[0] == paths_of[1]
     assert set(new.frames.edges) == set(lab.frames.edges)

@@ -17,6 +17,7 @@ from lab3_usd.spec.load.loader import load_lab, load_platform
 ROBOT = "/World/Panda"
 LINKS = tuple(f"link{number}" for number in range(8))
 JOINTS = tuple(f"joint{number}" for number in range(1, 8))
+LIMITS = (-160.0, 160.0)  # degrees
 STATES = "/panda/joint_states"
 COMMANDS = "/panda/joint_command"
 FILES = ("Arm_1_scene", "Arm_2_clock", "Arm_3_states", "Arm_4_commands", "Arm_5_frames")
@@ -111,6 +112,8 @@ def scene() -> Usd.Stage:
         ends = (f"{ROBOT}/{LINKS[number]}", f"{ROBOT}/{LINKS[number + 1]}")
         joint = revolute(stage, f"{ROBOT}/{name}", *ends, (0, 0, 0.15), "Z")
         UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(800.0)
+        UsdPhysics.RevoluteJoint(joint).CreateLowerLimitAttr(LIMITS[0])
+        UsdPhysics.RevoluteJoint(joint).CreateUpperLimitAttr(LIMITS[1])
     return stage
 
 

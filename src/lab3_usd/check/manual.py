@@ -102,6 +102,7 @@ _OF_FAMILY = {
 # What a lab may leave out, with whether it has it.
 PARTS: Mapping[str, Callable[[Lab], bool]] = {
     "wheels": lambda lab: any(robot.wheels.joints for robot in lab.scene.robots),
+    "described joints": lambda lab: any(robot.joints for robot in lab.scene.robots),
     "lidar": lambda lab: lab.first_sensor(LIDAR) is not None,
     "camera": lambda lab: lab.first_sensor(CAMERA) is not None,
     "render product": lambda lab: any(map(lab.first_sensor, (LIDAR, CAMERA))),
@@ -163,7 +164,7 @@ def _at(words: Sequence[str], number: int) -> str:
 
 def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
     robot = lab.scene.robot
-    joints, wheels = list(robot.wheels.joints), list(robot.wheels.joints.values())
+    joints, wheels = [*robot.wheels.joints, *robot.joints], list(robot.wheels.joints.values())
     links = [name for name in robot.links if name not in (robot.base_frame, *wheels)]
     placed = [name for name in links if robot.links[name].offset is not None]
     yield "robot", robot.path
@@ -174,7 +175,7 @@ def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
     yield "other_wheel", _at(wheels, 1)
     yield "joint", _at(joints, 0)
     yield "other_joint", _at(joints, 1)
-    yield "joint_path", robot.joint_path(joints[0]) if joints else ""
+    yield "joint_path", robot.joint_path(joints[0]) if wheels else ""
     yield "world", lab.scene.world.graph_parent.path
 
 

@@ -37,6 +37,7 @@ ARTICULATION_ENABLED = "physxArticulation:articulationEnabled"
 LIMITS = ("physics:lowerLimit", "physics:upperLimit")
 FAR = 36_000.0  # degrees: a wheel that may turn so far does not come to its limit
 BODIES = ("physics:body0", "physics:body1")
+AXIS, USUAL_AXIS = "physics:axis", "X"
 _JOINT_END = "Joint"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
@@ -10,17 +11,21 @@ from lab3_usd.check.robot.axles import anchor, axle
 from lab3_usd.check.robot.wheels import WheelJoint, tied_joints
 from lab3_usd.errors import UsageError
 from lab3_usd.facts.frame_targets import articulation_links
+from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, drive_prefix
 from lab3_usd.model.physics import (
     ARTICULATION_API,
+    AXIS,
     BODY_API,
     BODY_ENABLED,
     FIXED,
     KINEMATIC,
+    LIMITS,
     MASS,
     MASS_API,
     PLANE,
     REVOLUTE,
     SCENE,
+    USUAL_AXIS,
     bodies,
     bodies_below,
     is_articulated,
@@ -265,6 +270,52 @@ def moved_joints(
         if joint.type == REVOLUTE and joint.name in words and link and is_driven:
             moved[joint.name] = link
     return moved
+
+
+def describe_joints(
+    stage: StageModel, root: str, links: Iterable[str], wheels: Iterable[str]
+) -> dict[str, dict[str, Any]]:
+    """Describe the joints by which links move, by name; those of wheels are left out."""
+    links, described = tuple(links), dict[str, dict[str, Any]]()
+    for joint in joints(stage):
+        first, second = (_link_at(end, root, links) for end in bodies(joint))
+        is_tied = bool(second) and first is not None
+        if joint.type != FIXED and is_tied and joint.name not in (*wheels, *described):
+            described[joint.name] = {
+                "type": joint.type,
+                "links": [first, second],
+                **dict(_motion(joint)),
+                "handout": PART,
+            }
+    return described
+
+
+def _link_at(end: str, root: str, links: Iterable[str]) -> str | None:
+    """Return the link to which an end of a joint belongs, '' for the world, None for none."""
+    holding = (link for link in links if is_at_or_below(end, f"{root}/{link}"))
+    return max(holding, key=len, default=None) if end else ""
+
+
+def _motion(joint: Prim) -> Iterator[tuple[str, Any]]:
+    """Yield the axis of a joint of one axis, its limits, and what is set of its drive."""
+    kind = DRIVEN_AXES.get(joint.type)
+    if kind is None:
+        return
+    yield "axis", str(joint.attributes.get(AXIS, USUAL_AXIS))
+    low, high = (number(joint.attributes.get(name)) for name in LIMITS)
+    if low is not None and high is not None and math.isfinite(low) and math.isfinite(high):
+        yield "limits", [as_typed(low), as_typed(high)]
+    for key, name in (
+        ("stiffness", "stiffness"),
+        ("damping", "damping"),
+        ("max_force", "maxForce"),
+    ):
+        value = number(joint.attributes.get(f"{drive_prefix(kind)}{name}"))
+        if f"{DRIVE}:{kind}" in joint.apis and value is not None and math.isfinite(value):
+            yield key, as_typed(value)
+
+
+_DRIVE_KEYS = {"stiffness": "stiffness", "damping": "damping", "max_force": "maxForce"}
 
 
 def describe_wheels(subject: RobotSubject) -> dict[str, Any]:

@@ -21,7 +21,15 @@ from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import IDENTITY, camera_axes
 from lab3_usd.new_lab.graphs import unknown_types, with_types
-from lab3_usd.new_lab.robot import PART, describe_robots, describe_wheels, moved_joints, plain, pose
+from lab3_usd.new_lab.robot import (
+    PART,
+    describe_joints,
+    describe_robots,
+    describe_wheels,
+    moved_joints,
+    plain,
+    pose,
+)
 from lab3_usd.new_lab.yaml_text import as_typed
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Lab
@@ -233,6 +241,10 @@ def describe_scene(
             for link in described["joints"].values():
                 if any(map(collides, stage.below(f"{robot['path']}/{link}"))):
                     robot["links"][link]["collision"] = True
+        turning = described.get("joints", {})
+        others = describe_joints(stage, robot["path"], robot["links"], turning)
+        if others:
+            robot["joints"] = others
     data["world"] |= dict(_world(_subject(stage, data, lab)))
     return data
 

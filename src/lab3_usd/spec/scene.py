@@ -93,6 +93,33 @@ class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
     centre: tuple[Number, Number] = (0.0, 0.0)
 
 
+class JointSpec(Struct, frozen=True, forbid_unknown_fields=True):
+    """A joint of the robot that turns no wheel, by its name.
+
+    It ties two links, '' for the world. `limits` and the values of its drive are as the editor
+    shows them: of a revolute joint for degrees, of a prismatic one for units of the stage.
+    """
+
+    handout: str
+    type: str
+    links: tuple[str, str]
+    axis: str = ""
+    limits: tuple[Number, Number] | None = None
+    stiffness: Number | None = None
+    damping: Number | None = None
+    max_force: Number | None = None
+
+    @property
+    def drive(self) -> dict[str, float]:
+        """What is asked of its drive, by the name in USD."""
+        values = {
+            "stiffness": self.stiffness,
+            "damping": self.damping,
+            "maxForce": self.max_force,
+        }
+        return {name: value for name, value in values.items() if value is not None}
+
+
 class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """A robot; after the checkpoint `pose_is_error_until` it may have driven.
 
@@ -110,6 +137,7 @@ class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
     articulation: ArticulationSpec = ArticulationSpec("", "")
     pose_is_error_until: str = ""
     wheels: WheelSpec = WheelSpec("", {}, "", 0.0, (0.0, 1.0, 0.0))
+    joints: Mapping[str, JointSpec] = {}
     looks_below: tuple[str, ...] = ()
     name: str = ""
 
@@ -142,6 +170,13 @@ class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
     def link_paths(self) -> tuple[str, ...]:
         """The paths of the links."""
         return tuple(map(self.path_of, self.links))
+
+    @property
+    def turned_links(self) -> frozenset[str]:
+        """The links that wheel joints and described joints tie, which are asked for themselves."""
+        return frozenset(
+            (*self.wheels.joints.values(), *(j.links[1] for j in self.joints.values()))
+        )
 
     def path_of(self, link: str) -> str:
         """Return the path of a link, that of the robot for ''."""

@@ -15,9 +15,11 @@ from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.robot.wheels import WheelJoint, base_side, ends_of, wheel_side
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.physics import (
+    AXIS,
     BODIES,
     COLLISION_API,
     FIXED,
+    USUAL_AXIS,
     bodies,
     collides,
     is_joint_type,
@@ -43,7 +45,7 @@ from lab3_usd.model.transforms import (
 )
 
 _ALONG: dict[Any, Vector] = dict(zip("XYZ", AXES, strict=True))
-AXIS, _SHAPE_AXIS = "physics:axis", "axis"
+_SHAPE_AXIS = "axis"
 _ROLLING = ("Cylinder", "Capsule")  # which roll about their own axis
 _SQUARE = 0.999  # how far along an axis an axis must point
 _ALIKE = 0.02
@@ -66,7 +68,7 @@ def axle(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
 
 def joint_axis(joint: Prim, side: int) -> Vector | None:
     """Return about what a positive velocity turns the other body, in the axes of this side's."""
-    along = _ALONG.get(joint.attributes.get(AXIS, "X"))
+    along = _ALONG.get(joint.attributes.get(AXIS, USUAL_AXIS))
     if along is None:
         return None
     turn = _quaternion(joint.attributes.get(f"physics:localRot{side}"))
@@ -84,7 +86,7 @@ def own_axle(joint: WheelJoint, subject: RobotSubject) -> tuple[Vector, Vector] 
     if joint.prim is None or wheel is None or wheel.world is None:
         return None
     values = joint.prim.attributes
-    along = _ALONG.get(values.get(AXIS, "X"))
+    along = _ALONG.get(values.get(AXIS, USUAL_AXIS))
     if along is None:
         return None
     turned = rotate_by_quaternion(along, _quaternion(values.get(f"physics:localRot{side}")))

@@ -28,6 +28,7 @@ from lab3_usd.model.physics import (
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.spec.graph import GraphSpec
+from lab3_usd.spec.scene import RobotSpec
 
 
 class WheelJoint(Struct, frozen=True, eq=False):
@@ -71,10 +72,24 @@ def wheel_joints(subject: RobotSubject) -> list[WheelJoint]:
     return wheels
 
 
-def _find_joint(stage: StageModel, root: str, name: str, link: str) -> Prim | None:
+def find_joint(stage: StageModel, root: str, name: str) -> Prim | None:
+    """Return the prim of a name on a robot, a joint in the scene before others."""
     named = [prim for prim in stage.named(name) if is_at_or_below(prim.path, root)]
-    for prim in sorted(named, key=lambda prim: (not prim.present, not is_joint(prim), prim.path)):
-        return prim
+    return min(
+        named, key=lambda prim: (not prim.present, not is_joint(prim), prim.path), default=None
+    )
+
+
+def link_of(path: str, robot: RobotSpec) -> str:
+    """Return the link that a prim is or belongs to, '' for none."""
+    holding = (link for link in robot.link_paths if is_at_or_below(path, link))
+    return max(holding, key=len, default="")
+
+
+def _find_joint(stage: StageModel, root: str, name: str, link: str) -> Prim | None:
+    found = find_joint(stage, root, name)
+    if found is not None:
+        return found
     for prim in joints(stage):
         if prim.type == REVOLUTE and any(is_at_or_below(body, link) for body in bodies(prim)):
             return prim

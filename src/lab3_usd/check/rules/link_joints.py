@@ -109,12 +109,12 @@ def articulation(subject: RobotSubject) -> Iterator[Problem]:
 
 
 def joined_links(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
-    """Yield that joints tie each link to the robot; those of the wheels are asked for apart."""
+    """Yield that joints tie each link to the robot, where no joint of it is asked for itself."""
     del checkpoint
     for robot in lab.scene.robots:
         for name, link in robot.links.items():
             is_base = name == robot.base_frame
-            if name not in robot.wheels.joints.values() and (link.held or not is_base):
+            if name not in robot.turned_links and (link.held or not is_base):
                 title = f"joints tie {name} to the {'world' if is_base else 'robot'}"
                 yield Demand(joined(robot, name), title, robot.path_of(name), link.handout)
 
@@ -140,7 +140,7 @@ def loose_link(subject: RobotSubject) -> Iterator[Problem]:
     Example: the joint of `{robot}/{link}` deleted: `{link}` falls down.
     """
     robot = subject.robot
-    wheels = robot.wheels.joints.values()
+    turned = robot.turned_links
     links = list(robot.link_paths)
     present = [path for path in links if subject.stage.prim(path) is not None]
     base = robot.base
@@ -159,7 +159,7 @@ def loose_link(subject: RobotSubject) -> Iterator[Problem]:
     judged = [groups[base], *(groups[_link_of(body, links)] for body in held)]
     for name, link in robot.links.items():
         path = robot.path_of(name)
-        if path in present and name not in wheels and groups[path] not in judged:
+        if path in present and name not in turned and groups[path] not in judged:
             judged.append(groups[path])
             message, hint = f"no joint ties {name} to {robot.base_frame}", None
             off = _switched_off(subject, path)
@@ -209,7 +209,7 @@ def _is_to_stand(subject: RobotSubject) -> bool:
     """Whether the base is to be fixed to the world."""
     robot = subject.robot
     base = robot.links.get(robot.base_frame)
-    return base is not None and base.held
+    return base is not None and base.held and robot.base_frame not in robot.turned_links
 
 
 _SIX_AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.robot.axles import AXIS, disc_of, joint_axis
+from lab3_usd.check.robot.axles import disc_of, joint_axis
 from lab3_usd.facts.articulations import (
     Command,
     commanded_joints,
@@ -21,6 +21,7 @@ from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.quantities import quantity_of
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
+    AXIS,
     BODIES,
     BODY_ENABLED,
     FAR,

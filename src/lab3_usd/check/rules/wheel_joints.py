@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, Demands, rule
-from lab3_usd.check.robot.axles import AXIS, anchor, axle, own_axle
+from lab3_usd.check.robot.axles import anchor, axle, own_axle
 from lab3_usd.check.robot.poses import vector_text
 from lab3_usd.check.robot.wheels import (
     WheelJoint,
@@ -25,6 +25,7 @@ from lab3_usd.check.rules.link_joints import joined_links
 from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Restore
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
+    AXIS,
     EXCLUDED,
     FAR,
     JOINT_ENABLED,

@@ -10,7 +10,7 @@ from msgspec import Struct
 from lab3_usd.data import data_folder
 from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest
 from lab3_usd.spec.lab import SCENE, STARTER, Lab
-from lab3_usd.spec.scene import is_within
+from lab3_usd.spec.scene import RobotSpec, is_within
 from lab3_usd.yaml_file import read_yaml
 
 
@@ -40,10 +40,39 @@ def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFau
                 message = f"'{name}' is not a link{hint}"
                 key = f"{robot.key}: wheels: joints: {joint}"
                 yield LabFault(SCENE, key, message, f"{SCENE}: {robot.key}: links")
+        yield from _joint_faults(robot)
     yield from _sensor_faults(lab)
     scenes = (*_starter_scene(lab), *stages)
     yield from _target_faults(lab, scenes)
     yield from _absent_parts(lab, scenes)
+
+
+def _joint_faults(robot: RobotSpec) -> Iterator[LabFault]:
+    """Yield what no joint can be, or is said twice of one."""
+    for name, joint in robot.joints.items():
+        key = f"{robot.key}: joints: {name}"
+        if name in robot.wheels.joints:
+            other = f"{SCENE}: {robot.key}: wheels: joints: {name}"
+            yield LabFault(SCENE, key, f"'{name}' is the joint of a wheel", other)
+        for link in joint.links:
+            if link and link not in robot.links:
+                meant = nearest(link, robot.links)
+                hint = f", '{meant}' is" if meant else ""
+                message = f"'{link}' is not a link{hint}"
+                yield LabFault(SCENE, f"{key}: links", message, f"{SCENE}: {robot.key}: links")
+        if not (joint.type.startswith(_SCHEMA) and joint.type.endswith(_JOINT)):
+            message = f"'{joint.type}' is no type of joints, as {_SCHEMA}Revolute{_JOINT} is"
+            yield LabFault(SCENE, f"{key}: type", message)
+        if joint.limits is not None and joint.limits[0] > joint.limits[1]:
+            low, high = joint.limits
+            message = f"the lower limit, {low:g}, is above the upper one, {high:g}"
+            yield LabFault(SCENE, f"{key}: limits", message)
+        for word, value in joint.drive.items():
+            if value < 0:
+                yield LabFault(SCENE, key, f"{word} is {value:g}, which is negative")
+
+
+_SCHEMA, _JOINT = "Physics", "Joint"  # around the kind in the name of a type of USD
 
 
 def _absent_parts(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
@@ -64,11 +93,13 @@ def _parts(lab: Lab, known: Collection[str]) -> Iterator[tuple[str, str, bool]]:
         yield f"{robot.key}: path", robot.path, robot.path in known
         for name, path in zip(robot.links, robot.link_paths, strict=True):
             yield f"{robot.key}: links: {name}", path, path in known or robot.path not in known
-        for name in robot.wheels.joints:
+        for name in (*robot.wheels.joints, *robot.joints):
             ends = (path for path in known if path.endswith(f"/{name}"))
             is_there = any(is_within(path, robot.path) for path in ends)
-            key = f"{robot.key}: wheels: joints: {name}"
-            yield key, robot.joint_path(name), is_there or robot.path not in known
+            of_wheel = name in robot.wheels.joints
+            key = f"{robot.key}: {'wheels: ' if of_wheel else ''}joints: {name}"
+            place = robot.joint_path(name) if of_wheel else f"{robot.path}/{name}"
+            yield key, place, is_there or robot.path not in known
     made = {sensor.path for sensor in lab.sensors.values()}
     for name, sensor in lab.sensors.items():
         parent = sensor.path.rpartition("/")[0]

@@ -1,0 +1,187 @@
+"""Rules about the joints of a robot that turn no wheels, as those of an arm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from lab3_usd.check.match.rule_inputs import RobotSubject
+from lab3_usd.check.registry import Demand, rule
+from lab3_usd.check.robot.wheels import find_joint, has_no_joints, link_of, unknown_joints
+from lab3_usd.model.changes import ApplySchema, Restore
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, drive_prefix
+from lab3_usd.model.physics import (
+    AXIS,
+    BODIES,
+    EXCLUDED,
+    JOINT_ENABLED,
+    LIMITS,
+    USUAL_AXIS,
+    bodies,
+    is_excluded,
+    is_switched_off,
+    number,
+)
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import absence_reason
+from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.scene import JointSpec, RobotSpec
+
+_WORLD = "the world"
+
+
+def _joints(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    del checkpoint
+    for robot in lab.scene.robots:
+        for name, joint in robot.joints.items():
+            first, second = (link or _WORLD for link in joint.links)
+            titles = {"joint": f"{name} ties {second} to {first}"}
+            if joint.limits is not None:
+                titles["limits"] = f"{name} moves from {joint.limits[0]:g} to {joint.limits[1]:g}"
+            if joint.drive:
+                values = ", ".join(f"{key} {value:g}" for key, value in joint.drive.items())
+                titles["drive"] = f"the drive of {name} has {values}"
+            for part, title in titles.items():
+                place = f"{robot.path}/{name}"
+                yield Demand(f"{robot.group}/{part}/{name}", title, place, joint.handout)
+
+
+@rule("S26", "described-joint", scope="robot", demands=_joints, needs="described joints")
+def described_joint(subject: RobotSubject) -> Iterator[Problem]:
+    """A joint is missing, ties other links, or has other limits or another drive.
+
+    Why: commands go to joints by their names, and messages of their states name them. A joint with
+    other limits stops elsewhere, one with a weaker drive sags, and one with a stiffer drive swings.
+
+    Fix: undo the change of the joint, or start again from the supplied file. Limits and drive are
+    in the Property panel under Physics.
+
+    Example: `physics:upperLimit` 90 where the lab has 160.
+    """
+    if has_no_joints(subject):
+        message = "the robot has no joints"
+        if subject.robot.joints and not subject.robot.wheels.joints:
+            names = tuple(subject.robot.joints)
+            yield _absent(subject, names, subject.robot.path, message)
+        return
+    for name, spec in subject.robot.joints.items():
+        prim = _find(subject, name)
+        if prim is None or not prim.present:
+            place = f"{subject.robot.path}/{name}" if prim is None else prim.path
+            reason = absence_reason(subject.stage, place)
+            yield _absent(subject, (name,), place, f"{name} {reason}")
+        else:
+            yield from _wrong_values(prim, name, spec, subject)
+
+
+def _find(subject: RobotSubject, name: str) -> Prim | None:
+    """Return the joint of this name, wherever it stands on the robot."""
+    return find_joint(subject.stage, subject.robot.path, name)
+
+
+def _absent(subject: RobotSubject, names: tuple[str, ...], place: str, message: str) -> Problem:
+    robot = subject.robot
+    parts = ("joint", "limits", "drive")
+    return Problem(
+        place,
+        message,
+        expected=", ".join(f"{robot.joints[name].type} {name}" for name in names),
+        handout=robot.joints[names[0]].handout,
+        fix=(Restore(place),),
+        unmet=tuple(f"{robot.group}/{part}/{name}" for name in names for part in parts),
+        rests_on=unknown_joints(subject),
+    )
+
+
+def _wrong_values(
+    prim: Prim, name: str, spec: JointSpec, subject: RobotSubject
+) -> Iterator[Problem]:
+    """Yield each value of a joint that is not as described."""
+    for part, message, key, expected, actual in (
+        *_ties(prim, name, spec, subject.robot),
+        *_limits(prim, name, spec, subject),
+        *_drive(prim, name, spec, subject),
+    ):
+        has_no_drive = key.startswith(DRIVE)
+        yield Problem(
+            prim.path,
+            message,
+            None if has_no_drive else key or None,
+            expected,
+            actual,
+            spec.handout,
+            fix=(ApplySchema(prim.path, key) if has_no_drive else Restore(prim.path, key),),
+            unmet=(f"{subject.robot.group}/{part}/{name}",),
+            rests_on=subject.stage.unknown_value(prim, key)
+            if key and not has_no_drive
+            else subject.stage.unknown(prim.path),
+        )
+
+
+_Wrong = tuple[str, str, str, str, str]  # requirement, message, property, expected, actual
+
+
+def _ties(prim: Prim, name: str, spec: JointSpec, robot: RobotSpec) -> Iterator[_Wrong]:
+    """Yield what is wrong with the kind of a joint, and with what it ties."""
+    if prim.type != spec.type:
+        text = f"{name} is a {prim.type or 'prim without a type'}, expected {spec.type}"
+        yield "joint", text, "", spec.type, prim.type
+        return
+    if is_switched_off(prim, JOINT_ENABLED):
+        yield "joint", f"{name} is switched off", JOINT_ENABLED, "True", "False"
+    if is_excluded(prim):
+        yield "joint", f"{name} is excluded from the articulation", EXCLUDED, "False", "True"
+    for key, end, link in zip(BODIES, bodies(prim), spec.links, strict=True):
+        asked, tied = robot.path_of(link) if link else "", link_of(end, robot)
+        if tied != asked and not _is_of_wheels(end, tied, robot):
+            text = f"{name} ties {end or _WORLD}, expected {asked or _WORLD}"
+            yield "joint", text, key, asked or _WORLD, end or _WORLD
+    axis = prim.attributes.get(AXIS, USUAL_AXIS)
+    if spec.axis and axis != spec.axis:
+        text = f"{name} moves along {axis}, expected {spec.axis}"
+        if prim.type not in DRIVEN_AXES or DRIVEN_AXES[prim.type] == "angular":
+            text = f"{name} turns about {axis}, expected {spec.axis}"
+        yield "joint", text, AXIS, spec.axis, str(axis)
+
+
+def _is_of_wheels(end: str, link: str, robot: RobotSpec) -> bool:
+    """Whether rules about wheels speak of an end of a joint: a wheel, or what is no part of it."""
+    wheels = [robot.path_of(wheel) for wheel in robot.wheels.joints.values()]
+    return bool(wheels) and (link in wheels or not is_at_or_below(end, robot.path))
+
+
+def _limits(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> Iterator[_Wrong]:
+    words = ("lower", "upper")
+    for key, word, wanted in zip(LIMITS, words, spec.limits or (), strict=False):
+        actual = number(prim.attributes.get(key))
+        if actual is None or not _same(actual, wanted, subject):
+            found = "not set" if actual is None else f"{actual:g}"
+            text = f"the {word} limit of {name} is {found}, expected {wanted:g}"
+            yield "limits", text, key, f"{wanted:g}", found
+
+
+_WORDS = {"stiffness": "stiffness", "damping": "damping", "maxForce": "largest force"}
+
+
+def _drive(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> Iterator[_Wrong]:
+    kind = DRIVEN_AXES.get(prim.type)
+    if kind is None or not spec.drive:
+        return
+    api = f"{DRIVE}:{kind}"
+    if api not in prim.apis:
+        yield "drive", f"{name} has no drive", api, api, "none"
+        return
+    for word, wanted in spec.drive.items():
+        key = f"{drive_prefix(kind)}{word}"
+        unset = math.inf if word == "maxForce" else 0.0
+        actual = number(prim.attributes.get(key, unset))
+        if actual is None or not _same(actual, wanted, subject):
+            found = "no number" if actual is None else f"{actual:g}"
+            text = f"the {_WORDS[word]} of {name} is {found}, expected {wanted:g}"
+            yield "drive", text, key, f"{wanted:g}", found
+
+
+def _same(actual: float, wanted: float, subject: RobotSubject) -> bool:
+    tolerance = subject.lab.scene.tolerance.number
+    return math.isclose(actual, wanted, rel_tol=tolerance, abs_tol=tolerance)
