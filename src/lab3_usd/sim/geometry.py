@@ -19,6 +19,7 @@ SIDES = 32  # of a round shape; its corners lie on the surface
 ENDLESS = 1e3
 BOTH = 2  # sides of a plane, or segments that meet at a point
 IN_LINE = 1e-9
+_MOST_LEVELS = 16  # of one surface
 _MESH, _MEASURES = "Mesh", ("size", "radius", "height", "axis")
 _BUFFERS = ("points", "faceVertexCounts", "faceVertexIndices")
 TURN = {"X": (2, 0, 1), "Y": (1, 2, 0), "Z": (0, 1, 2)}  # where x, y, z of an upright shape go
@@ -69,6 +70,20 @@ class Surface(Struct, frozen=True, dict=True):
         for face in self._faces():
             if len({above[number] for number in face}) == BOTH:
                 yield from self._fan(face)
+
+    def level(self, height: float) -> Sequence[Segment]:
+        """Return what the plane z = height cuts out of the surface."""
+        known = self._levels.get(height)
+        if known is None:
+            if len(self._levels) >= _MOST_LEVELS:
+                self._levels.clear()
+            known = self._levels[height] = sections(self.crossing((0.0, 0.0, 1.0), height), height)
+        return known
+
+    @cached_property
+    def _levels(self) -> dict[float, Sequence[Segment]]:
+        """The last cuts: the plays of a class cut the same room where robot and lidar are."""
+        return {}
 
     def _is_near(self, normal: Vector, offset: float) -> bool:
         """Whether a plane cuts the box of the surface."""
@@ -246,10 +261,7 @@ def sections(triangles: Iterable[Triangle], height: float) -> list[Segment]:
 
 def cut(surfaces: Iterable[Surface], height: float) -> list[Segment]:
     """Return what the plane z = height cuts out of surfaces."""
-    upward = (0.0, 0.0, 1.0)
-    return sections(
-        chain.from_iterable(surface.crossing(upward, height) for surface in surfaces), height
-    )
+    return list(chain.from_iterable(surface.level(height) for surface in surfaces))
 
 
 def height_at(surfaces: Iterable[Surface], x: float, y: float, below: float) -> float | None:

@@ -307,6 +307,9 @@ def record(
         seen = sweep(beam, tuple(world.surroundings.around(in_metres(at, 1.0 / unit))))
         return in_unit(seen, unit)
 
+    def cut_room() -> tuple[Segment, ...]:
+        return _room(player, start)
+
     missing = scene.missing.keys() - world.assumed.keys()
     causes = RunCauses(
         scene,
@@ -321,11 +324,10 @@ def record(
     recording.radii = causes.radii()
     if robot is not None and robot.is_given_ground:
         recording.remarks.append(f"no ground is below {robot.base}: a ground plane is supplied")
-    room = _room(player, start)
     if robot is not None:
         recording.wheels = tuple(wheel.joint.name for wheel in robot.wheels if wheel.joint.holds)
     if robot is None:
-        return Trial(recording, drive, wanted, level, walls, causes, room)
+        return Trial(recording, drive, wanted, level, walls, causes, cut_room)
     return Trial(
         recording,
         drive,
@@ -333,7 +335,7 @@ def record(
         level,
         walls,
         causes,
-        room,
+        cut_room,
         robot.radius * unit,
         factor=_rolled(robot, wanted.wheel_radius / unit),
         scrubs=robot.scrubs,

@@ -155,7 +155,11 @@ class Stretch(NamedTuple):
 
 
 class Trial(Struct):
-    """A recorded drive and what it is judged by; `walls` returns the expected scan at a pose."""
+    """A recorded drive and what it is judged by.
+
+    `walls` returns the expected scan at a pose, `cut_room` what stands still, cut at the height of
+    the lidar.
+    """
 
     recording: Recording
     drive: Sequence[Session]
@@ -163,7 +167,7 @@ class Trial(Struct):
     start: Affine = HERE
     walls: Callable[[Affine, Scan], tuple[float, ...]] | None = None
     causes: Causes | None = None
-    room: tuple[Segment, ...] = ()  # what stands still, cut at the height of the lidar
+    cut_room: Callable[[], tuple[Segment, ...]] = tuple
     radius: float = 0.0  # of the robot
     tolerance: RunTolerance = EXACT
     factor: float = 1.0  # metres that the wheels roll for each metre commanded
@@ -173,6 +177,11 @@ class Trial(Struct):
     located: tuple[Sequence[tuple[float, Affine]], ...] = ()
     fit: MapFit | None = None  # of its scans on the map
     scrubs: bool = False  # whether its wheels slide in a turn, so that it turns about as commanded
+
+    @property
+    def room(self) -> tuple[Segment, ...]:
+        """What stands still, cut at the height of the lidar; nothing where that is unknown."""
+        return self.cut_room()
 
     def stretches(self, *names: str) -> Iterator[Stretch]:
         """Yield the legs of the first session that have one of these names."""
