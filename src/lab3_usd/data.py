@@ -14,13 +14,18 @@ _PROGRAM = re.compile(rf"(?<![.\w])(_?){PROGRAMS[0]}(?!-usd|\.toml|:|\w)")
 
 def program() -> str:
     """Return the name by which the program was started, for what it says to type."""
-    typed = Path(sys.argv[0]).stem if sys.argv else ""
+    return _program(sys.argv[0] if sys.argv else "")
+
+
+@cache
+def _program(started: str) -> str:
+    typed = Path(started).stem
     return typed if typed in PROGRAMS else PROGRAMS[0]
 
 
-def as_called(text: str) -> str:
-    """Return a text about the program with the name by which it was started."""
-    return _PROGRAM.sub(rf"\1{program()}", text)
+def as_called(text: str, called: str = "") -> str:
+    """Return a text about the program with the name by which it was `called`, else started."""
+    return _PROGRAM.sub(rf"\1{called or program()}", text)
 
 
 def own_lab() -> Path | None:

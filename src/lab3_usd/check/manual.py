@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.check.robot.sensors import CAMERA, LIDAR, OTHER, kind_of
-from lab3_usd.data import as_called
+from lab3_usd.data import as_called, program
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.spec.lab import Lab
 
@@ -120,7 +120,12 @@ PARTS: Mapping[str, Callable[[Lab], bool]] = {
 
 def in_words_of(lab: Lab | None, manual: str) -> str:
     """Return a text of a manual with the names of a lab, or with plain ones."""
-    manual = as_called(manual)
+    return _in_words(lab, manual, program())
+
+
+@lru_cache(maxsize=1024)  # the reports of a class all quote the same
+def _in_words(lab: Lab | None, manual: str, called: str) -> str:
+    manual = as_called(manual, called)
     if "{" not in manual:
         return manual
     while (chosen := _CHOICE.sub(lambda choice: _chosen(lab, choice), manual)) != manual:
