@@ -308,13 +308,13 @@ def test_faces_of_a_mesh_that_the_cut_misses_are_not_looked_at(
     prim = mesh(stage, [(-1, -1, -1), (1, 0, 1), (0, 1, -1), (0, 0, 1)], [[0, 1, 2], [0, 2, 3]])
     UsdGeom.Xformable(prim).AddTranslateOp().Set(Gf.Vec3d(0, 0, up))
     seen: list[str] = []
-    faces_of = lidar_plane.faces_of
+    mesh_faces = lidar_plane._mesh
 
     def noted(prim: Usd.Prim) -> object:
         seen.append(str(prim.GetPath()))
-        return faces_of(prim)
+        return mesh_faces(prim)
 
-    monkeypatch.setattr(lidar_plane, "faces_of", noted)
+    monkeypatch.setattr(lidar_plane, "_mesh", noted)
     found = cut(stage, height)
     assert seen == (["/Thing"] if is_looked_at else [])
     assert bool(found.segments) == is_looked_at
@@ -327,3 +327,17 @@ def test_a_mesh_that_stands_nowhere_is_named(stage: Usd.Stage) -> None:
     UsdGeom.Xformable(prim).GetXformOpOrderAttr().Set(["xformOp:translate"])
     found = cut(stage)
     assert found.not_cut == ("/Thing",)
+
+
+def test_a_shape_that_stands_again_where_it_stood_is_cut_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    cuts: list[float] = []
+    cut_faces = lidar_plane._cut_faces
+    monkeypatch.setattr(lidar_plane, "_cut_faces", lambda *on: cuts.append(1) or cut_faces(*on))
+    lidar_plane._cut_solid.cache_clear()
+    for _ in range(2):
+        again = Usd.Stage.CreateInMemory()
+        UsdPhysics.CollisionAPI.Apply(UsdGeom.Cylinder.Define(again, "/Thing").GetPrim())
+        assert cut(again).segments
+    assert len(cuts) == 1

@@ -152,10 +152,12 @@ def _wall_agreements(
         corner = (facts.origin_x + x, facts.origin_y + y)
         frame = MapFrame(facts.resolution, corner, facts.width, facts.height)
         drawn = _drawn(frame, cut.segments, cut.robot)
-        yield Agreement(agreement(grid, drawn.grid), f"with the origin at {about}")
+        yield Agreement(_agreement(grid, drawn.grid), f"with the origin at {about}")
 
 
-_drawn = lru_cache(maxsize=4)(draw_map)  # the stages of a class have the same walls
+# The stages of a class have the same walls, and most of its maps are the same.
+_drawn = lru_cache(maxsize=4)(draw_map)
+_agreement = lru_cache(maxsize=8)(agreement)
 
 
 def judge_parameters(contents: FolderContents) -> RuleResults:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
 from typing import Any
 
 from msgspec import Struct
@@ -83,13 +84,13 @@ def slice_stage(stage: Usd.Stage, cut: SliceOptions) -> StageSlice:
         for shape in _shapes(prim):
             try:
                 matrix = cache.GetLocalToWorldTransform(shape) * to_metres
-                faces = Faces((), ()) if _misses(shape, matrix, height) else faces_of(shape)
+                cuts = () if _misses(shape, matrix, height) else _cut_shape(shape, matrix, height)
             except (Tf.ErrorException, TypeError, ValueError):
-                faces = None  # what is written there tells neither its surface nor its place
-            if faces is None:
+                cuts = None  # what is written there tells neither its surface nor its place
+            if cuts is None:
                 not_cut.append(str(shape.GetPath()))
             else:
-                segments.extend(_cut_faces(faces, matrix, height))
+                segments.extend(cuts)
     return StageSlice(
         height=height,
         robot=_position(robot, to_metres)[:2] if robot else None,
@@ -148,10 +149,45 @@ def _shapes(collider: Usd.Prim) -> Iterator[Usd.Prim]:
             yield prim
 
 
-def _cut_faces(faces: Faces, matrix: Gf.Matrix4d, height: float) -> Iterator[Segment]:
-    """Yield where the faces cross the height; a face that lies in it has no crossing."""
+def _cut_shape(shape: Usd.Prim, matrix: Gf.Matrix4d, height: float) -> Sequence[Segment] | None:
+    """Return the cut through a shape; None for a type that has no surface here.
+
+    A mesh is taken as it is, whatever a simulator makes of it (`physics:approximation`): a lidar
+    sees the mesh, and a hull around a ring would fill the ring.
+    """
+    kind = str(shape.GetTypeName())
     # Plain numbers: a Gf vector takes ten times as long for each point.
-    columns = [tuple(matrix[row][column] for row in range(4)) for column in range(3)]
+    columns = tuple(tuple(matrix[row][column] for row in range(4)) for column in range(3))
+    if kind == "Mesh":
+        return tuple(_cut_faces(_mesh(shape), columns, height))
+    if kind == "Cube":
+        return _cut_solid(kind, _value(shape, "size"), 0.0, "", columns, height)
+    if kind not in _ROUND:
+        return None
+    length = 0.0 if kind == "Sphere" else _value(shape, "height")
+    axis = shape.GetAttribute("axis")
+    upright = axis.Get() if axis else "Z"
+    return _cut_solid(kind, _value(shape, "radius"), length, upright, columns, height)
+
+
+@lru_cache(maxsize=512)  # the stages of a class have the same room
+def _cut_solid(
+    kind: str,
+    size: float,
+    length: float,
+    axis: str,
+    columns: Sequence[Sequence[float]],
+    height: float,
+) -> Sequence[Segment]:
+    """Return the cut through a cube or a round shape."""
+    faces = _cube(size / 2) if kind == "Cube" else _round(kind, size, length / 2, axis)
+    return tuple(_cut_faces(faces, columns, height))
+
+
+def _cut_faces(
+    faces: Faces, columns: Sequence[Sequence[float]], height: float
+) -> Iterator[Segment]:
+    """Yield where the faces cross the height; a face that lies in it has no crossing."""
     of_x, of_y, of_z, shift = columns[2]
     is_above = [of_x * x + of_y * y + of_z * z + shift > height for x, y, z in faces.points]
     for corners in faces.corners:
@@ -177,47 +213,33 @@ def _crossings(outline: Sequence[tuple[float, ...]], height: float) -> Iterator[
             yield (x, y)
 
 
-def faces_of(prim: Usd.Prim) -> Faces | None:
-    """Return the surface of a shape; None for a type that has no surface here.
-
-    A mesh is taken as it is, whatever a simulator makes of it (`physics:approximation`): a lidar
-    sees the mesh, and a hull around a ring would fill the ring.
-    """
-    read = _READERS.get(prim.GetTypeName())
-    return None if read is None else read(prim)
-
-
 def _value(prim: Usd.Prim, name: str) -> float:
     return float(prim.GetAttribute(name).Get())
 
 
-def _cube(prim: Usd.Prim) -> Faces:
-    half = _value(prim, "size") / 2
+def _cube(half: float) -> Faces:
     ends = (-half, half)
     points = [(x, y, z) for x in ends for y in ends for z in ends]
     corners = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
     return Faces(points, corners)
 
 
-def _round(prim: Usd.Prim) -> Faces:
-    radius, kind = _value(prim, "radius"), prim.GetTypeName()
-    half = 0.0 if kind == "Sphere" else _value(prim, "height") / 2
+def _round(kind: str, radius: float, half: float, axis: str) -> Faces:
     if kind == "Cylinder":
-        return _turned(prim, [(0.0, -half), (radius, -half), (radius, half), (0.0, half)])
+        return _turned(axis, [(0.0, -half), (radius, -half), (radius, half), (0.0, half)])
     if kind == "Cone":
-        return _turned(prim, [(0.0, -half), (radius, -half), (0.0, half)])
+        return _turned(axis, [(0.0, -half), (radius, -half), (0.0, half)])
     # A sphere is a capsule without a straight part.
     angles = [math.pi * (ring / _RINGS - 0.5) for ring in range(_RINGS + 1)]
     middle = _RINGS // 2
     lower = [(radius * math.cos(a), radius * math.sin(a) - half) for a in angles[: middle + 1]]
     upper = [(radius * math.cos(a), radius * math.sin(a) + half) for a in angles[middle:]]
-    return _turned(prim, lower + upper)
+    return _turned(axis, lower + upper)
 
 
-def _turned(prim: Usd.Prim, profile: list[tuple[float, float]]) -> Faces:
-    """Turn a profile of (radius, height) about the shape's axis."""
-    axis = prim.GetAttribute("axis")
-    place = _PLACE.get(axis.Get() if axis else "Z", _PLACE["Z"])
+def _turned(axis: str, profile: list[tuple[float, float]]) -> Faces:
+    """Turn a profile of (radius, height) about an axis."""
+    place = _PLACE.get(axis, _PLACE["Z"])
     circle = [
         (math.cos(2 * math.pi * corner / _CORNERS), math.sin(2 * math.pi * corner / _CORNERS))
         for corner in range(_CORNERS)
@@ -262,11 +284,4 @@ _PLACE: dict[str, Callable[[float, float, float], Number3]] = {
     "Y": lambda a, b, h: (b, h, a),
     "Z": lambda a, b, h: (a, b, h),
 }
-_READERS: dict[str, Callable[[Usd.Prim], Faces]] = {
-    "Cube": _cube,
-    "Cylinder": _round,
-    "Cone": _round,
-    "Sphere": _round,
-    "Capsule": _round,
-    "Mesh": _mesh,
-}
+_ROUND = ("Cylinder", "Cone", "Sphere", "Capsule")
