@@ -108,10 +108,14 @@ def make_class(folder: Path, count: int, numbers: tuple[str, ...]) -> None:
         work.mkdir(parents=True)
         for number in numbers:
             text = stage("05" if number in SAVED_AGAIN else number).read_text()
-            named = text.replace("(\n", f'(\n    doc = "student {index}"\n', 1)
-            own = POSITION.sub(lambda found, index=index: arranged(found, index), named)
-            (work / stage(number).name).write_text(own)
+            (work / stage(number).name).write_text(of_student(text, index))
         shutil.copytree(data_folder("maps"), work.parent / "maps")
+
+
+def of_student(text: str, index: int) -> str:
+    """Return the text of a stage as a student has it, with nodes arranged in another way."""
+    named = text.replace("(\n", f'(\n    doc = "student {index}"\n', 1)
+    return POSITION.sub(lambda found: arranged(found, index), named)
 
 
 def arranged(found: re.Match[str], index: int) -> str:

@@ -13,7 +13,7 @@ from lab3_usd.grade.dry_runs import shown_by, with_dry_runs
 from lab3_usd.grade.scoring import facts_of
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.sim import geometry
-from lab3_usd.sim.judge.topics import expected_at
+from lab3_usd.sim.judge.topics import expected_of_each
 
 RADIUS = [{"set": ["ROS_Drive/differential_controller.inputs:wheelRadius", 0.25]}]
 FILES = {
@@ -55,7 +55,7 @@ def test_the_room_is_cut_once_for_all_that_is_played_in_it(
     lab, counts = the_lab(), []
     for number in ("04", "05"):
         broken(number, RADIUS).GetRootLayer().Export(str(tmp_path / FILES[number]))
-        shown_by(tmp_path / FILES[number], lab, expected_at(lab, lab.checkpoints[number]))
+        shown_by(tmp_path / FILES[number], lab, expected_of_each(lab, lab.checkpoints[number]))
         counts.append(len(cut))
     assert counts[0] > 30
     assert counts[1] - counts[0] < 10  # of the robot

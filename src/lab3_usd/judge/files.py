@@ -102,7 +102,7 @@ def judge_maps(
     if supplied is not None and subject.size == (facts.width, facts.height):
         with suppress(Lab3Error):  # an image of another format, which map_server reads
             grid = read_pgm(root / subject.image_file)
-            shares = (agreement(grid, supplied.grid), agreement(supplied.grid, grid))
+            shares = (_agreement(grid, supplied.grid), _agreement(supplied.grid, grid))
             subject = replace(subject, likeness=min(shares))
     return run_family("maps", "M", subject, lab)
 
