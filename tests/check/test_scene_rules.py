@@ -69,6 +69,7 @@ ELSEWHERE = {
     "S16",
     "S22",
     "S26",  # the bundled lab describes no such joint
+    "S27",
     "C08",
     "C10",
     "F04",
@@ -114,7 +115,12 @@ def test_each_fault_is_one_error_at_its_place(
 
 @pytest.mark.parametrize(
     ("name", "rule"),
-    [("base_link no body", "S05"), ("no physics", "S15"), ("lidar link moved", "S17")],
+    [
+        ("base_link no body", "S05"),
+        ("wheel of no scene", "S28"),
+        ("no physics", "S15"),
+        ("lidar link moved", "S17"),
+    ],
 )
 def test_a_fault_is_said_by_its_rule(name: str, rule: str, said: dict[str, list[Finding]]) -> None:
     assert [error.rule for error in errors(said[name])] == [rule]
@@ -558,6 +564,16 @@ def test_a_joint_that_sits_far_out_is_named_with_the_body_it_hangs_on() -> None:
 def test_a_mass_without_its_schema_counts_for_nothing() -> None:
     found = told_after("02", without_api(f"{ROBOT}/base_link", "PhysicsMassAPI"))
     assert found == [("S04", f"{ROBOT}/base_link", "physics:mass")]
+
+
+def test_what_physx_does_not_take_as_it_is_written_is_a_warning() -> None:
+    joint, end = f"{JOINTS}/wheel_left_joint", "physics:body1"
+    density = author(LINK_LEFT, "physics:density", "Float", -1.0)
+    found = found_after("02", density, aim(joint, end, LINK_LEFT, BASE))
+    assert {(each.rule, each.severity, each.prim, each.property) for each in found} == {
+        ("S27", "warning", LINK_LEFT, "physics:density"),
+        ("S27", "warning", joint, end),
+    }
 
 
 def test_a_mass_may_be_in_a_missing_asset() -> None:

@@ -52,6 +52,7 @@ def value(path: str, name: str, kind: str, value: Any) -> tuple[Change, str, str
     return author(path, name, kind, value), path, name
 
 
+TYRE = f"{WHEEL}/collisions/tyre"
 BODY, JOINT = "physxRigidBody:", "physxJoint:"
 FORCE, SURFACE = "physxForce:force", "physxSurfaceVelocity:surfaceVelocity"
 MIMIC = "physxMimicJoint:rotZ:referenceJoint"
@@ -83,6 +84,14 @@ UNPLAYED: dict[str, tuple[Change, str, str]] = {
     "slow wheels": value(LEFT, f"{JOINT}maxJointVelocity", "Float", 90.0),
     "friction": value(LEFT, f"{JOINT}jointFriction", "Float", 1e6),
     "a mimic": (relate(LEFT, MIMIC, f"{JOINTS}/wheel_right_joint"), LEFT, MIMIC),
+    "an oval tyre": (
+        several(
+            author(TYRE, "xformOp:scale", "Float3", Gf.Vec3f(1.2, 1, 1)),
+            author(TYRE, "xformOpOrder", "TokenArray", ["xformOp:scale"]),
+        ),
+        TYRE,
+        "its scale",
+    ),
     "tipping": value(BASE, CENTRE, "Point3f", Gf.Vec3f(0.5, 0, 0)),
 }
 

@@ -122,7 +122,12 @@ def _bodies() -> list[Sabotage]:
         )
         for link, size in zip(LINKS, _SIZES, strict=True)
     ]
-    return [*found, Sabotage("base kinematic", "02", kinematic, site)]
+    wheel, owner = f"{ROBOT}/wheel_left_link", "physics:simulationOwner"
+    return [
+        *found,
+        Sabotage("base kinematic", "02", kinematic, site),
+        Sabotage("wheel of no scene", "02", aim(wheel, owner, "/gone"), (wheel, owner)),
+    ]
 
 
 _SIZES = [

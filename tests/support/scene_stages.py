@@ -6,6 +6,7 @@ from breaking import correct_stage
 from pxr import Usd
 from scene_changes import Change
 
+from lab3_usd.check.fold import fold
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Rule, rules_of
 from lab3_usd.check.requirements import with_unmet
@@ -44,7 +45,7 @@ def findings_of(stage: Usd.Stage, checkpoint: str) -> list[Finding]:
         for problem in problems_of(rule, subject)
         if problem.rests_on is None
     )
-    return [*with_unmet(findings, subject, lab)]
+    return [*with_unmet(fold(findings), subject, lab)]
 
 
 def told(stage: Usd.Stage, checkpoint: str) -> list[tuple[str, str, str | None]]:

@@ -21,6 +21,7 @@ from lab3_usd.model.physics import (
     FIXED,
     JOINT_ENABLED,
     REVOLUTE,
+    bodies,
     bodies_below,
     is_articulated,
     is_excluded,
@@ -182,7 +183,7 @@ def has_joint(joints: Mapping[str, Prim], name: str) -> bool:
 
 def ends(joint: Prim) -> tuple[str, ...]:
     """Return the bodies that a joint ties."""
-    return tuple(path for name in BODIES for path in joint.relationships.get(name, ()))
+    return tuple(filter(None, bodies(joint)))
 
 
 def commanded_joints(

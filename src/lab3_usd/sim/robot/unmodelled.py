@@ -19,6 +19,7 @@ _OWNER, _PAIRS = "physics:simulationOwner", "physics:filteredPairs"
 _FILTERED, _INVERTED = "physics:filteredGroups", "physics:invertFilteredGroups"
 _COLLIDERS = "collection:colliders:"
 _CENTRE, _SPEED = "physics:centerOfMass", "physxJoint:maxJointVelocity"
+_ROUND, _EVEN = ("Sphere", "Cylinder", "Capsule", "Cone"), 1e-3
 _MIMIC = ("physxMimicJoint:", "newton:mimic")
 _UNSET = 1e8  # an infinite value means that the schema's own counts
 _FASTEST = 0.5  # metres a second: no command lets a robot, or the rim of a wheel, go faster
@@ -100,6 +101,7 @@ def unmodelled(machines: Machines, robot: Machine) -> dict[str, str]:
         *(pair for ground in grounds for pair in _bad(ground, _SURFACE)),
         *(pair for prim in scene.prims.values() for pair in _of_joint(prim, machines, robot)),
         *_leaning(bodies, robot),
+        *_uneven(own),
         *_owned(scene, [*bodies, *own, *floors]),
         *_filtered(scene, [prim.path for prim in own], [floor.path for floor in floors]),
     ]
@@ -154,6 +156,19 @@ def _leaning(bodies: list[ScenePrim], robot: Machine) -> Iterator[tuple[str, str
     if robot.radius and not robot.held and away > robot.radius * total:
         body = max(moments, key=lambda moment: math.hypot(*moment[:2]))[2]
         yield body.path, f"{_CENTRE} is {body.values[_CENTRE]}"
+
+
+def _uneven(shapes: list[ScenePrim]) -> Iterator[tuple[str, str]]:
+    """Yield round shapes of another scale across: their radius in PhysX is not what is seen."""
+    for shape in shapes:
+        if shape.type not in _ROUND:
+            continue
+        along = "XYZ".find(str(shape.values.get("axis", "Z"))) if shape.type == "Cylinder" else -1
+        columns = zip(*shape.world.rows, strict=True)
+        scale = [math.hypot(*column) for column in columns]
+        across = [size for index, size in enumerate(scale) if index != along]
+        if min(across) < (1 - _EVEN) * max(across):
+            yield shape.path, f"its scale is {', '.join(f'{size:g}' for size in scale)}"
 
 
 def _owned(scene: Scene, prims: list[ScenePrim]) -> Iterator[tuple[str, str]]:

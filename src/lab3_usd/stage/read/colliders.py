@@ -9,6 +9,7 @@ from typing import Any
 from pxr import Gf, Usd, Vt
 
 from lab3_usd.model.prims import Collider, Colliders, Matrix, Prims
+from lab3_usd.model.transforms import scale_of
 from lab3_usd.stage.read.opening import stage_errors
 from lab3_usd.stage.read.prims import PrimReader
 from lab3_usd.stage.read.properties import CENTIMETRES, authored_data, elements, stage_number
@@ -18,6 +19,7 @@ _Corner = tuple[float, float, float]
 _Box = tuple[_Corner, _Corner]
 
 _COLLISION = "PhysicsCollisionAPI"
+_EVEN = 1e-4  # of a scale, between what counts as one
 _FEW = 100  # points of a mesh; more are left to UsdGeom
 _AXIS_NAMES = ("X", "Y", "Z")
 # The shapes of UsdGeom by type name; whether round ones end in half balls.
@@ -30,7 +32,8 @@ class StageColliders(Colliders):
 
     A collision prim has the box of its own shape and of the shapes below it. Planes have none.
     Cylinders, spheres and capsules are taken as round, so that a wheel turned about its axle stands
-    as high as one that is not; cones as the cylinders around them.
+    as high as one that is not; cones as the cylinders around them. Their radius has the largest
+    scale across their axis, as in PhysX (omni.usdphysics/plugins/Collision.cpp:132-310).
     """
 
     def __init__(self, prims: Prims, reader: PrimReader) -> None:
@@ -122,9 +125,9 @@ def _world_box(prim: Usd.Prim, path: str, transforms: TransformCache) -> _Box | 
         axis = authored_data(prim, "axis")
         index = _AXIS_NAMES.index(axis) if axis in _AXIS_NAMES else 2  # Z by the schema
         radius, half = _number(prim, "radius"), _number(prim, "height") / 2
-        return _around(world, radius, half, index, has_balls=_ROUND[kind])
+        return _around(_evenly(world, index), radius, half, index, has_balls=_ROUND[kind])
     if kind == "Sphere":
-        return _around(world, _number(prim, "radius"), 0.0, 0, has_balls=True)
+        return _around(_evenly(world), _number(prim, "radius"), 0.0, 0, has_balls=True)
     if kind == "Cube":
         half = abs(_number(prim, "size")) / 2
         x, y, z = (
@@ -142,6 +145,17 @@ def _world_box(prim: Usd.Prim, path: str, transforms: TransformCache) -> _Box | 
         moved: Any = [elements(matrix.Transform(Gf.Vec3d(*row))) for row in rows]
         return _bounds(moved)
     return _box_of_many(points, matrix)
+
+
+def _evenly(world: Matrix, along: int | None = None) -> Matrix:
+    """Return where a round shape stands, with its largest scale across its axis, if it has one."""
+    scale = scale_of(world)
+    across = {row: abs(scale[row]) for row in range(3) if row != along}
+    largest = max(across.values())
+    if min(across.values()) >= largest * (1 - _EVEN) or not all(across.values()):
+        return world
+    sizes = [largest / across[row] if row in across else 1.0 for row in range(3)]
+    return (*(world[at] * sizes[at // 4] for at in range(12)), *world[12:])
 
 
 def _box_of_many(points: Vt.Vec3fArray, matrix: Gf.Matrix4d) -> _Box:

@@ -1,0 +1,220 @@
+"""Rules about what PhysX makes of bodies, shapes and joints, with and without a lab."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec.structs import replace
+
+from lab3_usd.check.match.rule_inputs import ModelSubject, StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.rules.robot import link_bodies
+from lab3_usd.facts.stuck_nodes import paths_above
+from lab3_usd.isaac.values import Value
+from lab3_usd.model.changes import ApplySchema, Restore
+from lab3_usd.model.finding import Problem, display
+from lab3_usd.model.physics import (
+    BODIES,
+    BODY_API,
+    COLLISION_API,
+    MASS,
+    MASS_API,
+    SCENE,
+    bodies,
+    collides,
+    is_body,
+    joints,
+    numbers,
+)
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import StageModel
+from lab3_usd.model.transforms import decompose
+
+_OWNER = "physics:simulationOwner"
+_MASSES = (MASS, "physics:density", "physics:diagonalInertia")
+_ROUND = ("Sphere", "Capsule", "Cone")  # shapes of one radius in all directions
+_TUBE, _AXIS, _AXES = "Cylinder", "axis", "XYZ"  # its length may have a scale of its own
+_UNEVEN = 1e-3  # of a scale
+
+
+@rule("K96", "simulation-owner", scope="lint")
+def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
+    """A body, a shape or a joint belongs to no physics scene, or to two.
+
+    Why: PhysX makes no body and no shape whose owner is not a physics scene. Where a stage has two
+    scenes, it makes no joint between bodies of different owners, and no articulation of them; a
+    body without an owner has another one than a body with.
+
+    Fix: in the Property panel, remove the target of Simulation Owner, or choose the one physics
+    scene for all bodies of the robot.
+
+    Example: `physics:simulationOwner` of a wheel names `/World/physicsScene_01`, which was deleted.
+
+    Basis: NVIDIA-Omniverse/PhysX, `usdLoad/PhysicsBody.cpp:285-295, 600`, `Collision.cpp:396-406`,
+    `Joint.cpp:132-140` and `Articulation.cpp:34-66`.
+    """
+    stage = subject.stage
+    lost: dict[tuple[str, bool], list[Prim]] = {}
+    for prim in stage.with_api(lambda api: api in {BODY_API, COLLISION_API}):
+        owners = prim.relationships.get(_OWNER, ()) if prim.present else ()
+        if owners and not any(_is_scene(owner, stage) for owner in owners):
+            lost.setdefault((owners[0], is_body(prim)), []).append(prim)
+    for (owner, are_bodies), prims in lost.items():
+        kind = "body" if are_bodies else "shape"
+        more = f", and of {len(prims) - 1} more" if prims[1:] else ""
+        yield Problem(
+            prims[0].path,
+            f"{_OWNER} is {owner}, which is no physics scene: PhysX makes no {kind} of it{more}",
+            property=_OWNER,
+            expected="no target, or a physics scene",
+            actual=owner,
+            related=tuple(prim.path for prim in prims[1:]),
+            covers=tuple((prim.path, _OWNER) for prim in prims[1:]),
+            rests_on=stage.unknown(owner),
+        )
+    scenes = [prim for prim in stage.of_type(SCENE) if prim.present]
+    for joint in joints(stage) if len(scenes) > 1 else ():
+        ends = [stage.prim(path) for path in bodies(joint)]
+        owners = tuple(next(iter(end.relationships.get(_OWNER, ())), "") for end in ends if end)
+        if len(owners) == len(BODIES) and len({*owners}) > 1:
+            first, second = (
+                f"{path} of {owner or 'no scene by name'}"
+                for path, owner in zip(bodies(joint), owners, strict=True)
+            )
+            yield Problem(
+                joint.path,
+                f"ties {first} to {second}: PhysX makes no joint between two scenes",
+                expected="one simulation owner",
+                related=bodies(joint),
+                assumes=tuple((path, _OWNER) for path in bodies(joint)),
+                rests_on=stage.unknown(*bodies(joint)),
+            )
+
+
+@rule("S28", "robot-of-no-scene", scope="stage", demands=link_bodies)
+def robot_of_no_scene(subject: StageSubject) -> Iterator[Problem]:
+    """A body, a shape or a joint belongs to no physics scene, or to two.
+
+    Why: PhysX makes no body and no shape whose owner is not a physics scene, and no joint between
+    bodies of different scenes. The robot falls apart, or through the ground.
+
+    Fix: in the Property panel, remove the target of Simulation Owner.
+
+    Example: `physics:simulationOwner` of `{robot}/{link}` names a scene that was deleted.
+
+    Basis: NVIDIA-Omniverse/PhysX, `usdLoad/PhysicsBody.cpp:285-295, 600` and `Joint.cpp:132-140`.
+    """
+    for problem in simulation_owner(subject):
+        places = (problem.prim, *problem.related)
+        robot = next(filter(None, map(subject.lab.scene.robot_of, places)), None)
+        links = [] if robot is None else [*robot.links]
+        unmet = tuple(
+            f"{robot.group}/body/{link}"
+            for link in links
+            if robot and any(is_at_or_below(path, robot.path_of(link)) for path in places)
+        )
+        fix = tuple(Restore(path, _OWNER) for path in places if problem.property)
+        yield replace(problem, handout=robot and robot.handout, fix=fix, unmet=unmet)
+
+
+def _is_scene(path: str, stage: StageModel) -> bool:
+    prim = stage.prim(path)
+    return prim is not None and prim.present and prim.type == SCENE
+
+
+@rule("K97", "ignored-physics", scope="lint", severity="warning")
+@rule("S27", "physics-not-as-written", scope="stage", severity="warning")
+def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
+    """PhysX takes a body, a shape or a joint for something else than the file says.
+
+    Why: of two bodies at one end of a joint the first counts. A negative mass, density or inertia
+    counts as none, and so does a mass without PhysicsMassAPI: it is computed from the shapes, or is
+    1 kg. A round shape that is scaled unevenly gets the largest scale for its radius, so that it
+    is larger than it looks.
+
+    Fix: name one body, write the mass in kilograms, and give a shape its size by radius and height
+    instead of a scale.
+
+    Example: a wheel whose cylinder is scaled 1, 2, 1 across its axis.
+
+    Basis: NVIDIA-Omniverse/PhysX, `omni.usdphysics/plugins/Joint.cpp:118-134`,
+    `Collision.cpp:86-310`, and `usdLoad/Mass.cpp:50-90, 465`.
+    """
+    stage = subject.stage
+    tied = {path for joint in joints(stage) for path in bodies(joint) if path}
+    for joint in joints(stage):
+        for name in BODIES:
+            targets = joint.relationships.get(name, ())
+            if len(targets) > 1:
+                yield Problem(
+                    joint.path,
+                    f"{name} names {' and '.join(targets)}, of which the first counts",
+                    property=name,
+                    expected="one body",
+                    actual=", ".join(targets),
+                )
+    for prim in stage.with_api(lambda api: api in {MASS_API, BODY_API}):
+        if prim.present:
+            yield from _ignored_masses(prim, stage)
+    for shape in stage.with_api(COLLISION_API):
+        scale = _uneven(shape) if collides(shape) and _is_tied(shape, tied, stage) else ""
+        if scale:
+            yield Problem(
+                shape.path,
+                f"is scaled {scale}, and PhysX takes the largest for its radius",
+                expected="an even scale",
+                actual=scale,
+                assumes=tuple((above, "xformOp:*") for above in paths_above(shape.path)),
+            )
+
+
+def _ignored_masses(prim: Prim, stage: StageModel) -> Iterator[Problem]:
+    """Yield what is written of the mass of a prim and has no effect."""
+    written = {name: prim.attributes.get(name) for name in _MASSES}
+    for name, value in written.items():
+        if any(part < 0 for part in _parts(value)):
+            yield Problem(
+                prim.path,
+                f"{name} is {display(value)}, and counts as not set",
+                property=name,
+                expected="above 0",
+                actual=display(value),
+                assumes=((prim.path, name),),
+            )
+    idle = [name for name, value in written.items() if any(_parts(value))]
+    if idle and MASS_API not in prim.apis:
+        yield Problem(
+            prim.path,
+            f"{' and '.join(idle)} {'has' if len(idle) == 1 else 'have'} no effect without "
+            f"{MASS_API}",
+            property=idle[0],
+            expected=MASS_API,
+            fix=(ApplySchema(prim.path, MASS_API),),
+            assumes=tuple((prim.path, name) for name in idle),
+            rests_on=stage.unknown(prim.path),
+        )
+
+
+def _parts(value: Value | None) -> list[float]:
+    """Return the numbers of a value, or the one that it is."""
+    return numbers(value) if isinstance(value, tuple) else numbers((value or 0.0,))
+
+
+def _is_tied(shape: Prim, tied: set[str], stage: StageModel) -> bool:
+    """Whether a shape belongs to a body that a joint ties."""
+    for path in (shape.path, *paths_above(shape.path)):
+        prim = stage.prim(path)
+        if prim is not None and is_body(prim):
+            return path in tied
+    return False
+
+
+def _uneven(shape: Prim) -> str:
+    """Return the scale of a round shape that has no radius by it, '' for an even one."""
+    if shape.world is None or shape.type not in {*_ROUND, _TUBE}:
+        return ""
+    scale = decompose(shape.world).scale
+    along = _AXES.find(str(shape.attributes.get(_AXIS, "Z"))) if shape.type == _TUBE else -1
+    across = [abs(part) for index, part in enumerate(scale) if index != along]
+    is_even = max(across) - min(across) <= _UNEVEN * max(across)
+    return "" if is_even else ", ".join(f"{part:g}" for part in scale)
