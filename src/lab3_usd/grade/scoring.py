@@ -308,14 +308,15 @@ def _blocking(
             yield _Loss(1.0, f"depends on {name}, which earned nothing")
     added = rubric.added[item.checkpoint]
     if added and added.issubset(stage.unmet):
-        yield _Loss(1.0, "nothing of the last addition exists")
+        yield _Loss(1.0, f"nothing that checkpoint {item.checkpoint} adds is there")
     elif not rubric.asked[item.id]:
         earlier = rubric.earlier[item.id]
         latest = [known for known in earlier if known.checkpoint == earlier[-1].checkpoint]
         losses = {known.title: [*_own_losses(rubric, known, stage)] for known in latest}
         if latest and not any(_kept(known, losses[known.title]) for known in latest):
             first = losses[latest[0].title][0]
-            title = f"the last addition does not work: {', '.join(losses)}: {first.title}"
+            added_last = f"what checkpoint {earlier[-1].checkpoint} adds does not work"
+            title = f"{added_last}: {', '.join(losses)}: {first.title}"
             yield first._replace(share=1.0, title=title, requirement="")
 
 
@@ -400,7 +401,7 @@ def _earlier_losses(rubric: Rubric, item: Item, stage: StageFacts, kept: float) 
         lost = share * known.points / points * (1.0 - _kept(known, losses))
         if lost:
             first = max(losses, key=lambda loss: loss.share)
-            title = f"judged again in this stage: {known.title}: {first.title}"
+            title = f"carried over: {known.title}: {first.title}"
             yield first._replace(share=lost, title=title, requirement="", again=known.title)
 
 
