@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import signal
 import sys
 from typing import NoReturn
 
@@ -14,6 +15,10 @@ def start() -> NoReturn:
     """
     gc.set_threshold(100_000)
     try:
+        from lab3_usd.errors import interrupt
+
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, interrupt)
         from lab3_usd.cli import run
 
         run()

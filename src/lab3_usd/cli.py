@@ -128,6 +128,8 @@ def _use_lab(context: click.Context, _option: click.Parameter, given: str | None
         raise UsageError(
             f"{named}: there is no such folder or zip; --lab names one that describes a lab"
         )
+    if given is not None:
+        context.meta[LAB_VARIABLE] = given
     folder = Path(named).resolve()
     os.environ.pop(LAB_VARIABLE, None)
 

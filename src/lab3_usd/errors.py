@@ -1,7 +1,9 @@
 """The exceptions of the package, each one line with the repair, and the exit codes of commands."""
 
 import errno
+import sys
 from pathlib import Path
+from types import FrameType
 
 EXIT_FOUND = 1  # faults, differences, or what a command refuses to go on with
 EXIT_USAGE = 2
@@ -62,6 +64,35 @@ class EndedBySignalError(KeyboardInterrupt):
         super().__init__(signal)
         self.signal = signal
         self.status = _BY_SIGNAL + signal
+
+
+_SECONDS_UNTIL_AGAIN = 0.05
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Handle SIGINT as Python does, but not while modules of usd-core are imported.
+
+    They import each other from C++, which prints an exception and goes on without the module. The
+    signal comes again a moment later.
+
+    Raises:
+        KeyboardInterrupt: no module of usd-core is being imported.
+    """
+    inner = frame
+    while inner is not None:
+        if str(inner.f_globals.get("__name__")).partition(".")[0] == "pxr":
+            import signal
+            from threading import Timer, get_ident
+
+            if sys.platform == "win32":
+                again = Timer(_SECONDS_UNTIL_AGAIN, signal.raise_signal, (number,))
+            else:  # which wakes the thread that waits
+                again = Timer(_SECONDS_UNTIL_AGAIN, signal.pthread_kill, (get_ident(), number))
+            again.daemon = True
+            again.start()
+            return
+        inner = inner.f_back
+    raise KeyboardInterrupt
 
 
 def described(error: Exception) -> str:

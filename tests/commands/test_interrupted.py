@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import signal
 import sys
+import threading
 
 import forking
 import pytest
 
 from lab3_usd import cli
-from lab3_usd.errors import EndedBySignalError
+from lab3_usd.errors import EndedBySignalError, interrupt
 
 
 @pytest.mark.parametrize(
@@ -69,3 +70,21 @@ def test_a_signal_at_any_time_gives_the_status_that_shells_show(
     code = done.returncode
     assert (code if code >= 0 else 128 - code) == status
     assert done.stderr.strip() == ("lab3: interrupted" if name == "SIGINT" else "")
+
+
+def test_ctrl_c_waits_while_modules_of_usd_core_are_imported() -> None:
+    """These are loaded from C++, which prints an exception, and goes on without the module."""
+    reached = []
+
+    def raise_and_go_on() -> None:
+        signal.raise_signal(signal.SIGINT)
+        reached.append(True)
+
+    inherited = signal.signal(signal.SIGINT, interrupt)
+    try:
+        exec("run()", {"__name__": "pxr.UsdGeom", "run": raise_and_go_on})  # noqa: S102
+        assert reached == [True]
+        with pytest.raises(KeyboardInterrupt):
+            threading.Event().wait(timeout=60)
+    finally:
+        signal.signal(signal.SIGINT, inherited)

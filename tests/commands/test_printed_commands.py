@@ -10,6 +10,7 @@ from pathlib import Path
 
 import click
 import pytest
+from html_pages import read
 from invoking import invoke as lab3
 from places import REPOSITORY
 
@@ -17,6 +18,7 @@ from lab3_usd import cli
 from lab3_usd.check.registry import all_rules
 
 CARTER = REPOSITORY / "docs" / "examples" / "carter.usda"
+LABS = REPOSITORY / "docs" / "examples" / "labs"
 SOURCES = REPOSITORY / "src" / "lab3_usd"
 NAMED = re.compile(r"(?:\{program\(\)\}|(?<![\w/.-])lab3) ([a-z][a-z0-9]*)((?: --?[a-z][\w-]*)*)")
 
@@ -56,20 +58,48 @@ def test_each_command_that_a_text_names_exists_with_its_options() -> None:
 
 @pytest.mark.parametrize(
     "arguments",
-    [("lint",), ("lint", "--fix"), ("fix", "--lint"), ("fix", "--lint", "--isaac", "6.1")],
-    ids=" ".join,
+    [
+        ("lint",),
+        ("lint", "--fix"),
+        ("fix", "--lint"),
+        ("fix", "--lint", "--isaac", "6.1"),
+        ("lint", "--isaac", "6.1", "--ignore", "K47", "--isolated"),
+        ("--lab", LABS / "jetbot", "lint"),
+    ],
+    ids=lambda words: " ".join(map(str, words)).replace(str(LABS), ""),
 )
 def test_the_command_that_a_report_ends_with_repairs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[object, ...]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     path = shutil.copy(CARTER, tmp_path / "my robot.usda")
     before = path.read_bytes()
+    asked = {*arguments} - {"lint", "fix", "--fix"}
     last = lab3(*arguments, path.name).stdout.splitlines()[-1]
     words = shlex.split(last.partition(": lab3 ")[2].partition(";")[0])
+    assert {*map(str, asked)} <= {*words}
     again = lab3(*words)
     assert again.exit_code == 1  # some is left
     if "--in-place" not in words:
         words = shlex.split(again.stdout.splitlines()[-1].partition(": lab3 ")[2])
         assert lab3(*words).exit_code == 1
     assert path.read_bytes() != before
+
+
+def test_the_commands_of_a_check_have_its_lab_and_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lab = LABS / "jetbot"
+    lab3("--lab", lab, "build", "--only", "2", "--out", "work")
+    (built,) = Path("work").iterdir()
+    text = built.read_text(encoding="utf-8").replace('"/clock"', '"/clok"')
+    Path("mine.usda").write_text(text, encoding="utf-8")
+    given = ("--lab", str(lab), "check", "--checkpoint", "2")
+    last = lab3(*given, "mine.usda").stdout.splitlines()[-1]
+    words = shlex.split(last.partition(": lab3 ")[2])
+    assert words == ["--lab", str(lab), "fix", "mine.usda", "--checkpoint", "2"]
+    page = read(lab3(*given, "--format", "html", "mine.usda").stdout)
+    command = page.one("p", "command").text
+    assert lab3(*shlex.split(command)[1:]).exit_code == 0
+    assert lab3(*given, "mine.usda").exit_code == 0

@@ -17,7 +17,7 @@ from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
 from workers_here import graded_here, workers_here
 
 from lab3_usd.errors import UsageError
-from lab3_usd.grade import class_run
+from lab3_usd.grade import class_run, gradebook
 from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.feedback import reasons_by_student
 from lab3_usd.grade.gradebook import HTML, read_gradebook
@@ -218,26 +218,56 @@ def test_adjustments_are_refused_where_no_points_are_counted(here: Path) -> None
         invoke("grade", "-o", here / "book", "--explain", "joe", "--adjust", here / "hand.csv")
 
 
+@pytest.mark.parametrize(
+    ("module", "part", "after", "far"),
+    [
+        (class_run, "adjustments_in", 0, "nothing is graded yet"),
+        (class_run, "write_student", 1, "1 of 2 done"),
+        (class_run, "adjust", 0, "2 of 2 done"),
+        (gradebook, "write_parts", 1, "2 of 2 done"),
+    ],
+)
 def test_a_run_that_is_ended_says_how_to_continue(
-    here: Path, monkeypatch: pytest.MonkeyPatch
+    here: Path, monkeypatch: pytest.MonkeyPatch, module: object, part: str, after: int, far: str
 ) -> None:
-    write, written = class_run.write_student, []
+    """Before the first, in the middle, and while the tables are written."""
+    whole = getattr(module, part)
+    calls: list[None] = []
 
-    def once(*arguments: object) -> None:
-        if written:
+    def ended_later(*arguments: object, **options: object) -> object:
+        if len(calls) == after:
             raise KeyboardInterrupt
-        written.append(write(*arguments))  # type: ignore[arg-type, func-returns-value]
+        calls.append(None)
+        return whole(*arguments, **options)
 
     book = here / "new book"
-    words = [here / "class", "--starter", starter(), "-o", book, "--adjust", here / "hand.csv"]
+    words = [here / "class", "--starter", starter(), "--adjust", here / "hand.csv"]
     words += ["--rubric", here / "rubric.yaml", "--jobs", 1]
     with workers_here(), monkeypatch.context() as patched:
-        patched.setattr(class_run, "write_student", once)
-        ended = invoke("grade", *words)
+        patched.setattr(module, part, ended_later)
+        ended = invoke("grade", *words, "-o", book)
     assert ended.exit_code == 1
-    assert ended.stderr.splitlines()[0].startswith("lab3: 1 of 2 done; continue with: lab3 grade ")
-    command = shlex.split(ended.stderr.splitlines()[0].partition("with: lab3 ")[2])
+    said = ended.stderr.splitlines()[0]
+    assert said.startswith(f"lab3: {far}; continue with: lab3 grade ")
     with workers_here():
-        again = invoke(*command)
+        again = invoke(*shlex.split(said.partition("with: lab3 ")[2]))
+        invoke("grade", *words, "-o", here / "without a pause")
     assert again.stdout == f"2 submissions (2 graded): {book / 'index.html'}\n"
     assert sums(book) == [JANE, JOE]
+    assert files_below(book) == files_below(here / "without a pause")
+
+
+def test_the_command_that_continues_keeps_a_secret_and_says_so(
+    here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def ended(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(class_run, "grade_class", ended)
+    address = "https://ana:geheim@course.example/lab3?token=abc"
+    shown = invoke("grade", address, "--starter", starter(), "-o", here / "new").stderr
+    assert "geheim" not in shown
+    assert "abc" not in shown
+    command, _, rest = shown.splitlines()[0].partition(" (")
+    assert "'https://***@course.example/lab3?***'" in command
+    assert rest == "with what stood in place of ***, a secret)"

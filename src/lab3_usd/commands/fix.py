@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from click.core import ParameterSource
 
 from lab3_usd import features
 from lab3_usd.commands.shared.options import (
@@ -18,6 +17,8 @@ from lab3_usd.commands.shared.options import (
     checkpoint_number,
     complete_checkpoints,
     config_options,
+    given_words,
+    lab_words,
     rules_options,
     with_config,
 )
@@ -195,21 +196,9 @@ def _print_findings(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> No
     click.echo(f"{_shown(stage)}: {len(fixed.repaired)} {done}, {len(fixed.left)} left")
     if fixed.files and not written:
         context = click.get_current_context()
-        words = command_line(str(context.command.name), _shown(stage), *_given_options(context))
-        click.echo(f"to repair: {program()} {words} --in-place")
-
-
-def _given_options(context: click.Context) -> Iterator[str]:
-    """Yield the options of the command line again, as words."""
-    for option in context.command.params:
-        name = option.name or ""
-        if context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
-            continue
-        if isinstance(option, click.Option):
-            value = context.params[name]
-            values = value if option.multiple else (value,)
-            for text in values:
-                yield from option.opts[:1] if option.is_flag else (option.opts[0], str(text))
+        called = (program(), *lab_words(context), str(context.command.name))
+        words = command_line(*called, _shown(stage), *given_words(context))
+        click.echo(f"to repair: {words} --in-place")
 
 
 def _why_left(finding: Finding, fixed: Fixed, *, unsafe: bool) -> str:

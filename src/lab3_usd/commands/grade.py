@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.shared.options import asset_places, assets_option
+from lab3_usd.commands.shared.options import asset_places, assets_option, given_words, lab_words
 from lab3_usd.commands.shared.progress import progress_line
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
@@ -333,8 +333,6 @@ def _grade(submissions: str, options: dict[str, Any]) -> None:
 
 def _graded_or_continued(settings: ClassSettings) -> Rows:
     """Grade a class; if the user or the system ends it, say how to continue."""
-    from lab3_usd.grade.class_run import grade_class
-
     draw, numbers = progress_line(), [0, 0]
 
     def show(done: int, total: int) -> None:
@@ -342,37 +340,27 @@ def _graded_or_continued(settings: ClassSettings) -> Rows:
         draw(done, total)
 
     try:
+        from lab3_usd.grade.class_run import grade_class
+
         return grade_class(settings, show)
     except KeyboardInterrupt:
-        if numbers[1]:
-            done, total = numbers
-            _notify(f"{done} of {total} done; continue with: {_command_to_continue()}")
+        done, total = numbers
+        far = f"{done} of {total} done" if total else "nothing is graded yet"
+        _notify(f"{far}; continue with: {_command_to_continue(settings.submissions)}")
         raise
 
 
-def _command_to_continue() -> str:
-    """Return this command with --resume; a password in an address is left out."""
-    from click.core import ParameterSource
-
+def _command_to_continue(submissions: Path | str) -> str:
+    """Return this command with --resume; what is secret in an address is left out."""
     from lab3_usd.grade.intake.addresses import shown
     from lab3_usd.installation import command_line
 
     context = click.get_current_context()
-    words = [program(), "grade"]
-    for parameter in context.command.params:
-        name = str(parameter.name)
-        is_given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
-        if not is_given or name in {"resume", "force"}:
-            continue
-        value = context.params[name]
-        if isinstance(parameter, click.Option) and parameter.is_flag:
-            words.append(parameter.opts[0])
-        elif isinstance(parameter, click.Option):
-            values = value if parameter.multiple else [value]
-            words += [word for each in values for word in (parameter.opts[0], str(each))]
-        else:
-            words.append(shown(value))
-    return command_line(*words, "--resume")
+    names = {str(option.name) for option in context.command.params} - {"resume", "force"}
+    called = (program(), *lab_words(context), "grade", shown(submissions))
+    words = command_line(*called, *given_words(context, names), "--resume")
+    is_whole = shown(submissions) == str(submissions)
+    return words if is_whole else f"{words} (with what stood in place of ***, a secret)"
 
 
 _NAMED = 5  # students

@@ -35,7 +35,9 @@ class Options(Struct, frozen=True):
     student. `grade` is the grade of the one submission that is reported, `dry_runs` what stages do
     in a dry run, by their paths, and with `editor` a place in a file is a link that opens it there;
     only HTML shows these three. The links name the folders of this computer.
-    `changes` are the lines that the repairs of a stage's findings would change, for SARIF.
+    `changes` are the lines that the repairs of a stage's findings would change, for SARIF. `lab`
+    and `given` are the words of the command line that a printed command has to repeat: before the
+    name of the command, and behind it.
     """
 
     color: bool = False
@@ -51,6 +53,8 @@ class Options(Struct, frozen=True):
     dry_runs: Mapping[str, object] = {}
     editor: bool = False
     changes: Mapping[tuple[str, Site], tuple[TextChange, ...]] = {}
+    lab: tuple[str, ...] = ()
+    given: tuple[str, ...] = ()
 
 
 NAME = "lab3-usd"

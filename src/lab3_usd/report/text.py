@@ -273,14 +273,19 @@ def to_come_text(to_come: Collection[str], checkpoints: Sequence[str]) -> str:
     return "; ".join(filter(None, texts))
 
 
-def next_step(submission: Submission, verdict: Verdict, lab: Lab) -> str:
-    """Say what comes next in a folder that is worked on: a part of the handout, or handing in."""
+def next_step(
+    submission: Submission, verdict: Verdict, lab: Lab, lab_words: tuple[str, ...] = ()
+) -> str:
+    """Say what comes next in a folder that is worked on: a part of the handout, or handing in.
+
+    `lab_words` are those with which the command line named the lab.
+    """
     numbers = list(lab.checkpoints)
     begun = [number for number in numbers if number not in submission.to_come]
     following = numbers[numbers.index(begun[-1]) + 1 :] if begun else numbers
     first = "repair the errors; then " if verdict in {"fail", "unreadable"} else ""
     if not following:
-        command = command_line(program(), "check", submission.path, "--submission")
+        command = command_line(program(), *lab_words, "check", submission.path, "--submission")
         return f"{first}{command} says what else is handed in"
     checkpoint = lab.checkpoints[following[0]]
     added = ", ".join((*checkpoint.new_sensors, *checkpoint.new))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import click
+from click.core import ParameterSource
 
 from lab3_usd.data import LAB_VARIABLE, program
 from lab3_usd.errors import UsageError
@@ -314,6 +315,24 @@ def with_config(paths: Iterable[str], options: Mapping[str, Any]) -> dict[str, A
         "starter": options.get("starter") or _text(config.starter),
         "maps": options.get("maps") or _text(config.maps),
     }
+
+
+def lab_words(context: click.Context) -> tuple[str, ...]:
+    """Return the words that name the lab on the command line, which a printed command repeats."""
+    return ("--lab", context.meta[LAB_VARIABLE]) if LAB_VARIABLE in context.meta else ()
+
+
+def given_words(context: click.Context, names: Collection[str] | None = None) -> Iterator[str]:
+    """Yield the options of the command line again, as words; of `names`, or all."""
+    for option in context.command.params:
+        name = option.name or ""
+        is_given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        is_wanted = names is None or name in names
+        if not (is_given and is_wanted and isinstance(option, click.Option)):
+            continue
+        value = context.params[name]
+        for text in value if option.multiple else (value,):
+            yield from option.opts[:1] if option.is_flag else (option.opts[0], str(text))
 
 
 def _text(path: Path | None) -> str | None:

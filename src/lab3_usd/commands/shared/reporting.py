@@ -10,7 +10,7 @@ import click
 from msgspec.structs import replace
 
 from lab3_usd import features
-from lab3_usd.commands.shared.options import wants_color, width
+from lab3_usd.commands.shared.options import given_words, lab_words, wants_color, width
 from lab3_usd.config.settings import selected
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
@@ -115,6 +115,13 @@ def _is_accepted(result: StageResult, report: Report) -> bool:
     return result.verdict == "not judged" and result.path in report.accepted
 
 
+# The options of a report that decide what is found, which lab3 fix has as well.
+_FOR_REPAIRS = (
+    *("checkpoint", "starter", "release", "assets"),
+    *("config_file", "isolated", "select", "ignore"),
+)
+
+
 def rendered(report: Report, options: Mapping[str, Any]) -> str:
     """Return a report in the format asked for."""
     form = format_named(options["form"])
@@ -141,6 +148,8 @@ def rendered(report: Report, options: Mapping[str, Any]) -> str:
         dry_runs=options["dry_runs"],
         editor=True,
         changes=changes,
+        lab=lab_words(click.get_current_context()),
+        given=tuple(given_words(click.get_current_context(), _FOR_REPAIRS)),
     )
     return render(options["form"], report, rules, render_options)
 

@@ -17,6 +17,7 @@ from types import FrameType
 from msgspec.structs import replace
 
 from lab3_usd.errors import EndedBySignalError
+from lab3_usd.errors import interrupt as default_interrupt
 from lab3_usd.grade.intake.remote import fetched
 from lab3_usd.grade.intake.submission_copy import TooLargeError, UnreachedError
 from lab3_usd.grade.workers.messages import (
@@ -272,7 +273,7 @@ def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[_Interrupt]:
     if threading.current_thread() is threading.main_thread():
         numbers = {getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP")}
         present = {number: signal.getsignal(number) for number in numbers if number is not None}
-        ours = (signal.SIG_DFL, signal.default_int_handler)
+        ours = (signal.SIG_DFL, signal.default_int_handler, default_interrupt)
         handlers = {number: handler for number, handler in present.items() if handler in ours}
 
     def handle(number: int, _frame: FrameType | None) -> None:

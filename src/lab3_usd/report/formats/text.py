@@ -68,11 +68,11 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
             lines.append("")
     lines.append(summary_line(summarize(report)))
     if not quiet:
-        lines += _repair_lines(report)
+        lines += _repair_lines(report, options)
     return "\n".join(lines) + "\n"
 
 
-def _repair_lines(report: Report) -> Iterator[str]:
+def _repair_lines(report: Report, options: Options) -> Iterator[str]:
     """Say how many findings can be repaired, and by which command."""
     fixable = [entry for entry in entries(report) if entry.finding.fix is not None]
     if not fixable:
@@ -81,12 +81,13 @@ def _repair_lines(report: Report) -> Iterator[str]:
     paths = list(dict.fromkeys(entry.path for entry in fixable))
     folders = {str(Path(path).parent) for path in paths}
     named = paths if len(paths) <= _NAMED else [*folders] if len(folders) == 1 else []
-    command = ["fix", *(["--lint"] if is_lint(report) else []), *named]
+    lint = ["--lint"] if is_lint(report) else []
+    command = [program(), *options.lab, "fix", *lint, *named, *options.given]
     more = f"; {len(fixable) - count} more with --unsafe" if 0 < count < len(fixable) else ""
     words = command_line(*command, *([] if count else ["--unsafe"]))
     mark = f"{REPAIRABLE} " if count else ""
     findings = plural(count or len(fixable), "finding")
-    yield visible(f"{mark}{findings} can be repaired: {program()} {words}{more}")
+    yield visible(f"{mark}{findings} can be repaired: {words}{more}")
 
 
 _NAMED = 3  # files in a command; else their folder
@@ -174,7 +175,9 @@ def _outlook(block: Block, page: Page) -> Iterator[str]:
         yield from checklist_lines(submission.checklist, page.options, page.width)
     if not submission.handed_in:
         yield ""
-        yield from labelled("next", next_step(submission, block.verdict, load_lab()), page)
+        yield from labelled(
+            "next", next_step(submission, block.verdict, load_lab(), page.options.lab), page
+        )
 
 
 def _stage_heading(result: StageResult, page: Page) -> str:

@@ -27,6 +27,7 @@ from lab3_usd.model.finding import ChecklistItem, Crash, Severity, StageResult, 
 from lab3_usd.model.stage import StageModel
 from lab3_usd.report.entries import coverage_line, is_repairable
 from lab3_usd.report.grouped_stages import Block, ReportedFault, Spot, Stages
+from lab3_usd.report.options import Options
 from lab3_usd.report.picture.model import Picture
 from lab3_usd.report.pictures.graph_picture import linted_pictures, stage_pictures
 from lab3_usd.report.safe_text import excerpt_lines, read_excerpts
@@ -217,7 +218,7 @@ def cards(
     faults: Sequence[ReportedFault],
     links: Mapping[str, tuple[PortLink, ...]],
     *,
-    graded: bool = False,
+    options: Options,
 ) -> Iterator[Card]:
     """Yield a card for each fault, with the lines of its file where those can be read."""
     excerpts = read_excerpts(fault.finding for fault in faults[:MOST_EXCERPTS])
@@ -229,20 +230,22 @@ def cards(
             for row in excerpt_lines(excerpt, finding.line, finding.column, EXCERPT_WIDTH):
                 gutter, bar, text = row.partition(" |")
                 frame.append(ExcerptLine(gutter + bar, text, is_hit=row.startswith(">")))
-        command = _fix_command(block, fault, graded=graded) if is_repairable(finding) else ""
+        command = _fix_command(block, fault, options) if is_repairable(finding) else ""
         span, ways = block.span(fault.stages), links.get(fault.id, ())
         yield Card(fault, span, command, tuple(frame), ways)
 
 
-def _fix_command(block: Block, fault: ReportedFault, *, graded: bool) -> str:
+def _fix_command(block: Block, fault: ReportedFault, options: Options) -> str:
     """Return what repairs a fault, for the shell of this system; graded files are named as such."""
+    graded = options.grade is not None
     stages = [stage for stage in block.stages if stage.index in fault.stages]
     paths = [stage.file if graded else stage.result.path for stage in stages]
     if len(paths) > 1 and block.submission is not None:
         paths = ["." if graded else block.path]
     lint = ["--lint"] if block.is_linted else []
-    words = ["fix", *paths, *lint, "--select", fault.finding.rule, "--in-place"]
-    return command_line(program(), *words)
+    only = ["--select", fault.finding.rule]  # of an option that is given twice the last one counts
+    words = ["fix", *paths, *lint, *options.given, *only, "--in-place"]
+    return command_line(program(), *options.lab, *words)
 
 
 def editor_link(spot: Spot) -> str:

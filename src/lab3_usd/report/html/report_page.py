@@ -36,7 +36,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     summary = options.grade
     lab = load_lab()
     graded = summary is not None
-    views = tuple(_view(block, lab, graded=graded) for block in blocks(report, lab, graded=graded))
+    views = tuple(_view(block, lab, options) for block in blocks(report, lab, graded=graded))
     names = {card.fault.finding.rule for view in views for card in view.cards}
     quoted = [rules[name] for name in sorted(names) if name in rules] if rules else []
     return fill(
@@ -58,8 +58,8 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     )
 
 
-def _view(block: Block, lab: Lab, *, graded: bool) -> BlockView:
-    block_faults = faults(block, graded=graded)
+def _view(block: Block, lab: Lab, options: Options) -> BlockView:
+    block_faults = faults(block, graded=options.grade is not None)
     models = {stage.index: read_content(stage.result, lab) for stage in block.stages}
     contents = {index: content for index, content in models.items() if content is not None}
     shown = gallery(block, contents, block_faults)
@@ -69,14 +69,14 @@ def _view(block: Block, lab: Lab, *, graded: bool) -> BlockView:
     if block.submission is not None:
         to_come = to_come_text(block.submission.to_come, tuple(lab.checkpoints))
         if not block.submission.handed_in:
-            following = next_step(block.submission, block.verdict, lab)
+            following = next_step(block.submission, block.verdict, lab, options.lab)
         crashes += [(block.path, crash) for crash in block.submission.crashes]
         # What is still worked on has handed in nothing yet.
         for item in block.submission.checklist if block.submission.handed_in else ():
             sections.setdefault(item.section, []).append(item)
     return BlockView(
         block=block,
-        ranks=ranks(list(cards(block, block_faults, shown.links, graded=graded)), lab),
+        ranks=ranks(list(cards(block, block_faults, shown.links, options=options)), lab),
         graphs=tuple(picture for picture in shown.pictures if picture.kind != "frames"),
         trees=tuple(picture for picture in shown.pictures if picture.kind == "frames"),
         topics=topics(contents),
