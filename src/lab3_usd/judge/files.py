@@ -189,7 +189,7 @@ def judge_saved_outputs(
         frames=contents.lab.frames,
         facts=contents.map,
         evidence=evidence,
-        reached=contents.lab.until(until),
+        reached=contents.lab.reached(until),
         required=required,
         handed_in=handed_in,
     )

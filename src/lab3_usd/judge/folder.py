@@ -125,7 +125,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
         ),
         judge_parameters(contents),
         judge_saved_outputs(
-            contents, evidence, lab.last if required else until,
+            contents, evidence, _last_due(contents) if required else until,
             required=required, handed_in=handed_in,
         ),
     ))  # fmt: skip
@@ -145,6 +145,13 @@ def _is_concluded(contents: FolderContents) -> bool:
         deliverable.concludes and len(held.get(name, ())) >= deliverable.at_least
         for name, deliverable in contents.spec.deliverables.items()
     )
+
+
+def _last_due(contents: FolderContents) -> str:
+    """Return the last checkpoint that must be handed in, or was."""
+    known = contents.lab.checkpoints.items()
+    due = [n for n, point in known if not point.optional or n in contents.listing.stages]
+    return due[-1] if due else contents.lab.last
 
 
 def _results(

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from functools import cached_property
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.isaac.node_types import NodeType, Port
 from lab3_usd.isaac.values import Value
@@ -31,13 +32,20 @@ class Target(Struct, frozen=True):
     handout_prims: tuple[str, ...] = ()
 
 
+class EarlierValues(Struct, frozen=True):
+    """What a node has up to a checkpoint where a later one changes it; no prims: no target."""
+
+    settings: tuple[Setting, ...] = ()
+    targets: tuple[Target, ...] = ()
+
+
 class NodeSpec(Struct, frozen=True):
     """One node of a graph. `role` names it in the spec; prims may be named otherwise.
 
     `keep` are the inputs the handout says to leave alone, `grown` the dynamic inputs it adds,
     `frames_from` the relationships that are judged by the TF frames they give. `at` is the
     position in the graph editor, in its own units; `since` the checkpoint that adds the node to its
-    graph, '' for that of the graph.
+    graph, '' for that of the graph. `until` holds what it has up to checkpoints, in their order.
     """
 
     role: str
@@ -50,6 +58,19 @@ class NodeSpec(Struct, frozen=True):
     grown: tuple[str, ...] = ()
     frames_from: tuple[str, ...] = ()
     since: str = ""
+    until: Mapping[str, EarlierValues] = {}
+
+    def with_values(self, earlier: EarlierValues) -> NodeSpec:
+        """Return the node with other values of some of its inputs."""
+        changed = {setting.port for setting in earlier.settings}
+        aimed = {target.port for target in earlier.targets}
+        targets = (target for target in self.targets if target.port not in aimed)
+        return replace(
+            self,
+            settings=(*(s for s in self.settings if s.port not in changed), *earlier.settings),
+            targets=(*targets, *(target for target in earlier.targets if target.prims)),
+            until={},
+        )
 
 
 class PortRef(Struct, frozen=True):

@@ -13,7 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.spec.graph import GraphSpec
+from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.ros import FROM_THE_FIRST, RosSpec, TopicSpec
 from lab3_usd.spec.scene import RobotSpec, SceneSpec, SensorSpec
 from lab3_usd.spec.submission import SubmissionSpec
@@ -258,6 +258,16 @@ class Lab(Struct, frozen=True, eq=False):
         order = list(self.checkpoints)
         return tuple(order[: order.index(checkpoint) + 1])
 
+    def reached(self, checkpoint: str) -> tuple[str, ...]:
+        """Name the checkpoints whose additions hold at one: no optional one but itself."""
+        *before, own = self.until(checkpoint)
+        return (*(name for name in before if not self.checkpoints[name].optional), own)
+
+    def added_until(self, checkpoint: str) -> frozenset[str]:
+        """Name the graphs and sensors of all checkpoints up to one, of optional ones as well."""
+        points = [self.checkpoints[name] for name in self.until(checkpoint)]
+        return frozenset(name for point in points for name in (*point.new, *point.new_sensors))
+
     def same_demands(self, checkpoint: str) -> Checkpoint:
         """Return the first checkpoint that asks of a stage what this one asks: itself for most.
 
@@ -279,7 +289,7 @@ class Lab(Struct, frozen=True, eq=False):
         is_first = checkpoint.id == self.first
         topics = tuple(self.topics_until(checkpoint.id))
         graphs = self.at(checkpoint.id).graphs
-        asked = tuple((name, tuple(graphs[name].nodes)) for name in checkpoint.graphs)
+        asked = tuple((name, tuple(graphs[name].nodes.values())) for name in checkpoint.graphs)
         return (asked, checkpoint.sensors, topics, flags, may_have_driven, is_first)
 
     def at(self, checkpoint: str) -> Lab:
@@ -316,18 +326,30 @@ class Lab(Struct, frozen=True, eq=False):
 
     def topics_until(self, checkpoint: str) -> dict[str, TopicSpec]:
         """Return the topics that are there by a checkpoint."""
-        known = (FROM_THE_FIRST, *self.until(checkpoint))
+        known = (FROM_THE_FIRST, *self.reached(checkpoint))
         return {name: topic for name, topic in self.topics.items() if topic.since in known}
 
 
 @lru_cache(maxsize=64)
 def _at(lab: Lab, checkpoint: str) -> Lab:
-    reached = ("", *lab.until(checkpoint))
+    reached = ("", *lab.reached(checkpoint))
     graphs = {}
     for name, graph in lab.graphs.items():
         later = [role for role, node in graph.nodes.items() if node.since not in reached]
-        graphs[name] = graph.without(later) if later else graph
+        there = graph.without(later) if later else graph
+        earlier = {role: _values_at(lab, node, checkpoint) for role, node in there.nodes.items()}
+        if any(earlier[role] is not node for role, node in there.nodes.items()):
+            there = replace(there, nodes=earlier)
+        graphs[name] = there
     return lab if graphs == lab.graphs else replace(lab, graphs=graphs)
+
+
+def _values_at(lab: Lab, node: NodeSpec, checkpoint: str) -> NodeSpec:
+    """Return a node with the values that it has at a checkpoint."""
+    for last, earlier in node.until.items():
+        if not lab.is_after(checkpoint, last):
+            return node.with_values(earlier)
+    return node
 
 
 def articulated_at_roots(lab: Lab, robots: Collection[RobotSpec]) -> Lab:

@@ -55,10 +55,11 @@ def sensors_of(subject: StageSubject, kind: str) -> tuple[str, ...]:
 
 def later_sensors(subject: StageSubject, kind: str) -> tuple[str, ...]:
     """Name the sensors of a kind that only a later checkpoint asks for."""
+    added = subject.lab.added_until(subject.checkpoint.id)
     return tuple(
         name
         for name, spec in subject.lab.sensors.items()
-        if kind_of(spec) == kind and name not in subject.checkpoint.sensors
+        if kind_of(spec) == kind and name not in added
     )
 
 

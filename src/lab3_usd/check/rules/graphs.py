@@ -177,11 +177,8 @@ def early_graph(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `{next_graph}` in a checkpoint before the one that adds it.
     """
-    later = {
-        spec.path: spec
-        for name, spec in subject.lab.graphs.items()
-        if name not in subject.checkpoint.graphs
-    }
+    added = subject.lab.added_until(subject.checkpoint.id)
+    later = {spec.path: spec for name, spec in subject.lab.graphs.items() if name not in added}
     severity: Severity | None = None if subject.checkpoint.graphs else "error"
     for graph in subject.stage.graphs:
         spec = later.get(graph.path)

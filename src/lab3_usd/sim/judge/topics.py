@@ -48,7 +48,7 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
     that the lab localizes.
     """
     lab = lab.at(checkpoint.id)
-    reached = (FROM_THE_FIRST, *lab.until(checkpoint.id))
+    reached = (FROM_THE_FIRST, *lab.reached(checkpoint.id))
     foreign = _topics_of_others(lab, robot) if robot is not None else set()
     required = [
         topic
@@ -196,7 +196,7 @@ def _publishers(lab: Lab, message: str) -> Iterator[tuple[GraphSpec, NodeSpec]]:
 
 def reached_topics(lab: Lab, checkpoint: str) -> tuple[TopicSpec, ...]:
     """Return all topics of the running system from the first checkpoint to one of them."""
-    reached = (FROM_THE_FIRST, *lab.until(checkpoint))
+    reached = (FROM_THE_FIRST, *lab.reached(checkpoint))
     return tuple(topic for topic in lab.topics.values() if topic.since in reached)
 
 

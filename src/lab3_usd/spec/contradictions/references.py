@@ -50,6 +50,7 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
         for role, node in graph.nodes.items():
             if node.since:
                 yield file_of(graph), f"{role}: from", node.since
+            yield from ((file_of(graph), f"{role}: until", key) for key in node.until)
     for name in lab.submission.stages.differ:
         yield SUBMISSION, "stages: differ", name
     for line in lab.submission.checklist:

@@ -48,7 +48,8 @@ class CheckpointEntry(Struct, forbid_unknown_fields=True):
     """A checkpoint; the other files refer to its key.
 
     `files` inserts `id` and `name` for {id} and {name}; {team} is what each team writes there.
-    `id` is the key unless given. The stage of an `optional` one need not be handed in.
+    `id` is the key unless given. The stage of an `optional` one need not be handed in, and later
+    ones ask for nothing that it adds.
     """
 
     name: str
@@ -148,9 +149,10 @@ def accumulate(
         where = f"{CHECKPOINTS}: checkpoint '{key}'"
         _check_known(entry.adds.graphs, tuple(graphs), f"{where}: graphs")
         _check_known(entry.adds.sensors, sensors, f"{where}: sensors")
-        previous = _checkpoint(key, entry, content.files, previous)
-        _check_new(previous, found.values(), where)
-        found[previous.id] = previous
+        checkpoint = _checkpoint(key, entry, content.files, previous)
+        _check_new(checkpoint, found.values(), where)
+        found[checkpoint.id] = checkpoint
+        previous = previous if entry.optional else checkpoint
     return found
 
 
@@ -194,7 +196,12 @@ def by_ids(lab: Lab) -> Lab:
         name: replace(
             graph,
             nodes={
-                role: replace(node, since=named(node.since)) for role, node in graph.nodes.items()
+                role: replace(
+                    node,
+                    since=named(node.since),
+                    until={named(key): values for key, values in node.until.items()},
+                )
+                for role, node in graph.nodes.items()
             },
         )
         for name, graph in lab.graphs.items()

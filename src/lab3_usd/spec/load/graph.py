@@ -14,7 +14,15 @@ from lab3_usd.errors import SpecError
 from lab3_usd.isaac.node_types import INPUT, NodeType, Port, can_connect
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import typed_value
-from lab3_usd.spec.graph import GraphSpec, NodeSpec, PortRef, Setting, Target, Wire
+from lab3_usd.spec.graph import (
+    EarlierValues,
+    GraphSpec,
+    NodeSpec,
+    PortRef,
+    Setting,
+    Target,
+    Wire,
+)
 from lab3_usd.yaml_file import record
 
 _WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
@@ -25,6 +33,13 @@ _BySection = dict[str, tuple[str, ...]] | tuple[str, ...]
 _Targets = dict[str, tuple[str, ...]]
 
 
+class EarlierEntry(Struct, forbid_unknown_fields=True):
+    """What a node has up to a checkpoint, where a later one changes it; `[]` is no target."""
+
+    set: dict[str, Any] = {}
+    targets: dict[str, tuple[str, ...]] = {}
+
+
 class NodeEntry(Struct, forbid_unknown_fields=True, rename={"since": "from"}):
     """A node, by its role.
 
@@ -32,7 +47,8 @@ class NodeEntry(Struct, forbid_unknown_fields=True, rename={"since": "from"}):
     that must be added, `frames_from` targets that are judged by the TF frames that they give.
     `handout` is that of the graph unless given; a node without `at` is placed by its wires. `set`,
     `targets` and `keep` may name sections: `set: {B3: {domain_id: 0}}`. The checkpoint `from` adds
-    a node, with its wires, to a graph that is there already.
+    a node, with its wires, to a graph that is there already; up to those in `until` it has other
+    values.
     """
 
     type: str
@@ -44,6 +60,7 @@ class NodeEntry(Struct, forbid_unknown_fields=True, rename={"since": "from"}):
     ports: tuple[str, ...] = ()
     frames_from: tuple[str, ...] = ()
     since: str = ""
+    until: dict[str, EarlierEntry] = {}
 
     def named_ports(self) -> Iterator[str]:
         """Yield every input that the entry names, whatever for."""
@@ -54,6 +71,8 @@ class NodeEntry(Struct, forbid_unknown_fields=True, rename={"since": "from"}):
             yield from names
         yield from self.ports
         yield from self.frames_from
+        for earlier in self.until.values():
+            yield from (*earlier.set, *earlier.targets)
 
 
 class GraphFile(Struct, forbid_unknown_fields=True):
@@ -167,8 +186,8 @@ def _node(role: str, entry: NodeEntry, platform: Platform, graph: str, section: 
         raise SpecError(f"{where}: '{entry.type}' is not a node type")
     ports = {short: _input(node_type, short, where) for short in entry.named_ports()}
     _check_uses(entry, ports, node_type, where)
-    settings = tuple(_settings(entry, ports, where, section))
-    targets = tuple(_targets(entry, ports, where, section))
+    settings = tuple(_settings(entry.set, ports, where, section))
+    targets = tuple(_targets(entry.targets, ports, where, section))
     ports_set = [*(setting.port for setting in settings), *(target.port for target in targets)]
     for port, count in Counter(ports_set).items():
         if count > 1:
@@ -188,6 +207,13 @@ def _node(role: str, entry: NodeEntry, platform: Platform, graph: str, section: 
         grown=tuple(INPUT + short for short in entry.ports),
         frames_from=tuple(INPUT + short for short in entry.frames_from),
         since=entry.since,
+        until={
+            checkpoint: EarlierValues(
+                tuple(_settings(earlier.set, ports, where, section)),
+                tuple(_targets(earlier.targets, ports, where, section)),
+            )
+            for checkpoint, earlier in entry.until.items()
+        },
     )
 
 
@@ -213,9 +239,9 @@ def _check_uses(
 
 
 def _settings(
-    entry: NodeEntry, ports: Mapping[str, Port], where: str, section: str
+    values: Mapping[str, Any], ports: Mapping[str, Port], where: str, section: str
 ) -> Iterator[Setting]:
-    for named, short, value in _flat(entry.set, section):
+    for named, short, value in _flat(values, section):
         port = ports[short]
         place = f"{where}: {port.name}"
         if port.is_execution or port.is_target:
@@ -227,9 +253,9 @@ def _settings(
 
 
 def _targets(
-    entry: NodeEntry, ports: Mapping[str, Port], where: str, section: str
+    aims: Mapping[str, Any], ports: Mapping[str, Port], where: str, section: str
 ) -> Iterator[Target]:
-    for named, short, prims in _flat(entry.targets, section):
+    for named, short, prims in _flat(aims, section):
         port = ports[short]
         if not port.is_target:
             raise SpecError(f"{where}: {port.name}: is {port.ogn_type}, not a relationship")

@@ -180,8 +180,13 @@ def _checkpoint_layers(
     """Yield one growing layer at each planned checkpoint; each is written before it grows on."""
     targets = {checkpoint.id: target for target, checkpoint in plan.items()}
     folder = next(iter(plan)).parent
-    layer = _copy_for(stage.GetRootLayer(), folder)
+    growing = _copy_for(stage.GetRootLayer(), folder)
+    before: Mapping[str, GraphSpec] = {}
     for checkpoint in lab.checkpoints.values():
+        layer = growing
+        if checkpoint.optional:  # nothing grows on it
+            layer = Sdf.Layer.CreateAnonymous(".usda")
+            layer.TransferContent(growing)
         with Sdf.ChangeBlock():
             for sensor in checkpoint.new_sensors:
                 spec = lab.sensors[sensor]
@@ -190,7 +195,7 @@ def _checkpoint_layers(
                 _author_names(layer, lab, spec.path)
             graphs = lab.at(checkpoint.id).graphs
             for name in checkpoint.graphs:
-                if name not in checkpoint.new and not _grows(lab.graphs[name], checkpoint):
+                if name not in checkpoint.new and graphs[name] == before.get(name):
                     continue
                 path = graphs[name].path
                 define_parents(layer, stage, path)
@@ -199,13 +204,10 @@ def _checkpoint_layers(
                     del former.nameParent.nameChildren[former.name]
                 author_graph(layer, graphs[name], lab.platform)
                 _author_names(layer, lab, path)
+        if not checkpoint.optional:
+            before = graphs
         if checkpoint.id in targets:
             yield targets[checkpoint.id], layer
-
-
-def _grows(graph: GraphSpec, checkpoint: Checkpoint) -> bool:
-    """Whether a checkpoint adds nodes to a graph."""
-    return any(node.since == checkpoint.id for node in graph.nodes.values())
 
 
 def _author_names(layer: Sdf.Layer, lab: Lab, path: str) -> None:

@@ -1,0 +1,120 @@
+"""A lab whose values change between checkpoints, with an optional stage in the middle.
+
+It is the lab of two robots, with r1 slow up to the sensors and the bonus before them.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+from invoking import invoke
+from places import REPOSITORY
+from pxr import Usd
+
+from lab3_usd.errors import SpecError
+from lab3_usd.judge.stage import check_stage
+from lab3_usd.sim.judge.topics import expected_of_each
+from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import load_lab
+
+WAREHOUSE = REPOSITORY / "docs" / "examples" / "labs" / "warehouse"
+SPEED = "/World/r1/DriveR1/controller.inputs:maxLinearSpeed"
+JOINTS = "/World/r2/Joints"
+SLOW, FAST = 0.8, 1.2
+# The names of the stages in their order, the bonus in the middle.
+FILES = tuple(f"team01_w{name}.usda" for name in ("1", "2", "3", "7", "4", "5", "6"))
+BONUS = FILES[3]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    copy = tmp_path_factory.mktemp("changing") / "lab"
+    shutil.copytree(WAREHOUSE, copy)
+    drive, points = copy / "DriveR1.yaml", copy / "checkpoints.yaml"
+    graph, described = yaml.safe_load(drive.read_text()), yaml.safe_load(points.read_text())
+    graph["nodes"]["controller"]["until"] = {"drive": {"set": {"maxLinearSpeed": SLOW}}}
+    drive.write_text(yaml.safe_dump(graph, sort_keys=False))
+    entries = described["checkpoints"]
+    order = ("start", "clock", "drive", "bonus", "sensors", "odometry", "nav")
+    described["checkpoints"] = {name: entries[name] for name in order}
+    points.write_text(yaml.safe_dump(described, sort_keys=False))
+    return copy
+
+
+@pytest.fixture(scope="module")
+def lab(folder: Path) -> Lab:
+    return load_lab(folder)
+
+
+@pytest.fixture(scope="module")
+def built(folder: Path) -> Path:
+    out = folder.parent / "stages"
+    assert invoke("--lab", folder, "build", "--out", out).exit_code == 0
+    return out
+
+
+def test_the_lab_does_not_contradict_itself(folder: Path) -> None:
+    assert invoke("lab", "check", folder).output == "Warehouse fleet: 0 errors, 0 warnings\n"
+
+
+def test_each_stage_has_the_value_of_its_checkpoint(built: Path) -> None:
+    stages = [Usd.Stage.Open(str(built / name)) for name in FILES]
+    speeds = [stage.GetPropertyAtPath(SPEED) for stage in stages]
+    found = [speed.Get() if speed else None for speed in speeds]
+    assert found == pytest.approx([None, None, SLOW, FAST, FAST, FAST, FAST])
+
+
+def test_nothing_grows_on_an_optional_stage(built: Path) -> None:
+    stages = {name: Usd.Stage.Open(str(built / name)) for name in FILES}
+    assert [name for name, stage in stages.items() if stage.GetPrimAtPath(JOINTS)] == [BONUS]
+
+
+def test_every_built_stage_passes(folder: Path, built: Path) -> None:
+    shown = invoke("--lab", folder, "check", "--format", "json", built)
+    assert {each["verdict"] for each in json.loads(shown.stdout)["results"]} == {"pass"}
+
+
+def test_another_value_than_that_of_the_checkpoint_is_an_error(
+    lab: Lab, built: Path, tmp_path: Path
+) -> None:
+    for number, name, wrong in (("3", FILES[2], FAST), ("5", FILES[5], SLOW)):
+        stage = Usd.Stage.Open(str(built / name))
+        stage.GetPropertyAtPath(SPEED).Set(wrong)
+        stage.Export(str(tmp_path / name))
+        found = check_stage(tmp_path / name, number, lab).findings
+        assert [(f.rule, f.prim) for f in found if f.severity == "error"] == [
+            ("P01", SPEED.partition(".")[0])
+        ]
+
+
+def test_a_dry_run_expects_the_speed_of_the_checkpoint(lab: Lab) -> None:
+    limits = [
+        expected_of_each(lab, lab.checkpoints[number])["r1"].limits[0] for number in ("3", "5")
+    ]
+    assert limits == [SLOW, FAST]
+
+
+def test_the_graph_of_a_bonus_may_stay_in_later_stages(
+    lab: Lab, built: Path, tmp_path: Path
+) -> None:
+    later = Usd.Stage.Open(str(built / FILES[4]))
+    bonus = Usd.Stage.Open(str(built / BONUS))
+    later.GetRootLayer().subLayerPaths.append(bonus.GetRootLayer().identifier)
+    later.Export(str(tmp_path / FILES[4]))
+    result = check_stage(tmp_path / FILES[4], lab=lab)
+    assert [f.rule for f in result.findings if f.severity != "note"] == []
+    assert "/r2/joint_states" not in lab.topics_until("4")
+
+
+def test_a_checkpoint_that_is_not_there_is_said(folder: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "lab"
+    shutil.copytree(folder, copy)
+    file = copy / "DriveR1.yaml"
+    file.write_text(file.read_text().replace("drive:", "driven:"))
+    said = "DriveR1.yaml: controller: until: there is no checkpoint 'driven'"
+    with pytest.raises(SpecError, match=said):
+        load_lab(copy)
