@@ -32,6 +32,7 @@ def world(**known: Any) -> Any:
     """What the functions ask of the world, with an empty stage."""
     given = {
         "scene": Scene(1.0, "Z", (), {}, {}),
+        "platform": load_platform(),
         "network": Network("", commands=RosEndpoint(0, "/cmd_vel")),
         "frame": 1,
         "dt": 0.5,

@@ -179,6 +179,12 @@ class NodeType(Struct, frozen=True, dict=True):
         signals = (port.name for port in self.ports.values() if port.is_execution)
         return tuple(name for name in signals if name.startswith(INPUT))
 
+    @cached_property
+    def signals(self) -> tuple[str, ...]:
+        """The outputs that give signals, without `outputs:`."""
+        ports = (port for port in self.ports.values() if port.is_execution)
+        return tuple(port.short for port in ports if port.name.startswith(OUTPUT))
+
     def input(self, short: str) -> Port | None:
         """Return the input `short`; a dynamic input that this type can grow counts."""
         return self.ports.get(INPUT + short) or self._grown(short)

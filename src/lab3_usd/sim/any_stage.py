@@ -252,7 +252,7 @@ def unheard_clock(seen: Trial, topics: Collection[tuple[str, int, str]]) -> Iter
     node = (
         seen.causes.program.nodes.get(message.node) if isinstance(seen.causes, RunCauses) else None
     )
-    usual = node.type.input("topicName") if node is not None else None
+    usual = node.type.port(node.type.topics[0]) if node is not None else None
     heard = f"/{usual.default}" if usual is not None else message.topic
     if message.topic != heard and (CLOCK, seen.wanted.domain, heard) not in topics:
         text = f"the clock is on {message.topic}, and programs with use_sim_time listen to {heard}"

@@ -195,7 +195,7 @@ def _usual_commands(platform: Platform, kinds: Kinds) -> Iterator[str]:
         port.default
         for kind in platform.types.values()
         if kind.role == "subscriber" and JOINTS in kind.message.values()
-        for port in (kind.input("topicName"),)
+        for port in map(kind.port, kind.topics)
         if port is not None
     }
     yield from (topic for topic, of in kinds if of == JOINTS and topic.split("/")[-1] in names)

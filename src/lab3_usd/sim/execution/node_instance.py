@@ -208,6 +208,15 @@ class NodeInstance(Struct):
         self.failure = Failure(reason, kind)
         return False
 
+    def goes_on(self) -> bool:
+        """Signal at the execution outputs of a type that signals at all of them."""
+        self.enabled += self.type.signals
+        return True
+
+    def stamp(self, world: World) -> float:
+        """Return the time stamp that reaches a publisher."""
+        return self.number("timeStamp", world)
+
     def reset(self) -> None:
         """Reset the state of the node, as on Stop."""
         self.memory.clear()

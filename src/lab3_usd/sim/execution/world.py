@@ -15,6 +15,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.fault import FaultKind
@@ -89,24 +90,28 @@ def namespace_of(node: NodeInstance, world: World, start: str = "") -> str:
 
     Sensor helpers begin at their sensor instead of at themselves.
     """
-    given = node.text("nodeNamespace", world)
+    ros = world.platform.ros
+    given = node.text(ros.namespace, world)
     if given:
         return given
     names = [] if start else [node.node.namespace]
     above = world.scene.above(start or node.path)
-    names += [str(prim.values.get("isaac:namespace") or "") for prim in above]
+    names += [str(prim.values.get(ros.namespace_attribute) or "") for prim in above]
     names = [name for name in reversed(names) if name]
-    outermost = "TransformTree" in node.type.type
+    outermost = node.type.tf is not None
     return names[0] if outermost and names else "/".join(names)
 
 
 def open_endpoint(
-    node: NodeInstance, world: World, start: str = "", port: str = "topicName"
+    node: NodeInstance, world: World, start: str = "", port: str = ""
 ) -> RosEndpoint | None:
-    """Open a publisher or subscriber as its inputs say now, or return None where it fails."""
+    """Open a publisher or subscriber as its inputs say now, or return None where it fails.
+
+    `port` names the topic; without one it is the first of the type.
+    """
     domain = world.network.domain(node.whole("context", world))
     space = trimmed(namespace_of(node, world, start))  # Ros2Node.h:139
-    name = node.text(port, world)
+    name = node.text(port or node.type.topics[0].removeprefix(INPUT), world)
     topic = f"{'/' + space if space else ''}/{trimmed(name)}" if name else ""
     # A static publisher does not read its profile (RN/nodes/OgnROS2PublishTransformTree.cpp:167).
     is_static = node.flag("staticPublisher", world)

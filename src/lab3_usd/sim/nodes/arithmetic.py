@@ -167,8 +167,7 @@ def read_variable(node: NodeInstance, world: World) -> bool:
 def print_text(node: NodeInstance, world: World) -> bool:
     """omni-graph-ui-nodes/printtext-1.html: nothing comes of it but a line in the log."""
     del world
-    node.enabled.append("execOut")
-    return True
+    return node.goes_on()
 
 
 @computes("Branch")

@@ -59,9 +59,7 @@ def simulation_gate(node: NodeInstance, world: World) -> bool:
     step = node.whole("step", world)
     if step <= 0:
         return node.fails("its step is 0", "zero-gate-step")
-    if node.count % step == 0:
-        node.enabled.append("execOut")
-    return True
+    return bool(node.count % step) or node.goes_on()
 
 
 @computes("StopTimeline", "ExitApplication")

@@ -38,8 +38,7 @@ def read_joint_state(node: NodeInstance, world: World) -> bool:
         return node.fails("it has no prim", "no-articulation")
     if not joints:
         return node.fails(f"there is no articulation at or below {targets[0]}", "no-articulation")
-    node.enabled.append("execOut")
-    return True
+    return node.goes_on()
 
 
 def _degree(joint: Joint) -> int:
@@ -52,7 +51,7 @@ def publish_joint_state(node: NodeInstance, world: World) -> bool:
     names, *arrays = (node.items(name, world) for name in _STATES)
     positions, velocities, efforts, degrees = arrays
     unit = node.number("stageMetersPerUnit", world)
-    stamp = node.number("sensorTime", world) or node.number("timeStamp", world)
+    stamp = node.number("sensorTime", world) or node.stamp(world)
     if names or positions or velocities or efforts or degrees:
         sizes = {len(array) for array in (names, positions, velocities, efforts, degrees)}
         if not names or len(sizes) > 1:
@@ -72,7 +71,7 @@ def publish_joint_state(node: NodeInstance, world: World) -> bool:
         positions = tuple(joint.position for joint in joints)
         velocities = tuple(joint.velocity for joint in joints)
         efforts, degrees = (0.0,) * len(joints), tuple(map(_degree, joints))
-        unit, stamp = world.scene.meters_per_unit, node.number("timeStamp", world)
+        unit, stamp = world.scene.meters_per_unit, node.stamp(world)
     endpoint = node.memory.get("endpoint") or open_endpoint(node, world)
     if endpoint is None:
         return False
@@ -103,8 +102,7 @@ def subscribe_joint_state(node: NodeInstance, world: World) -> bool:
     node.outputs["jointNames"] = states.names
     for name, array in zip(names, arrays, strict=True):
         node.outputs[name] = array if len(array) == count else (math.nan,) * count
-    node.enabled.append("execOut")
-    return True
+    return node.goes_on()
 
 
 @computes("IsaacArticulationState")

@@ -45,8 +45,7 @@ def read_imu(node: NodeInstance, world: World) -> bool:
         orientation=xyzw(place),
         sensorTime=world.since_play,
     )
-    node.enabled.append("execOut")
-    return True
+    return node.goes_on()
 
 
 def _motion(before: Affine | None, now: Affine, dt: float) -> tuple[Vector, Vector]:
@@ -90,7 +89,7 @@ def publish_imu(node: NodeInstance, world: World) -> bool:
         if node.flag("publishLinearAcceleration", world)
         else None,
     )
-    stamp = node.number("timeStamp", world)
+    stamp = node.stamp(world)
     send(node, world, endpoint, Message("sensor_msgs/msg/Imu", stamp, node.memory["frame"], data))
     return True
 
@@ -121,5 +120,4 @@ def publish_any(node: NodeInstance, world: World) -> bool:
     names = [name for name in names if node.type.input(name) or node.type.grows_by_message]
     fields = {name: node.get(name, world) for name in names if name not in _OWN}
     send(node, world, endpoint, Message(kind, world.since_play, data=Fields(fields)))
-    node.enabled.append("execOut")
-    return True
+    return node.goes_on()

@@ -29,8 +29,7 @@ def subscribe_twist(node: NodeInstance, world: World) -> bool:
     if not isinstance(twist, tuple):
         return not is_open and node.memory["endpoint"] is not None
     node.outputs["linearVelocity"], node.outputs["angularVelocity"] = twist
-    node.enabled.append("execOut")
-    return True
+    return node.goes_on()
 
 
 def received(node: NodeInstance, world: World, kind: type) -> object:
@@ -206,7 +205,7 @@ def publish_clock(node: NodeInstance, world: World) -> bool:
     endpoint, ready = opened_endpoint(node, world)
     if endpoint is None or not ready:
         return endpoint is not None
-    stamp = node.number("timeStamp", world)
+    stamp = node.stamp(world)
     send(node, world, endpoint, Message("rosgraph_msgs/msg/Clock", stamp, data=stamp))
     return True
 
@@ -232,8 +231,7 @@ def compute_odometry(node: NodeInstance, world: World) -> bool:
         globalLinearVelocity=velocity,
         angularVelocity=turning,
     )
-    node.enabled.append("execOut")
-    return True
+    return node.goes_on()
 
 
 def _chassis(node: NodeInstance, world: World) -> str | None:
@@ -282,7 +280,7 @@ def publish_odometry(node: NodeInstance, world: World) -> bool:
         linear,
         angular,
     )
-    stamp = node.number("timeStamp", world)
+    stamp = node.stamp(world)
     frame = node.memory["odomFrameId"]
     send(node, world, endpoint, Message("nav_msgs/msg/Odometry", stamp, frame, data))
     return True

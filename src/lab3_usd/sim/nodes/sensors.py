@@ -61,8 +61,7 @@ def create_render_product(node: NodeInstance, world: World) -> bool:
     world.products[name] = product
     node.memory["path"] = name
     node.outputs["renderProductPath"] = name
-    node.enabled.append("execOut")
-    return True
+    return node.goes_on()
 
 
 def product_of(node: NodeInstance, world: World) -> Product | None:

@@ -220,7 +220,7 @@ def _send_tree(
     if static and node.memory.get("sent"):
         return False
     node.memory["sent"] = True
-    stamp = node.number("timeStamp", world)
+    stamp = node.stamp(world)
     send(node, world, endpoint, Message(TF, stamp, data=tree, static=static))
     return True
 
@@ -245,8 +245,7 @@ def compute_transform_tree(node: NodeInstance, world: World) -> bool:
         translations=tuple(pose.origin for pose in poses),
         orientations=tuple(xyzw(pose) for pose in poses),
     )
-    node.enabled.append("execOut")
-    return True
+    return node.goes_on()
 
 
 @computes("ROS2PublishTransformTree")

@@ -30,8 +30,7 @@ def subscribe_ackermann(node: NodeInstance, world: World) -> bool:
         return not is_open and node.memory["endpoint"] is not None
     node.outputs.update(speed=steering.speed, steeringAngle=steering.angle)
     node.outputs.update(acceleration=0.0, steeringAngleVelocity=0.0, jerk=0.0)
-    node.enabled.append("execOut")
-    return True
+    return node.goes_on()
 
 
 @computes("ROS2PublishAckermannDrive")
@@ -41,7 +40,7 @@ def publish_ackermann(node: NodeInstance, world: World) -> bool:
     if endpoint is None or not ready:
         return endpoint is not None
     data = Steering(node.number("speed", world), node.number("steeringAngle", world))
-    frame, stamp = node.text("frameId", world), node.number("timeStamp", world)
+    frame, stamp = node.text("frameId", world), node.stamp(world)
     kind = node.type.message[""]
     send(node, world, endpoint, Message(kind, stamp, frame, data))
     return True
@@ -84,8 +83,7 @@ def ackermann_controller(node: NodeInstance, world: World) -> bool:
     most, widest = memory["maxWheelVelocity"], memory["maxWheelRotation"]
     node.outputs["wheelAngles"] = tuple(_within(widest, a) for a in angles)
     node.outputs["wheelRotationVelocity"] = tuple(_within(most, w) for w in speeds)
-    node.enabled.append("execOut")
-    return True
+    return node.goes_on()
 
 
 def _within(limit: float, value: float) -> float:
