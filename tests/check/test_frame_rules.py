@@ -238,7 +238,8 @@ def test_a_frame_below_another_parent_is_found_at_its_publisher() -> None:
 @pytest.mark.parametrize("parent", ["/World", m.CAMERA, f"{m.ROBOT}/base_link"])
 def test_another_parent_prim_is_left_to_the_rule_of_targets(parent: str) -> None:
     stage = m.stage()
-    assert sites(m.with_node(stage, m.aimed(m.role(stage, m.COMPUTE), PARENT, parent))) == []
+    stage = m.with_node(stage, m.aimed(m.role(stage, m.COMPUTE), PARENT, parent))
+    assert sites(stage, blamed=(f"{COMPUTE}.{PARENT}",)) == []
 
 
 def test_links_may_hang_deeper_where_the_robot_stands_for_them() -> None:
@@ -250,7 +251,8 @@ def test_links_may_hang_deeper_where_the_robot_stands_for_them() -> None:
     [("world", "base_footprint"), ("odom", "base_link"), ("odom", "x"), ("map", "base_scan")],
 )
 def test_wrong_frame_names_are_left_to_the_rule_of_settings(parent: str, child: str) -> None:
-    assert sites(raw(parent, child), "08") == []
+    names = ("inputs:parentFrameId", "inputs:childFrameId")
+    assert sites(raw(parent, child), "08", tuple(f"{RAW}.{name}" for name in names)) == []
 
 
 # ---- T03 to T06: the tree as a whole

@@ -195,8 +195,12 @@ def role(given: StageModel, name: str, graph_name: str = ODOM_TF) -> Node:
 def left_beside(
     blamed: Iterable[str], found: Mapping[str, Iterable[Problem]]
 ) -> list[tuple[str, str, str | None]]:
-    """Rule, prim and property of the problems that are left where the blamed nodes are wrong."""
-    errors = [Finding("", "", "error", prim, "", "node:type") for prim in blamed]
+    """Rule, prim and property of the problems that are left where the blamed nodes are wrong.
+
+    `node.inputs:port` blames a port, a node alone its type.
+    """
+    sites = (place.partition(".") for place in blamed)
+    errors = [Finding("", "", "error", prim, "", port or "node:type") for prim, _, port in sites]
     findings = [
         finding_of(all_rules()[rule_id], problem, None)
         for rule_id, problems in found.items()

@@ -153,13 +153,23 @@ class TfView(Struct, frozen=True, eq=False):
 
 @once_per_stage
 def _open_trees(view: TfView) -> tuple[HeardTree, ...]:
-    def is_open(edge: Edge) -> bool:
-        if edge.parent != edge.child:
-            return not is_reported_elsewhere(edge, view)
-        is_own = not view.is_guarded(edge) and edge.target is None
-        return is_own and edge.cause not in view.role_specs
+    edges = all_edges(view.stage, view.platform)
+    return trees_of(edge for edge in edges if _is_as_meant(edge, view))
 
-    return trees_of(filter(is_open, all_edges(view.stage, view.platform)))
+
+def _is_as_meant(edge: Edge, view: TfView) -> bool:
+    """Whether a transform is none that is forbidden, and of a role what that is to send.
+
+    Another one changes the whole tree, and no problem of that could tell on which it rests. What is
+    wrong with it is said at its settings, targets and wires.
+    """
+    if view.is_guarded(edge):
+        return False
+    if edge.parent == edge.child:
+        return edge.target is None and edge.cause not in view.role_specs
+    if edge.cause not in view.role_specs and edge.publisher not in view.role_specs:
+        return True
+    return not is_altered_by_wires(edge, view) and not differs_from_spec(edge.cause, view)
 
 
 @once_per_stage
@@ -192,19 +202,6 @@ def tf_view(subject: StageSubject) -> TfView:
         role_specs(subject),
         unresolved_frames(stage, lab.platform),
     )
-
-
-def is_reported_elsewhere(edge: Edge, view: TfView) -> bool:
-    """Whether another rule already says what is wrong with this transform.
-
-    Those are the rules of settings and targets for a node that plays a role, and the rules of
-    forbidden transforms.
-    """
-    if edge.child == edge.parent or view.is_guarded(edge):
-        return True
-    if edge.cause not in view.role_specs and edge.publisher not in view.role_specs:
-        return False
-    return is_altered_by_wires(edge, view) or differs_from_spec(edge.cause, view)
 
 
 def is_altered_by_wires(edge: Edge, view: TfView) -> bool:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.as_written import as_written
 from lab3_usd.check.manual import in_words_of
 from lab3_usd.check.registry import SCENE, TF, Rule, Scope, holds_without_lab, rules_of
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import Repair, repair_by
 from lab3_usd.model.finding import Crash, Finding, NotJudged, Problem
-from lab3_usd.model.stage import StageModel
+from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.spec.lab import Lab
 
 
@@ -57,7 +56,7 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
     stage = getattr(subject, "stage", None)
     try:
         for found in _problems(rule, subject):
-            problem = as_written(found, stage) if isinstance(stage, StageModel) else found
+            problem = _as_written(found, stage) if isinstance(stage, StageModel) else found
             if problem.rests_on is None:
                 findings.append(finding_of(rule, problem, lab))
             else:
@@ -140,3 +139,46 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         counted=rule.counted,
         identity=problem.identity,
     )
+
+
+def _as_written(problem: Problem, stage: StageModel) -> Problem:
+    """Return a problem with the names that its file has for ports, as another release calls them.
+
+    They stand in its place, its words and its edits.
+    """
+    written = _written_ports(stage)
+    if not written:
+        return problem
+    names = written.get(problem.prim, {})
+    message = problem.message
+    for name, other in names.items():
+        message = message.replace(name, other)
+    return replace(
+        problem,
+        message=message,
+        property=names.get(problem.property or "", problem.property),
+        fix=tuple(_edit_as_written(edit, written) for edit in problem.fix),
+    )
+
+
+@once_per_stage
+def _written_ports(stage: StageModel) -> dict[str, Mapping[str, str]]:
+    """Return the names that the file has for ports, by node, of those that have such names."""
+    return {node.path: node.written_ports for node in stage.nodes() if node.written_ports}
+
+
+def _edit_as_written(edit: Any, written: Mapping[str, Mapping[str, str]]) -> Any:
+    names = written.get(edit.prim, {})
+    changes: dict[str, Any] = {}
+    if getattr(edit, "property", None) in names:
+        changes["property"] = names[edit.property]
+    if getattr(edit, "to", None) in names:
+        changes["to"] = names[edit.to]
+    if getattr(edit, "sources", ()):
+        changes["sources"] = tuple(_source_as_written(path, written) for path in edit.sources)
+    return replace(edit, **changes) if changes else edit
+
+
+def _source_as_written(path: str, written: Mapping[str, Mapping[str, str]]) -> str:
+    prim, _, port = path.rpartition(".")
+    return f"{prim}.{written.get(prim, {}).get(port, port)}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from msgspec import Struct
+
 from lab3_usd.facts.execution_order import Nodes, effective_value, live_sources
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.values import Value
@@ -34,3 +36,46 @@ def _array_of(maker: Node, live: Nodes) -> Value | None:
     names = [f"{INPUT}{dynamic.prefix}{number}" for number in range(min(count, len(maker.ports)))]
     items = [effective_value(maker, name, live) for name in names]
     return None if None in items else tuple(item for item in items if item is not None)
+
+
+class ArrayItems(Struct, frozen=True):
+    """The inputs of a node that makes an array: those with something, those without, the rest.
+
+    `beyond` are inputs with something that the size of the array leaves out.
+    """
+
+    count_port: str
+    count: int
+    filled: tuple[str, ...]
+    empty: tuple[str, ...]
+    beyond: tuple[str, ...]
+
+
+def array_items(node: Node) -> ArrayItems | None:
+    """Return what a node makes its array of, None for one that makes none or of a wired size."""
+    dynamic = None if node.type is None else node.type.dynamic
+    if dynamic is None:
+        return None
+    count_port = INPUT + dynamic.count
+    count = node.value(count_port)
+    if node.sources(count_port) or not isinstance(count, int) or isinstance(count, bool):
+        return None
+    stem = INPUT + dynamic.prefix
+    inside = [f"{stem}{number}" for number in range(min(count, len(node.ports)))]
+    states = {port: node.state(port) for port in inside}
+    # An element is wired or set: an empty text is none.
+    filled = tuple(
+        port
+        for port, state in states.items()
+        if state and (state.sources or state.value not in (None, ""))
+    )
+    outside = (port for port in node.ports if port.startswith(stem) and port not in inside)
+    return ArrayItems(
+        count_port=count_port,
+        count=count,
+        filled=filled,
+        empty=tuple(port for port in inside if port not in filled),
+        beyond=tuple(
+            port for port in outside if port[len(stem) :].isdecimal() and node.sources(port)
+        ),
+    )

@@ -268,6 +268,11 @@ class TfPorts(Struct, frozen=True, forbid_unknown_fields=True):
     gives: tuple[str, ...] = ()
     static: str | None = None
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The inputs by which frames come in."""
+        return (*self.names, *self.prims, *self.arrays)
+
 
 class ProductPorts(Struct, frozen=True):
     """Which ports of a type make a render product.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from lab3_usd.check.fold import absent_above, of_one_cause
 from lab3_usd.check.match.rule_inputs import GraphsSubject, LintSubject, StageSubject
-from lab3_usd.check.one_cause import absent_above, of_one_cause
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import VERSION, other_names
 from lab3_usd.facts.execution_order import live_nodes, unevaluated_by

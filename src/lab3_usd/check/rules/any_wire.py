@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from msgspec.structs import replace
 
 from lab3_usd.check.demands import with_demand
+from lab3_usd.check.fold import absent_above, of_one_cause
 from lab3_usd.check.hints import without_wire
 from lab3_usd.check.match.rule_inputs import GraphsSubject, GraphSubject, LintSubject, WireFault
-from lab3_usd.check.one_cause import absent_above, of_one_cause
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.facts.likely_names import did_you_mean, likely_name

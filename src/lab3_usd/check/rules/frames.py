@@ -10,7 +10,6 @@ from lab3_usd.check.lab_frames import (
     frame_list_text,
     frame_sources,
     frames_of_missing_assets,
-    is_reported_elsewhere,
     lacks_only_the_camera,
     lists_its_parent,
     missing_frames,
@@ -147,8 +146,7 @@ def wrong_parent_frame(view: TfView) -> Iterator[Problem]:
         if edges and not any(_is_right(edge, parent, view) for edge in edges):
             wrong.setdefault((edges[0].cause, edges[0].parent), []).append(edges[0])
     for (cause, actual), edges in wrong.items():
-        if not any(is_reported_elsewhere(edge, view) for edge in edges):
-            yield _wrong_parent(cause, actual, edges, view)
+        yield _wrong_parent(cause, actual, edges, view)
 
 
 def _is_right(edge: Edge, parent: str, view: TfView) -> bool:
@@ -186,6 +184,11 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
         severity=severity,
         fix=fix,
         frames=(actual, expected, *frames),
+        assumes=tuple(
+            (path, port)
+            for path in dict.fromkeys((cause, *(edge.publisher for edge in edges)))
+            for port in tf_ports(view.live_nodes[path]).inputs
+        ),
     )
 
 

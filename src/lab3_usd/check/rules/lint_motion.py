@@ -16,7 +16,7 @@ from lab3_usd.facts.articulations import (
     ends,
     followed_bodies,
 )
-from lab3_usd.facts.feeding import misnamed_poses
+from lab3_usd.facts.feeding import MisnamedPose, misnamed_poses
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.quantities import quantity_of
 from lab3_usd.model.finding import Problem
@@ -36,7 +36,7 @@ from lab3_usd.model.physics import (
     limits,
 )
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import StageModel
+from lab3_usd.model.stage import StageModel, UnresolvedAsset
 from lab3_usd.model.transforms import decompose, dot, rotate_vector
 
 _VELOCITY = "inputs:velocityCommand"
@@ -290,21 +290,25 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
             )
     told, robots = set(turning), joined_bodies(subject.stage)
     for pose in misnamed_poses(subject.stage, subject.platform):
-        odometry, path = pose.followed, pose.followed.prim.path
-        body = "" if odometry.body is None else odometry.body.path
-        if body in told or robots.owner(pose.prim) != robots.owner(body):
-            continue
-        told.add(body)
-        yield Problem(
-            odometry.node.path,
-            f"{odometry.port} is {path}, but {pose.publisher} publishes it as '{pose.frame}', the "
-            f"frame of {pose.prim}, which moves against it",
-            property=odometry.port,
-            expected=pose.prim,
-            actual=path,
-            related=(pose.publisher,),
-            rests_on=odometry.unknown,
-        )
+        body = "" if pose.followed.body is None else pose.followed.body.path
+        if body not in told and robots.owner(pose.prim) == robots.owner(body):
+            told.add(body)
+            yield misnamed(pose, "which moves against it", pose.followed.unknown)
+
+
+def misnamed(pose: MisnamedPose, why: str, rests_on: UnresolvedAsset | None) -> Problem:
+    """Return the problem of odometry whose message names the frame of another prim."""
+    followed, path = pose.followed, pose.followed.prim.path
+    return Problem(
+        followed.node.path,
+        f"{followed.port} is {path}, but {pose.publisher} publishes it as '{pose.frame}', the "
+        f"frame of {pose.prim}, {why}",
+        property=followed.port,
+        expected=pose.prim,
+        actual=path,
+        related=(pose.publisher,),
+        rests_on=rests_on,
+    )
 
 
 @rule("K84", "wheels-turn-apart", scope="lint")

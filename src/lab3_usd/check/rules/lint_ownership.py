@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.check.rules.lint_motion import misnamed
 from lab3_usd.facts.endpoints import Endpoint, running_endpoints
 from lab3_usd.facts.feeding import (
     commanded_robots,
@@ -94,18 +95,9 @@ def _by_frame(subject: LintSubject) -> Iterator[Problem]:
     """Yield odometry that names the frame of another robot."""
     bodies = joined_bodies(subject.stage)
     for pose in misnamed_poses(subject.stage, subject.platform):
-        followed, path = pose.followed, pose.followed.prim.path
+        path = pose.followed.prim.path
         if bodies.owner(pose.prim) not in {"", bodies.owner(path)}:
-            yield Problem(
-                followed.node.path,
-                f"{followed.port} is {path}, but {pose.publisher} publishes it as '{pose.frame}', "
-                f"the frame of {pose.prim}, another robot",
-                property=followed.port,
-                expected=pose.prim,
-                actual=path,
-                related=(pose.publisher,),
-                rests_on=_unknown(subject, pose.prim, path),
-            )
+            yield misnamed(pose, "another robot", _unknown(subject, pose.prim, path))
 
 
 def _by_parent(subject: LintSubject) -> Iterator[Problem]:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.axles import wheel_radius
-from lab3_usd.facts.arrays import listed
+from lab3_usd.facts.arrays import array_items, listed
 from lab3_usd.facts.articulations import (
     Command,
     Followed,
@@ -30,7 +30,6 @@ from lab3_usd.facts.articulations import (
 from lab3_usd.facts.execution_order import effective_value, live_sources
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.quantities import unit_of
-from lab3_usd.facts.stalled_nodes import array_items
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Place, Problem, display

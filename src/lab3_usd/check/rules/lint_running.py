@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.missing_wires import execution_wire, likely_wire, lost_constant
 from lab3_usd.check.registry import rule
+from lab3_usd.facts.arrays import array_items
 from lab3_usd.facts.articulations import commands
 from lab3_usd.facts.changes import effect_on_run, writing_nodes
 from lab3_usd.facts.execution_order import (
@@ -26,7 +27,6 @@ from lab3_usd.facts.execution_order import (
 )
 from lab3_usd.facts.stalled_nodes import (
     Stop,
-    array_items,
     feeds,
     has_side_effects,
     is_wired,
