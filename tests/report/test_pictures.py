@@ -26,9 +26,10 @@ from lab3_usd.facts.frames import Edge
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import AbsentPrim, GraphModel, Node, PortState, StageModel
+from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.dot import celled, dot
 from lab3_usd.report.picture.mermaid import coded, mermaid
-from lab3_usd.report.picture.model import Box, Curve, Picture, Row, State, port_id
+from lab3_usd.report.picture.model import Box, Curve, Kind, Picture, Row, State, port_id
 from lab3_usd.report.picture.png import png
 from lab3_usd.report.picture.svg import (
     BELOW_TITLE,
@@ -435,6 +436,14 @@ def test_an_extra_node_with_an_error_is_wrong() -> None:
     extra = f"{CLOCK.path}/more"
     graph = changed(clock(), models.node(extra, "omni.graph.scriptnode.ScriptNode"))
     assert box_of(drawn(graph, finding(extra)), extra).state == "wrong"
+
+
+@pytest.mark.parametrize(("kind", "word"), [("graph", "wrong"), ("lint", "error")])
+def test_a_caption_has_the_word_of_the_legend(kind: Kind, word: str) -> None:
+    picture = graph_picture(None, None, clock(), [finding(TICK)], kind=kind)
+    named = on_canvas(replace(picture, kind=kind, judged=True))
+    assert box_of(named, TICK).subtitle == f"on_playback_tick · {word}"
+    assert word in {entry.text for entry in named.legend}
 
 
 def test_a_node_of_another_type_stands_in_its_place() -> None:

@@ -165,6 +165,19 @@ def test_dot_marks_faults_and_quotes_names() -> None:
     assert dot.count("color=red") == 3
 
 
+def test_a_tree_that_nothing_connects_is_marked_in_dot_and_a_problem_in_json() -> None:
+    report = TreeReport("x", edges("odom base", "base arm", "camera lens"))
+    dot = as_dot(report).splitlines()
+    assert '  "camera" [color=orange, label="camera: not connected to odom"];' in dot
+    assert [line for line in dot if "orange" in line] == dot[6:7]
+    assert json.loads(as_json(report))["problems"] == [
+        {"frame": "camera", "kind": "another tree", "message": "not connected to odom"}
+    ]
+    unsure = replace(report, hidden=(LINKS,))  # which may connect them
+    assert "orange" not in as_dot(unsure)
+    assert json.loads(as_json(unsure))["problems"] == []
+
+
 def test_json_has_transforms_roots_and_problems() -> None:
     data = json.loads(as_json(TreeReport("x", edges("a b", "c b"), ("/g/any",))))
     assert (data["file"], data["roots"]) == ("x", ["a", "c"])

@@ -44,8 +44,22 @@ class TreeReport(Struct, frozen=True):
 
     @property
     def faults(self) -> list[FrameFault]:
-        """What tf2 cannot make a tree of."""
-        return [fault for heard in self.heard for fault in frame_faults(heard.tree, self.reserved)]
+        """What tf2 cannot make a tree of, and the tops of trees that nothing connects."""
+        return [
+            fault
+            for heard in self.heard
+            for fault in (*frame_faults(heard.tree, self.reserved), *self.islands(heard))
+        ]
+
+    def islands(self, heard: HeardTree) -> list[FrameFault]:
+        """Return the tops of trees that nothing connects with the largest.
+
+        There are none where frames are unknown, which may connect them.
+        """
+        islands = {} if self.hidden else heard.tree.islands
+        main = next((top for top in heard.tree.roots if top not in islands), "")
+        tops = dict.fromkeys(islands.values())
+        return [FrameFault(top, "another tree", f"not connected to {main}") for top in tops]
 
     def how(self, publisher: str, topic: str) -> str:
         """Return the publisher of a transform, its topic and its rate, in words."""
@@ -126,19 +140,23 @@ def _rows(parent: str, lead: str, children: dict[str, list[Edge]]) -> list[tuple
 def as_dot(report: TreeReport) -> str:
     """Return the tree for Graphviz: each edge is labelled with its publisher, faults are red.
 
-    What cannot be known is grey. Frames of one name that different listeners hear are different.
+    The tops of further trees are orange, and say so. What cannot be known is grey. Frames of one
+    name that different listeners hear are different.
     """
     lines = ["digraph tf {", "  node [shape=box, fontname=sans];", "  edge [fontname=sans];"]
     trees = report.heard
     for heard in trees:
         where = f" ({tree_name(heard, trees)})" if len(trees) > 1 else ""
         wrong = {fault.frame for fault in frame_faults(heard.tree, report.reserved)}
+        apart = {fault.frame: fault.message for fault in report.islands(heard)}
         edges = heard.tree.edges
         names = dict.fromkeys(name for edge in edges for name in (edge.parent, edge.child))
-        lines += [
-            f"  {dot_string(name + where)}{' [color=red]' if name in wrong else ''};"
-            for name in names
-        ]
+        for name in names:
+            style = ["color=red"] if name in wrong else ["color=orange"] if name in apart else []
+            if name in apart:
+                style.append(f"label={dot_string(f'{name}{where}: {apart[name]}')}")
+            listed = f" [{', '.join(style)}]" if style else ""
+            lines.append(f"  {dot_string(name + where)}{listed};")
         for edge in edges:
             style = [f"label={dot_string('/'.join(edge.publisher.split('/')[-2:]))}"]
             style += [f"tooltip={dot_string(edge.publisher)}"]

@@ -16,6 +16,7 @@ from lab3_usd.report.picture.model import (
     LegendEntry,
     Picture,
     Point,
+    state_word,
     text_width,
 )
 from lab3_usd.report.picture.routing import points, routed
@@ -148,28 +149,12 @@ TF_LEGEND = (
     LegendEntry("data", "published by the stage"),
     LegendEntry("execution", "published elsewhere"),
 )
-APART_ENTRY = LegendEntry("warned", "another tree")
 UNKNOWN_ENTRY = LegendEntry("absent", "unknown: asset not found")
 FAMILY_ENTRIES = {
     "event": LegendEntry("event", "event"),
     "ros": LegendEntry("ros", "ROS 2"),
     "action": LegendEntry("action", "runs when triggered"),
     "data": LegendEntry("family-data", "gives data"),
-}
-STATE_ENTRIES = {
-    "wrong": LegendEntry("wrong", "wrong"),
-    "missing": LegendEntry("missing", "missing"),
-    "extra": LegendEntry("extra", "extra: not asked for"),
-    "warned": LegendEntry("warned", "warning"),
-}
-DIFF_ENTRIES = {
-    "wrong": LegendEntry("wrong", "changed"),
-    "missing": LegendEntry("missing", "removed"),
-    "extra": LegendEntry("extra", "added"),
-}
-LINT_ENTRIES = {
-    "wrong": LegendEntry("wrong", "error"),
-    "warned": LegendEntry("warned", "warning"),
 }
 TOPIC_LEGEND = (LegendEntry("data", "sent"), LegendEntry("execution", "perhaps sent, or never"))
 TOPIC_FAMILIES = (LegendEntry("ros", "node"), LegendEntry("family-data", "topic"))
@@ -224,15 +209,14 @@ def _legend_entries(picture: Picture) -> Iterator[LegendEntry]:
         families = {box.family for box in picture.boxes}
         yield from (entry for family, entry in FAMILY_ENTRIES.items() if family in families)
     if picture.judged:
-        entries = {"diff": DIFF_ENTRIES, "lint": LINT_ENTRIES}.get(picture.kind, STATE_ENTRIES)
-        if picture.kind == "frames":
-            entries = {**STATE_ENTRIES, "warned": APART_ENTRY}
         seen = {box.frame for box in picture.boxes} | {curve.state for curve in picture.curves}
         seen |= {row.state for box in picture.boxes for row in box.rows}
         seen |= {remark.state for remark in picture.remarks}
         for state in STATES:
-            if state in entries and state in seen:
-                yield entries[state]
+            if state in seen and state != "ok":
+                word = state_word(state, picture.kind)
+                text = f"{word}: not asked for" if word == "extra" else word
+                yield LegendEntry(state, text)
 
 
 def _in_lines(legend: Iterable[LegendEntry], width: float, top: float) -> Iterator[LegendEntry]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lab3_usd.report.picture.model import Box, Picture, Row, State
+from lab3_usd.report.picture.model import Box, Picture, Row, State, state_word
 from lab3_usd.report.safe_text import dot_string, printable
 
 COLOURS: dict[State, str] = {
@@ -48,7 +48,7 @@ def dot(picture: Picture) -> str:
         elif curve.dashed:
             style += ", style=dashed"
         if curve.state != "ok":
-            style += f', penwidth=2, label="{curve.state}"'
+            style += f', penwidth=2, label="{state_word(curve.state, picture.kind)}"'
         lines.append(f"  {source} -> {target} [{style}];")
     return "\n".join([*lines, "}"]) + "\n"
 
@@ -68,7 +68,7 @@ def _record(box: Box) -> str:
 
 def _cell(row: Row, places: dict[str, int]) -> str:
     value = f" = {', '.join(row.value)}" if row.value else ""
-    expected = f" (expected be {', '.join(row.expected)})" if row.expected else ""
+    expected = f" (should be {', '.join(row.expected)})" if row.expected else ""
     return f"<p{places[row.port]}> {celled(row.label + value + expected)}"
 
 

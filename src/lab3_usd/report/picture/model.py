@@ -7,7 +7,7 @@ editor.
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Literal
 
@@ -18,6 +18,7 @@ from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.report.safe_text import visible
 
 State = Literal["ok", "wrong", "missing", "extra", "warned"]
+Kind = Literal["graph", "frames", "diff", "lint", "topics"]
 Side = Literal["in", "out", "both", "none"]
 Family = Literal["event", "ros", "action", "data", "frame", "absent"]
 Point = tuple[float, float]
@@ -132,11 +133,23 @@ class Picture(Struct, frozen=True):
     curves: tuple[Curve, ...]
     path: str = ""
     judged: bool = False
-    kind: Literal["graph", "frames", "diff", "lint", "topics"] = "graph"
+    kind: Kind = "graph"
     remarks: tuple[Remark, ...] = ()
     legend: tuple[LegendEntry, ...] = ()
     width: float = 0.0
     height: float = 0.0
+
+
+_WORDS: Mapping[Kind, Mapping[State, str]] = {
+    "diff": {"wrong": "changed", "missing": "removed", "extra": "added"},
+    "lint": {"wrong": "error"},
+    "frames": {"warned": "another tree"},
+}
+
+
+def state_word(state: State, kind: Kind = "graph") -> str:
+    """Return what a state is called, in captions, legends and labels of such a picture alike."""
+    return _WORDS.get(kind, {}).get(state, "warning" if state == "warned" else state)
 
 
 def port_point(box: Box, port: str, *, leaving: bool) -> Point:

@@ -28,14 +28,15 @@ from lab3_usd.report.picture.model import (
     Box,
     Curve,
     End,
+    Kind,
     Picture,
     Point,
     Remark,
     State,
     clip_end,
+    state_word,
 )
 from lab3_usd.report.pictures.node_boxes import (
-    CAPTIONS,
     BoxSubject,
     NodeRoles,
     SiteFindings,
@@ -140,9 +141,7 @@ def _marked(curve: Curve, state: State, findings: SiteFindings) -> Curve:
 
 MOST_REMARKS = 4
 MOST_LETTERS = 110
-STATE_WORDS: Mapping[State, str] = {
-    state: CAPTIONS.get(state, state) for state in STATES if state != "ok"
-}
+STATE_WORDS: Mapping[State, str] = {state: state_word(state) for state in STATES if state != "ok"}
 LINT_WORDS: Mapping[State, str] = {"wrong": "with an error", "warned": "with a warning"}
 STATE_OF: Mapping[Severity, State] = {"error": "wrong", "warning": "warned", "note": "ok"}
 
@@ -171,11 +170,13 @@ def graph_picture(
     findings: Sequence[Finding],
     *,
     every_port: bool = False,
+    kind: Kind = "graph",
 ) -> Picture:
     """Return a stage's graph with its faults: missing, wrong and extra parts marked.
 
     Without a spec the graph is drawn as it is. Without a graph everything the spec asks for is
-    missing. `findings` are those of the stage; the ones that lie elsewhere are passed over.
+    missing. The `kind` decides what faults are called. `findings` are those of the stage; the ones
+    that lie elsewhere are passed over.
     """
     by_site = findings_by_site(findings)
     node_roles = assigned_roles(spec, roles, graph)
@@ -190,7 +191,7 @@ def graph_picture(
         spec_positions = {key: spec.nodes[role].at for role, key in node_roles.box_keys.items()}
     if graph is not None:
         name, path = name or graph.name, graph.path
-    boxes += _roleless_boxes(boxes, node_roles, curves, by_site, every_port=every_port)
+    boxes += _roleless_boxes(boxes, node_roles, curves, by_site, every_port, kind)
     boxes += outside_boxes(graph, boxes, curves)
     boxes = list(position_missing(boxes, curves, spec_positions, frozenset(node_roles.nodes)))
     placed = laid_out(tuple(boxes), tuple(curves))
@@ -242,8 +243,8 @@ def _roleless_boxes(
     node_roles: NodeRoles,
     curves: Sequence[Curve],
     findings: SiteFindings,
-    *,
-    every_port: bool,
+    every_port: bool,  # noqa: FBT001 - as `BoxSubject` has them
+    kind: Kind,
 ) -> list[Box]:
     """Return the boxes of nodes without a role."""
     arriving, leaving = ends(curves)
@@ -255,7 +256,7 @@ def _roleless_boxes(
         ports = (_ports_of(arriving, key), _ports_of(leaving, key))
         state = findings.state(key)
         unused = node_roles.box_keys and key in node_roles.unassigned and state != "wrong"
-        subject = BoxSubject(key, None, node, *ports, findings, every_port)
+        subject = BoxSubject(key, None, node, *ports, findings, every_port, kind)
         roleless.append(node_box(subject, "extra" if unused else state))
     return roleless
 
@@ -338,7 +339,7 @@ def linted_pictures(
     """Yield the graphs of a stage that no lab asks for, and its TF tree, with faults marked."""
     for graph in stage.graphs:
         if graph.active and not platform.graph.ignores(graph.path):
-            picture = graph_picture(None, None, graph, findings, every_port=every_port)
+            picture = graph_picture(None, None, graph, findings, every_port=every_port, kind="lint")
             subtitle = _counts_text(graph.path, picture.boxes, picture.curves, LINT_WORDS)
             yield on_canvas(replace(picture, kind="lint", judged=True, subtitle=subtitle))
     yield from _published_trees(platform, stage)

@@ -18,6 +18,7 @@ from lab3_usd.report.picture.model import (
     Curve,
     End,
     Family,
+    Kind,
     Row,
     Side,
     State,
@@ -25,6 +26,7 @@ from lab3_usd.report.picture.model import (
     clip_path,
     is_port,
     sized,
+    state_word,
 )
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, PortRef
 
@@ -139,7 +141,10 @@ MOST_PRIMS = 12
 
 
 class BoxSubject(Struct, frozen=True):
-    """The node that one box shows: its spec (None without a role), itself, and its wires."""
+    """The node that one box shows: its spec (None without a role), itself, and its wires.
+
+    `kind` is that of the picture.
+    """
 
     key: str
     spec: NodeSpec | None
@@ -148,6 +153,7 @@ class BoxSubject(Struct, frozen=True):
     leaving: Mapping[str, State]
     findings: SiteFindings = field(default_factory=SiteFindings)
     every_port: bool = False
+    kind: Kind = "graph"
 
     @property
     def type(self) -> NodeType | None:
@@ -290,7 +296,6 @@ def prim_lines(prims: tuple[str, ...]) -> tuple[str, ...]:
 
 
 MOST_TITLE = 44
-CAPTIONS: Mapping[State, str] = {"warned": "warning"}
 
 
 def ends(curves: Sequence[Curve]) -> tuple[dict[End, State], dict[End, State]]:
@@ -379,4 +384,4 @@ def _subtitle(subject: BoxSubject, state: State) -> str:
         return f"{subject.spec.role} · missing"
     if subject.spec is not None and subject.type is not subject.spec.type:
         return f"{name} · expected {subject.spec.type.ui_name}"
-    return name if state == "ok" else f"{name} · {CAPTIONS.get(state, state)}"
+    return name if state == "ok" else f"{name} · {state_word(state, subject.kind)}"

@@ -14,13 +14,23 @@ from lab3_usd.facts.frames import Edge, trees_of
 from lab3_usd.facts.tree import Tree, frame_faults, tree
 from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.layered import Placed, layered
-from lab3_usd.report.picture.model import STATES, Box, Curve, End, Picture, State, clip_end, sized
+from lab3_usd.report.picture.model import (
+    STATES,
+    Box,
+    Curve,
+    End,
+    Picture,
+    State,
+    clip_end,
+    sized,
+    state_word,
+)
 from lab3_usd.report.tf_tree import tree_name
 from lab3_usd.spec.lab import FrameSpec, LocalizationSpec
 
 Pair = tuple[str, str]
 MOST_TITLE = 40
-WORDS: Mapping[State, str] = {"warned": "in another tree"}
+WORDS: Mapping[State, str] = {"warned": f"in {state_word('warned', 'frames')}"}
 GRAVE: tuple[State, ...] = ("wrong", "extra", "warned")
 
 
