@@ -454,3 +454,28 @@ HARMLESS = {
 @pytest.mark.parametrize("change", HARMLESS.values(), ids=HARMLESS)
 def test_a_shape_that_hides_nothing_is_no_matter(change: Change) -> None:
     assert told_after("05", change) == []
+
+
+def second_reader(stage: Usd.Stage) -> None:
+    """Read the second lidar by a copy of the lab's graph."""
+    layer, graph = stage.GetRootLayer(), f"{ELSEWHERE}/ROS_Lidar2D"
+    Sdf.CopySpec(layer, LIDAR, layer, ELSEWHERE)
+    for prim in Usd.PrimRange(stage.GetPrimAtPath(graph)):
+        for port in [*prim.GetAttributes(), *prim.GetRelationships()]:
+            is_wire = isinstance(port, Usd.Attribute)
+            found = port.GetConnections() if is_wire else port.GetTargets()
+            moved = [path.ReplacePrefix(LIDAR, ELSEWHERE) for path in found]
+            if moved:
+                (port.SetConnections if is_wire else port.SetTargets)(moved)
+
+
+def test_two_lidars_of_different_scan_rates_crash_isaac_sim() -> None:
+    lab, stage = load_lab(), built("05")
+    second_reader(stage)
+    found = judge(lab, lab.checkpoints["05"], model_of(stage)).findings
+    rules = [each.rule for each in found]
+    assert "L07" in rules
+    assert "L13" not in rules
+    stage.GetPrimAtPath(ELSEWHERE).GetAttribute(TURNS).Set(20)
+    found = judge(lab, lab.checkpoints["05"], model_of(stage)).findings
+    assert [each.prim for each in found if each.rule == "L13"] == [ELSEWHERE]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import runpy
 from collections.abc import Mapping
 from typing import Any
@@ -15,8 +16,10 @@ from scene_changes import LIDAR
 from scene_stages import told
 from sensor_stages import CASES, whole, with_values
 
-from lab3_usd.facts.sensor_faults import SensorFault, faults_of
-from lab3_usd.isaac.sensor_models import INSTANCE
+from lab3_usd.facts.formulas import NAMES
+from lab3_usd.facts.sensor_faults import SensorFault, faults_of, sensor_faults
+from lab3_usd.facts.sensor_values import sensor_values
+from lab3_usd.isaac.sensor_models import INSTANCE, LongList
 from lab3_usd.spec.load.loader import load_lab, load_platform
 from lab3_usd.stage.read.reader import read_model
 
@@ -83,6 +86,7 @@ def test_a_missing_asset_may_have_other_emitters() -> None:
 
 RADAR, ACOUSTIC = "OmniSensorGenericRadarWpmDmatAPI", "OmniSensorGenericAcousticWpmAPI"
 CAMERA_API = "OmniSensorGenericCameraCoreAPI"
+SCAN, ISP = "omni:sensor:WpmDmat:scan:s001:", "omni:sensor:core:"
 
 
 @pytest.mark.parametrize(
@@ -91,6 +95,48 @@ CAMERA_API = "OmniSensorGenericCameraCoreAPI"
         ("OmniRadar", RADAR, "omni:sensor:WpmDmat:waveLengthMm", "int", 4, "error"),
         ("OmniRadar", RADAR, "omni:sensor:WpmDmat:scan:s001:rangeResM", "float", 0.0, "warning"),
         ("OmniRadar", RADAR, "omni:sensor:WpmDmat:cfarMode", "token", "3D", "warning"),
+        ("OmniRadar", RADAR, "omni:sensor:tickRate", "float", 0.0, "warning"),
+        ("OmniRadar", RADAR, f"{SCAN}maxAzAngDeg", "float", 91.0, "warning"),
+        ("OmniRadar", RADAR, f"{SCAN}raysPerDeg", "float", 0.001, "warning"),
+        ("OmniRadar", RADAR, f"{SCAN}cfarRnG", "uint", 1, "warning"),
+        ("OmniRadar", RADAR, f"{SCAN}cfarRnT", "uint", 0, ""),
+        ("OmniRadar", RADAR, f"{SCAN}cfarElnG", "uint", 1, ""),  # of the mode 4D alone
+        ("OmniRadar", RADAR, f"{SCAN}rangeResM", "float", 0.003, "warning"),
+        ("OmniRadar", RADAR, f"{SCAN}rangeResM", "float", 0.2, ""),
+        ("OmniRadar", RADAR, f"{SCAN}maxVelMpsSequence", "float[]", [], "warning"),
+        (
+            "OmniRadar",
+            RADAR,
+            f"{SCAN}rcsTuningCoefficients",
+            "float[]",
+            [-12.0, 0.0, 0.0],
+            "warning",
+        ),
+        ("Camera", CAMERA_API, f"{ISP}colorCorrectionWhiteBalance", "float[]", [1.0], "warning"),
+        (
+            "Camera",
+            CAMERA_API,
+            f"{ISP}compandingLinearCompandCoeff",
+            "float2[]",
+            [(0, 1)],
+            "warning",
+        ),
+        (
+            "Camera",
+            CAMERA_API,
+            f"{ISP}compandingLinearCompandCoeff",
+            "float2[]",
+            [(0, 0), (1, 1)],
+            "",
+        ),
+        (
+            "Camera",
+            CAMERA_API,
+            f"{ISP}noiseHdrCombinationData",
+            "float2[]",
+            [(1, 2), (1, 2)],
+            "warning",
+        ),
         ("OmniAcoustic", ACOUSTIC, "omni:sensor:WpmAcoustic:signalMode", "token", "FM", "error"),
         ("OmniAcoustic", ACOUSTIC, "omni:sensor:WpmAcoustic:signalMode", "token", "am", ""),
         ("Camera", CAMERA_API, "omni:sensor:core:compandingAlignment", "float", 1.0, "error"),
@@ -108,6 +154,27 @@ def test_other_sensors_are_judged_by_the_same_data(
     model = read_model(stage, platform, "stage.usda")
     found = faults_of(model.prims["/sensor"], platform, model)
     assert [fault.severity for fault in found] == ([severity] if severity else [])
+
+
+def test_defaults_of_schemas_break_no_rule() -> None:
+    platform = load_platform()
+    models = platform.sensor_models
+    for schema in models.rules:
+        known = models.attributes_of([schema])
+        plain = {
+            name: said.default
+            for name, said in known.items()
+            if said.default is not None and not isinstance(said.default, LongList)
+        }
+        assert sensor_faults(platform, sensor_values(platform, [schema], plain)) == ()
+
+
+def test_formulas_are_about_the_attributes_that_they_name() -> None:
+    rules = [rule for part in load_platform().sensor_models.rules.values() for rule in part.rules]
+    for rule in rules:
+        names = {name.rpartition(":")[2] for name in rule.of}
+        words = set(re.findall(r"\b[a-z]\w*", rule.holds, re.IGNORECASE))
+        assert not rule.holds or names == words - {*NAMES, "and", "or"}
 
 
 def test_rules_name_attributes_that_schemas_have() -> None:

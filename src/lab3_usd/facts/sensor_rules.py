@@ -12,6 +12,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.facts.formulas import result
 from lab3_usd.facts.sensor_values import SensorValues, entries, size
 from lab3_usd.isaac.sensor_models import INSTANCE, LongList, SchemaRules, ValueRule
 from lab3_usd.model.finding import display
@@ -91,6 +92,8 @@ def breaches(
             found = _too_many(place, [each.whole(name) for each in places for name in rule.of])
         elif rule.or_else:
             found = _neither_or_both(place)
+        elif rule.holds:
+            found = _unfulfilled(place, wrong)
         elif rule.entries is not None:
             found = _of_another_size(place, wrong)
         else:
@@ -155,6 +158,7 @@ def _demands(place: _Place) -> Iterator[_Demand]:
         limit = None if asked is None else place.value(asked)
         if limit is not None and not isinstance(limit, LongList):
             limit = max(1, limit) if rule.from_one else limit
+            limit = limit + rule.spare if key == "most" and rule.spare else limit
             is_met = partial(_each, holds, limit)
             yield _Demand(f"{words} {place.shown(asked)}", place.named(asked), is_met, otherwise)
     if rule.period_of:
@@ -257,6 +261,23 @@ def _neither_or_both(place: _Place) -> Iterator[Breach]:
         written = [name for name in (*first, *second) if name in place.values.written]
         names = tuple(dict.fromkeys((*written, *first, *second)))
         yield Breach(names, f"{', '.join(said)}: expected {expected}", expected)
+
+
+def _unfulfilled(place: _Place, wrong: set[str]) -> Iterator[Breach]:
+    """Yield that a formula is not true, at the value that is the farthest from its default."""
+    values = {_short(name): place.values.get(name) for name in map(place.whole, place.rule.of)}
+    known = None not in values.values() and not any(
+        isinstance(value, LongList) for value in values.values()
+    )
+    names = sorted(map(place.whole, place.rule.of), key=lambda name: -_oddness(name, place))
+    if known and not wrong & {*names} and result(place.rule.holds, values) is False:
+        name = next((each for each in names if each in place.values.written), names[0])
+        message = f"{name} is {_shown(place.values.get(name))}, expected {place.rule.holds}"
+        others = [
+            f"{_short(each)} {_shown(place.values.get(each))}" for each in names if each != name
+        ]
+        message += f" ({', '.join(others)})" if others else ""
+        yield Breach((name, *names), message, place.rule.holds, bool(place.instance))
 
 
 def _shown(value: Any) -> str:

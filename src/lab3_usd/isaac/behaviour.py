@@ -41,7 +41,7 @@ class SensorOf(Struct, frozen=True, forbid_unknown_fields=True):
     `turned` tells whether messages and frames have the axes of REP 103 for cameras: the prim's own,
     turned half around X. `in_frame` are attributes of the sensor, each with the value with which
     points are in its own frame. Where two are read together whose values of one of the attributes
-    `equal` differ (each with its default), Isaac Sim crashes in the releases `equal_in`, the first
+    `equal` differ, Isaac Sim crashes in the releases `equal_in`, the first
     and the last.
     """
 
@@ -51,7 +51,7 @@ class SensorOf(Struct, frozen=True, forbid_unknown_fields=True):
     needs: str = ""
     turned: bool = False
     in_frame: Mapping[str, str] = {}
-    equal: Mapping[str, float] = {}
+    equal: tuple[str, ...] = ()
     equal_in: tuple[str, str] = ("", "")
 
     def schemas_in(self, release: str) -> set[str]:

@@ -10,13 +10,10 @@ from lab3_usd.facts.execution_order import (
     event_of,
     gate_step,
     live_sources,
-    sensor_of,
     signal_inputs,
     signal_sources,
 )
-from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.physics import number
 from lab3_usd.model.stage import Node
 
 _HELPER, _SUBSCRIBER = "helper", "subscriber"
@@ -78,43 +75,6 @@ def sensor_waits_for_message(subject: LintSubject) -> Iterator[Problem]:
                     related=tuple(dict.fromkeys((subscriber.path, waiting.path))),
                 )
                 break
-
-
-@rule("K93", "unequal-lidars", scope="lint")
-def unequal_lidars(subject: LintSubject) -> Iterator[Problem]:
-    """Two lidars are read whose scan rates differ.
-
-    Why: Isaac Sim 6.0 crashes seconds after Play. Release 6.1 does not.
-
-    Fix: give all lidars the same scan rate, or read one of them only.
-
-    Example: `omni:sensor:Core:scanRateBaseHz` 10 of one lidar and 20 of the other.
-
-    Basis: IsaacSim issue 718, which NVIDIA has reproduced. The renderer is not public.
-    """
-    first: dict[tuple[str, str], tuple[str, float]] = {}
-    for node in _helpers(subject):
-        asked = subject.platform.sensors.get(node.type.type) if node.type is not None else None
-        path = sensor_of(node, subject.live) or ""
-        prim = subject.stage.prim(path)
-        if asked is None or prim is None or prim.type not in asked.types:
-            continue
-        if not is_within(subject.platform.release, *asked.equal_in):
-            continue
-        for name, default in asked.equal.items():
-            rate = number(prim.attributes.get(name, default))
-            other, known = first.setdefault((prim.type, name), (path, rate or 0.0))
-            if other != path and rate is not None and rate != known:
-                yield Problem(
-                    path,
-                    f"{name} is {rate:g}, and {known:g} at {other}: Isaac Sim "
-                    f"{subject.platform.release} crashes",
-                    property=name,
-                    expected=f"{known:g}",
-                    actual=f"{rate:g}",
-                    related=(other, node.path),
-                    rests_on=subject.stage.unknown_value(prim, name),
-                )
 
 
 def _helpers(subject: LintSubject) -> Iterator[Node]:

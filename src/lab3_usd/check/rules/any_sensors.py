@@ -1,0 +1,58 @@
+"""Rules about several sensors together, with and without a lab."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.check.match.rule_inputs import ModelSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.facts.execution_order import live_nodes, run_states, sensor_of
+from lab3_usd.facts.sensor_values import values_of
+from lab3_usd.isaac.releases import is_within
+from lab3_usd.model.finding import Problem
+
+
+@rule("K93", "unequal-lidars", scope="lint")
+@rule("L13", "unequal-scan-rates", scope="stage")
+def unequal_lidars(subject: ModelSubject) -> Iterator[Problem]:
+    """Two lidars are read whose scan rates differ.
+
+    Why: Isaac Sim 6.0 crashes seconds after Play. Release 6.1 does not.
+
+    Fix: give all lidars the same scan rate, or read one of them only.
+
+    Example: `omni:sensor:Core:scanRateBaseHz` 10 of one lidar and 20 of the other.
+
+    Basis: IsaacSim issue 718, which NVIDIA has reproduced. The renderer is not public.
+    """
+    stage, platform = subject.stage, subject.platform
+    live, running = live_nodes(stage, platform), run_states(stage, platform)
+    first: dict[tuple[str, str], tuple[str, float]] = {}
+    for node in (node for node in live.values() if node.path in running):
+        asked = platform.sensors.get(node.type.type) if node.type is not None else None
+        path = sensor_of(node, live) or ""
+        prim = stage.prim(path)
+        if asked is None or prim is None or prim.type not in asked.types:
+            continue
+        for name in asked.equal if is_within(platform.release, *asked.equal_in) else ():
+            values = values_of(prim, platform, stage)
+            rate = values.number(name)
+            if rate is None:
+                continue
+            known = first.setdefault((prim.type, name), (path, rate))
+            if known[0] == path or known[1] == rate:
+                continue
+            (right, expected), (odd, actual) = known, (path, rate)
+            if actual == values.default(name):  # more often the other one was changed
+                (right, expected), (odd, actual) = (path, rate), known
+            yield Problem(
+                odd,
+                f"{name} is {actual:g}, and {expected:g} at {right}: Isaac Sim "
+                f"{platform.release} crashes",
+                property=name,
+                expected=f"{expected:g}",
+                actual=f"{actual:g}",
+                related=(right, node.path),
+                assumes=((odd, name), (right, name)),
+                rests_on=stage.unknown_value(prim, name),
+            )
