@@ -17,7 +17,7 @@ from pxr import Sdf, Usd
 from lab3_usd.files import lines_of
 from lab3_usd.model.changes import Site
 from lab3_usd.model.finding import IgnoreNote
-from lab3_usd.stage.read.opening import quiet
+from lab3_usd.stage.read.opening import cached, quiet
 from lab3_usd.stage.read.properties import AuthoredProperties
 from lab3_usd.stage.read.server_assets import local_file
 
@@ -267,7 +267,7 @@ def locate(stage: Usd.Stage, given: str, sites: Iterable[Site]) -> dict[Site, So
     paths: dict[str, list[str]] = {}
     for layer, path in specs.values():
         paths.setdefault(layer.realPath, []).append(path)
-    texts = {file: _read(file, spec_paths) for file, spec_paths in paths.items()}
+    texts = {file: _read_once(file, spec_paths, stage) for file, spec_paths in paths.items()}
     locations: dict[Site, SourceLocation] = {}
     for site, (layer, path) in specs.items():
         name = given if layer == root else layer_name(layer, root, given)
@@ -332,6 +332,12 @@ class _Text(Struct, frozen=True):
 
     specs: Mapping[str, int]
     lines: Sequence[int]
+
+
+def _read_once(path: str, spec_paths: Iterable[str], stage: Usd.Stage) -> _Text | None:
+    """Find specs in a text layer; what copies of a stage have in common is looked for once."""
+    asked = frozenset(spec_paths)
+    return cached(("places", id(stage), path, asked), lambda: _read(path, asked))
 
 
 def _read(path: str, spec_paths: Iterable[str]) -> _Text | None:
