@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from lab3_usd.check.fold import fold
 from lab3_usd.check.hints import with_named_nodes
@@ -33,7 +33,7 @@ from lab3_usd.check.robot.location import (
     robot_relocations,
 )
 from lab3_usd.check.robot.sensors import sensor_relocations
-from lab3_usd.check.rule_runs import NOTHING, run_rule
+from lab3_usd.check.rule_runs import NOTHING, RuleResults, run_rule
 from lab3_usd.model.finding import Crash, Finding, NotJudged, Requirement
 from lab3_usd.model.stage import Node, StageModel, is_nested
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
@@ -76,13 +76,13 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     placed = articulated_at_roots(placed, at_root)
     moved = [relocations[r.path] for r in lab.scene.robots if r.path in relocations]
     subjects = tuple(_graph_subjects(placed, checkpoint, stage, live, moved))
-    run = _Run(lab, [], [], {}, [], set())
+    run = _Run(lab, stage, _known_results(stage, lab, checkpoint))
     for rule in rules_of("graph", *GRAPH_FAMILIES):
         for subject in subjects:
-            run.rule(rule, subject)
+            run.rule(rule, subject, subject.spec.name)
     whole = StageSubject(
         lab=placed,
-        checkpoint=checkpoint,
+        at=checkpoint,
         stage=stage,
         roles={subject.spec.name: subject.roles for subject in subjects},
         relocations=relocations,
@@ -90,11 +90,13 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     )
     of_stage = (*rules_of("stage", *STAGE_FAMILIES), *rules_of("robot", *STAGE_FAMILIES))
     for rule in (*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id)):
-        run.rule(rule, whole)
+        run.rule(rule, whole, _STAGE)
     if checkpoint.frames:
+        before = stage.looks
         transforms = tf_view(whole)
+        part = _STAGE if stage.looks == before else None
         for rule in rules_of("frames", *STAGE_FAMILIES):
-            run.rule(rule, transforms)
+            run.rule(rule, transforms, part)
     run.findings[:] = with_unmet(fold(run.findings), whole, lab)
     requirements = [item for subject in subjects for item in graph_requirements(subject)]
     requirements += scene_requirements(lab, checkpoint, run.findings)
@@ -148,19 +150,43 @@ def _nested_nodes(subjects: Iterable[GraphSubject]) -> Iterator[str]:
                 )
 
 
+_STAGE = ""  # the part of a stage that most rules are about: all of it
+_Known = dict[tuple[str, str, str], RuleResults]
+
+
+def _known_results(stage: StageModel, lab: Lab, checkpoint: Checkpoint) -> _Known:
+    """Return what rules said of a stage at another checkpoint, with the same parts of the lab.
+
+    They say the same again if they did not look at the checkpoint itself.
+    """
+    asked = (checkpoint.graphs, checkpoint.sensors, checkpoint.frames)
+    known: _Known = stage.derived.setdefault((_known_results, lab, *asked), {})
+    return known
+
+
 class _Run(Struct, frozen=True):
-    """What one run by a lab comes to, in the order in which the rules speak."""
+    """What one run by a lab comes to, in the order in which the rules speak.
+
+    `known` are the results of rules, by the part that they are about, which hold at any checkpoint.
+    """
 
     lab: Lab
-    findings: list[Finding]
-    crashes: list[Crash]
-    not_judged: dict[NotJudged, None]
-    left_open: list[Finding]
-    said: set[tuple[str | None, ...]]
+    stage: StageModel
+    known: _Known
+    findings: list[Finding] = field(default_factory=list)
+    crashes: list[Crash] = field(default_factory=list)
+    not_judged: dict[NotJudged, None] = field(default_factory=dict)
+    left_open: list[Finding] = field(default_factory=list)
+    said: set[tuple[str | None, ...]] = field(default_factory=set)
 
-    def rule(self, rule: Rule, subject: Any) -> None:
+    def rule(self, rule: Rule, subject: Any, part: str | None = None) -> None:
         """Run one rule and keep its findings, once where graphs built in one share a node."""
-        results = run_rule(rule, subject, self.lab)
+        results = None if part is None else self.known.get((rule.id, rule.scope, part))
+        if results is None:
+            before = self.stage.looks
+            results = run_rule(rule, subject, self.lab)
+            if part is not None and self.stage.looks == before:
+                self.known[rule.id, rule.scope, part] = results
         if results is NOTHING:
             return
         self.crashes.extend(results.crashes)
@@ -190,7 +216,7 @@ def _graph_subjects(
     for name in checkpoint.graphs:
         yield GraphSubject(
             lab=lab,
-            checkpoint=checkpoint,
+            at=checkpoint,
             spec=specs[name],
             roles=roles[name],
             stage=stage,

@@ -234,12 +234,16 @@ class AnimatedAttribute(Struct, frozen=True):
     then: str
 
 
+_LOOKS = "looks"
+
+
 class StageModel(Struct, frozen=True, eq=False):
     """Everything the rules know of one stage.
 
     Two models are the same only when they are one. `derived` holds what was worked out from this
     one (`once_per_stage`), so that it goes when the model goes, and `judged` what was worked out
-    for rules: it holds what they are given, and so the model. `instances` are the paths of the
+    for rules: it holds what they are given, and so the model, and how often they `looked` at what
+    is asked of it. `instances` are the paths of the
     prims that are instances, `products` the render products that nodes name, by path. `overridden`
     are prims that look like nodes, which the stage only
     overrides; they are read where an asset is missing.
@@ -268,6 +272,16 @@ class StageModel(Struct, frozen=True, eq=False):
         """Let a model that is made of another start without anything derived."""
         force_setattr(self, "derived", {})
         force_setattr(self, "judged", {})
+
+    @property
+    def looks(self) -> int:
+        """How often what is being judged has depended on the checkpoint."""
+        count: int = self.judged.get(_LOOKS, 0)
+        return count
+
+    def look(self) -> None:
+        """Note that what is being worked out depends on the checkpoint."""
+        self.judged[_LOOKS] = self.looks + 1
 
     def nodes(self) -> Iterator[Node]:
         """Yield every live node, graph by graph, then those outside every graph."""
@@ -393,16 +407,29 @@ def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
     @wraps(function)
     def kept(*given: _P.args, **_: _P.kwargs) -> _T:
         about: Any = given[0]
-        if type(about) is StageModel:  # of its type is none, which `isinstance` takes long to see
-            known, key = about.derived, (function, *given[1:])
-        else:
-            known, key = about.stage.judged, (function, *given)
-        if key not in known:
-            known[key] = function(*given)  # type: ignore[call-arg]  # all are positional
-        found: _T = known[key]
+        if type(about) is not StageModel:  # of its type is none, which `isinstance` is slow to see
+            return _once_judged(function, given, about.stage)
+        key = (function, *given[1:])
+        if key not in about.derived:
+            about.derived[key] = function(*given)  # type: ignore[call-arg]  # all are positional
+        found: _T = about.derived[key]
         return found
 
     return kept
+
+
+def _once_judged(function: Callable[..., _T], given: tuple[Any, ...], stage: StageModel) -> _T:
+    """Return what a function of something with a stage returns; a look of the first time counts."""
+    key = (function, *given)
+    if key not in stage.judged:
+        before = stage.looks
+        found = function(*given)
+        stage.judged[key] = found, stage.looks != before
+        return found
+    known: tuple[_T, bool] = stage.judged[key]
+    if known[1]:
+        stage.look()
+    return known[0]
 
 
 def absence_reason(stage: StageModel, path: str) -> str:

@@ -156,10 +156,11 @@ class GraphSubject(Struct, frozen=True, eq=False):
     `live_nodes` holds the live nodes of the whole stage by path, `matched` the nodes that play a
     role, each with the spec of the role, `wire_faults` what is wrong with the wires of this graph.
     `missing_with` is the prim that the graph is missing together with, whose own finding names it.
+    `at` is for `checkpoint` alone.
     """
 
     lab: Lab
-    checkpoint: Checkpoint
+    at: Checkpoint
     spec: GraphSpec
     roles: Roles
     stage: StageModel
@@ -167,6 +168,12 @@ class GraphSubject(Struct, frozen=True, eq=False):
     matched: tuple[tuple[Node, NodeSpec], ...] = ()
     wire_faults: tuple[WireFault, ...] = ()
     missing_with: str = ""
+
+    @property
+    def checkpoint(self) -> Checkpoint:
+        """The checkpoint; what looks at it is worked out for each."""
+        self.stage.look()
+        return self.at
 
     @property
     def platform(self) -> Platform:
@@ -210,15 +217,21 @@ class StageSubject(Struct, frozen=True, eq=False):
 
     `relocations` maps where the handout has the robot and its links to where they stand instead;
     `lab` reads as if they belonged there. `graphs` are those of the checkpoint, each as its own
-    rules see it.
+    rules see it. `at` is for `checkpoint` alone.
     """
 
     lab: Lab
-    checkpoint: Checkpoint
+    at: Checkpoint
     stage: StageModel
     roles: Mapping[str, Roles]
     relocations: Mapping[str, str] = field(default_factory=dict)
     graphs: tuple[GraphSubject, ...] = ()
+
+    @property
+    def checkpoint(self) -> Checkpoint:
+        """The checkpoint; what looks at it is worked out for each."""
+        self.stage.look()
+        return self.at
 
     def missing_with(self, path: str) -> str:
         """Name the graphs that are missing together with a prim, as the end of a sentence."""
