@@ -117,7 +117,7 @@ def test_tls_without_certificates_is_one_line_that_says_where_they_are_named(
     assert done.stderr == (
         f"lab3: {address}: Dask has no certificates for TLS here; name them in its configuration "
         "(distributed.comm.tls.ca-file, distributed.comm.tls.client.cert, "
-        "distributed.comm.tls.client.key), see 'Several machines' in docs/graders.md\n"
+        "distributed.comm.tls.client.key), see docs/cluster.md\n"
     )
 
 
@@ -143,7 +143,7 @@ def test_a_public_scheduler_without_tls_is_refused(tmp_path: Path, place: Path) 
     assert done.stderr == (
         "lab3: tcp://8.8.8.8:8786: has a public address and has no TLS: whoever reaches it runs "
         "programs on its machines; use tls://, or --insecure-cluster if a firewall protects it, "
-        "see 'Several machines' in docs/graders.md\n"
+        "see docs/cluster.md\n"
     )
     assert not (tmp_path / "book" / "students").exists()
 

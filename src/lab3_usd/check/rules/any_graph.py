@@ -85,7 +85,7 @@ def graph_not_evaluated(subject: GraphsSubject) -> Iterator[Problem]:
 @rule("K31", "deprecated-types", scope="lint", severity="warning", formerly="old-names")
 @rule("N06", "old-type-names", scope="graph", severity="warning")
 def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
-    """Nodes have names of another release, for their types or their ports.
+    """Nodes have type or port names of another release.
 
     Why: Isaac Sim 4.5 and later rename types from before when they open the stage, which an older
     release saved with other defaults. An earlier release does not know the names of a later one.
@@ -97,10 +97,10 @@ def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
     """
     for graph in subject.graphs():
         for other in other_names(graph, subject.platform):
-            verb = "has" if len(other.nodes) == 1 else "have"
+            verb, such_as = ("has", ":") if len(other.nodes) == 1 else ("have", ", such as")
             yield Problem(
                 graph.path,
-                f"{other.count} {verb} {other.what}: {other.written}, now {other.known}",
+                f"{other.count} {verb} {other.what}{such_as} {other.written}, now {other.known}",
                 expected=other.known,
                 actual=other.written,
                 related=tuple(node.path for node in other.nodes),
@@ -117,7 +117,7 @@ def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
 )
 @rule("N05", "new-node-version", scope="graph", severity="warning")
 def newer_version(subject: GraphsSubject) -> Iterator[Problem]:
-    """A node was saved by a newer version of its type than any known one.
+    """A node has a newer version than any known.
 
     Why: ports and defaults may have changed, so the other findings about this node may be wrong. A
     lab knows the version of the release that it is for.
@@ -142,7 +142,7 @@ def newer_version(subject: GraphsSubject) -> Iterator[Problem]:
 @rule("K34", "value-type", scope="lint", formerly="value-of-another-type")
 @rule("P03", "wrong-value-type", scope="graph")
 def value_type(subject: GraphsSubject) -> Iterator[Problem]:
-    """A value has a type that its port does not have.
+    """A value has another type than its port.
 
     Why: Isaac Sim creates the port with its own type and ignores the value: the default applies.
 

@@ -39,7 +39,7 @@ _UNEVEN = 1e-3  # of a scale
 
 @rule("K96", "simulation-owner", scope="lint")
 def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
-    """A body, a shape or a joint belongs to no physics scene, or to two.
+    """A body, shape or joint belongs to no physics scene, or to two.
 
     Why: PhysX makes no body and no shape whose owner is not a physics scene. Where a stage has two
     scenes, it makes no joint between bodies of different owners, and no articulation of them; a
@@ -93,7 +93,7 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
 
 @rule("S28", "robot-of-no-scene", scope="stage", demands=link_bodies)
 def robot_of_no_scene(subject: StageSubject) -> Iterator[Problem]:
-    """A body, a shape or a joint belongs to no physics scene, or to two.
+    """A body, shape or joint belongs to no physics scene, or to two.
 
     Why: PhysX makes no body and no shape whose owner is not a physics scene, and no joint between
     bodies of different scenes. The robot falls apart, or through the ground.
@@ -125,7 +125,7 @@ def _is_scene(path: str, stage: StageModel) -> bool:
 @rule("K97", "ignored-physics", scope="lint", severity="warning")
 @rule("S27", "physics-not-as-written", scope="stage", severity="warning")
 def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
-    """PhysX takes a body, a shape or a joint for something else than the file says.
+    """PhysX reads a body, shape or joint otherwise than the file says.
 
     Why: of two bodies at one end of a joint the first counts. A negative mass, density or inertia
     counts as none, and so does a mass without PhysicsMassAPI: it is computed from the shapes, or is

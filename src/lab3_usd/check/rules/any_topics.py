@@ -195,7 +195,7 @@ _KEPT = "transient_local"
 @rule("K57", "static-transforms", scope="lint")
 @rule("Q03", "wrong-durability", scope="stage", formerly="durability-of-a-topic")
 def static_transforms(subject: TopicsSubject) -> Iterator[Problem]:
-    """Moving transforms are sent once, or static ones are not kept for later subscribers.
+    """Moving transforms are sent once, or static ones are not kept.
 
     Why: with Static Publisher on, a transform is sent only at the first tick, and stored for later
     subscribers. On `/tf_static` tf2 requests stored messages and accepts no others. A transform

@@ -102,7 +102,7 @@ def lifecycle_not_active(subject: EvidenceSubject) -> Iterator[Problem]:
 
 @rule("E09", "node-not-running", scope="evidence", severity="warning", needs="localization")
 def node_not_running(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A node of localization or navigation is in no saved node list.
+    """A localization or navigation node is in no saved node list.
 
     Why: without its lifecycle manager nothing is configured. Without the behaviour server a goal
     fails at the first recovery.
@@ -215,7 +215,7 @@ def forbidden_transform_shown(subject: EvidenceSubject) -> Iterator[Problem]:
 
 @rule("E11", "transform-not-shown", scope="evidence")
 def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
-    """The saved TF tree lacks a required frame, or parents it elsewhere.
+    """The saved TF tree lacks or moves a required frame.
 
     Why: a component that needs the transform{localization?} from `{above}`{/} to `{lidar_link}`
     waits forever. {localization?}A tree that only lacks `{above} -> {root}` may have been saved

@@ -41,8 +41,8 @@ def not_verifiable(subject: ModelSubject) -> Iterator[Problem]:
     Why: the asset may exist on the computer where the stage was made. What it holds is neither
     passed nor failed. Graphs, nodes and connections must be in the stage itself.
 
-    Fix: hand in the asset beside the stage with a relative path, or choose File > Collect As in
-    Isaac Sim. Assets on NVIDIA's own server need no action. `--assets` names the folder in which a
+    Fix: keep the asset beside the stage, with a relative path, or choose File > Collect As in Isaac
+    Sim. Assets on NVIDIA's own server need no action. `--assets` names the folder in which a
     server's assets lie on this computer.
 
     Example: a sensor refers to a file on a server.
@@ -70,7 +70,7 @@ def missing_sublayer(subject: ModelSubject) -> Iterator[Problem]:
     Why: the sublayer could hold anything, so the stage is not the one that was worked on. Prims
     that it may hold are not reported one by one. Missing graphs are reported.
 
-    Fix: hand in the sublayer beside the stage with a relative path, or open the stage in Isaac Sim
+    Fix: keep the sublayer beside the stage, with a relative path, or open the stage in Isaac Sim
     and choose File > Save Flattened As.
 
     Example: `subLayers = [@/home/ana/{stages}/edits.usda@]`.

@@ -232,11 +232,11 @@ def _problem(lidar: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
 def no_scan(subject: StageSubject) -> Iterator[Problem]:
     """A value of the lidar prevents any scan.
 
-    Why: before it runs, the model of the lidar compares its values: every list of the emitters has
-    an entry for each of them, channels and banks are those that there are, and no emitter fires
-    after its turn. If one does not fit, the lidar does not start. What is not set has the value of
-    the schema: 128 emitters. Without rates there are no beams. If all things around the robot are
-    beyond the far range, or nearer than the near range, the scan is empty.
+    Why: before it runs, the model of the lidar compares its values: each list has an entry for each
+    emitter, channels and banks exist, no emitter fires after its turn. If one does not fit, the
+    lidar does not start. What is not set has the value of the schema: 128 emitters. Without rates
+    there are no beams. With everything beyond the far range, or nearer than the near range, the
+    scan is empty.
 
     Fix: select the lidar, search the Property panel for the name given here and type the expected
     value, or delete the lidar and create it with Create > Sensors > RTX Lidar{lidar_menu}.
@@ -292,10 +292,9 @@ def _blind_ranges(lidar: PresentSensor, scan: ScanSpec, subject: StageSubject) -
 def other_scan(subject: StageSubject) -> Iterator[Problem]:
     """The lidar scans part of the circle, is not flat, or gives other points.
 
-    Why: {map?}the map and AMCL assume{else}who receives it expects{/} a full circle at the height
-    of the lidar. Walls outside the scanned part are missing. What the lidar sees above or below
-    appears as a wall in its plane. A lidar without emitters of its own has those of the schema: 128
-    that look from -15 to 10 degrees.
+    Why: the map and AMCL assume a full circle at the height of the lidar. Walls outside the scanned
+    part are missing; what lies above or below appears as a wall in its plane. Without emitters of
+    its own a lidar has the schema's: 128 that look from -15 to 10 degrees.
 
     Fix: select the lidar, search the Property panel for the name given here and type the expected
     value, or reset it with the blue square beside it. Delete a lidar without emitters, and create

@@ -126,13 +126,12 @@ def joined(robot: RobotSpec, link: str) -> str:
 
 @rule("S12", "loose-link", scope="robot", demands=joined_links)
 def loose_link(subject: RobotSubject) -> Iterator[Problem]:
-    """A link is tied to no other link, or can move; or a fixed robot is not fixed to the world.
+    """A link is loose, or a fixed robot is not fixed to the world.
 
-    Why: the robot separates at Play: the link stays behind or falls. {wheels?}Other rules check the
-    wheels.{/} If several links come off together, the finding names the first. The body of the
-    robot, and a link whose place on it the handout gives, must be held upright by a fixed joint.
-    Where the joint holds it tilted, it turns over at Play. A robot that the course has fixed to the
-    world, as an arm, falls over without that joint.
+    Why: at Play the link stays behind or falls. If several links come off together, the finding
+    names the first; other rules check the wheels. The robot's body, and a link whose place the
+    handout gives, must be held upright by a fixed joint: where the joint holds it tilted, it turns
+    over. A robot that the course has fixed to the world, as an arm, falls over without that joint.
 
     Fix: undo the deletion of the joint, or start again from the supplied file. The handout says not
     to recreate the robot's physics.

@@ -29,7 +29,7 @@ from lab3_usd.model.stage import Node
 
 @rule("K12", "context-missing", scope="lint", severity="warning")
 def context_missing(subject: LintSubject) -> Iterator[Problem]:
-    """A ROS node has no context, unlike others, or a number in its place.
+    """A ROS node has no context, unlike others, or a number instead.
 
     Why: without a context a node uses the domain in the environment variable `ROS_DOMAIN_ID`, or 0.
     The others use the domain of their ROS2 Context. If the domains differ, the node cannot

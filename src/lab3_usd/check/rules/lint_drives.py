@@ -40,7 +40,7 @@ _KINDS = {port: kind for kind, port in _PORTS.items()}
 
 @rule("K95", "one-command-for-all", scope="lint")
 def one_command_for_all(subject: LintSubject) -> Iterator[Problem]:
-    """Several joints get the same element of the commands for two wheels.
+    """Several joints get the same element of two wheels' commands.
 
     Why: the commands are that of the left wheel and that of the right one. With one of them for
     both wheels the robot drives straight on and never turns.
@@ -152,10 +152,10 @@ def joint_cannot_follow(subject: LintSubject) -> Iterator[Problem]:
     """A joint cannot follow commands to a position, or an effort.
 
     Why: a drive without stiffness exerts no force towards a position, one without force none at
-    all, and a joint has no use for a drive of the other kind (angular, linear). A joint whose
-    limits are equal stands still. One that is switched off or excluded from the articulation is
-    unknown to the controller, which then moves no joint of the command. If the names of the joints
-    come with the messages, so that this one may not be commanded, it is a warning.
+    all, and one of the other kind (angular, linear) does not act. Equal limits hold a joint still.
+    A joint that is switched off or excluded from the articulation is unknown to the controller,
+    which then moves no joint of the command. If the messages bring the names of the joints, so that
+    this one may not be commanded, it is a warning.
 
     Fix: give the joint a drive of its kind with stiffness and maximum force above 0, and limits
     between which it moves.

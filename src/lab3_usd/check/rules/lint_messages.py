@@ -27,7 +27,7 @@ def _named(node: Node, subject: LintSubject) -> tuple[str, str, str] | None:
 
 @rule("K18", "unknown-message", scope="lint")
 def unknown_message(subject: LintSubject) -> Iterator[Problem]:
-    """A generic node names a message or service that cannot exist.
+    """A generic node names an impossible message or service.
 
     Why: Isaac Sim logs that it does not exist or is not available in the ROS 2 environment, and
     nothing is sent or received. A package that ROS 2 Humble does not have may be somebody's own.

@@ -123,13 +123,12 @@ def _body(path: str, stage: StageModel) -> Prim | None:
 
 @rule("K82", "wheel-cannot-turn", scope="lint")
 def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
-    """Body, joint or limit stop a commanded wheel or its robot.
+    """Something stops a commanded wheel or its robot.
 
-    Why: a disabled joint moves nothing, and a joint with limits stops there. A body that is
-    kinematic, disabled or not a rigid body does not move, be it the wheel or the chassis, also
-    through fixed joints, nor does a wheel that a fixed joint ties to another body, or whose joint
-    has a maximum velocity of 0. A wheel without a collision shape, and without
-    rollers that have one, turns in the air.
+    Why: a disabled joint moves nothing, and one with limits stops there. A wheel or chassis that is
+    kinematic, disabled or no rigid body does not move, nor does what fixed joints tie to it, nor a
+    joint whose maximum velocity is 0. A wheel without a collision shape, and without rollers that
+    have one, turns in the air.
 
     Fix: enable the joint and the bodies, switch Kinematic off, delete limits and fixed joints of
     the wheel, and enable its collision.
@@ -262,7 +261,7 @@ def _wheel(joint: Prim, wheels: list[Prim], stage: StageModel) -> str | None:
 
 @rule("K83", "odometry-of-wheel", scope="lint", severity="warning")
 def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
-    """The chassis of odometry is a wheel, or not the link whose frame it names.
+    """The chassis of odometry is a wheel, or not the named link.
 
     Why: a wheel rotates: odometry shows a robot that rolls over and over, with a speed in all
     directions. A foot or an arm moves against the base, and so does the base in its odometry.

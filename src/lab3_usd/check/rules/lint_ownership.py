@@ -154,7 +154,7 @@ def _unknown(subject: LintSubject, *paths: str) -> UnresolvedAsset | None:
 
 @rule("K59", "shared-tf-topic", scope="lint", severity="warning")
 def shared_tf_topic(subject: LintSubject) -> Iterator[Problem]:
-    """A namespace above several robots puts their transforms on one topic.
+    """A namespace above several robots joins their transforms.
 
     Why: of several `isaac:namespace` above a TF publisher only the outermost counts, where all of
     them count for other topics. The robots' topics are apart, and their transforms are not: no

@@ -48,7 +48,7 @@ def gated_sensor(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K92", "sensor-waits-for-message", scope="lint", severity="warning")
 def sensor_waits_for_message(subject: LintSubject) -> Iterator[Problem]:
-    """A sensor starts only with the first message of a subscriber.
+    """A sensor waits for the first message of a subscriber.
 
     Why: a subscriber signals when a message has come. Until then there is no render product, and no
     scan or image is published.

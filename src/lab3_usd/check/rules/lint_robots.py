@@ -282,7 +282,7 @@ _CLOSE = 0.05  # of the geometry, which a builder rounds
 
 @rule("K64", "wheel-size", scope="lint", severity="warning", formerly="wheels-of-another-size")
 def wheel_size(subject: LintSubject) -> Iterator[Problem]:
-    """Wheel radius or distance differ from the robot's, or its wheels from each other.
+    """Wheel radius or distance differ from the robot's, or between wheels.
 
     Why: the robot drives faster or slower, or turns more or less, than commanded; odometry that is
     computed from the commands is wrong by the same factor. Wheels of two sizes drive a curve.

@@ -108,7 +108,7 @@ def _is_right_of(left: Vector, ahead: Vector, right: Vector, unit: float) -> boo
 
 @rule("K87", "frame-off-sensor", scope="lint", severity="warning")
 def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
-    """The frame of a sensor's message does not move with the sensor, or is turned against it.
+    """A sensor's frame does not move with it, or is turned against it.
 
     Why: listeners place the data by its frame. In `odom` or in the frame of a wheel it moves away
     from the robot. The points of a depth image are in the axes of REP 103 for cameras, z ahead: in
@@ -180,7 +180,7 @@ def _top(path: str) -> str:
 
 @rule("K78", "image-info-mismatch", scope="lint", severity="warning")
 def image_info_mismatch(subject: LintSubject) -> Iterator[Problem]:
-    """An image and its camera info differ in camera, frame or size.
+    """An image and its camera info differ.
 
     Why: subscribers take the `camera_info` beside an image, in its namespace, for that of the
     image. With another camera, size or frame, what they compute is elsewhere.
@@ -238,7 +238,7 @@ def _size(topic: SensorTopic) -> str:
 
 @rule("K79", "stereo-pair", scope="lint")
 def stereo_pair(subject: LintSubject) -> Iterator[Problem]:
-    """The two render products of a stereo pair differ in size, or show one camera.
+    """A stereo pair differs in size, or shows one camera.
 
     Why: the ROS2 Camera Info Helper computes one rectification for both cameras. With two sizes it
     logs a warning and sends neither camera info. One camera twice has no baseline: a warning.

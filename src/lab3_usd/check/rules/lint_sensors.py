@@ -120,11 +120,11 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
 def refused_sensor(subject: LintSubject) -> Iterator[Problem]:
     """The values of a sensor do not fit each other.
 
-    Why: before it runs, the model of a sensor compares its values, and does not start where one has
-    another type, where a list of a lidar has no entry for each emitter, or where there is no such
+    Why: before it runs, the model of a sensor compares its values. It does not start if one has
+    another type, if a list of a lidar lacks an entry for an emitter, or if there is no such
     channel, bank or range. What is not set has the value of the schema: 128 emitters. A rotary
-    lidar with a rate of 0 has no angle between two rays, and with the near range beyond the far
-    range, nothing is in range. Where no node reads the sensor, it is a warning.
+    lidar with a rate of 0 has no angle between two rays; with the near range beyond the far range
+    nothing is in range. Where no node reads the sensor, it is a warning.
 
     Fix: set the value named here, or create the sensor anew with Create > Sensors.
 
@@ -320,7 +320,7 @@ def script(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K89", "odd-sensor-value", scope="lint", severity="warning")
 def sensor_value(subject: LintSubject) -> Iterator[Problem]:
-    """A sensor has a value or an attribute that its model does not know.
+    """A sensor has a value or attribute unknown to its model.
 
     Why: an attribute that no schema has is ignored, as is a token that is none. NVIDIA's rules for
     Isaac Sim 6.2 refuse the other values. A sensor whose model is another one by name is a note.

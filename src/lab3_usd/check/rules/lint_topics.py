@@ -209,7 +209,7 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K38", "frame-name", scope="lint", severity="warning")
 def frame_name(subject: LintSubject) -> Iterator[Problem]:
-    """A frame name is empty, or has a slash or white space at an end.
+    """A frame name is empty, or ends in a slash or white space.
 
     Why: tf2 rejects an empty name and a leading slash. A name with a space is a different frame, so
     no transform is found for the message.

@@ -53,7 +53,7 @@ def value_and_wire(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K28", "wired-literal", scope="lint", severity="warning")
 def wired_literal(subject: LintSubject) -> Iterator[Problem]:
-    """A wire leads into an input that is to be set, not wired.
+    """A wire leads into an input that must be set instead.
 
     Why: the documentation of the node calls the input literal only, as Array Size of Make Array.
     Isaac Sim may drop the wire, or read its value only once: what it does is not public.
@@ -124,11 +124,11 @@ def _has_pace(wire: Connection) -> bool:
 def another_quantity(subject: LintSubject) -> Iterator[Problem]:
     """A wire brings another quantity than its input expects.
 
-    Why: a wire carries any number. A speed in place of a position, or a sideways speed in place of
-    a forward speed, gives no error, but the robot does not follow its commands. It is an error
-    where nothing moves: speeds as positions of joints whose drives have no stiffness, or as efforts
-    against their damping. So is a time step as a time stamp: the time of the messages stands still,
-    and no transform fits it; a number of frames runs 60 times too fast.
+    Why: a wire carries any number, so another quantity gives no message, but the robot does not
+    follow its commands. It is an error where nothing moves: speeds as positions of joints whose
+    drives have no stiffness, or as efforts against their damping. So is a time step as a time
+    stamp: the time of the messages stands still, and no transform fits it; a number of frames runs
+    60 times too fast.
 
     Fix: connect the output, or the component of the vector, that the input expects.
 

@@ -211,7 +211,7 @@ def map_origin(subject: MapSubject) -> Iterator[Problem]:
 
 @rule("M08", "map-size", scope="maps")
 def map_size(subject: MapSubject) -> Iterator[Problem]:
-    """The image of the map is not 177 x 162 cells as in the handout.
+    """The map image is not 177 x 162 cells.
 
     Why: it is another map, or it was cropped or scaled. Rows and columns no longer match resolution
     and origin.

@@ -27,7 +27,7 @@ def parameter_problem(
 
 @rule("V09", "other-release-plugin", scope="navigation", formerly="plugin-of-another-release")
 def other_release_plugin(subject: NavigationSubject) -> Iterator[Problem]:
-    """A plugin has a name that Humble does not know, as that of another release.
+    """A plugin has a name that Humble does not know.
 
     Why: Humble names some plugins with a slash, and others with two colons. With another name the
     node cannot load the plugin, and the lifecycle manager activates nothing. Plugins of packages

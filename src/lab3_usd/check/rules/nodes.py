@@ -177,7 +177,7 @@ def wrong_node_type(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("N04", "old-node-version", scope="graph", severity="note")
 def old_node_version(subject: GraphSubject) -> Iterator[Problem]:
-    """A node was saved by an older version of its type.
+    """A node has an older version of its type.
 
     Why: Isaac Sim {isaac} updates the node when it opens the stage.
 

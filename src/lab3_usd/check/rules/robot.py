@@ -124,11 +124,10 @@ def link_mass(subject: RobotSubject) -> Iterator[Problem]:
 def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
     """A link is not a dynamic rigid body, or the root is one.
 
-    Why: a prim that is not a rigid body has no mass and no joints. {wheels?}The wheel does not
-    turn, or the{else}The{/} robot falls apart or hangs in the air. A Scope, or a prim without a
-    type, has no place and is no body, whatever schemas it has. A robot root that is a rigid
-    body, and that no joint ties to a link, falls by itself, and PhysX does not simulate the bodies
-    below it as asked.
+    Why: without a rigid body a prim has no mass and no joints: the wheel does not turn, or the
+    robot falls apart or hangs in the air. A Scope, or a prim without a type, has no place and is no
+    body, whatever schemas it has. A robot root that is a rigid body, and that no joint ties to a
+    link, falls by itself, and PhysX does not simulate the bodies below it as asked.
 
     Fix: select the link, choose Add > Physics > Rigid Body, or tick Rigid Body Enabled and clear
     Kinematic Enabled in the Property panel. Remove Rigid Body from the root.
@@ -197,7 +196,7 @@ _GROUPS = ("Xform", "Scope")
 
 @rule("S06", "wheel-collision", scope="robot", demands=link_bodies, needs="wheels")
 def wheel_collision(subject: RobotSubject) -> Iterator[Problem]:
-    """A wheel has no enabled collision geometry, or one of another size than the other wheel.
+    """A wheel has no enabled collision geometry, or one of another size.
 
     Why: nothing supports the robot on that side. It drops to its base plate and turns in circles.
     On wheels of two sizes it leans, and drives a curve where it should go straight.

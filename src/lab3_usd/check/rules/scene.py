@@ -231,9 +231,9 @@ def link_place(subject: RobotSubject) -> Iterator[Problem]:
 
     Why: a sensor measures at its link and publishes in that frame. At another place it sees parts
     of the robot, or its data is displaced. The link's own transform is judged in the first
-    checkpoint only, because a later stage may have been saved during a run. At Play the link goes
-    where its joint holds it. A turned link is a warning: its frame turns with it, so that its data
-    stay right in TF, but the handout has it unturned.
+    checkpoint only, since later stages may be saved during a run; at Play the link goes where its
+    joint holds it. A turned link is a warning: its frame turns with it, so that its data stays
+    right in TF.
 
     Fix: select the link and set Translate to the value expected here in the Property panel, or
     restore the local positions of its joint, or start again from the supplied file.
@@ -332,7 +332,7 @@ _SENSOR = "omni:sensor:"
 
 @rule("S30", "value-changes-with-time", scope="stage", severity="warning")
 def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
-    """A value changes during Play (time samples or a spline).
+    """A value changes during Play.
 
     Why: at Play the timeline runs over the samples, and the robot, a sensor or a setting no longer
     has its saved value. The value at the start is judged like any other. This rule reports later

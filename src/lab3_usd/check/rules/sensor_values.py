@@ -55,7 +55,7 @@ def refused_values(
 
 @rule("D08", "sensor-value", scope="stage", severity="warning")
 def sensor_value(subject: StageSubject) -> Iterator[Problem]:
-    """A sensor has a value or an attribute that its model does not know.
+    """A sensor has a value or attribute unknown to its model.
 
     Why: an attribute that no schema has is ignored, as is a token that is none. NVIDIA's rules for
     Isaac Sim 6.2 refuse the other values. Another name of the model is a note. A value of another

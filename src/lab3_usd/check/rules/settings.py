@@ -381,7 +381,7 @@ def _namespaces(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("P10", "namespace-attribute", scope="stage", demands=_namespaces)
 def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
-    """A namespace on a prim changes the name of a topic, or one that the lab asks for is missing.
+    """A prim's namespace moves a topic, or a required one is missing.
 
     Why: Isaac Sim joins the namespaces of the prim and all its ancestors and puts them before the
     topic name. A sensor helper uses those of its sensor. `{scan}` becomes `/<namespace>{scan}`

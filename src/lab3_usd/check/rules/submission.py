@@ -81,7 +81,7 @@ def misplaced_stage(subject: SubmissionSubject) -> Iterator[Problem]:
 
 @rule("X04", "no-usd-extension", scope="submission", formerly="no-usd-ending")
 def no_usd_extension(subject: SubmissionSubject) -> Iterator[Problem]:
-    """A stage has the extension `.uda`, which USD does not have.
+    """A stage has the unknown extension `.uda`.
 
     Why: neither Isaac Sim nor USD opens it. `.usda` is probably meant.
 
@@ -122,7 +122,7 @@ def two_stage_files(subject: SubmissionSubject) -> Iterator[Problem]:
 
 @rule("X13", "stage-not-judged", scope="submission", severity="note")
 def stage_not_judged(subject: SubmissionSubject) -> Iterator[Problem]:
-    """A stage file belongs to no checkpoint by its name.
+    """A stage's name gives no checkpoint.
 
     Why: stages are found by their names, so that nothing in this file counts. It is a warning where
     its content fits a checkpoint that has no stage.

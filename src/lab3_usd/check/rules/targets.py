@@ -153,7 +153,7 @@ def named_render_product(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("T10", "robot-root-alone", scope="frames", severity="warning", needs="camera")
 def robot_root_alone(view: TfView) -> Iterator[Problem]:
-    """The robot root is the only target, which omits the camera.
+    """The robot root is the only target: the camera is omitted.
 
     Why: a robot root gives the prims below it with IsaacLinkAPI, IsaacSiteAPI or
     IsaacReferencePointAPI. The links in its robot schema do not matter. A camera has none of these

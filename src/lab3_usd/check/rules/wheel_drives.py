@@ -42,10 +42,10 @@ _DRIVEN = of_each_joint(stiffness="has stiffness 0", damping="has damping and fo
 def joint_drive(subject: RobotSubject) -> Iterator[Problem]:
     """A wheel joint has no velocity drive, or a weak one.
 
-    Why: velocity commands act through damping. Without damping, or with a largest force of 0, the
-    wheel ignores them. With stiffness it is pulled back to its start position. A drive of type
-    acceleration considers only the inertia of the wheel: with the damping of a drive of type force
-    it hardly moves the robot, and neither does a force or damping too small for its weight.
+    Why: velocity commands act through damping. Without damping or force the wheel ignores them;
+    with stiffness it is pulled back to its start position. A drive of type acceleration considers
+    only the inertia of the wheel: with a damping meant for type force it hardly moves the robot,
+    and neither does a force or damping too small for its weight.
 
     Fix: select the joint, and under Drive > Angular set Stiffness to 0, Type to Force, and Damping
     and Max Force to the values in the supplied file. If the drive is missing, choose Add > Physics

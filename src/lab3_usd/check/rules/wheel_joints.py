@@ -270,7 +270,7 @@ def _may_turn(wheel: WheelJoint, subject: RobotSubject) -> bool:
     needs="wheels",
 )
 def wheel_distance(subject: RobotSubject) -> Iterator[Problem]:
-    """The wheels have another distance, are exchanged, or stand beside the robot's centre.
+    """The wheels have another distance, are exchanged, or off centre.
 
     Why: the controller computes the turn rate from this distance. The robot turns too much or too
     little, and odometry drifts away from what sensors see. With the wheels exchanged it turns the

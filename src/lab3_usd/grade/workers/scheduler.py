@@ -17,7 +17,7 @@ from lab3_usd.installation import install_command
 
 SECONDS_TO_CONNECT = 20
 _WITH_TLS = ("tls", "wss")
-_GUIDE = "see 'Several machines' in docs/graders.md"
+_GUIDE = "see docs/cluster.md"
 _CERTIFICATES = ("ca-file", "client.cert", "client.key")
 _LOGGERS = ("distributed", "tornado", "asyncio")
 
