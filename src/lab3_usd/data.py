@@ -25,6 +25,8 @@ def _program(started: str) -> str:
 
 def as_called(text: str, called: str = "") -> str:
     """Return a text about the program with the name by which it was `called`, else started."""
+    if PROGRAMS[0] not in text:
+        return text
     return _PROGRAM.sub(rf"\1{called or program()}", text)
 
 

@@ -19,7 +19,7 @@ def joint_names(node: Node, port: str, live: Nodes) -> tuple[str, ...] | None:
 
 def listed(node: Node, port: str, live: Nodes) -> tuple[Value, ...] | None:
     """Return the list that reaches an input, None where it is unknown."""
-    made = list(live_sources(node, port, live))
+    made = live_sources(node, port, live)
     if len(made) == 1 and made[0][0].type is not None and made[0][0].type.dynamic is not None:
         value = _array_of(made[0][0], live)
     else:

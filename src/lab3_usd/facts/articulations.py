@@ -1,36 +1,37 @@
-"""The robots that nodes command or follow: articulations, joints, drives, wheels and bodies."""
+"""The robots that nodes command: articulations, joints, drives and wheels."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
 from lab3_usd.facts.arrays import joint_names, listed
-from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources
+from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources, nodes_of
 from lab3_usd.facts.frame_targets import articulation_links
-from lab3_usd.isaac.behaviour import BodyOf
-from lab3_usd.isaac.node_types import INPUT, OUTPUT, DrivePorts
+from lab3_usd.isaac.node_types import INPUT, DrivePorts
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.joint_drives import DRIVEN_AXES
 from lab3_usd.model.physics import (
+    ARTICULATION_API,
     BODIES,
     FAR,
     FIXED,
     JOINT_ENABLED,
     REVOLUTE,
-    bodies,
-    bodies_below,
+    ends,
     is_articulated,
     is_excluded,
     is_joint_type,
     is_switched_off,
+    joints_at,
     limits,
     number,
+    rigid_bodies,
 )
-from lab3_usd.model.prims import Prim
+from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
 
 _DRIVE = "PhysicsDriveAPI"
@@ -63,15 +64,38 @@ def commands(stage: StageModel, platform: Platform) -> tuple[Command, ...]:
     return tuple(_commands(stage, platform))
 
 
+def commands_of(roots: tuple[str, ...], stage: StageModel, platform: Platform) -> Sequence[Command]:
+    """Return the commands of articulations with one of some roots, in the order of the stage."""
+    return _by_roots(stage, platform, roots)
+
+
+@once_per_stage
+def _by_roots(stage: StageModel, platform: Platform, roots: tuple[str, ...]) -> tuple[Command, ...]:
+    by_root = _by_root(stage, platform)
+    found = {number_of: one for root in roots for number_of, one in by_root.get(root, {}).items()}
+    return tuple(found[number_of] for number_of in sorted(found))
+
+
+@once_per_stage
+def _by_root(stage: StageModel, platform: Platform) -> Mapping[str, Mapping[int, Command]]:
+    """Map each root of an articulation to its commands, numbered as the stage has them."""
+    by_root: dict[str, dict[int, Command]] = {}
+    for number_of, command in enumerate(commands(stage, platform)):
+        for root in command.roots:
+            by_root.setdefault(root, {})[number_of] = command
+    return by_root
+
+
 def _commands(stage: StageModel, platform: Platform) -> Iterator[Command]:
-    for node in live_nodes(stage, platform).values():
+    live = live_nodes(stage, platform)
+    for node in nodes_of(lambda kind: kind.drives, stage, platform):
         ports = None if node.type is None else node.type.drives
         if ports is None:
             continue
-        path = effective_value(node, ports.path, live_nodes(stage, platform))
+        path = effective_value(node, ports.path, live)
         is_by_path = path is None or bool(path)
         aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")
-        names = joint_names(node, ports.joints, live_nodes(stage, platform))
+        names = joint_names(node, ports.joints, live)
         is_by_number = _has_indices(node, ports, stage, platform) and not unused_indices(
             node, ports, stage, platform
         )
@@ -104,11 +128,20 @@ def unused_indices(
     return indices if is_within(platform.release, "", facts.zeros_until) else None
 
 
-def articulations(top: str, stage: StageModel) -> Iterator[str]:
-    """Yield the roots of articulations at and below a prim."""
-    for prim in stage.below(top):
+def articulations(top: str, stage: StageModel) -> Sequence[str]:
+    """Return the roots of articulations at and below a prim."""
+    return _roots_by_top(stage).get(top, ())
+
+
+@once_per_stage
+def _roots_by_top(stage: StageModel) -> Mapping[str, Sequence[str]]:
+    """Map each prim to the roots of articulations at and below it."""
+    below: dict[str, list[str]] = {}
+    for prim in stage.with_api(ARTICULATION_API):
         if is_articulated(prim):
-            yield prim.path
+            for top in ("/", *upwards(prim.path)):
+                below.setdefault(top, []).append(prim.path)
+    return below
 
 
 def is_empty(root: str, stage: StageModel) -> bool:
@@ -122,11 +155,8 @@ def is_empty(root: str, stage: StageModel) -> bool:
         return False
     links = articulation_links(prim, stage) or {}
     return not any(
-        joint.present
-        and joint.type != FIXED
-        and not is_switched_off(joint, JOINT_ENABLED)
-        and set(ends(joint)) & set(links)
-        for joint in stage.of_type(is_joint_type)
+        joint.type != FIXED and not is_switched_off(joint, JOINT_ENABLED)
+        for joint in joints_at(links, stage)
     )
 
 
@@ -137,8 +167,13 @@ def joints_of(command: Command, stage: StageModel) -> dict[str, Prim]:
     it. The subtree is that of the target and of the articulation root; of joints of other names
     also that of the prim right above the root, where its links may stand beside it.
     """
-    inside = {command.robot, *command.roots}
-    around = {root.rpartition("/")[0] or root for root in command.roots}
+    return _joints_of(stage, command.robot, command.roots)
+
+
+@once_per_stage
+def _joints_of(stage: StageModel, robot: str, roots: tuple[str, ...]) -> dict[str, Prim]:
+    inside = {robot, *roots}
+    around = {root.rpartition("/")[0] or root for root in roots}
     by_name: dict[str, Prim] = {}
     for tops in (inside, around):
         found = {place for top in tops for place in _first_joints(stage).get(top, {}).items()}
@@ -157,17 +192,9 @@ def _first_joints(stage: StageModel) -> Mapping[str, Mapping[str, tuple[int, Pri
     for number_of_joint, joint in enumerate(stage.of_type(is_joint_type)):
         if joint.present and joint.type != FIXED and not is_excluded(joint):
             for path in (joint.path, *ends(joint)):
-                for top in _upwards(path):
+                for top in ("/", *upwards(path)):
                     first.setdefault(top, {}).setdefault(joint.name, (number_of_joint, joint))
     return first
-
-
-def _upwards(path: str) -> Iterator[str]:
-    """Yield a path, those of the prims above it, and the root of the stage."""
-    yield "/"
-    while path:
-        yield path
-        path = path.rpartition("/")[0]
 
 
 def has_joint(joints: Mapping[str, Prim], name: str) -> bool:
@@ -179,11 +206,6 @@ def has_joint(joints: Mapping[str, Prim], name: str) -> bool:
     stem, colon, axis = name.rpartition(":")
     is_axis = bool(colon) and axis.isdecimal() and stem in joints
     return name in joints or (is_axis and joints[stem].type not in DRIVEN_AXES)
-
-
-def ends(joint: Prim) -> tuple[str, ...]:
-    """Return the bodies that a joint ties."""
-    return tuple(filter(None, bodies(joint)))
 
 
 def commanded_joints(
@@ -238,19 +260,15 @@ def reached_joints(
         for prim in [stage.prim(root)]
         for path in (None if prim is None else articulation_links(prim, stage)) or {}
     }
-    joints = [
-        joint
-        for joint in stage.of_type(is_joint_type)
-        if joint.present and set(ends(joint)) & links
-    ]
+    joints = joints_at(links, stage)
     tied = [joint for joint in joints if len(ends(joint)) == len(BODIES)]
     pairs = {frozenset(ends(joint)) for joint in tied if not is_switched_off(joint, JOINT_ENABLED)}
     is_fixed = any(len(ends(joint)) < len(BODIES) for joint in joints)  # to the world
     is_chain = len(pairs) < len({path for pair in pairs for path in pair})
     others = {
         name
-        for other in commands(stage, platform)
-        if other is not command and set(other.roots) & set(command.roots)
+        for other in commands_of(command.roots, stage, platform)
+        if other is not command
         for name in other.names or ()
     }
     return [
@@ -310,15 +328,10 @@ def number_of_axes(command: Command, stage: StageModel) -> int | None:
     """
     axes = _axes(command, stage)
     around = {path for joint in axes for path in ends(joint)}
-    rigid = {*bodies_below(stage, "/")}
-    tied = [
-        ends(joint)
-        for joint in stage.of_type(is_joint_type)
-        if joint.present and set(ends(joint)) & around and len(ends(joint)) == len(BODIES)
-    ]
+    tied = [pair for joint in joints_at(around, stage) if len(pair := ends(joint)) == len(BODIES)]
     is_tree = len({path for pair in tied for path in pair}) > len(tied)
     are_free = all(len(ends(joint)) == len(BODIES) for joint in axes)
-    return len(axes) if axes and is_tree and are_free and around <= rigid else None
+    return len(axes) if axes and is_tree and are_free and around <= rigid_bodies(stage) else None
 
 
 def wired_commands(command: Command) -> list[str]:
@@ -349,8 +362,8 @@ def leaves_joints(command: Command, port: str, stage: StageModel, platform: Plat
     told = {joint.name for joint in joints}
     others = (
         named_joints(other, stage, platform)
-        for other in commands(stage, platform)
-        if other is not command and set(other.roots) & set(command.roots)
+        for other in commands_of(command.roots, stage, platform)
+        if other is not command
     )
     is_alone = wired_commands(command) == [port] and all(
         names is not None and not told & set(names) for names in others
@@ -372,7 +385,7 @@ def number_of_commands(
     command: Command, port: str, stage: StageModel, platform: Platform
 ) -> int | None:
     """Return how many values come into an input for commands, None where nothing tells it."""
-    sources = list(live_sources(command.node, port, live_nodes(stage, platform)))
+    sources = live_sources(command.node, port, live_nodes(stage, platform))
     if len(sources) > 1:
         return None
     for source, out in sources:
@@ -421,77 +434,3 @@ def _driven_wheels(
         names = command.names or ()
         if controller is not None and names and all(name in known for name in names):
             yield command, controller, tuple(known[name] for name in names)
-
-
-class Followed(Struct, frozen=True, eq=False):
-    """A node that follows a body: the prim that it names, and the one that stands for it.
-
-    `body` is None where a robot lists no link; `unknown` is a missing asset that could tell more.
-    """
-
-    node: Node
-    asked: BodyOf
-    prim: Prim
-    body: Prim | None
-    unknown: UnresolvedAsset | None
-
-    @property
-    def port(self) -> str:
-        """The input that names the prim."""
-        return INPUT + self.asked.prim
-
-    @property
-    def is_body(self) -> bool:
-        """Whether there is anything to follow."""
-        return self.body is not None and _is_body(self.body, self.asked)
-
-
-def followed_bodies(stage: StageModel, platform: Platform) -> Iterator[Followed]:
-    """Yield the nodes that follow a prim."""
-    for node in live_nodes(stage, platform).values():
-        demand = _demand(node, platform)
-        prim = None if demand is None else stage.prim(_first(node.targets(INPUT + demand.prim)))
-        if demand is None or prim is None:
-            continue  # another rule reports a target that does not exist
-        path = prim.path
-        is_robot = demand.robot in prim.apis and is_within(platform.release, demand.robot_since, "")
-        if is_robot and not _is_body(prim, demand):
-            path = _first(_links(prim, demand, stage, platform))
-        yield Followed(node, demand, prim, stage.prim(path), stage.unknown(prim.path, path))
-
-
-def _first(paths: Iterable[str]) -> str:
-    return next(iter(paths), "")
-
-
-def _is_body(prim: Prim, demand: BodyOf) -> bool:
-    return not prim.placeless and bool(set(prim.apis) & set(demand.schemas))
-
-
-def _demand(node: Node, platform: Platform) -> BodyOf | None:
-    return None if node.type is None else platform.bodies.get(node.type.type)
-
-
-def _links(
-    robot: Prim, demand: BodyOf, stage: StageModel, platform: Platform, depth: int = 8
-) -> Iterator[str]:
-    """Yield the links of a robot and of the robots that it lists, and those that are unknown."""
-    if demand.link in robot.apis:
-        yield robot.path
-    elif demand.robot in robot.apis and depth:
-        for path in robot.relationships.get(demand.links, ()):
-            listed = stage.prim(path)
-            if listed is not None:
-                yield from _links(listed, demand, stage, platform, depth - 1)
-            elif stage.unknown(path):
-                yield path
-
-
-def moving_source(node: Node, stage: StageModel, platform: Platform) -> Node | None:
-    """Return the node that follows a body and gives what comes into another one, None for none."""
-    for port in node.ports:
-        for source, out in live_sources(node, port, live_nodes(stage, platform)):
-            demand = _demand(source, platform)
-            if demand is not None and out.removeprefix(OUTPUT) in demand.gives:
-                return source
-    return None

@@ -11,7 +11,7 @@ from lab3_usd.facts.domains import Domain
 from lab3_usd.facts.endpoints import Endpoint, endpoints
 from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.stage import Node, StageModel
+from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 STAMP = "inputs:timeStamp"
 _SYSTEM, _RESET = "inputs:useSystemTime", "inputs:resetSimulationTimeOnStop"
@@ -34,8 +34,13 @@ class Stamp(Struct, frozen=True, eq=False):
     domain: Domain
 
 
-def stamps(stage: StageModel, platform: Platform) -> Iterator[Stamp]:
-    """Yield the clock of each topic that is published."""
+@once_per_stage
+def stamps(stage: StageModel, platform: Platform) -> tuple[Stamp, ...]:
+    """Return the clock of each topic that is published."""
+    return tuple(_stamps(stage, platform))
+
+
+def _stamps(stage: StageModel, platform: Platform) -> Iterator[Stamp]:
     for endpoint in endpoints(stage, platform):
         if endpoint.runs and endpoint.direction == "publishes" and endpoint.topic:
             stamp = _stamp_of_helper(endpoint, stage, platform) or _stamp_by_wire(
@@ -61,7 +66,7 @@ def _stamp_of_helper(endpoint: Endpoint, stage: StageModel, platform: Platform) 
 def _stamp_by_wire(endpoint: Endpoint, stage: StageModel, platform: Platform) -> Stamp | None:
     """Return the clock of a node whose time comes over a wire."""
     node = endpoint.node
-    sources = list(live_sources(node, STAMP, live_nodes(stage, platform)))
+    sources = live_sources(node, STAMP, live_nodes(stage, platform))
     if not sources:
         return None
     source, _ = sources[0]

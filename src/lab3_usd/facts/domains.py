@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct
 
@@ -11,7 +11,7 @@ from lab3_usd.facts.likely_names import is_unregistered
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.stage import Node, StageModel
+from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 _CONTEXT = "context"
 LAST_DOMAIN = 232  # its ports begin at 7400 + 250 * domain (DDS-RTPS), and end at 65535
@@ -58,15 +58,16 @@ class ContextInput(Struct, frozen=True, eq=False):
     is_set: bool
 
 
-def context_inputs(stage: StageModel, platform: Platform) -> Iterator[ContextInput]:
-    """Yield the context of every live node that takes one."""
-    port = INPUT + _CONTEXT
-    for node in live_nodes(stage, platform).values():
+@once_per_stage
+def context_inputs(stage: StageModel, platform: Platform) -> tuple[ContextInput, ...]:
+    """Return the context of every live node that takes one."""
+    live, port, found = live_nodes(stage, platform), INPUT + _CONTEXT, list[ContextInput]()
+    for node in live.values():
         if node.type is not None and port in node.type.ports:
-            contexts = tuple(
-                source for source, _ in live_sources(node, port, live_nodes(stage, platform))
-            )
-            yield ContextInput(node, port, contexts, bool(node.sources(port) or node.value(port)))
+            contexts = tuple(source for source, _ in live_sources(node, port, live))
+            is_set = bool(node.sources(port) or node.value(port))
+            found.append(ContextInput(node, port, contexts, is_set))
+    return tuple(found)
 
 
 def invalid_contexts(stage: StageModel, platform: Platform) -> Iterator[tuple[Node, str, Value]]:
@@ -102,9 +103,10 @@ def _domain_of_context(context: Node, live: Nodes) -> Domain:
     return Domain(str(number) if isinstance(number, int) else context.path, is_open)
 
 
-def domains(stage: StageModel, platform: Platform) -> dict[Domain, list[Node]]:
+@once_per_stage
+def domains(stage: StageModel, platform: Platform) -> Mapping[Domain, list[Node]]:
     """Return the contexts that a node uses by the domain that they name."""
-    by_domain: dict[Domain, list[Node]] = {}
+    live, by_domain = live_nodes(stage, platform), dict[Domain, list[Node]]()
     used = {
         node.path: node
         for context_input in context_inputs(stage, platform)
@@ -112,7 +114,5 @@ def domains(stage: StageModel, platform: Platform) -> dict[Domain, list[Node]]:
     }
     for node in used.values():
         if node.type is not None and OUTPUT + _CONTEXT in node.type.ports:
-            by_domain.setdefault(_domain_of_context(node, live_nodes(stage, platform)), []).append(
-                node
-            )
+            by_domain.setdefault(_domain_of_context(node, live), []).append(node)
     return by_domain

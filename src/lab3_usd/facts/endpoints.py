@@ -23,6 +23,7 @@ from lab3_usd.facts.execution_order import (
     is_switched_on,
     live_nodes,
     live_sources,
+    nodes_of,
     rate_source,
     run_states,
     sensor_of,
@@ -215,22 +216,23 @@ def endpoints(stage: StageModel, platform: Platform) -> tuple[Endpoint, ...]:
     nodes = (live, running, certain)
     unordered = [
         _endpoint(node, port, stage, platform, nodes)
-        for node in live.values()
-        if node.type is not None and node.type.role in _DIRECTIONS
+        for node in nodes_of(lambda kind: kind.role in _DIRECTIONS, stage, platform)
+        if node.type is not None
         for port in used_topics(node, node.type, live)
     ]
     return tuple(sorted(unordered, key=lambda end: (end.topic or "", end.direction, end.node.path)))
 
 
+@once_per_stage
 def running_endpoints(
     stage: StageModel, platform: Platform, direction: Direction
-) -> list[Endpoint]:
+) -> tuple[Endpoint, ...]:
     """Return the topics that something is sent to, or received from, and whose name is known."""
-    return [
+    return tuple(
         endpoint
         for endpoint in endpoints(stage, platform)
         if endpoint.runs and endpoint.topic and endpoint.direction == direction
-    ]
+    )
 
 
 def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:

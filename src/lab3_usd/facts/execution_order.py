@@ -5,35 +5,66 @@ Everything that asks whether something happens asks here: rules, topics, frames 
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from functools import lru_cache
 from typing import Literal
 
 from lab3_usd.facts.sensor_values import values_of
-from lab3_usd.isaac.node_types import INPUT, OUTPUT, is_refused
+from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, is_refused
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Severity
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
+from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel, once_per_stage
 
 # A node that is not named among the states does not run.
 State = Literal["runs", "may run"]
 ENABLED = "inputs:enabled"
 Nodes = Mapping[str, Node]
+_Sources = tuple[tuple[Node, str], ...]
 _Followers = Mapping[str, list[str]]
 _OPENED_FIRST = ("publisher", "subscriber")
 _SUREST_FIRST: tuple[State, ...] = ("runs", "may run")
 
 
+class LiveNodes(dict[str, Node]):
+    """The live nodes of a stage by path, and what feeds their inputs, which is worked out once."""
+
+    __slots__ = ("fed",)
+
+    def __init__(self, nodes: Iterable[Node]) -> None:
+        """Take the nodes of a stage."""
+        super().__init__((node.path, node) for node in nodes)
+        self.fed: dict[tuple[str, str], tuple[PortState, _Sources]] = {}
+
+
 @once_per_stage
-def live_nodes(stage: StageModel, platform: Platform) -> dict[str, Node]:
+def live_nodes(stage: StageModel, platform: Platform) -> LiveNodes:
     """Return the nodes of all active graphs by path, leaving out what the application made."""
-    return {
-        node.path: node
+    return LiveNodes(
+        node
         for graph in stage.graphs
         if graph.active and not platform.graph.ignores(graph.path)
         for node in graph.nodes
-    }
+    )
+
+
+@once_per_stage
+def _by_type(stage: StageModel, platform: Platform) -> Mapping[NodeType, list[tuple[int, Node]]]:
+    """Map each type to its live nodes, numbered as the stage has them."""
+    by_type: dict[NodeType, list[tuple[int, Node]]] = {}
+    for numbered in enumerate(live_nodes(stage, platform).values()):
+        if numbered[1].type is not None:
+            by_type.setdefault(numbered[1].type, []).append(numbered)
+    return by_type
+
+
+def nodes_of(
+    asked: Callable[[NodeType], object], stage: StageModel, platform: Platform
+) -> list[Node]:
+    """Return the live nodes of the types asked for, in the order of the stage."""
+    groups = (nodes for kind, nodes in _by_type(stage, platform).items() if asked(kind))
+    return [node for _, node in sorted(numbered for nodes in groups for numbered in nodes)]
 
 
 @once_per_stage
@@ -53,7 +84,7 @@ def run_states(stage: StageModel, platform: Platform) -> dict[str, State]:
 def nodes_of_their_own(stage: StageModel, platform: Platform) -> dict[str, Node]:
     """Return the nodes that run or may run without somebody at the screen, by path."""
     live = live_nodes(stage, platform)
-    if not any(node.type_name in platform.by_hand for node in live.values()):
+    if platform.by_hand.isdisjoint(node.type_name for node in live.values()):
         return running_nodes(stage, platform)
     return {path: live[path] for path in states_without(stage, platform, platform.by_hand)}
 
@@ -88,7 +119,8 @@ def states_without(
         states.update(dict.fromkeys(nodes, "runs" if is_certain else "may run"))
     lasting, once = _followers(computing, platform)
     # A single signal never opens a gate that counts to more.
-    counting = {path for path, node in computing.items() if gate_step(node, live, platform) > 1}
+    gates = [node for node in computing.values() if node.type_name in platform.gates]
+    counting = {node.path for node in gates if gate_step(node, live, platform) > 1}
     once = {path: some for path, some in once.items() if path not in counting}
     for followers in (lasting, once):
         passing = {path: some for path, some in followers.items() if path not in stuck}
@@ -124,14 +156,30 @@ def is_graph_evaluated(graph: GraphModel, stage: StageModel, platform: Platform)
 
 def unevaluated_by(graph: GraphModel, stage: StageModel, platform: Platform) -> str:
     """Return the attribute that keeps a graph from being evaluated, '' for none."""
+    known = _unevaluated(stage, platform)
+    return known[graph.path] if graph.path in known else _what_stops(graph, stage, platform)
+
+
+@once_per_stage
+def _unevaluated(stage: StageModel, platform: Platform) -> dict[str, str]:
+    return {graph.path: _what_stops(graph, stage, platform) for graph in stage.graphs}
+
+
+@once_per_stage
+def _referenced(stage: StageModel, name: str) -> frozenset[str]:
+    """Return the paths that a relationship of the prims of the scene names."""
+    prims = (prim for prim in stage.prims.values() if prim.present)
+    return frozenset(path for prim in prims for path in prim.relationships.get(name, ()))
+
+
+def _what_stops(graph: GraphModel, stage: StageModel, platform: Platform) -> str:
     form = platform.graph.evaluation
-    if _attribute(graph, form.mode, platform) in form.by_reference:
-        prims = (prim for prim in stage.prims.values() if prim.present)
-        if not any(graph.path in prim.relationships.get(form.reference, ()) for prim in prims):
-            return form.mode
+    is_by_reference = _attribute(graph, form.mode, platform) in form.by_reference
+    if is_by_reference and graph.path not in _referenced(stage, form.reference):
+        return form.mode
     pace = _attribute(graph, form.stage, platform)
     is_on_demand = pace in form.on_demand
-    is_asked = any(event_of(node, platform) == pace for node in graph.nodes)
+    is_asked = is_on_demand and any(event_of(node, platform) == pace for node in graph.nodes)
     return form.stage if is_on_demand and not is_asked else ""
 
 
@@ -185,9 +233,11 @@ def _spread(
     ]
     while ahead:
         path = ahead.pop()
+        if path not in followers:
+            continue
         is_passing = is_switched_on(live[path], live) and not shut_gate(live[path], live, platform)
         is_passing = is_passing and not (state == "runs" and _is_unsure(live[path], platform))
-        for follower in followers.get(path, ()) if is_passing else ():
+        for follower in followers[path] if is_passing else ():
             if states.get(follower) not in ("runs", state):
                 states[follower] = state
                 ahead.append(follower)
@@ -195,11 +245,10 @@ def _spread(
 
 def _is_unsure(node: Node, platform: Platform) -> bool:
     """Whether it is unknown if the node passes a signal on that reaches it."""
-    kind = node.type
-    is_doubtful = kind is None or kind.may_have_more
+    if node.type is not None and not node.type.may_have_more:
+        return False
     name = node.type_name
-    is_told = name in platform.once or name in platform.passing or name in platform.events
-    return is_doubtful and not is_told
+    return not (name in platform.once or name in platform.passing or name in platform.events)
 
 
 def _followers(nodes: Nodes, platform: Platform) -> tuple[_Followers, _Followers]:
@@ -286,19 +335,47 @@ def gate_step(node: Node, live: Nodes, platform: Platform) -> int:
     return step if isinstance(step, int) and not isinstance(step, bool) else 1
 
 
-def live_sources(node: Node, port: str, live: Nodes) -> Iterator[tuple[Node, str]]:
-    """Yield the nodes and ports that really feed an input: what the application drops does not.
+def live_sources(node: Node, port: str, live: Nodes) -> _Sources:
+    """Return the nodes and ports that really feed an input: what the application drops does not.
 
     It drops dead wires, those to ports that a type does not have, and those between types that do
     not convert. Of a wire that it may take, nothing is left out.
     """
-    for path in node.sources(port):
+    state = node.ports.get(port)
+    if state is None or not state.sources:
+        return ()
+    if type(live) is not LiveNodes:
+        return _sources(node, port, state, live)
+    known = live.fed.get((node.path, port))
+    if known is None or known[0] is not state:
+        known = live.fed[node.path, port] = state, _sources(node, port, state, live)
+    return known[1]
+
+
+def _sources(node: Node, port: str, state: PortState, live: Nodes) -> _Sources:
+    found = []
+    for path in state.sources:
         prim, _, source_port = path.rpartition(".")
         source = live.get(prim)
-        if source is None or not is_source(source, source_port) or not node.has_port(port):
-            continue
-        if not _drops(source, source_port, node, port):
-            yield source, source_port
+        if source is not None and is_taken(source, source_port, node, port):
+            found.append((source, source_port))
+    return tuple(found)
+
+
+def is_taken(source: Node, source_port: str, node: Node, port: str) -> bool:
+    """Whether the application may take a wire between two nodes that are there."""
+    if source.type is not None and node.type is not None:
+        return _is_taken(source.type, source_port, node.type, port)
+    return is_source(source, source_port) and node.has_port(port)
+
+
+@lru_cache(maxsize=8192)
+def _is_taken(source: NodeType, source_port: str, target: NodeType, port: str) -> bool:
+    start, end = source.port(source_port), target.port(port)
+    if start is None or end is None or not may_give(start):
+        return False
+    is_known = source.is_known_port(source_port) and target.is_known_port(port)
+    return not (is_known and is_refused(start, end))
 
 
 def is_source(node: Node, port: str) -> bool:
@@ -309,19 +386,14 @@ def is_source(node: Node, port: str) -> bool:
     if not node.has_port(port):
         return False
     known = None if node.type is None else node.type.port(port)
-    if known is None or known.is_source:
+    return known is None or may_give(known)
+
+
+def may_give(port: Port) -> bool:
+    """Whether a wire can leave from a port: an output, or an input that holds data."""
+    if port.is_source:
         return True
-    return port.startswith(INPUT) and not known.is_execution and not known.is_target
-
-
-def _drops(source: Node, source_port: str, node: Node, port: str) -> bool:
-    """Whether the types at both ends are known, and do not convert."""
-    if source.type is None or node.type is None:
-        return False
-    if not (source.type.is_known_port(source_port) and node.type.is_known_port(port)):
-        return False
-    start, end = source.type.port(source_port), node.type.port(port)
-    return start is not None and end is not None and is_refused(start, end)
+    return port.name.startswith(INPUT) and not port.is_execution and not port.is_target
 
 
 def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value | None:
@@ -333,7 +405,7 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
     state = node.ports.get(port)
     if state is None or not state.sources:
         return node.value(port)
-    wired = list(live_sources(node, port, live))
+    wired = live_sources(node, port, live)
     if not wired:
         return node.value(port)
     source, source_port = wired[0]

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
 
-from lab3_usd.facts.articulations import Followed, commands, followed_bodies
+from lab3_usd.facts.articulations import commands
 from lab3_usd.facts.endpoints import running_endpoints
 from lab3_usd.facts.execution_order import Nodes, effective_value, live_nodes, live_sources
+from lab3_usd.facts.followed_bodies import Followed, followed_bodies
 from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.facts.frames import tf2_name
 from lab3_usd.facts.joined_bodies import joined_bodies
@@ -23,7 +24,9 @@ def feeding_nodes(node: Node, live: Nodes) -> list[Node]:
     ahead = [node]
     while ahead:
         taker = ahead.pop()
-        for port in taker.ports:
+        for port, state in taker.ports.items():
+            if not state.sources:
+                continue
             known = None if taker.type is None else taker.type.port(port)
             if known is not None and known.is_execution:
                 continue
@@ -90,6 +93,7 @@ def misnamed_poses(stage: StageModel, platform: Platform) -> tuple[MisnamedPose,
 def _misnamed_poses(stage: StageModel, platform: Platform) -> Iterator[MisnamedPose]:
     live, bodies = live_nodes(stage, platform), joined_bodies(stage)
     known = frame_prims(stage, platform)
+    moving: dict[tuple[str, str], set[str]] = {}  # by domain and frame: what it moves with
     followers = {followed.node.path: followed for followed in followed_bodies(stage, platform)}
     for end in running_endpoints(stage, platform, "publishes") if followers else ():
         kind = end.node.type
@@ -98,11 +102,14 @@ def _misnamed_poses(stage: StageModel, platform: Platform) -> Iterator[MisnamedP
             continue
         name = effective_value(end.node, frames[1], live)
         name = tf2_name(name) if isinstance(name, str) else ""
-        prims = known.get((end.domain.name, name), ())
+        key = (end.domain.name, name)
+        prims = known.get(key, ())
         for node in feeding_nodes(end.node, live) if prims else ():
             followed = followers.get(node.path)
             body = None if followed is None else followed.body
             if followed is None or body is None or not bodies.carrier(body.path):
                 continue
-            if not any(bodies.move_together(prim, body.path) for prim in prims):
+            if key not in moving:
+                moving[key] = set(map(bodies.rigid_of, prims))
+            if bodies.rigid_of(body.path) not in moving[key]:
                 yield MisnamedPose(followed, end.node.path, name, prims[0])

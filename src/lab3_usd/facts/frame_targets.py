@@ -6,7 +6,7 @@ which link another one hangs; what a robot lists as its links plays no part.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
@@ -20,8 +20,9 @@ from lab3_usd.model.physics import (
     is_excluded,
     is_joint,
     is_joint_type,
+    rigid_bodies,
 )
-from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.prims import Prim, is_at_or_below, upwards
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
 
 NAME_OVERRIDE = "isaac:nameOverride"
@@ -51,15 +52,16 @@ def unique_names(paths: Sequence[str], stage: StageModel) -> list[str]:
         if name not in owner or len(paths[index]) > len(paths[owner[name]]):
             owner[name] = index
     names = [name if owner[name] == index else "" for index, name in enumerate(wanted)]
-    start = max(paths[0].find("/", 1), 0) if paths else 0
+    start, taken = max(paths[0].find("/", 1), 0) if paths else 0, set(names)
     for index, path in enumerate(paths):
         if not names[index]:
             leaf = _leaf(path)
-            names[index] = _qualified(path, start, names, stage) if leaf in names else leaf
+            names[index] = _qualified(path, start, taken, stage) if leaf in taken else leaf
+            taken.add(names[index])
     return names
 
 
-def _qualified(path: str, start: int, taken: Sequence[str], stage: StageModel) -> str:
+def _qualified(path: str, start: int, taken: Container[str], stage: StageModel) -> str:
     """Return the first name with an ancestor's before it that is free, else the rest of the path.
 
     The rest is no unique name for a prim right below one at the root. Isaac Sim counts `start` in
@@ -78,11 +80,12 @@ def _qualified(path: str, start: int, taken: Sequence[str], stage: StageModel) -
 def names_in_turn(paths: Sequence[str], stage: StageModel) -> list[str]:
     """Return a frame name for each prim: who comes first keeps it, the next goes by its path."""
     names: dict[str, str] = {}
+    taken: set[str] = set()
     for path in paths:
         if path not in names:
             name = frame_name(path, stage)
-            taken = name in names.values()
-            names[path] = path.strip("/").replace("/", "_") if taken else name
+            names[path] = path.strip("/").replace("/", "_") if name in taken else name
+            taken.add(names[path])
     return [names[path] for path in paths]
 
 
@@ -105,18 +108,28 @@ def expansion(target: Prim, stage: StageModel, parent: str) -> Links | None:
     if ARTICULATION_API in target.apis:
         bodies = bodies_below(stage, target.path)
         if bodies:
-            return {path: above(path, bodies) for path in bodies}
+            inside = frozenset(bodies)
+            return {path: above(path, inside) for path in bodies}
     if ROBOT_API not in target.apis:
         return None
     parents = joint_parents(target, stage)
-    links = {prim.path for prim in stage.with_api(LINK_API) if prim.present}
+    links, shown = _framed(stage)
     frames = {
-        prim.path: parents.get(prim.path, "") if prim.path in links else above(prim.path, links)
-        for prim in stage.with_api(FRAME_APIS.__contains__)
-        if prim.present and is_at_or_below(prim.path, target.path)
-        if not _NO_FRAMES & set(prim.apis)
+        path: parents.get(path, "") if path in links else above(path, links)
+        for path in shown.get(target.path, ())
     }
     return {path: frames[path] for path in frames if path != parent} if frames else None
+
+
+@once_per_stage
+def _framed(stage: StageModel) -> tuple[frozenset[str], Mapping[str, Sequence[str]]]:
+    """Return the links of a stage, and the prims that are frames by what they stand at or below."""
+    shown: dict[str, list[str]] = {}
+    for prim in stage.with_api(FRAME_APIS.__contains__):
+        if prim.present and not _NO_FRAMES & set(prim.apis):
+            for top in upwards(prim.path):
+                shown.setdefault(top, []).append(prim.path)
+    return frozenset(prim.path for prim in stage.with_api(LINK_API) if prim.present), shown
 
 
 def joint_parents(robot: Prim, stage: StageModel) -> Links:
@@ -132,21 +145,22 @@ def joint_parents(robot: Prim, stage: StageModel) -> Links:
     return parents
 
 
-def above(path: str, paths: Iterable[str]) -> str:
+def above(path: str, paths: Container[str]) -> str:
     """Return the nearest prim above `path` that is one of `paths`, '' for none."""
-    ancestors = (candidate for candidate in paths if path.startswith(f"{candidate}/"))
-    return max(ancestors, key=len, default="")
+    return next((each for each in upwards(path.rpartition("/")[0]) if each in paths), "")
 
 
 def articulation_links(root: Prim, stage: StageModel) -> Links | None:
     """Return the links that joints tie to an articulation root, parents first; None for no root."""
-    if ARTICULATION_API not in root.apis:
-        return None
+    return _links_of(stage, root.path) if ARTICULATION_API in root.apis else None
+
+
+@once_per_stage
+def _links_of(stage: StageModel, root: str) -> Links | None:
     parents, children = _tied_links(stage)
-    ahead = [_topmost(path, parents) for path in bodies_below(stage, root.path)]
+    ahead = [_topmost(path, parents) for path in bodies_below(stage, root)]
     links: Links = {}
-    while ahead:
-        path = ahead.pop(0)
+    for path in ahead:  # which grows
         if path not in links:
             links[path] = parents.get(path, "")
             ahead.extend(children.get(path, ()))
@@ -304,7 +318,7 @@ def _bodies_above(paths: Sequence[str], node: Node, stage: StageModel) -> dict[s
     """
     if not computes(node):
         return {}
-    bodies = set(bodies_below(stage, "/"))
+    bodies = rigid_bodies(stage)
     still = (path for path in (*paths, parent_prim(node)) if path not in bodies)
     nearest = (above(path, bodies) for path in still)
     return {path: frame_name(path, stage) for path in nearest if path}

@@ -249,6 +249,7 @@ def _shared(
     )
 
 
+@once_per_stage
 def is_tree_known(stage: StageModel, platform: Platform) -> bool:
     """Whether all frames are known: no node and no asset hides some, and every publisher works.
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from msgspec import Struct
 
 from lab3_usd.model.physics import FIXED, bodies, bodies_below, is_joint_type
+from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import StageModel, once_per_stage
 
 _WORLD = ""  # what stands still, which ends of joints name by ''
@@ -17,12 +18,14 @@ class JoinedBodies(Struct, frozen=True, eq=False):
     """The bodies of a stage by what ties them.
 
     `robots` maps each body to the first one of all that joints tie to it, `rigid` to the first one
-    of those that move with it: '' where that is the world. `sizes` are how many bodies robots have.
+    of those that move with it: '' where that is the world. `sizes` are how many bodies robots have,
+    `holds` the robot of the bodies below each prim, '' where there are several.
     """
 
     robots: dict[str, str]
     rigid: dict[str, str]
     sizes: dict[str, int]
+    holds: dict[str, str]
 
     def carrier(self, path: str) -> str:
         """Return the body that a prim moves with, '' where it stands still."""
@@ -32,23 +35,25 @@ class JoinedBodies(Struct, frozen=True, eq=False):
 
     def move_together(self, one: str, other: str) -> bool:
         """Whether two prims never move against each other, as far as joints tell."""
-        first, second = (self.rigid.get(self.carrier(path), _WORLD) for path in (one, other))
-        return first == second
+        return self.rigid_of(one) == self.rigid_of(other)
+
+    def rigid_of(self, path: str) -> str:
+        """Return the first body of those that a prim moves with, '' where it stands still."""
+        return self.rigid.get(self.carrier(path), _WORLD)
 
     def owner(self, path: str) -> str:
         """Return the robot that a prim is part of or holds; '' for none, or one of several."""
         body = self.carrier(path)
         if body:
             return self.robots[body]
-        inside = {robot for other, robot in self.robots.items() if other.startswith(f"{path}/")}
-        return inside.pop() if len(inside) == 1 else ""
+        return self.holds.get(path, "")
 
 
 @once_per_stage
 def joined_bodies(stage: StageModel) -> JoinedBodies:
     """Return what the joints of a stage tie together, those that are switched off included."""
     paths = bodies_below(stage, "/")
-    known = JoinedBodies(dict.fromkeys(paths, ""), {}, {})
+    known = JoinedBodies(dict.fromkeys(paths, ""), {}, {}, {})
     tied = [
         (tuple(known.carrier(end) for end in bodies(joint)), joint.type == FIXED)
         for joint in stage.of_type(is_joint_type)
@@ -56,7 +61,11 @@ def joined_bodies(stage: StageModel) -> JoinedBodies:
     ]
     robots = _groups(paths, (pair for pair, _ in tied if all(pair)))
     rigid = _groups([_WORLD, *paths], (pair for pair, is_fixed in tied if is_fixed))
-    return JoinedBodies(robots, rigid, Counter(robots.values()))
+    holds: dict[str, str] = {}
+    for path, robot in robots.items():
+        for top in ("", *upwards(path.rpartition("/")[0])):
+            holds[top] = robot if holds.get(top, robot) == robot else ""
+    return JoinedBodies(robots, rigid, Counter(robots.values()), holds)
 
 
 def _groups(paths: Iterable[str], pairs: Iterable[tuple[str, ...]]) -> dict[str, str]:

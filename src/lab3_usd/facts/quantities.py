@@ -76,7 +76,7 @@ def _only_source(
     node: Node, port: str, stage: StageModel, platform: Platform
 ) -> tuple[Node, str] | None:
     """Return the node and the output, by its short name, that alone feed an input."""
-    sources = list(live_sources(node, port, live_nodes(stage, platform)))
+    sources = live_sources(node, port, live_nodes(stage, platform))
     if len(sources) != 1:
         return None
     source, out = sources[0]

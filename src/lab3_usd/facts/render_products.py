@@ -27,7 +27,7 @@ def shown_by(node: Node, port: str, stage: StageModel, live: Mapping[str, Node])
 
     A product that is named is used as it is (OgnIsaacCreateRenderProduct.py:113-142).
     """
-    sources = list(live_sources(node, port, live))
+    sources = live_sources(node, port, live)
     maker = sources[0][0] if len(sources) == 1 else None
     ports = maker.type.product if maker is not None and maker.type is not None else None
     if maker is None or ports is None:

@@ -9,9 +9,9 @@ from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
 
-from lab3_usd.facts.articulations import moving_source
 from lab3_usd.facts.endpoints import Endpoint, endpoints
 from lab3_usd.facts.execution_order import effective_value, live_nodes
+from lab3_usd.facts.followed_bodies import moving_source
 from lab3_usd.facts.frame_targets import parent_frame, parent_prim
 from lab3_usd.facts.frames import all_edges, heard_trees
 from lab3_usd.facts.render_products import Shown, shown_by

@@ -147,18 +147,19 @@ def stops(graph: GraphModel, stage: StageModel, platform: Platform) -> Iterator[
 
     A node that waits for one of those is not listed again.
     """
-    live = live_nodes(stage, platform)
+    live, states = live_nodes(stage, platform), run_states(stage, platform)
     idle = [
         node
         for node in graph.nodes
-        if node.path in live
+        if node.path not in states
+        and node.path in live
         and node.type is not None
-        and node.path not in run_states(stage, platform)
-        if event_of(node, platform) is None and node.type.execution_inputs
+        and node.type.execution_inputs
+        and event_of(node, platform) is None
     ]
     for node in idle:
         ahead = [source for source in signal_sources(node, live) if source.path != node.path]
-        if any(source.path not in run_states(stage, platform) for source in ahead):
+        if any(source.path not in states for source in ahead):
             continue
         waiting = tuple(_behind(node, idle, stage, platform))
         port = signal_inputs(node)[0]
@@ -191,20 +192,15 @@ def _obstacle(node: Node, stage: StageModel, platform: Platform) -> tuple[str, s
 
 def _behind(first: Node, idle: list[Node], stage: StageModel, platform: Platform) -> Iterator[Node]:
     """Yield the idle nodes that would run if this one did, in the order of the graph."""
-    reached = {first.path}
-    is_growing = True
-    while is_growing:
-        new = {
-            node.path
-            for node in idle
-            if node.path not in reached
-            and any(
-                source.path in reached
-                for source in signal_sources(node, live_nodes(stage, platform))
-            )
-        }
+    triggered: dict[str, list[str]] = {}
+    for node in idle:
+        for source in signal_sources(node, live_nodes(stage, platform)):
+            triggered.setdefault(source.path, []).append(node.path)
+    reached, ahead = {first.path}, [first.path]
+    while ahead:
+        new = {path for path in triggered.get(ahead.pop(), ()) if path not in reached}
         reached |= new
-        is_growing = bool(new)
+        ahead += new
     return (node for node in idle if node.path in reached and node is not first)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from lab3_usd.facts.articulations import articulations, followed_bodies, is_empty
+from lab3_usd.facts.articulations import articulations, is_empty
 from lab3_usd.facts.domains import invalid_contexts
 from lab3_usd.facts.execution_order import (
     Nodes,
@@ -14,9 +14,12 @@ from lab3_usd.facts.execution_order import (
     effective_value,
     live_nodes,
     live_sources,
+    nodes_of,
+    run_states,
     signal_sources,
     states_without,
 )
+from lab3_usd.facts.followed_bodies import followed_bodies
 from lab3_usd.facts.render_products import shown_by
 from lab3_usd.facts.sensor_faults import faults_of
 from lab3_usd.facts.stalled_nodes import is_given, unmet_needs
@@ -32,7 +35,7 @@ from lab3_usd.model.physics import (
     is_body,
     is_joint,
 )
-from lab3_usd.model.prims import Prim
+from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, absence_reason, once_per_stage
 
 _KIND, _FLAT = "inputs:type", "laser_scan"
@@ -71,10 +74,10 @@ def working_states(stage: StageModel, platform: Platform) -> dict[str, State]:
 
     As `run_states`, but for nodes that are stuck and those that wait for their signals.
     """
-    stuck = stuck_nodes(stage, platform)
+    stuck, known = stuck_nodes(stage, platform), run_states(stage, platform)
     surely = {path for path, one in stuck.items() if one.sure}
-    at_most = states_without(stage, platform, stuck=surely)
-    at_least = states_without(stage, platform, stuck=stuck)
+    at_most = states_without(stage, platform, stuck=surely) if surely else known
+    at_least = states_without(stage, platform, stuck=stuck) if stuck else known
     return {
         path: "runs" if at_least.get(path) == "runs" and path not in stuck else "may run"
         for path in at_most
@@ -140,7 +143,7 @@ def _without_target(
 
 
 def _without_body(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
-    for node in live_nodes(stage, platform).values():
+    for node in nodes_of(lambda kind: kind.type in platform.bodies, stage, platform):
         asked = None if node.type is None else platform.bodies.get(node.type.type)
         if asked is not None:
             yield from _without_target(node, INPUT + asked.prim, stage, platform)
@@ -153,7 +156,7 @@ def _without_body(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
 
 
 def _without_prim(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
-    for node in live_nodes(stage, platform).values():
+    for node in nodes_of(lambda kind: kind.type in platform.targets, stage, platform):
         asked = None if node.type is None else platform.targets.get(node.type.type)
         if asked is None:
             continue
@@ -172,7 +175,7 @@ def _without_prim(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
 
 def _is_hollow(path: str, stage: StageModel) -> bool:
     """Whether an articulation begins at or below a prim, and has neither body nor joint."""
-    roots = list(articulations(path, stage))
+    roots = articulations(path, stage)
     has_body = any(bodies_below(stage, root) for root in roots)
     return bool(roots) and not has_body and all(is_empty(root, stage) for root in roots)
 
@@ -204,7 +207,7 @@ def refused_target(node: Node, stage: StageModel, platform: Platform) -> Refused
 
 
 def _is_readable(prim: Prim, asked: TargetOf, stage: StageModel) -> bool:
-    above = [carrier for path in paths_above(prim.path) if (carrier := stage.prim(path))]
+    above = [carrier for path in upwards(prim.parent) if (carrier := stage.prim(path))]
     is_held = any(asked.holds in held.apis for held in stage.below(prim.path) if held.present)
     # Physics also finds an articulation by its links and joints (PhysX, BaseSimulationView.cpp).
     is_part = is_body(prim) or is_joint(prim)
@@ -217,12 +220,6 @@ def _is_readable(prim: Prim, asked: TargetOf, stage: StageModel) -> bool:
     )
 
 
-def paths_above(path: str) -> Iterator[str]:
-    """Yield the paths above one, nearest first."""
-    while path := path.rpartition("/")[0]:
-        yield path
-
-
 def _without_context(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
     for node, port, handle in invalid_contexts(stage, platform):
         yield Stuck(node, f"{port} is {handle}, which no context has made")
@@ -231,7 +228,7 @@ def _without_context(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
 def _without_camera(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
     """Yield the nodes that make no render product: OgnIsaacCreateRenderProduct.py:77-160."""
     live = live_nodes(stage, platform)
-    for node in live.values():
+    for node in nodes_of(lambda kind: kind.product, stage, platform):
         ports = None if node.type is None else node.type.product
         if ports is None:
             continue
@@ -252,7 +249,7 @@ def _without_camera(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
 def _without_scan(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
     """Yield the nodes that refuse the sensor of their render product."""
     live = live_nodes(stage, platform)
-    for node in live.values():
+    for node in nodes_of(lambda kind: kind.type in platform.sensors, stage, platform):
         asked = None if node.type is None else platform.sensors.get(node.type.type)
         if node.type is None or asked is None or not asked.needs:
             continue

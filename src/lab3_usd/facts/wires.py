@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Literal
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.facts.execution_order import Nodes, is_source, live_nodes, live_sources
+from lab3_usd.facts.execution_order import Nodes, is_source, live_nodes, live_sources, may_give
 from lab3_usd.isaac.node_types import INPUT, Dynamic, NodeType, Port, can_connect, without_role
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import Node, StageModel, absence_reason, is_acyclic, once_per_stage
@@ -19,74 +20,33 @@ Kind = Literal["execution", "data"]
 class Connection(Struct, frozen=True, eq=False):
     """A wire into a node; `source` is None where no live node is there.
 
-    `given` is the type that the source's output takes from its inputs, '' where its own type says
-    it or nothing does.
+    `source_prim` and `source_port` are the parts of `path`, from where the wire comes.
+    `has_source` is whether the port there exists, and something can come from it; `is_live`
+    whether the ports at both ends exist, whatever their types; `is_compatible` whether their types,
+    where they are known, can be joined; `brings_data` whether the input is known to take data,
+    whatever the source gives. `kind` is what the wire carries, and `ports` are the ports at both
+    ends; both are None where one is not known.
     """
 
     node: Node
     port: str
     path: str
     source: Node | None
-    given: str = ""
-
-    @property
-    def source_prim(self) -> str:
-        """The path of the prim that the wire comes from."""
-        return self.path.rpartition(".")[0]
-
-    @property
-    def source_port(self) -> str:
-        """The full name of the port that the wire comes from."""
-        return self.path.rpartition(".")[2]
-
-    @property
-    def has_source(self) -> bool:
-        """Whether the port that the wire comes from exists, and something can come from it."""
-        return self.source is not None and is_source(self.source, self.source_port)
-
-    @property
-    def is_live(self) -> bool:
-        """Whether the ports at both ends exist, whatever their types."""
-        return self.has_source and self.node.has_port(self.port)
-
-    @property
-    def is_compatible(self) -> bool:
-        """Whether the types of both ports, where they are known, can be joined."""
-        return self.ports is None or can_connect(*self.ports)
-
-    @property
-    def brings_data(self) -> bool:
-        """Whether the input is known to take data, whatever the source gives."""
-        kind = self.node.type
-        port = None if kind is None or not kind.is_known_port(self.port) else kind.port(self.port)
-        return port is not None and not port.is_execution
-
-    @property
-    def kind(self) -> Kind | None:
-        """What the wire carries; None where a port is unknown."""
-        if not self.is_live or self.ports is None:
-            return None
-        return "execution" if self.ports[1].is_execution else "data"
-
-    @property
-    def ports(self) -> tuple[Port, Port] | None:
-        """The ports at both ends, None where one of them is not known."""
-        if self.source is None or self.source.type is None or self.node.type is None:
-            return None
-        source, target = self.source.type, self.node.type
-        if not (source.is_known_port(self.source_port) and target.is_known_port(self.port)):
-            return None
-        start, end = source.port(self.source_port), target.port(self.port)
-        if start is None or end is None:
-            return None
-        return (replace(start, ogn_type=self.given) if self.given else start, end)
+    source_prim: str
+    source_port: str
+    has_source: bool
+    is_live: bool
+    is_compatible: bool
+    brings_data: bool
+    kind: Kind | None
+    ports: tuple[Port, Port] | None
 
 
-def connections(stage: StageModel, platform: Platform) -> Iterator[Connection]:
-    """Yield every wire into a live node, in the order of nodes and ports."""
+@once_per_stage
+def connections(stage: StageModel, platform: Platform) -> tuple[Connection, ...]:
+    """Return every wire into a live node, in the order of nodes and ports."""
     live = live_nodes(stage, platform)
-    for node in live.values():
-        yield from connections_of(node, live)
+    return tuple(wire for node in live.values() for wire in connections_of(node, live))
 
 
 @once_per_stage
@@ -107,8 +67,41 @@ def connection(node: Node, port: str, path: str, live: Nodes) -> Connection:
     """Return the wire that enters a node at a port and comes from the property at `path`."""
     prim, _, source_port = path.rpartition(".")
     source = live.get(prim)
-    given = "" if source is None else _followed_type(source, source_port, live)
-    return Connection(node, port, path, source, given)
+    if source is not None and source.type is not None and node.type is not None:
+        given = _followed_type(source, source_port, live)
+        ends = _ends(source.type, source_port, node.type, port, given)
+    else:
+        has_source = source is not None and is_source(source, source_port)
+        is_live = has_source and node.has_port(port)
+        ends = (has_source, is_live, True, _brings_data(node.type, port), None, None)
+    return Connection(node, port, path, source, prim, source_port, *ends)
+
+
+def _brings_data(kind: NodeType | None, name: str) -> bool:
+    port = None if kind is None or not kind.is_known_port(name) else kind.port(name)
+    return port is not None and not port.is_execution
+
+
+@lru_cache(maxsize=8192)
+def _ends(
+    source: NodeType, source_port: str, target: NodeType, port: str, given: str
+) -> tuple[bool, bool, bool, bool, Kind | None, tuple[Port, Port] | None]:
+    """Return what the last fields of a connection say, which the types at its ends tell.
+
+    `given` is the type that the source's output takes from its inputs, '' where its own type says
+    it or nothing does.
+    """
+    start, end, ports = source.port(source_port), target.port(port), None
+    has_source = start is not None and may_give(start)
+    is_live = has_source and end is not None
+    is_known = source.is_known_port(source_port) and target.is_known_port(port)
+    if is_known and start is not None and end is not None:
+        ports = (replace(start, ogn_type=given) if given else start, end)
+    kind: Kind | None = None
+    if is_live and ports is not None:
+        kind = "execution" if ports[1].is_execution else "data"
+    is_compatible = ports is None or can_connect(*ports)
+    return has_source, is_live, is_compatible, _brings_data(target, port), kind, ports
 
 
 def _followed_type(node: Node, output: str, live: Nodes) -> str:
@@ -119,7 +112,7 @@ def _followed_type(node: Node, output: str, live: Nodes) -> str:
     vectors an array of numbers).
     """
     kind = node.type
-    port = None if kind is None else kind.listed(output)
+    port = None if kind is None else kind.ports.get(output) or kind.listed(output)
     if kind is None or port is None or not port.is_union:
         return ""
     if kind.dynamic is not None:
@@ -151,7 +144,7 @@ def _array_type(node: Node, kind: NodeType, dynamic: Dynamic, live: Nodes) -> st
 
 def _fed_type(node: Node, port: str, live: Nodes) -> str:
     """Return the type of the only output that is wired to an input, '' where it is not known."""
-    sources = [*live_sources(node, port, live)]
+    sources = live_sources(node, port, live)
     known = sources[0][0].type if len(sources) == 1 else None
     fed = None if known is None else known.listed(sources[0][1])
     return "" if fed is None or fed.is_union else fed.ogn_type

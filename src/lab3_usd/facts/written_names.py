@@ -19,6 +19,7 @@ from lab3_usd.facts.execution_order import (
     is_switched_on,
     live_nodes,
     live_sources,
+    nodes_of,
     run_states,
 )
 from lab3_usd.facts.frame_targets import tf_ports
@@ -143,14 +144,16 @@ def odometry_pairs(stage: StageModel, platform: Platform) -> Iterator[OdometryPa
     """Yield messages and transforms whose pose comes from one node."""
     poses = [
         pose
-        for node in live_nodes(stage, platform).values()
+        for node in nodes_of(lambda kind: any(map(kind.port, _POSE)), stage, platform)
         if (pose := _sent_pose(node, stage, platform))
     ]
+    transforms: dict[str, list[_SentPose]] = {}
+    for pose in poses:
+        if pose.is_transform:
+            transforms.setdefault(pose.maker, []).append(pose)
     for message in poses:
-        for transform in poses:
-            if message.maker != transform.maker:
-                continue
-            if transform.is_transform and not message.is_transform:
+        if not message.is_transform:
+            for transform in transforms.get(message.maker, ()):
                 yield OdometryPair(
                     message.node,
                     message.port,

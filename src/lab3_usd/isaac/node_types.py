@@ -128,8 +128,8 @@ def _fits(name: str, pattern: str) -> bool:
     return re.fullmatch(pattern.replace("*", ".*"), name) is not None
 
 
-class NodeType(Struct, frozen=True, dict=True):
-    """One node type of Isaac Sim.
+class NodeType(Struct, frozen=True, dict=True, eq=False):
+    """One node type of Isaac Sim; two are the same only when they are one.
 
     `message` maps the value of the port `type` to a message type; the key '' holds where the
     type has one message only, and `moved` maps former values to the types that have them now. A
@@ -204,14 +204,17 @@ class NodeType(Struct, frozen=True, dict=True):
 
         One that is not known comes back as a port for anything, where the type may have more.
         """
-        port = self.listed(name)
+        port = self.ports.get(name) or self._made(name)
         return Port(name, "any", "token") if port is None and self.may_have_more else port
 
     def listed(self, name: str) -> Port | None:
         """Return the port with this full name that the type is known to have."""
-        port = self.ports.get(name)
-        if port is not None:
-            return port
+        return self.ports.get(name) or self._made(name)
+
+    def _made(self, name: str) -> Port | None:
+        """Return a port that only some nodes of the type have."""
+        if not (self.grows or self.grows_by_message or self.dynamic):
+            return None
         for pattern, grown in self.grows.items():
             if _fits(name, pattern):
                 return replace(grown, name=name)
@@ -221,16 +224,19 @@ class NodeType(Struct, frozen=True, dict=True):
 
     def is_known_port(self, name: str) -> bool:
         """Whether it is known what goes through the port with this full name."""
+        if not (self.is_open or self.is_documented):
+            return True
         port = self.listed(name)
-        return not self.may_have_more or (port is not None and not port.is_union)
+        return port is not None and not port.is_union
 
     def default(self, name: str, version: int | None) -> Value | None:
         """Return what a port without a value means in a file with this version of the type."""
-        port = self.port(name)
+        port = self.ports.get(name) or self.port(name)
         if port is None:
             return None
-        is_old = version is not None and version < self.version
-        return port.former if is_old and port.former is not None else port.default
+        if port.former is None or version is None or version >= self.version:
+            return port.default
+        return port.former
 
     def _grown(self, short: str) -> Port | None:
         if self.dynamic is None or not short.startswith(self.dynamic.prefix):

@@ -28,6 +28,11 @@ class Packed(Mapping[str, _Entry], Generic[_Entry]):
             found = self._entries[name] = pickle.loads(self._packed[name])  # noqa: S301 - as trusted as its file
         return found
 
+    def get(self, name: str, default: _Entry | None = None) -> _Entry | None:  # type: ignore[override]
+        """Return an entry as above, else the default."""
+        found = self._entries.get(name)
+        return self[name] if found is None and name in self._packed else found or default
+
     def __contains__(self, name: object) -> bool:
         """Whether there is an entry, which stays packed."""
         return name in self._packed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -21,7 +22,7 @@ from lab3_usd.isaac.behaviour import (
 )
 from lab3_usd.isaac.graph_form import GraphForm
 from lab3_usd.isaac.names import Names, OtherName
-from lab3_usd.isaac.node_types import NodeType
+from lab3_usd.isaac.node_types import NodeType, Port
 from lab3_usd.isaac.releases import BASE, Release, changed, order
 from lab3_usd.isaac.sensor_models import SensorModels
 
@@ -38,7 +39,7 @@ class RosNames(Struct, frozen=True, forbid_unknown_fields=True):
     tree_topics: tuple[str, ...]
 
 
-class Platform(Struct, frozen=True, eq=False):
+class Platform(Struct, frozen=True, eq=False, dict=True):
     """What Isaac Sim is in one release, apart from any lab.
 
     `types` are the node types by their names in this release, `base` those of the release that all
@@ -111,7 +112,7 @@ class Platform(Struct, frozen=True, eq=False):
         """Whether names of a release are those that this one has, too."""
         return bool(release) and order(BASE) < order(release) <= order(self.release)
 
-    @property
+    @cached_property
     def known_releases(self) -> tuple[str, ...]:
         """All releases that are known, the oldest first."""
         return tuple(sorted({*self.releases, *self.names.releases, BASE}, key=order))
@@ -129,16 +130,45 @@ class Platform(Struct, frozen=True, eq=False):
 
     def releases_with(self, node_type: str, port: str) -> tuple[str, ...]:
         """Return the releases in which a type has a port that it lacks in 6.0."""
-        return tuple(
-            name
-            for name in self.known_releases
-            if name in self.releases
-            and node_type in self.releases[name].types
-            and port in self.releases[name].types[node_type].ports
-        )
+        changed_in = self._changed_in.get(node_type, {})
+        return tuple(name for name in changed_in if port in changed_in[name])
 
-    def versions(self, node_type: str) -> dict[str, int]:
+    @cached_property
+    def _changed_in(self) -> dict[str, dict[str, Mapping[str, Port]]]:
+        """The ports that other releases have, by type and release, the oldest release first."""
+        changed_in: dict[str, dict[str, Mapping[str, Port]]] = {}
+        for name in self.known_releases:
+            release = self.releases.get(name)
+            for node_type, changes in () if release is None else release.types.items():
+                changed_in.setdefault(node_type, {})[name] = changes.ports
+        return changed_in
+
+    def versions(self, node_type: str) -> Mapping[str, int]:
         """Return the version that a type has in each release."""
+        known = self._versions.get(node_type)
+        if known is None:
+            known = self._versions_of(node_type)
+            if known:  # a file may name any type
+                self._versions[node_type] = known
+        return known
+
+    def newest_version(self, node_type: NodeType) -> int:
+        """Return the newest version of a type in any release."""
+        newest = self._newest.get(node_type.type)
+        if newest is None:
+            versions = self.versions(node_type.type).values()
+            newest = self._newest[node_type.type] = max(versions, default=node_type.version)
+        return newest
+
+    @cached_property
+    def _newest(self) -> dict[str, int]:
+        return {}
+
+    @cached_property
+    def _versions(self) -> dict[str, dict[str, int]]:
+        return {}
+
+    def _versions_of(self, node_type: str) -> dict[str, int]:
         known = self.base.get(node_type)
         found: dict[str, int] = {}
         for name in self.releases_of(node_type):

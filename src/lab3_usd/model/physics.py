@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import angle_between
 
@@ -78,15 +78,26 @@ def is_joint_type(name: str) -> bool:
     return name.endswith(_JOINT_END)
 
 
-def bodies_below(stage: StageModel, top: str) -> list[str]:
+def bodies_below(stage: StageModel, top: str) -> Sequence[str]:
     """Return the paths of the rigid bodies of the scene at and below a prim, parents first."""
-    return [path for path in _rigid_bodies(stage) if is_at_or_below(path, top)]
+    return _bodies_by_top(stage).get(top, [])
 
 
 @once_per_stage
-def _rigid_bodies(stage: StageModel) -> tuple[str, ...]:
-    rigid = (prim for prim in stage.with_api(BODY_API) if prim.present)
-    return tuple(prim.path for prim in rigid if not prim.placeless)
+def rigid_bodies(stage: StageModel) -> frozenset[str]:
+    """Return the paths of the rigid bodies of the scene."""
+    return frozenset(bodies_below(stage, "/"))
+
+
+@once_per_stage
+def _bodies_by_top(stage: StageModel) -> dict[str, list[str]]:
+    """Map each prim to the rigid bodies at and below it."""
+    below: dict[str, list[str]] = {}
+    for prim in stage.with_api(BODY_API):
+        if prim.present and not prim.placeless:
+            for top in ("/", *upwards(prim.path)):
+                below.setdefault(top, []).append(prim.path)
+    return below
 
 
 def bodies(prim: Prim) -> tuple[str, str]:
@@ -104,6 +115,37 @@ def joints(stage: StageModel) -> tuple[Prim, ...]:
         for prim in stage.of_type(is_joint_type)
         if prim.present and not is_switched_off(prim, JOINT_ENABLED)
     )
+
+
+def ends(joint: Prim) -> tuple[str, ...]:
+    """Return the bodies that a joint ties."""
+    return tuple(filter(None, bodies(joint)))
+
+
+def joints_at(paths: Iterable[str], stage: StageModel) -> list[Prim]:
+    """Return the joints of the scene, switched on or not, that tie one of some bodies.
+
+    They come in the order of the stage.
+    """
+    tying = _tying(stage)
+    found = {order: joint for path in paths for order, joint in tying.get(path, {}).items()}
+    return [found[order] for order in sorted(found)]
+
+
+def working_joints_at(paths: Iterable[str], stage: StageModel) -> list[Prim]:
+    """Return those of `joints` that tie one of some bodies."""
+    found = joints_at(paths, stage)
+    return [joint for joint in found if not is_switched_off(joint, JOINT_ENABLED)]
+
+
+@once_per_stage
+def _tying(stage: StageModel) -> Mapping[str, Mapping[int, Prim]]:
+    """Map each body to the joints that tie it, by their place in the order of the stage."""
+    tying: dict[str, dict[int, Prim]] = {}
+    for order, joint in enumerate(stage.of_type(is_joint_type)):
+        for path in ends(joint) if joint.present else ():
+            tying.setdefault(path, {})[order] = joint
+    return tying
 
 
 def limits(joint: Mapping[str, Any]) -> tuple[float, float]:

@@ -18,6 +18,13 @@ def is_at_or_below(path: str, top: str) -> bool:
     return not rest or rest[0] == "/" or top.endswith("/")
 
 
+def upwards(path: str) -> Iterator[str]:
+    """Yield the path of a prim and those above it, nearest first, without the root of the stage."""
+    while path:
+        yield path
+        path = path.rpartition("/")[0]
+
+
 Matrix = tuple[float, ...]  # 16 numbers in rows, as USD multiplies: row vectors, translation last
 NameFilter = str | Callable[[str], bool]  # a name, or what tells whether a name is asked for
 

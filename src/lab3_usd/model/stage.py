@@ -38,16 +38,18 @@ def same_value(was: Value | None, now: Value | None, *, near_zero: float = 1e-12
 
 def is_acyclic(pairs: Iterable[tuple[str, str]]) -> bool:
     """Whether no name leads back to itself."""
-    from graphlib import CycleError, TopologicalSorter
-
-    order: TopologicalSorter[str] = TopologicalSorter()
-    for before, after in pairs:
-        order.add(after, before)
-    try:
-        order.prepare()
-    except CycleError:
-        return False
-    return True
+    after: dict[str, list[str]] = {}
+    waiting: dict[str, int] = {}
+    for before, name in pairs:
+        after.setdefault(before, []).append(name)
+        waiting[name] = waiting.get(name, 0) + 1
+    ahead = [name for name in after if name not in waiting]
+    while ahead:
+        for name in after.pop(ahead.pop(), ()):
+            waiting[name] -= 1
+            if not waiting[name]:
+                ahead.append(name)
+    return not after
 
 
 class PortState(Struct, frozen=True):
@@ -118,10 +120,10 @@ class Node(Struct, frozen=True):
 
         A value of a type that the port cannot have is ignored.
         """
-        found = self.ports.get(port)
+        found, kind = self.ports.get(port), self.type
         if found is not None and found.value is not None and not self.wrong_type(port):
             return found.value
-        return None if self.type is None else self.type.default(port, self.version)
+        return None if kind is None else kind.default(port, self.version)
 
     def wrong_type(self, port: str) -> str | None:
         """Return the type that a file declares for an input whose values it cannot have, else None.
@@ -130,12 +132,12 @@ class Node(Struct, frozen=True):
         has no type.
         """
         state = self.ports.get(port)
-        known = None if self.type is None else self.type.port(port)
-        if state is None or not state.usd_type or known is None:
+        if state is None or not state.usd_type or self.type is None:
             return None
-        if known.is_union or known.is_target or are_alike(state.usd_type, known.usd_type):
+        known = self.type.port(port)
+        if known is None or known.usd_type == state.usd_type or known.is_union or known.is_target:
             return None
-        return state.usd_type
+        return None if are_alike(state.usd_type, known.usd_type) else state.usd_type
 
     def has_port(self, port: str) -> bool:
         """Whether a wire can leave from or end at this port.
@@ -410,9 +412,13 @@ def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
         if type(about) is not StageModel:  # of its type is none, which `isinstance` is slow to see
             return _once_judged(function, given, about.stage)
         key = (function, *given[1:])
-        if key not in about.derived:
-            about.derived[key] = function(*given)  # type: ignore[call-arg]  # all are positional
-        found: _T = about.derived[key]
+        try:
+            found: _T = about.derived[key]
+        except KeyError:
+            pass
+        else:
+            return found
+        about.derived[key] = found = function(*given)  # type: ignore[call-arg]  # all are positional
         return found
 
     return kept

@@ -320,8 +320,7 @@ class LintSubject(Struct, frozen=True, eq=False):
         """Return the newest version in any release, None where a type may have more of them."""
         if node.type is None or node.type.may_have_more:
             return None
-        versions = self.platform.versions(node.type.type).values()
-        return max(versions, default=node.type.version)
+        return self.platform.newest_version(node.type)
 
     @property
     def wire_faults(self) -> tuple[WireFault, ...]:

@@ -120,7 +120,12 @@ def disc_of(wheel: Prim, stage: StageModel) -> Disc | None:
     A wheel is as high as it is long: two sides of the box around it are alike. A wheel that was
     saved turned has a larger box, so that none is taken then.
     """
-    boxes = list(stage.colliders.below(wheel.path))
+    return _disc_at(stage, wheel.path)
+
+
+@once_per_stage
+def _disc_at(stage: StageModel, path: str) -> Disc | None:
+    wheel, boxes = stage.prims[path], list(stage.colliders.below(path))
     if wheel.world is None or not _is_square(wheel.world) or not boxes:
         return None
     sides = [

@@ -9,7 +9,6 @@ from msgspec.structs import replace
 from lab3_usd.check.match.rule_inputs import ModelSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.robot import link_bodies
-from lab3_usd.facts.stuck_nodes import paths_above
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ApplySchema, Restore
 from lab3_usd.model.finding import Problem, display
@@ -26,7 +25,7 @@ from lab3_usd.model.physics import (
     joints,
     numbers,
 )
-from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.prims import Prim, is_at_or_below, upwards
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import decompose
 
@@ -164,7 +163,7 @@ def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
                 f"is scaled {scale}, and PhysX takes the largest for its radius",
                 expected="an even scale",
                 actual=scale,
-                assumes=tuple((above, "xformOp:*") for above in paths_above(shape.path)),
+                assumes=tuple((above, "xformOp:*") for above in upwards(shape.parent)),
             )
 
 
@@ -202,7 +201,7 @@ def _parts(value: Value | None) -> list[float]:
 
 def _is_tied(shape: Prim, tied: set[str], stage: StageModel) -> bool:
     """Whether a shape belongs to a body that a joint ties."""
-    for path in (shape.path, *paths_above(shape.path)):
+    for path in upwards(shape.path):
         prim = stage.prim(path)
         if prim is not None and is_body(prim):
             return path in tied

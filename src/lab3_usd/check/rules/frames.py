@@ -29,7 +29,7 @@ from lab3_usd.facts.frames import Edge, certain_edges, unknown_publishers
 from lab3_usd.facts.tree import tree
 from lab3_usd.model.changes import ClearValue, Edit, SetValue
 from lab3_usd.model.finding import Finding, Problem, Severity, display
-from lab3_usd.model.physics import bodies_below
+from lab3_usd.model.physics import rigid_bodies
 from lab3_usd.model.prims import is_at_or_below
 
 
@@ -122,7 +122,7 @@ def _why_not_all(maker: FrameSource, missing: list[str], view: TfView) -> str:
     if not expands(robot, maker.node, view.subject.stage):
         lack = "links of Isaac Sim's robot schema" if ROBOT_API in prim.apis else ROBOT_API
         return f"; {robot} gives only its own frame, because it has no {lack}"
-    bodies = {*bodies_below(view.subject.stage, "/")}
+    bodies = rigid_bodies(view.subject.stage)
     links = [home for home in homes if is_at_or_below(home, robot) and home in bodies]
     return f"; {robot} does not give {', '.join(links)} without {LINK_API}" if links else ""
 

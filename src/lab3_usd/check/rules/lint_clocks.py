@@ -19,7 +19,7 @@ from lab3_usd.facts.domains import (
     invalid_contexts,
     may_meet,
 )
-from lab3_usd.facts.endpoints import moving_prims, running_endpoints
+from lab3_usd.facts.endpoints import Endpoint, moving_prims, running_endpoints
 from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.facts.stalled_nodes import has_side_effects
 from lab3_usd.model.changes import ClearValue
@@ -169,12 +169,14 @@ def clock_elsewhere(subject: LintSubject) -> Iterator[Problem]:
         for end in running_endpoints(subject.stage, subject.platform, "publishes")
         if end.type == CLOCK
     ]
+    first: dict[str, list[Endpoint]] = {}  # by domain: the first clocks on two topics
+    for clock in clocks:
+        pair = first.setdefault(clock.domain.name, [clock])
+        if len(pair) == 1 and pair[0].topic != clock.topic:
+            pair.append(clock)
     for endpoint in clocks:
-        others = [
-            clock
-            for clock in clocks
-            if clock.topic != endpoint.topic and clock.domain.name == endpoint.domain.name
-        ]
+        pair = first[endpoint.domain.name]
+        others = [clock for clock in pair if clock.topic != endpoint.topic][:1]
         if endpoint.topic != "/clock":
             known = (
                 f"another clock is on {others[0].topic}" if others else "programs listen to /clock"

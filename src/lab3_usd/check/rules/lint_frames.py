@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.facts.frames import Edge, heard_trees
+from lab3_usd.facts.frames import Edge, HeardTree, heard_trees
 from lab3_usd.facts.written_names import odometry_pairs
 from lab3_usd.model.finding import Problem
 
@@ -24,18 +24,22 @@ def tree_on_two_topics(subject: LintSubject) -> Iterator[Problem]:
     Example: `odom -> base_link` on `/tf`, and `base_link -> wheel` on `/robot1/tf`.
     """
     trees = heard_trees(subject.stage, subject.platform)
+    carriers: dict[tuple[str, str], dict[int, Edge]] = {}  # by domain and frame: where it is placed
+    for number, other in enumerate(trees):
+        for edge in other.tree.edges:
+            if edge.parent != edge.child:
+                carriers.setdefault((other.domain, edge.child), {})[number] = edge
     for heard in trees:
-        tops = heard.tree.roots
+        tops, own = frozenset(heard.tree.roots), _frames(heard)
         hanging = [edge for edge in heard.tree.edges if edge.parent in tops]
-        for other in trees:
-            if heard.topic == other.topic or heard.domain != other.domain:
-                continue
-            if _share_edges(other.tree.edges, heard.tree.edges):
-                continue
-            known = {edge.child: edge for edge in other.tree.edges if edge.parent != edge.child}
-            lost = next((edge for edge in hanging if edge.parent in known), None)
-            if lost is not None:
-                carrier = known[lost.parent]
+        lost_in: dict[int, tuple[Edge, Edge]] = {}
+        for lost in hanging:
+            for number, carrier in carriers.get((heard.domain, lost.parent), {}).items():
+                lost_in.setdefault(number, (lost, carrier))
+        for number, (lost, carrier) in sorted(lost_in.items(), key=lambda each: each[0]):
+            # Trees with a transform of the same frames are those of robots of their own.
+            is_other = trees[number].topic != heard.topic
+            if is_other and own.isdisjoint(_frames(trees[number])):
                 yield Problem(
                     lost.cause,
                     f"publishes {lost.parent} -> {lost.child} on {lost.topic}, but "
@@ -47,10 +51,9 @@ def tree_on_two_topics(subject: LintSubject) -> Iterator[Problem]:
                 )
 
 
-def _share_edges(one: Iterable[Edge], other: Iterable[Edge]) -> bool:
-    """Whether both have a transform of the same frames: each is the tree of a robot of its own."""
-    pairs = ({(edge.parent, edge.child) for edge in edges} for edges in (one, other))
-    return not next(pairs).isdisjoint(next(pairs))
+def _frames(heard: HeardTree) -> set[tuple[str, str]]:
+    """Return the frames of the transforms of a tree."""
+    return {(edge.parent, edge.child) for edge in heard.tree.edges}
 
 
 @rule(

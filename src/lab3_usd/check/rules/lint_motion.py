@@ -13,10 +13,9 @@ from lab3_usd.facts.articulations import (
     commanded_joints,
     commands,
     driven_pairs,
-    ends,
-    followed_bodies,
 )
 from lab3_usd.facts.feeding import MisnamedPose, misnamed_poses
+from lab3_usd.facts.followed_bodies import followed_bodies
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.quantities import quantity_of
 from lab3_usd.model.finding import Problem
@@ -30,10 +29,11 @@ from lab3_usd.model.physics import (
     KINEMATIC,
     LIMITS,
     bodies,
+    ends,
     is_body,
     is_switched_off,
-    joints,
     limits,
+    working_joints_at,
 )
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel, UnresolvedAsset
@@ -72,13 +72,13 @@ def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
     tied: set[str] = set()
     for command, wheels in _wheel_commands(subject):
         robot = _joined_bodies(wheels, subject.stage)
-        for joint in joints(subject.stage) if robot else ():
+        for joint in working_joints_at(robot, subject.stage):
             sides = bodies(joint)
-            is_tie = any(
+            is_tie = joint.type == FIXED and any(
                 side in robot and _is_world(other, subject.stage)
                 for side, other in (sides, sides[::-1])
             )
-            if joint.type == FIXED and is_tie and joint.path not in tied:
+            if is_tie and joint.path not in tied:
                 tied.add(joint.path)
                 yield Problem(
                     joint.path,
@@ -90,19 +90,13 @@ def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
 
 def _joined_bodies(wheels: list[Prim], stage: StageModel) -> set[str]:
     """Return the bodies of wheel joints, and all that further joints tie to them."""
-    joined = {path for joint in wheels for path in ends(joint)}
-    pairs = [bodies(joint) for joint in joints(stage)]
-    is_growing = bool(joined)
-    while is_growing:
-        new = {
-            path
-            for pair in pairs
-            if joined & set(pair)
-            for path in pair
-            if path and not _is_world(path, stage)
-        }
-        is_growing = not new <= joined
+    ahead = [path for joint in wheels for path in ends(joint)]
+    joined = set(ahead)
+    while ahead:
+        tied = {path for j in working_joints_at([ahead.pop()], stage) for path in bodies(j)}
+        new = {path for path in tied - joined if not _is_world(path, stage)}
         joined |= new
+        ahead += new
     return joined
 
 
@@ -184,8 +178,7 @@ def _without_shape(wheels: list[Prim], stage: StageModel) -> list[str]:
         for path in bare
         if not any(
             end and end not in fixed and stage.colliders.below(end)
-            for joint in joints(stage)
-            if path in bodies(joint)
+            for joint in working_joints_at([path], stage)
             for end in bodies(joint)
         )
     ]
@@ -193,14 +186,13 @@ def _without_shape(wheels: list[Prim], stage: StageModel) -> list[str]:
 
 def _fixed_to(bodies_of_base: set[str], stage: StageModel) -> set[str]:
     """Return these bodies, and those that fixed joints hold to them."""
-    held = [
-        {*ends(joint)}
-        for joint in joints(stage)
-        if joint.type == FIXED and not is_switched_off(joint, JOINT_ENABLED)
-    ]
-    found = set(bodies_of_base)
-    while more := {path for pair in held if pair & found for path in pair} - found:
-        found |= more
+    ahead = [*bodies_of_base]
+    found = set(ahead)
+    while ahead:
+        tied = working_joints_at([ahead.pop()], stage)
+        new = {path for joint in tied if joint.type == FIXED for path in ends(joint)} - found
+        found |= new
+        ahead += new
     return found
 
 
@@ -233,8 +225,8 @@ def _obstacles(
         yield joint.path, side, f"moves {wheel}, which is not a rigid body"
         return
     yield from ((body.path, name, message) for name, message in _stops(body))
-    for other in joints(stage):
-        if other.type == FIXED and wheel in bodies(other):
+    for other in working_joints_at([wheel], stage):
+        if other.type == FIXED:
             held = next((path for path in bodies(other) if path != wheel), "")
             if not held or held in _bases(wheels, stage):
                 yield other.path, None, f"ties {wheel} to {held or 'the world'}"
@@ -246,9 +238,9 @@ def _bases(wheels: list[Prim], stage: StageModel) -> set[str]:
     shared = {path for path, count in counts.items() if count > 1}
     if shared:
         return shared
-    ties = Counter(path for joint in joints(stage) for path in set(ends(joint)))
-    most = max((ties[path] for path in counts), default=0)
-    tied = [path for path in counts if ties[path] == most]
+    ties = {path: len(working_joints_at([path], stage)) for path in counts}
+    most = max(ties.values(), default=0)
+    tied = [path for path, count in ties.items() if count == most]
     return {*tied} if len(tied) == 1 else set()
 
 

@@ -8,6 +8,7 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.lint_motion import misnamed
 from lab3_usd.facts.endpoints import Endpoint, running_endpoints
+from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.feeding import (
     commanded_robots,
     feeding_nodes,
@@ -55,6 +56,7 @@ def _by_namespace(subject: LintSubject) -> Iterator[Problem]:
     bodies = joined_bodies(subject.stage)
     robots = set(commanded_robots(subject.stage, subject.platform).values())
     robots |= {bodies.owner(root.path) for root in subject.stage.with_api(ARTICULATION_API)} - {""}
+    parents = _parent_prims(subject)
     for end in running_endpoints(subject.stage, subject.platform, "publishes"):
         robot = _robot_of_space(end, spaces)
         for node, port, prim in _shown(end.node, subject) if robot else ():
@@ -62,7 +64,7 @@ def _by_namespace(subject: LintSubject) -> Iterator[Problem]:
             if owner not in robots or owner == robot:
                 continue
             # A transform of another robot's root may say where that is.
-            if not (tf_ports(node).prims and _is_root(prim, subject)):
+            if not (tf_ports(node).prims and _is_root(prim, parents, subject)):
                 yield Problem(
                     node.path,
                     f"{port} is {prim}, and {end.topic} is in the namespace of the commands of "
@@ -105,7 +107,7 @@ def _by_parent(subject: LintSubject) -> Iterator[Problem]:
 
     Those of another robot's root may be meant: they say where it is.
     """
-    bodies = joined_bodies(subject.stage)
+    bodies, prims_above = joined_bodies(subject.stage), _parent_prims(subject)
     makers = dict.fromkeys(
         edge.cause for edge in all_edges(subject.stage, subject.platform) if edge.prim
     )
@@ -119,7 +121,7 @@ def _by_parent(subject: LintSubject) -> Iterator[Problem]:
             for target, robot in found.items()
             if robot not in {"", owner}
             and bodies.sizes[robot] >= _TWO
-            and not _is_root(target, subject)
+            and not _is_root(target, prims_above, subject)
         }
         is_whole = len(foreign) == sum(bool(robot) for robot in found.values())
         wrong = [
@@ -138,12 +140,17 @@ def _by_parent(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-def _is_root(path: str, subject: LintSubject) -> bool:
+def _parent_prims(subject: LintSubject) -> frozenset[str]:
+    """Return the prims below whose frames nodes hang others."""
+    makers = nodes_of(lambda kind: kind.tf, subject.stage, subject.platform)
+    return frozenset(map(parent_prim, makers))
+
+
+def _is_root(path: str, parents: frozenset[str], subject: LintSubject) -> bool:
     """Whether a prim stands for all of a robot: the links of some tree hang below it."""
     prim = subject.stage.prim(path)
     is_articulation = prim is not None and ARTICULATION_API in prim.apis
-    is_parent = any(path == parent_prim(node) for node in subject.live.values())
-    return is_articulation or is_parent or not joined_bodies(subject.stage).carrier(path)
+    return is_articulation or path in parents or not joined_bodies(subject.stage).carrier(path)
 
 
 def _unknown(subject: LintSubject, *paths: str) -> UnresolvedAsset | None:

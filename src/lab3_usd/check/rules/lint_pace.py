@@ -10,6 +10,7 @@ from lab3_usd.facts.execution_order import (
     event_of,
     gate_step,
     live_sources,
+    nodes_of,
     signal_inputs,
     signal_sources,
 )
@@ -78,9 +79,8 @@ def sensor_waits_for_message(subject: LintSubject) -> Iterator[Problem]:
 
 
 def _helpers(subject: LintSubject) -> Iterator[Node]:
-    for path, node in subject.live.items():
-        if node.type is not None and node.type.role == _HELPER and subject.runs(path):
-            yield node
+    helpers = nodes_of(lambda kind: kind.role == _HELPER, subject.stage, subject.platform)
+    return (node for node in helpers if subject.runs(node.path))
 
 
 def _starts(node: Node, subject: LintSubject) -> bool:

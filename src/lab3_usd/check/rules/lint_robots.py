@@ -13,11 +13,10 @@ from lab3_usd.check.robot.axles import wheel_radius
 from lab3_usd.facts.arrays import array_items, listed
 from lab3_usd.facts.articulations import (
     Command,
-    Followed,
     commands,
+    commands_of,
     driven_pairs,
     driven_wheels,
-    followed_bodies,
     has_joint,
     is_empty,
     joints_of,
@@ -28,13 +27,14 @@ from lab3_usd.facts.articulations import (
     wired_commands,
 )
 from lab3_usd.facts.execution_order import effective_value, live_sources
+from lab3_usd.facts.followed_bodies import Followed, followed_bodies
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.quantities import unit_of
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Place, Problem, display
 from lab3_usd.model.physics import BODY_API, number
-from lab3_usd.model.prims import Prim
+from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import StageModel, UnresolvedAsset
 from lab3_usd.model.transforms import Vector, distance, transform_point
 
@@ -91,7 +91,8 @@ def nested_articulation(subject: LintSubject) -> Iterator[Problem]:
         root for command in commands(subject.stage, subject.platform) for root in command.roots
     )
     for root in roots:
-        above = next((top for top in roots if root.startswith(f"{top}/")), None)
+        tops = {top for top in upwards(root.rpartition("/")[0]) if top in roots}
+        above = min(tops, key=[*roots].index) if len(tops) > 1 else next(iter(tops), None)
         if above is not None:
             yield Problem(root, f"is an articulation root below another, {above}", related=(above,))
 
@@ -338,12 +339,9 @@ def joint_commanded_twice(subject: LintSubject) -> Iterator[Problem]:
 
     Example: the menu's Differential Controller graph beside another one on the same robot.
     """
-    running = [
-        command
-        for command in commands(subject.stage, subject.platform)
-        if subject.runs(command.node.path)
-    ]
-    for index, command in enumerate(running):
+    for command in commands(subject.stage, subject.platform):
+        if not subject.runs(command.node.path):
+            continue
         for name, count in Counter(command.names or ()).items():
             if name and count > 1:
                 yield Problem(
@@ -353,7 +351,12 @@ def joint_commanded_twice(subject: LintSubject) -> Iterator[Problem]:
                     expected="each joint once",
                     actual=", ".join(command.names or ()),
                 )
-        for other in running[:index]:
+        rivals = commands_of(command.roots, subject.stage, subject.platform)
+        for other in rivals:
+            if other is command:
+                break
+            if not subject.runs(other.node.path):
+                continue
             shared, is_sure = _shared(command, other, subject)
             if shared:
                 does = "commands" if is_sure else "may command"
@@ -370,7 +373,7 @@ def joint_commanded_twice(subject: LintSubject) -> Iterator[Problem]:
 def _shared(one: Command, other: Command, subject: LintSubject) -> tuple[list[str], bool]:
     """Return the joints that both command by the same kind of command, and whether that is sure."""
     kinds = set(wired_commands(one)) & set(wired_commands(other))
-    if not kinds or not set(one.roots) & set(other.roots):
+    if not kinds:
         return [], True
     first, second = (
         named_joints(command, subject.stage, subject.platform) for command in (one, other)

@@ -18,6 +18,7 @@ from lab3_usd.facts.execution_order import (
     is_graph_evaluated,
     is_switched_on,
     live_sources,
+    nodes_of,
     run_states,
     shut_gate,
     signal_inputs,
@@ -354,7 +355,8 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `ros2_publish_odometry.inputs:timeStamp` without a wire.
     """
-    for node in subject.live.values():
+    needs = subject.platform.needs
+    for node in nodes_of(lambda kind: kind.type in needs, subject.stage, subject.platform):
         if not (subject.runs(node.path) or is_wired(node, subject.stage, subject.platform)):
             continue
         for need in unmet_needs(node, subject.platform):
@@ -413,7 +415,7 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
                 property=port,
                 expected="names of joints",
             )
-    for node in subject.live.values():
+    for node in nodes_of(lambda kind: kind.dynamic, subject.stage, subject.platform):
         items = array_items(node)
         if items is None:
             continue

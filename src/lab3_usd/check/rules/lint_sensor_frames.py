@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msgspec import Struct
+
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.facts.execution_order import is_switched_on
+from lab3_usd.facts.execution_order import is_switched_on, nodes_of
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.render_products import has_two_sizes, stereo_products
 from lab3_usd.facts.sensor_topics import SensorTopic, frame_prims, resting_frames, sensor_topics
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import (
     Vector,
     decompose,
@@ -30,12 +34,26 @@ _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _INFO, _INFO_NAME = "sensor_msgs/msg/CameraInfo", "camera_info"
 
 
-def _named_prims(topic: SensorTopic, subject: LintSubject) -> list[Prim]:
+class _Named(Struct, frozen=True, eq=False):
+    """The prims whose place a frame has: their paths, and what they move with."""
+
+    prims: list[Prim]
+    paths: frozenset[str]
+    rigid: frozenset[str]
+
+
+def _named_prims(topic: SensorTopic, subject: LintSubject) -> _Named:
     """Return the prims whose place the frame of a topic has, none where nothing tells it."""
-    paths = frame_prims(subject.stage, subject.platform).get(
-        (topic.endpoint.domain.name, topic.frame), ()
-    )
-    return [prim for path in paths if (prim := subject.stage.prim(path)) is not None]
+    name, domain = topic.frame, topic.endpoint.domain.name
+    return _of_frame(subject.stage, subject.platform, domain, name)
+
+
+@once_per_stage
+def _of_frame(stage: StageModel, platform: Platform, domain: str, name: str) -> _Named:
+    paths = frame_prims(stage, platform).get((domain, name), ())
+    prims = [prim for path in paths if (prim := stage.prim(path)) is not None]
+    known, rigid_of = (prim.path for prim in prims), joined_bodies(stage).rigid_of
+    return _Named(prims, frozenset(known), frozenset(rigid_of(prim.path) for prim in prims))
 
 
 def _is_sensor(prim: Prim, subject: LintSubject) -> bool:
@@ -66,8 +84,9 @@ def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
     Example: a lidar helper with the frame of the camera, or with that of the other lidar.
     """
     for topic in sensor_topics(subject.stage, subject.platform):
-        named = _named_prims(topic, subject)
-        if not named or not all(_is_another(prim, topic, subject) for prim in named):
+        frame = _named_prims(topic, subject)
+        named, is_own = frame.prims, topic.sensor.path in frame.paths
+        if not named or is_own or not all(_is_another(prim, topic, subject) for prim in named):
             continue
         other = named[0]
         yield Problem(
@@ -122,10 +141,11 @@ def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
         fits = topic.reads.in_frame.items()
         if any(topic.sensor.attributes.get(name, value) != value for name, value in fits):
             continue
-        named = _named_prims(topic, subject)
+        frame = _named_prims(topic, subject)
+        named = frame.prims
         if any(_is_sensor(prim, subject) for prim in named):
             continue
-        fault = _resting(topic, subject) or _moving(topic, named, subject)
+        fault = _resting(topic, subject) or _moving(topic, frame, subject)
         fault = fault or _turned(topic, named, subject)
         paths = (topic.sensor.path, *(prim.path for prim in named[:1]))
         if fault:
@@ -152,12 +172,12 @@ def _resting(topic: SensorTopic, subject: LintSubject) -> str:
     return f"which stands still, and {sensor} moves with {bodies.carrier(sensor)}"
 
 
-def _moving(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
+def _moving(topic: SensorTopic, frame: _Named, subject: LintSubject) -> str:
     """Return against which prim of a frame a sensor moves, '' for none."""
-    bodies, sensor = joined_bodies(subject.stage), topic.sensor.path
-    if not named or any(bodies.move_together(prim.path, sensor) for prim in named):
+    sensor = topic.sensor.path
+    if not frame.prims or joined_bodies(subject.stage).rigid_of(sensor) in frame.rigid:
         return ""
-    return f"the frame of {named[0].path}, against which {sensor} moves"
+    return f"the frame of {frame.prims[0].path}, against which {sensor} moves"
 
 
 def _turned(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
@@ -190,17 +210,16 @@ def image_info_mismatch(subject: LintSubject) -> Iterator[Problem]:
     Example: `/front/image_raw` of 1280 x 720, beside `/front/camera_info` of 640 x 480.
     """
     topics = sensor_topics(subject.stage, subject.platform)
+    beside: dict[tuple[str, str], list[SensorTopic]] = {}  # by domain and namespace
+    for topic in topics:
+        if topic.endpoint.type in _IMAGES:
+            space = (topic.endpoint.topic or "").rpartition("/")[0]
+            beside.setdefault((topic.endpoint.domain.name, space), []).append(topic)
     for info in topics:
         space, _, name = (info.endpoint.topic or "").rpartition("/")
         if info.endpoint.type != _INFO or name != _INFO_NAME:
             continue
-        images = [
-            topic
-            for topic in topics
-            if topic.endpoint.type in _IMAGES
-            and topic.endpoint.domain.name == info.endpoint.domain.name
-            and (topic.endpoint.topic or "").rpartition("/")[0] == space
-        ]
+        images = beside.get((info.endpoint.domain.name, space), [])
         same = [image for image in images if image.sensor.path == info.sensor.path]
         if images and not same:
             fault = f"shows {info.sensor.path}, and {images[0].endpoint.topic} shows "
@@ -247,7 +266,7 @@ def stereo_pair(subject: LintSubject) -> Iterator[Problem]:
 
     Example: left 1280 x 720, right 640 x 480.
     """
-    for node in subject.live.values():
+    for node in nodes_of(lambda kind: len(kind.topics) > 1, subject.stage, subject.platform):
         pair = stereo_products(node, subject.stage, subject.live)
         if pair is None or not (subject.runs(node.path) and is_switched_on(node, subject.live)):
             continue

@@ -8,16 +8,16 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.facts.execution_order import effective_value, sensor_of
+from lab3_usd.facts.execution_order import effective_value, nodes_of, sensor_of
 from lab3_usd.facts.sensor_faults import SensorFault, faults_of
 from lab3_usd.facts.sensor_values import values_of
-from lab3_usd.facts.stuck_nodes import paths_above, refused_target
+from lab3_usd.facts.stuck_nodes import refused_target
 from lab3_usd.isaac.behaviour import SensorOf
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.changes import ApplySchema
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.physics import is_body
-from lab3_usd.model.prims import Prim
+from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import Node
 from lab3_usd.model.transforms import AXES, angle_between, decompose, rotate_vector
 
@@ -28,8 +28,9 @@ _STEEP = 45.0  # degrees
 
 def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
     """Yield the nodes that publish a sensor, with what they ask of it and its path."""
-    for node in subject.live.values():
-        needed = subject.platform.sensors.get("" if node.type is None else node.type.type)
+    sensors = subject.platform.sensors
+    for node in nodes_of(lambda kind: kind.type in sensors, subject.stage, subject.platform):
+        needed = sensors.get("" if node.type is None else node.type.type)
         path = sensor_of(node, subject.live)
         if needed is not None and path is not None:
             yield node, needed, path
@@ -47,7 +48,8 @@ def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:lidarPrim` of an Isaac Read Lidar Beams, a node for PhysX lidars, names an
     `OmniLidar`.
     """
-    for node in subject.live.values():
+    targets = subject.platform.targets
+    for node in nodes_of(lambda kind: kind.type in targets, subject.stage, subject.platform):
         unread = refused_target(node, subject.stage, subject.platform)
         if unread is not None:
             asked, path = unread.asked, unread.prim.path
@@ -133,9 +135,12 @@ def refused_sensor(subject: LintSubject) -> Iterator[Problem]:
     Basis: NVIDIA's rules of Isaac Sim 6.2 (`lidar_sensor_rules.py`), its checker of 6.0.1, and
     `OgnROS2RtxLidarHelper.py:119-134`.
     """
+    reading: dict[str, list[str]] = {}
+    for node, _, path in _read_sensors(subject):
+        reading.setdefault(path, []).append(node.path)
     for prim, fault in _sensor_faults(subject):
         if fault.severity == "error":
-            readers = tuple(node.path for node, _, at in _read_sensors(subject) if at == prim.path)
+            readers = tuple(reading.get(prim.path, ()))
             severity: Severity | None = None if readers else "warning"
             found = _problem(prim, fault, subject)
             yield replace(found, related=readers, severity=severity)
@@ -231,7 +236,7 @@ def unused_camera(subject: LintSubject) -> Iterator[Problem]:
 
 def _is_carried(prim: Prim, subject: LintSubject) -> bool:
     """Whether a prim moves with a body."""
-    bodies = (subject.stage.prims.get(path) for path in paths_above(prim.path))
+    bodies = (subject.stage.prims.get(path) for path in upwards(prim.parent))
     return any(body is not None and is_body(body) for body in bodies)
 
 

@@ -69,11 +69,12 @@ def incompatible_qos(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `/cmd_vel` is published as Sensor Data and subscribed with the default.
     """
-    publishers = running_endpoints(subject.stage, subject.platform, "publishes")
+    makers: dict[tuple[str | None, str], list[Endpoint]] = {}
+    for maker in running_endpoints(subject.stage, subject.platform, "publishes"):
+        makers.setdefault((maker.topic, maker.domain.name), []).append(maker)
     for taker in running_endpoints(subject.stage, subject.platform, "subscribes"):
-        for maker in publishers:
-            is_one = (maker.topic, maker.domain.name) == (taker.topic, taker.domain.name)
-            if is_one and maker.qos is not None and taker.qos is not None:
+        for maker in makers.get((taker.topic, taker.domain.name), ()):
+            if maker.qos is not None and taker.qos is not None:
                 mismatch = _mismatch(maker.qos, taker.qos)
                 if mismatch:
                     yield Problem(

@@ -8,7 +8,7 @@ from typing import Any
 
 from pxr import Gf, Usd, Vt
 
-from lab3_usd.model.prims import Collider, Colliders, Matrix, Prims
+from lab3_usd.model.prims import Collider, Colliders, Matrix, Prims, upwards
 from lab3_usd.model.transforms import scale_of
 from lab3_usd.stage.read.opening import stage_errors
 from lab3_usd.stage.read.prims import PrimReader
@@ -40,7 +40,8 @@ class StageColliders(Colliders):
         """Measure the prims of a stage."""
         self._prims = prims
         self._reader = reader
-        self._present: list[tuple[str, str]] = []  # each path, and with a slash behind
+        self._present: list[str] = []  # as the stage is traversed
+        self._spans: dict[str, tuple[int, int]] = {}  # where those at and below a prim are there
         self._boxes: dict[str, _Box | None] = {}  # None without a shape, its own or below
         self._shapes: dict[str, _Box | None] = {}  # of prims by themselves
         self._colliders: dict[str, Collider | None] = {}  # of collision prims, in metres
@@ -65,14 +66,18 @@ class StageColliders(Colliders):
         return self._in_metres(path, self._shapes[path])
 
     def _boxes_of(self, top: str, *, below: bool) -> list[Collider]:
-        start = f"{top.rstrip('/')}/"
         if not self._present:
             colliding = self._prims.with_api(_COLLISION)
             solid = (prim for prim in colliding if prim.present and self._is_defined(prim.path))
-            self._present += ((prim.path, f"{prim.path}/") for prim in solid)
-        paths = [
-            path for path, with_slash in self._present if with_slash.startswith(start) is below
-        ]
+            self._present += (prim.path for prim in solid)
+            for number, path in enumerate(self._present):
+                for above in ("", *upwards(path)):
+                    start, _ = self._spans.get(above, (number, 0))
+                    self._spans[above] = start, number + 1
+        start, end = self._spans.get(top.rstrip("/"), (0, 0))
+        paths = self._present[start:end]
+        if not below:
+            paths = self._present[:start] + self._present[end:]
         with stage_errors(self._reader.name):
             for path in paths:
                 if path not in self._colliders:

@@ -221,6 +221,7 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
     prim: Usd.Prim
     name: str
     specs: list[Any]
+    is_plain: bool = False  # that no composition arc brings anything to the prim
 
     @property
     def _is_relationship(self) -> bool:
@@ -257,6 +258,10 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
         """Return the properties that an attribute is connected to."""
         if not self._is_authored(_SOURCES):
             return ()
+        if self.is_plain and len(self.specs) == 1:
+            wires = Sdf.Spec.GetInfo(self.specs[0], _SOURCES)
+            if wires.isExplicit:
+                return tuple(map(str, wires.explicitItems))
         attribute = Usd.Prim.GetAttribute(self.prim, self.name)
         return tuple(map(str, Usd.Attribute.GetConnections(attribute)))
 
@@ -281,12 +286,15 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
 class AuthoredProperties:
     """The properties of a prim that a layer holds."""
 
-    __slots__ = ("_prim", "_stack")
+    __slots__ = ("_index", "_is_plain", "_names", "_prim", "_stack")
 
     def __init__(self, prim: Usd.Prim) -> None:
         """Look at the layers that say something of a prim."""
         self._prim = prim
         self._stack = Usd.Prim.GetPrimStack(prim)
+        self._index = Usd.Prim.GetPrimIndex(prim)
+        self._is_plain = not self._index.rootNode.children
+        self._names: list[str] | None = None
 
     def names(self) -> list[str]:
         """Return their names, sorted.
@@ -294,20 +302,20 @@ class AuthoredProperties:
         Raises:
             Tf.ErrorException: one has no name, as in a binary file with flipped bits.
         """
-        names = sorted(Usd.Prim.GetPrimIndex(self._prim).ComputePrimPropertyNames())
-        if names and not names[0]:
-            Usd.Prim.GetAuthoredProperties(self._prim)  # tells of the damage
-        return names
+        if self._names is None:
+            self._names = sorted(self._index.ComputePrimPropertyNames())
+            if self._names and not self._names[0]:
+                Usd.Prim.GetAuthoredProperties(self._prim)  # tells of the damage
+        return self._names
 
     def __getitem__(self, name: str) -> AuthoredProperty:
         """Return the property of this name, also one that a damaged file does not list."""
-        path = _path_on_prim(name)
-        specs = [
-            spec
-            for prim in (self._stack if path else ())
-            if (spec := Sdf.PrimSpec.GetPropertyAtPath(prim, path)) is not None
-        ]
-        return AuthoredProperty(self._prim, name, specs)
+        path, specs = _path_on_prim(name), []
+        for prim in self._stack if path else ():
+            spec = Sdf.PrimSpec.GetPropertyAtPath(prim, path)
+            if spec is not None:
+                specs.append(spec)
+        return AuthoredProperty(self._prim, name, specs, self._is_plain)
 
 
 @lru_cache(maxsize=4096)

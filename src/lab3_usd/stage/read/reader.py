@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -234,7 +235,9 @@ class _Scan:
             self._note_absent(prim, graph)
             return
         properties = AuthoredProperties(prim)
-        written, own = (_text(properties[name].value()) for name in (_NODE_TYPE, _NAMESPACE))
+        names = properties.names()
+        written = _text(properties[_NODE_TYPE].value())
+        own = _text(properties[_NAMESPACE].value()) if _NAMESPACE in names else ""
         type_name, version = self._platform.type_name(written), properties[_VERSION].value()
         kind, others = self._platform.types.get(type_name), self._platform.other_ports(type_name)
         ports = read_ports(properties, kind, others)
@@ -251,7 +254,7 @@ class _Scan:
                 type=_with_fields(kind, ports),
                 version=version if isinstance(version, int) else None,
                 ports=ports,
-                position=_pair(properties[_POSITION].value()),
+                position=_pair(properties[_POSITION].value()) if _POSITION in names else None,
                 namespaces=namespaces,
                 own_namespace=own,
                 is_local=not self._hidden or is_defined_in(prim, self._own_layers),
@@ -379,10 +382,15 @@ def read_ports(
         if name != written and name in names:
             continue  # the file has the port under its own name, too
         if name.startswith(OUTPUT):
-            ports[name] = PortState(name)
+            ports[name] = _output(name)
         elif name.startswith(INPUT):
             ports[name] = _input(name, properties[written], kind)
     return ports
+
+
+@lru_cache(maxsize=4096)
+def _output(name: str) -> PortState:
+    return PortState(name)
 
 
 def _with_fields(kind: NodeType | None, ports: Mapping[str, PortState]) -> NodeType | None:

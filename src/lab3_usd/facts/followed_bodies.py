@@ -1,0 +1,94 @@
+"""The bodies that nodes follow, as odometry does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from msgspec import Struct
+
+from lab3_usd.facts.execution_order import live_nodes, live_sources, nodes_of
+from lab3_usd.isaac.behaviour import BodyOf
+from lab3_usd.isaac.node_types import INPUT, OUTPUT
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.releases import is_within
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
+
+
+class Followed(Struct, frozen=True, eq=False):
+    """A node that follows a body: the prim that it names, and the one that stands for it.
+
+    `body` is None where a robot lists no link; `unknown` is a missing asset that could tell more.
+    """
+
+    node: Node
+    asked: BodyOf
+    prim: Prim
+    body: Prim | None
+    unknown: UnresolvedAsset | None
+
+    @property
+    def port(self) -> str:
+        """The input that names the prim."""
+        return INPUT + self.asked.prim
+
+    @property
+    def is_body(self) -> bool:
+        """Whether there is anything to follow."""
+        return self.body is not None and _is_body(self.body, self.asked)
+
+
+@once_per_stage
+def followed_bodies(stage: StageModel, platform: Platform) -> tuple[Followed, ...]:
+    """Return the nodes that follow a prim."""
+    return tuple(_followed_bodies(stage, platform))
+
+
+def _followed_bodies(stage: StageModel, platform: Platform) -> Iterator[Followed]:
+    for node in nodes_of(lambda kind: kind.type in platform.bodies, stage, platform):
+        demand = _demand(node, platform)
+        prim = None if demand is None else stage.prim(_first(node.targets(INPUT + demand.prim)))
+        if demand is None or prim is None:
+            continue  # another rule reports a target that does not exist
+        path = prim.path
+        is_robot = demand.robot in prim.apis and is_within(platform.release, demand.robot_since, "")
+        if is_robot and not _is_body(prim, demand):
+            path = _first(_links(prim, demand, stage, platform))
+        yield Followed(node, demand, prim, stage.prim(path), stage.unknown(prim.path, path))
+
+
+def _first(paths: Iterable[str]) -> str:
+    return next(iter(paths), "")
+
+
+def _is_body(prim: Prim, demand: BodyOf) -> bool:
+    return not prim.placeless and bool(set(prim.apis) & set(demand.schemas))
+
+
+def _demand(node: Node, platform: Platform) -> BodyOf | None:
+    return None if node.type is None else platform.bodies.get(node.type.type)
+
+
+def _links(
+    robot: Prim, demand: BodyOf, stage: StageModel, platform: Platform, depth: int = 8
+) -> Iterator[str]:
+    """Yield the links of a robot and of the robots that it lists, and those that are unknown."""
+    if demand.link in robot.apis:
+        yield robot.path
+    elif demand.robot in robot.apis and depth:
+        for path in robot.relationships.get(demand.links, ()):
+            listed = stage.prim(path)
+            if listed is not None:
+                yield from _links(listed, demand, stage, platform, depth - 1)
+            elif stage.unknown(path):
+                yield path
+
+
+def moving_source(node: Node, stage: StageModel, platform: Platform) -> Node | None:
+    """Return the node that follows a body and gives what comes into another one, None for none."""
+    for port in node.ports:
+        for source, out in live_sources(node, port, live_nodes(stage, platform)):
+            demand = _demand(source, platform)
+            if demand is not None and out.removeprefix(OUTPUT) in demand.gives:
+                return source
+    return None
