@@ -8,6 +8,7 @@ import pytest
 from msgspec.structs import replace
 from report_examples import HOSTILE, hostile
 
+from lab3_usd.model.changes import ClearValue, Repair
 from lab3_usd.model.finding import Finding, Report, Score, StageResult, Submission
 from lab3_usd.report.formats.markdown import HEADING, code, text
 from lab3_usd.report.formats.registry import render
@@ -92,3 +93,20 @@ def test_a_stage_of_no_lab_is_no_check_of_a_lab_and_has_no_handout() -> None:
     assert (linted.splitlines()[0], HEADING[-1] in linted) == ("# Isaac Sim lint", False)
     checked = render("markdown", Report((replace(result, checkpoint="02"),)), None)
     assert (checked.splitlines()[0], HEADING[-1] in checked) == ("# Lab 3 check", True)
+
+
+@pytest.mark.parametrize("form", ["markdown", "github"])
+def test_what_can_be_repaired_names_the_command(form: str) -> None:
+    edit = ClearValue("/World/Graph/node", "inputs:queueSize")
+    hinted = replace(FINDING, hint="clear it.")
+    findings = (
+        replace(hinted, fix=Repair("clear it", (edit,))),
+        replace(hinted, rule="K02", fix=Repair("clear it", (edit,), safe=False)),
+        replace(FINDING, rule="K03", hint="think."),
+    )
+    result = StageResult("robot.usd", None, "fail", Score(0.0, 0.0), findings)
+    shown = render(form, Report((result,)), None).replace("\\", "").splitlines()
+    repairs = [next(line for line in shown if rule in line) for rule in ("K01", "K02", "K03")]
+    assert "clear it; or lab3 fix --lint" in repairs[0]
+    assert "clear it; or lab3 fix --lint --unsafe" in repairs[1]
+    assert "think." in repairs[2]

@@ -113,7 +113,8 @@ def message_frames(stage: StageModel, platform: Platform) -> tuple[MessageFrame,
 class OdometryPair(Struct, frozen=True, eq=False):
     """A message and a transform that tell the same pose, with the frames of both.
 
-    The ports are those that name the children, `names` all those that name frames, by node.
+    The ports are those that name the children, `names` all those that name frames, by node. A
+    message is not `sent` where its publisher does not run.
     """
 
     publisher: Node
@@ -122,6 +123,7 @@ class OdometryPair(Struct, frozen=True, eq=False):
     tree: Node
     tree_port: str
     transform: tuple[str, str]
+    sent: bool
 
     @property
     def names(self) -> tuple[tuple[str, str], ...]:
@@ -130,14 +132,15 @@ class OdometryPair(Struct, frozen=True, eq=False):
         return tuple((node.path, port) for node in nodes for port in _name_ports(node))
 
 
-class _SentPose(Struct, frozen=True, eq=False):
-    """A pose that a node sends: the port that names the child, both frames, and who computes it."""
+class _ToldPose(Struct, frozen=True, eq=False):
+    """A pose that a node tells: the port that names the child, both frames, and who computes it."""
 
     node: Node
     port: str
     frames: tuple[str, str]
     maker: str
     is_transform: bool
+    sent: bool
 
 
 def odometry_pairs(stage: StageModel, platform: Platform) -> Iterator[OdometryPair]:
@@ -145,11 +148,11 @@ def odometry_pairs(stage: StageModel, platform: Platform) -> Iterator[OdometryPa
     poses = [
         pose
         for node in nodes_of(lambda kind: any(map(kind.port, _POSE)), stage, platform)
-        if (pose := _sent_pose(node, stage, platform))
+        if (pose := _told_pose(node, stage, platform))
     ]
-    transforms: dict[str, list[_SentPose]] = {}
+    transforms: dict[str, list[_ToldPose]] = {}
     for pose in poses:
-        if pose.is_transform:
+        if pose.is_transform and pose.sent:
             transforms.setdefault(pose.maker, []).append(pose)
     for message in poses:
         if not message.is_transform:
@@ -161,6 +164,7 @@ def odometry_pairs(stage: StageModel, platform: Platform) -> Iterator[OdometryPa
                     transform.node,
                     transform.port,
                     transform.frames,
+                    message.sent,
                 )
 
 
@@ -169,14 +173,14 @@ def _name_ports(node: Node) -> tuple[str, ...]:
     return tf_ports(node).names or (() if node.type is None else node.type.frames)
 
 
-def _sent_pose(node: Node, stage: StageModel, platform: Platform) -> _SentPose | None:
+def _told_pose(node: Node, stage: StageModel, platform: Platform) -> _ToldPose | None:
     sources = (
         source
         for port in _POSE
         for source, _ in live_sources(node, port, live_nodes(stage, platform))
     )
     maker = next(sources, None)
-    if node.type is None or maker is None or node.path not in run_states(stage, platform):
+    if node.type is None or maker is None:
         return None
     names, ports = tf_ports(node).names, _name_ports(node)
     values = [effective_value(node, port, live_nodes(stage, platform)) for port in ports]
@@ -184,4 +188,5 @@ def _sent_pose(node: Node, stage: StageModel, platform: Platform) -> _SentPose |
     if len(texts) != len(_POSE) or len(ports) != len(_POSE):
         return None
     frames = (tf2_name(texts[0]), tf2_name(texts[1])) if names else (texts[0], texts[1])
-    return _SentPose(node, ports[1], frames, maker.path, bool(names))
+    is_sent = node.path in run_states(stage, platform)
+    return _ToldPose(node, ports[1], frames, maker.path, bool(names), is_sent)

@@ -9,6 +9,7 @@ from zlib import crc32
 
 from msgspec import Struct
 
+from lab3_usd.data import program
 from lab3_usd.model.finding import (
     SEVERITIES,
     Crash,
@@ -137,6 +138,15 @@ def is_lint(report: Report) -> bool:
 def is_repairable(finding: Finding) -> bool:
     """Whether `lab3 fix` repairs it without further options."""
     return finding.fix is not None and finding.fix.safe
+
+
+def how_to_repair(finding: Finding, *, lint: bool) -> str:
+    """Return the hint of a finding, and the command that does it where one can."""
+    hint = (finding.hint or "").removesuffix(".")
+    if finding.fix is None:
+        return finding.hint or ""
+    options = f"{' --lint' if lint else ''}{'' if finding.fix.safe else ' --unsafe'}"
+    return f"{hint}; or {program()} fix{options}" if hint else f"{program()} fix{options}"
 
 
 def relative_path(path: str, root: str | None) -> str:

@@ -52,7 +52,11 @@ def connect_hint(fault: WireFault) -> str:
     keeps_both = fault.node.type is not None and fault.port in fault.node.type.execution_inputs
     if fault.actual is None or not keeps_both:
         return wire
-    return f"delete the wire from {short_source(fault.actual)}, and {wire}"
+    first = f"delete the wire from {source_shown(fault)}"
+    graph = fault.node.path.rpartition("/")[0]
+    own = (item for item in fault.node.sources(fault.port) if item.startswith(f"{graph}/"))
+    is_there = short_source(fault.expected) in map(short_source, own)
+    return first if is_there else f"{first}, and {wire}"
 
 
 @rule(

@@ -74,7 +74,7 @@ def odometry_tf_mismatch(subject: LintSubject) -> Iterator[Problem]:
     Example: the message has `odom` and `base_link`, the transform `odom -> base_footprint`.
     """
     for pair in odometry_pairs(subject.stage, subject.platform):
-        if pair.message != pair.transform:
+        if pair.sent and pair.message != pair.transform:
             yield Problem(
                 pair.publisher.path,
                 f"the message names {' -> '.join(pair.message)}, but {pair.tree.path} publishes "

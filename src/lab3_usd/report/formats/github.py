@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from lab3_usd.model.finding import Report, Severity
-from lab3_usd.report.entries import crashes, entries, gaps, relative_path, site
+from lab3_usd.report.entries import (
+    crashes,
+    entries,
+    gaps,
+    how_to_repair,
+    is_lint,
+    relative_path,
+    site,
+)
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
@@ -23,8 +31,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
                 properties["col"] = str(finding.column)
         properties["title"] = f"{finding.rule} {finding.name}"
         texts = [site(finding), finding.message]
-        if finding.hint:
-            texts.append(finding.hint)
+        texts += filter(None, [how_to_repair(finding, lint=is_lint(report))])
         if finding.handout:
             texts.append(f"handout {finding.handout}")
         message = "\n".join(map(visible, texts))

@@ -6,7 +6,14 @@ import re
 from collections.abc import Iterable
 
 from lab3_usd.model.finding import Crash, Finding, Report
-from lab3_usd.report.entries import is_lint, score_text, site, summarize, summary_line
+from lab3_usd.report.entries import (
+    how_to_repair,
+    is_lint,
+    score_text,
+    site,
+    summarize,
+    summary_line,
+)
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 from lab3_usd.report.text import to_come_text
@@ -33,7 +40,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         )
         blocks += [f"Not judged: {text(gap)}" for gap in result.gaps]
         if result.findings:
-            blocks.append(findings_table(result.findings, has_handout=is_of_lab))
+            blocks.append(findings_table(result.findings, lint=not is_of_lab))
         blocks += _crashes(result.crashes)
     for submission in report.submissions:
         if submission.handed_in or submission.findings:
@@ -73,7 +80,7 @@ def table(heading: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
-def findings_table(findings: Iterable[Finding], *, has_handout: bool = True) -> str:
+def findings_table(findings: Iterable[Finding], *, lint: bool = False) -> str:
     """Return the table of findings, with the handout's sections where there is a handout."""
     rows = (
         (
@@ -81,14 +88,14 @@ def findings_table(findings: Iterable[Finding], *, has_handout: bool = True) -> 
             text(f"{finding.rule} {finding.name}"),
             code(site(finding)),
             text(finding.message),
-            text(finding.hint or ""),
+            text(how_to_repair(finding, lint=lint)),
             text(finding.handout or ""),
         )
         for finding in findings
     )
-    if has_handout:
-        return table(HEADING, rows)
-    return table(HEADING[:-1], (row[:-1] for row in rows))
+    if lint:
+        return table(HEADING[:-1], (row[:-1] for row in rows))
+    return table(HEADING, rows)
 
 
 def _crashes(crashes: Iterable[Crash]) -> list[str]:

@@ -230,7 +230,7 @@ def cards(
             for row in excerpt_lines(excerpt, finding.line, finding.column, EXCERPT_WIDTH):
                 gutter, bar, text = row.partition(" |")
                 frame.append(ExcerptLine(gutter + bar, text, is_hit=row.startswith(">")))
-        command = _fix_command(block, fault, options) if is_repairable(finding) else ""
+        command = "" if finding.fix is None else _fix_command(block, fault, options)
         span, ways = block.span(fault.stages), links.get(fault.id, ())
         yield Card(fault, span, command, tuple(frame), ways)
 
@@ -244,7 +244,8 @@ def _fix_command(block: Block, fault: ReportedFault, options: Options) -> str:
         paths = ["." if graded else block.path]
     lint = ["--lint"] if block.is_linted else []
     only = ["--select", fault.finding.rule]  # of an option that is given twice the last one counts
-    words = ["fix", *paths, *lint, *options.given, *only, "--in-place"]
+    unsafe = [] if is_repairable(fault.finding) else ["--unsafe"]
+    words = ["fix", *paths, *lint, *options.given, *only, *unsafe, "--in-place"]
     return command_line(program(), *options.lab, *words)
 
 
