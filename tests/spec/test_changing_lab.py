@@ -118,3 +118,73 @@ def test_a_checkpoint_that_is_not_there_is_said(folder: Path, tmp_path: Path) ->
     said = "DriveR1.yaml: controller: until: there is no checkpoint 'driven'"
     with pytest.raises(SpecError, match=said):
         load_lab(copy)
+
+
+@pytest.fixture(scope="module")
+def varied(built: Path) -> Path:
+    """The stages with changes on the way that no file of a lab can hold."""
+    folder = built.parent / "varied"
+    shutil.copytree(built, folder)
+    turning = "/World/r1/Measure/publisher.inputs:orientation"
+    for number, name in enumerate(FILES):
+        stage = Usd.Stage.Open(str(folder / name))
+        if number == 2:
+            stage.GetPropertyAtPath("/World/r2/body.physics:mass").Set(7.0)
+        if number > 4:  # saved after a run
+            stage.GetPropertyAtPath("/World/r1.xformOp:translate").Set((0.5, 0.5, 0.0))
+        if number == 4:
+            stage.GetPropertyAtPath(turning).ClearConnections()
+        stage.GetRootLayer().Save()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def described(varied: Path) -> tuple[Path, str]:
+    folder = varied.parent / "described"
+    return folder, invoke("lab", "new", folder, *(varied / name for name in FILES)).output
+
+
+def test_the_stages_pass_by_the_lab_that_is_described_after_them(
+    described: tuple[Path, str],
+) -> None:
+    judged = [line for line in described[1].splitlines() if ": checkpoint " in line]
+    assert len(judged) == len(FILES)
+    assert [line for line in judged if ", pass, " not in line] == []
+    assert [line.rpartition("; ")[2] for line in judged[1:]] == ["sim ok"] * 6
+
+
+def test_the_described_lab_has_what_changes_and_what_is_optional(
+    described: tuple[Path, str],
+) -> None:
+    lab = load_lab(described[0])
+    until = lab.graphs["DriveR1"].nodes["controller"].until
+    assert {
+        key: [(setting.port, setting.value) for setting in values.settings]
+        for key, values in until.items()
+    } == {"3": [("inputs:maxLinearSpeed", pytest.approx(SLOW))]}
+    assert [name for name, point in lab.checkpoints.items() if point.optional] == ["7"]
+    assert {point.file for point in lab.checkpoints.values()} >= {"team{team}_w1"}
+    (r1, _) = lab.scene.robots
+    assert r1.pose is not None
+    assert (r1.pose.translate, r1.pose_is_error_until) == ((1.0, -1.5, 0.0), "4")
+
+
+def test_what_no_lab_can_hold_is_said(described: tuple[Path, str]) -> None:
+    said = [line for line in described[1].splitlines() if line.startswith("left out: ")]
+    differs = "differs between checkpoints, so not required"
+    wire = "wire imu.orientation -> publisher.orientation"
+    assert said == [
+        f"left out: /World/r1/Measure: {wire}: is missing in checkpoint 4, so not required",
+        f"left out: scene.yaml: robots: r2: links: body: mass: {differs}",
+    ]
+
+
+def test_a_stage_of_a_later_release_is_described_for_it(folder: Path, tmp_path: Path) -> None:
+    later = tmp_path / "lab"
+    shutil.copytree(folder, later)
+    points = later / "checkpoints.yaml"
+    points.write_text(f'isaac: "6.1"\n{points.read_text()}')
+    stages, new = tmp_path / "stages", tmp_path / "new"
+    invoke("--lab", later, "build", "--out", stages, "--only", "4")
+    invoke("lab", "new", new, *stages.iterdir())
+    assert load_lab(new).platform.release == "6.1"

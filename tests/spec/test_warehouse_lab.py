@@ -31,7 +31,7 @@ from lab3_usd.new_lab.lab import describe_lab, write_folder
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab, load_platform
-from lab3_usd.spec.submission import named_checkpoint
+from lab3_usd.spec.submission import named_checkpoint, team_of
 from lab3_usd.stage.write.builder import BuildOptions, build_files
 
 WAREHOUSE = REPOSITORY / "docs" / "examples" / "labs" / "warehouse"
@@ -403,6 +403,21 @@ def test_a_file_name_holds_what_the_team_is_called(
     assert named_checkpoint(name, lab.files) == checkpoint
 
 
+@pytest.mark.parametrize(
+    ("stem", "name", "team"),
+    [
+        ("team07_w3", "team{team}_w3", "07"),
+        ("teamBlue_w3_final", "team{team}_w3", "Blue"),
+        ("dock_3_team12_drive", "dock_3_team{team}_drive", "12"),
+        ("dock_3_team12", "dock_3_team{team}_drive", "12"),
+        ("w3", "team{team}_w3", ""),
+        ("w3", "w3", ""),
+    ],
+)
+def test_what_a_team_is_called_is_read_from_its_files(stem: str, name: str, team: str) -> None:
+    assert team_of(stem, name) == team
+
+
 def test_a_bonus_that_is_not_handed_in_is_not_missing(built: Path, tmp_path: Path) -> None:
     for number in (1, 2, 3, 5, 6):
         shutil.copyfile(built / file_of(number), tmp_path / f"team12_w{number}.usda")
@@ -438,6 +453,9 @@ def test_a_class_is_graded_robot_by_robot(built: Path, tmp_path: Path) -> None:
     assert grading.exit_code == 0
     ann, bob = csv.DictReader((book / "grades.csv").read_text().splitlines())
     assert (ann["earned"], ann["possible"], ann["bonus"]) == ("105.00", "100.00", "5.00")
+    assert [row["team"] for row in (ann, bob)] == ["07", "08"]
+    page = (book / "index.html").read_text(encoding="utf-8")
+    assert [f"team {number}" in page for number in ("07", "08", "09")] == [True, True, False]
     assert (bob["hall"], bob["r1"], bob["bonus"]) == ("4.00", "3.00", "0.00")
     assert float(bob["r2"]) < 3.0
     assert "r2: " in bob["remarks"]

@@ -20,7 +20,7 @@ from lab3_usd.grade.adjustments import ADJUSTMENTS
 from lab3_usd.grade.deductions import reasons
 from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.lock import LOCK
-from lab3_usd.grade.rubric import COLUMNS, Item, Rubric, load_rubric
+from lab3_usd.grade.rubric import COLUMNS, TEAM_COLUMN, Item, Rubric, load_rubric
 from lab3_usd.grade.scoring import Deduction, Grade, State, facts_of, grade_facts
 from lab3_usd.grade.shared_reports import (
     REPORTS,
@@ -37,6 +37,7 @@ from lab3_usd.report.options import NAME, Options, tool_version
 from lab3_usd.report.safe_text import safe_cell
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.submission import has_teams
 
 MOST_LOST = 12  # of what costs no more points at an item: the findings name the rest
 
@@ -375,10 +376,12 @@ def _columns(rubric: Rubric) -> list[Row]:
 def _csv_lines(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
     """Yield the lines of the table of grades; they end in CR LF, and no cell is a formula."""
     names = [item.id for item in rubric.items]
-    yield _line(map(safe_cell, [*COLUMNS[:-1], *names, COLUMNS[-1]]))
+    team = [TEAM_COLUMN] if has_teams(rubric.files) else []
+    yield _line(map(safe_cell, [*COLUMNS[:2], *team, *COLUMNS[2:-1], *names, COLUMNS[-1]]))
     for row in rows:
         earned = {item["id"]: item for item in row["items"]}
-        cells = [row["student"], row["name"], row["status"], "yes" if row["late"] else ""]
+        cells = [row["student"], row["name"], *(row.get(key, "") for key in team)]
+        cells += [row["status"], "yes" if row["late"] else ""]
         cells += [_number(row[key]) for key in ("earned", "possible", "percent")]
         for name in names:  # blocked and open items have no points
             has_points = earned[name]["state"] not in {"blocked", "open"}

@@ -24,9 +24,11 @@ from lab3_usd.spec.contradictions.names import LabFault
 from lab3_usd.spec.contradictions.references import RULES
 from lab3_usd.spec.lab import CHECKPOINTS, RUBRIC, SUBMISSION, Lab
 from lab3_usd.spec.positions import located
+from lab3_usd.spec.submission import has_teams
 from lab3_usd.yaml_file import read_foreign_yaml, read_yaml, record, records
 
 # The columns of the table of grades that are no items; the last stands behind the items.
+TEAM_COLUMN = "team"  # after the name, where the names of files have a place for it
 COLUMNS = ("student", "name", "status", "late", "earned", "possible", "percent", "remarks")
 Visibility = Literal["visible", "hidden", "after_due_date", "after_published"]
 Points = Annotated[float, Meta(ge=0.001, le=1e6)]  # so that sums and shares stay sane numbers
@@ -212,7 +214,7 @@ def load_items(
         # The names head columns of the table of grades.
         if not name or not name.isprintable() or name != name.strip():
             raise SpecError(f"{file}: items: {name!r} cannot be the name of an item")
-        if name.casefold() in COLUMNS:
+        if name.casefold() in (*COLUMNS, *([TEAM_COLUMN] if has_teams(lab.files) else [])):
             raise SpecError(
                 f"{file}: items: '{name}' is a column of grades.csv; choose another name"
             )

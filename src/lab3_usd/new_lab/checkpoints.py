@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import takewhile
 from typing import Any
 
@@ -14,18 +14,21 @@ from msgspec.structs import replace
 from lab3_usd.check.robot.sensors import sensor_group
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
+from lab3_usd.isaac.releases import BASE
 from lab3_usd.new_lab.yaml_text import document
 from lab3_usd.spec.contradictions.names import FRAME_FIELDS, GraphTopic, graph_topics, value_of
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, Lab
 from lab3_usd.spec.load.checkpoints import is_checkpoint_id
 from lab3_usd.spec.scene import SCENE_GROUP
+from lab3_usd.spec.submission import TEAM
 
 FIRST = "start"
 TREE_GROUP, KEPT = "TF", "transient_local"
 _NUMBER = re.compile(r"(?<![A-Za-z0-9])\d+(?![A-Za-z0-9])")
 _NUMBERED = re.compile(r"(\d+)(?:([_ -]+)(.+))?")
 _WORD = re.compile(r"[A-Za-z0-9]+")
+_TEAM_PART = re.compile(rf"(?i)(?<![a-z])(team|group)[_-]?(\d+|{re.escape(TEAM)})")
 
 
 class FileNames(Struct, frozen=True):
@@ -85,6 +88,7 @@ def names_of_stages(stems: Sequence[str]) -> FileNames:
     Raises:
         UsageError: two stages have one name, or a name differs in what can be no id.
     """
+    stems = _with_teams(stems)
     twice = next((stem for stem, count in Counter(stems).items() if count > 1), None)
     if twice is not None:
         raise UsageError(f"two stages have the name '{twice}'; each checkpoint needs its own")
@@ -93,14 +97,18 @@ def names_of_stages(stems: Sequence[str]) -> FileNames:
     parts = [stem[len(lead) : len(stem) - len(tail)] for stem in stems]
     if not all(parts):
         lead, tail, parts = "", "", list(stems)
-    shared = " ".join(re.findall(r"[^\W\d_]+|\d+", lead))
+    shared = " ".join(re.findall(r"[^\W\d_]+|\d+", _TEAM_PART.sub("", lead)))
     numbered = [match for part in parts if (match := _NUMBERED.fullmatch(part))]
     gaps = {match[2] for match in numbered}
     if len({match[1] for match in numbered}) == len(stems) and len(gaps) == 1:
-        gap = next(iter(gaps))
+        gap, rests = next(iter(gaps)), [match[3] or "" for match in numbered]
+        same = _shared_start(rests)
+        if gap is not None and all(len(rest) > len(same) for rest in rests):
+            gap, rests = f"{gap}{same}", [rest[len(same) :] for rest in rests]
         pattern = f"{lead}{{id}}{tail}" if gap is None else f"{lead}{{id}}{gap}{{name}}{tail}"
         ids = tuple(match[1] for match in numbered)
-        return FileNames(pattern, ids, tuple(match[3] or match[1] for match in numbered), shared)
+        named = (rest or id_ for rest, id_ in zip(rests, ids, strict=True))
+        return FileNames(pattern, ids, tuple(named), shared)
     for stem, part in zip(stems, parts, strict=True):
         if not is_checkpoint_id(part):
             raise UsageError(
@@ -108,6 +116,16 @@ def names_of_stages(stems: Sequence[str]) -> FileNames:
                 "rename the stages"
             )
     return FileNames(f"{lead}{{id}}{tail}", tuple(parts), tuple(parts), shared)
+
+
+def _with_teams(stems: Sequence[str]) -> Sequence[str]:
+    """Return names with a placeholder for a number of the team that all of them have."""
+    found = {match[0] if (match := _TEAM_PART.search(stem)) else "" for stem in stems}
+    team = found.pop() if len(found) == 1 else ""
+    if not team:
+        return stems
+    word = team.rstrip("0123456789")
+    return [stem.replace(team, f"{word}{TEAM}") for stem in stems]
 
 
 def _shared_start(names: Sequence[str]) -> str:
@@ -132,6 +150,7 @@ class Step(Struct, frozen=True):
     sensors: tuple[str, ...] = ()
     frames: bool = False
     topics: bool = False
+    optional: bool = False
 
     @property
     def is_new(self) -> bool:
@@ -150,7 +169,8 @@ class Step(Struct, frozen=True):
             adds["frames"] = True
         if self.topics:
             adds["topics"] = True
-        return {"name": self.name, "title": self.title, "part": self.part, "adds": adds}
+        optional = {"optional": True} if self.optional else {}
+        return {"name": self.name, "title": self.title, "part": self.part, **optional, "adds": adds}
 
 
 def describe_steps(
@@ -181,24 +201,26 @@ def steps_of_stages(
     names: FileNames,
     graphs: Sequence[Sequence[str]],
     sensors: Sequence[Sequence[str]],
-    tree: Sequence[str],
+    has_tree: Sequence[bool],
+    optional: Collection[int] = (),
 ) -> tuple[Step, ...]:
     """Return a checkpoint for each stage: `graphs` and `sensors` are those that it holds by name.
 
-    The TF tree is asked for from where the graphs of `tree` are there. A stage that is like the one
-    before is handed in to show the topics of the running system.
+    The TF tree is asked for from the first stage on that has it. A stage that is like the one
+    before is handed in to show the topics of the running system. On the stages whose numbers are
+    `optional` no later one builds.
     """
     steps: list[Step] = []
+    before = 0
     for number, (id_, name) in enumerate(zip(names.ids, names.names, strict=True)):
-        before = number - 1
         new = tuple(g for g in graphs[number] if not number or g not in graphs[before])
         added = tuple(s for s in sensors[number] if not number or s not in sensors[before])
-        has_tree = bool(tree) and set(tree) <= set(graphs[number])
-        has_frames = has_tree and not any(step.frames for step in steps)
+        has_frames = has_tree[number] and not any(step.frames for step in steps)
         title = _title(name) if not name.isdigit() else ", ".join(map(_title, new)) or _STARTER
         step = Step(id_, name, title, part_letter(number), new, added, has_frames)
         has_topics = bool(number) and not step.is_new and not any(s.topics for s in steps)
-        steps.append(replace(step, topics=has_topics))
+        steps.append(replace(step, topics=has_topics, optional=number in optional))
+        before = before if number in optional else number
     return tuple(steps)
 
 
@@ -219,10 +241,11 @@ def checkpoints_text(
     names: FileNames, title: str, steps: Sequence[Step], frames: Mapping[str, Any], lab: Lab
 ) -> str:
     """Return `checkpoints.yaml`; `lab` is the new one without its checkpoints."""
+    release = {} if lab.platform.release == BASE else {"isaac": lab.platform.release}
     head = document(
         "The checkpoints: the additions of each, and the rules for all of them.\n"
         "Parts and sections of the handout are placeholders, here and in the graphs: write yours.",
-        {"title": title, "files": names.pattern},
+        {"title": title, "files": names.pattern, **release},
         {"files": "Names of the stages, without extension."},
     )
     # The type of the nodes that start most executions of the graphs.
@@ -239,7 +262,8 @@ def checkpoints_text(
     notes = {
         "frames": "The TF tree of the stage; a checkpoint asks for it with `frames: true`.",
         "checkpoints": "The additions of each; move graphs and sensors between them.\n"
-        "To rename one, change its name or title, or give it an `id`; other files have its key.",
+        "To rename one, change its name or title, or give it an `id`; other files have its key.\n"
+        "One that need not be handed in is `optional: true`.",
     }
     return f"{head}\n{policy}\n{document('', data, notes)}"
 

@@ -78,11 +78,15 @@ def catalog_text(used: Mapping[str, str], known: Platform, unknown: Mapping[str,
 
 
 class GraphText(Struct, frozen=True):
-    """One graph: its data in the form of its file, the spec that this gives, and what it lacks."""
+    """One graph: its data in the form of its file, the spec that this gives, and what it lacks.
+
+    `prims` are the paths of its nodes by role.
+    """
 
     data: Mapping[str, Any]
     spec: GraphSpec
     left_out: tuple[str, ...]
+    prims: Mapping[str, str]
 
 
 def running_graphs(stage: StageModel) -> dict[str, GraphModel]:
@@ -94,8 +98,10 @@ def running_graphs(stage: StageModel) -> dict[str, GraphModel]:
     }
 
 
-def describe_graphs(stage: StageModel, lab: Lab, since: Mapping[str, int]) -> tuple[GraphText, ...]:
-    """Describe the graphs that run, in the order of a course: clock, drive, sensors, odometry.
+def describe_graphs(
+    graphs: Iterable[GraphModel], lab: Lab, since: Mapping[str, int]
+) -> tuple[GraphText, ...]:
+    """Describe graphs in the order of a course: clock, drive, sensors, odometry.
 
     `since` is the number of the first stage that holds a graph, by path; empty where there is one
     stage for all. `lab` has every node type of the stage.
@@ -103,10 +109,7 @@ def describe_graphs(stage: StageModel, lab: Lab, since: Mapping[str, int]) -> tu
     Raises:
         SpecError: a graph has a name or path that no file of a lab can have.
     """
-    ordered = sorted(
-        running_graphs(stage).values(),
-        key=lambda graph: (since.get(graph.path, 0), _course_order(graph)),
-    )
+    ordered = sorted(graphs, key=lambda graph: (since.get(graph.path, 0), _course_order(graph)))
     names: dict[str, GraphModel] = {}
     for graph in ordered:
         name = graph.name
@@ -115,7 +118,7 @@ def describe_graphs(stage: StageModel, lab: Lab, since: Mapping[str, int]) -> tu
             name = f"{above.pop(0) or 'other'}_{name}"
         names[name] = graph
     return tuple(
-        _describe_graph(name, graph, part_letter(since.get(graph.path, number)), lab)
+        describe_graph(name, graph, part_letter(since.get(graph.path, number)), lab)
         for number, (name, graph) in enumerate(names.items(), start=1)
     )
 
@@ -131,7 +134,12 @@ def _course_order(graph: GraphModel) -> int:
     return 2 if has_targets else 0
 
 
-def _describe_graph(name: str, graph: GraphModel, part: str, lab: Lab) -> GraphText:
+def describe_graph(name: str, graph: GraphModel, part: str, lab: Lab) -> GraphText:
+    """Describe one graph, in a part of the handout.
+
+    Raises:
+        SpecError: it has a name or path that no file of a lab can have.
+    """
     below = len(graph.path) + 1
     roles = {node.path: node.path[below:].replace("/", "_") for node in graph.nodes}
     left_out: list[str] = []
@@ -149,19 +157,8 @@ def _describe_graph(name: str, graph: GraphModel, part: str, lab: Lab) -> GraphT
         "wires": wires,
     }
     left_out += (f"{n.path}: has no type" for n in graph.nodes if n.type is None)
-    return GraphText(data, parse_graph(data, lab.platform, f"{name}.yaml"), tuple(left_out))
-
-
-def with_later_nodes(text: GraphText, since: Mapping[str, str], lab: Lab) -> GraphText:
-    """Return a graph to which checkpoints add nodes, by role."""
-    if not since:
-        return text
-    nodes = {
-        role: {**node, **({"from": since[role]} if role in since else {})}
-        for role, node in text.data["nodes"].items()
-    }
-    data = {**text.data, "nodes": nodes}
-    return GraphText(data, parse_graph(data, lab.platform, f"{text.spec.name}.yaml"), text.left_out)
+    spec = parse_graph(data, lab.platform, f"{name}.yaml")
+    return GraphText(data, spec, tuple(left_out), {role: path for path, role in roles.items()})
 
 
 def _node(node: Node, lab: Lab, left_out: list[str]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,14 @@ from lab3_usd.facts.endpoints import namespaces_above
 from lab3_usd.facts.frame_targets import frame_name
 from lab3_usd.facts.frames import published_edges
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.stage import StageModel
+from lab3_usd.isaac.releases import order
+from lab3_usd.model.stage import GraphModel, StageModel
+from lab3_usd.new_lab.changes import (
+    optional_stages,
+    steady_scene,
+    steady_sensors,
+    with_changes,
+)
 from lab3_usd.new_lab.checkpoints import (
     FileNames,
     Step,
@@ -29,13 +36,8 @@ from lab3_usd.new_lab.checkpoints import (
     steps_of_stages,
     submission_text,
 )
-from lab3_usd.new_lab.graphs import (
-    GraphText,
-    catalog_text,
-    describe_graphs,
-    running_graphs,
-    with_later_nodes,
-)
+from lab3_usd.new_lab.graphs import GraphText, catalog_text, describe_graphs, running_graphs
+from lab3_usd.new_lab.robot import has_robot
 from lab3_usd.new_lab.scene import (
     Source,
     describe_scene,
@@ -47,8 +49,10 @@ from lab3_usd.new_lab.scene import (
 from lab3_usd.new_lab.starter import describe_starter
 from lab3_usd.new_lab.yaml_text import document
 from lab3_usd.spec.contradictions.names import graph_frames, named_frames
+from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
 from lab3_usd.spec.load.lab import parse_scene
+from lab3_usd.stage.read.reader import read_stage
 
 _SCENE_HEAD = """\
 Requirements of the scene: units, robot, world, sensors.
@@ -71,7 +75,11 @@ class Description(Struct, frozen=True):
 
 
 class _Parts(Struct, frozen=True):
-    """What the files are made of: graphs, their scene, the names of stages, and the TF tree."""
+    """What the files are made of: graphs, their scene, the names of stages, and the TF tree.
+
+    `differing` says what is not the same in all stages, `optional` are the numbers of those on
+    which no later one builds.
+    """
 
     texts: tuple[GraphText, ...]
     names: FileNames
@@ -79,6 +87,8 @@ class _Parts(Struct, frozen=True):
     frames: Mapping[str, Any]
     lab: Lab
     outside: tuple[str, ...]
+    differing: tuple[str, ...]
+    optional: tuple[int, ...]
 
     @property
     def has_frames(self) -> bool:
@@ -95,6 +105,8 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Platform) -> Descriptio
         StageError: a stage cannot be read.
         UsageError: the last one has no robot, or no graph, or lacks what an earlier one has.
     """
+    types = in_release_of(paths, types)
+    lab = replace(lab, platform=in_release_of(paths, lab.platform))
     sources = [read_source(path, lab, types) for path in paths]
     parts = _parts(sources)
     if len(sources) > 1:
@@ -112,6 +124,7 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Platform) -> Descriptio
         steps=steps,
         left_out=(
             *(line for text in parts.texts for line in text.left_out),
+            *parts.differing,
             *dict.fromkeys(parts.outside),
             *filter(None, (starter.reason,)),
         ),
@@ -121,18 +134,33 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Platform) -> Descriptio
 def _parts(sources: Sequence[Source]) -> _Parts:
     """Return what the last stage describes, which distinguishes the others."""
     source, stage = sources[-1], sources[-1].stage
-    texts = describe_graphs(stage, source.lab, _first_stages(sources))
+    held = [running_graphs(each.stage) for each in sources]
+    optional = optional_stages(held)
+    graph_models = {**{p: g for n in optional for p, g in held[n].items()}, **held[-1]}
+    texts = describe_graphs(
+        graph_models.values(), source.lab, _first_stages(sources, held, optional)
+    )
     if not texts:
         raise UsageError("the stage has no Action Graph")
     graphs = {text.spec.name: text.spec for text in texts}
     stems = [source.stem for source in sources]
     names = names_of_stages(stems) if len(stems) > 1 else file_names(source.stem, graphs)
-    later = [_grown(text, sources, names) for text in texts]
-    texts = tuple(map(with_later_nodes, texts, later, [source.lab] * len(texts)))
+    texts = tuple(_with_changes(text, held, names, source.lab) for text in texts)
     graphs = {text.spec.name: text.spec for text in texts}
-    scene = describe_scene(stage, sources[0].stage, graphs, source.lab, names.ids[-1])
+    scenes = {
+        id_: describe_scene(each.stage, sources[0].stage, graphs, source.lab, names.ids[-1])
+        for id_, each in zip(names.ids[-len(sources) :], sources, strict=True)
+        if each is source or _is_whole(each.stage, graphs.values())
+    }
+    scene, differing = steady_scene(scenes.pop(names.ids[-1]), scenes)
     sections = {prim.path: graphs[_home(prim.path, texts)].handout for prim in source.sensors}
-    sensors = describe_sensors(source, sections)
+    others = {
+        id_: describe_sensors(
+            each, dict.fromkeys((prim.path for prim in each.sensors), "") | sections
+        ).values()
+        for id_, each in zip(names.ids[-len(sources) :], sources[:-1], strict=False)
+    }
+    sensors, changing = steady_sensors(describe_sensors(source, sections), others)
     scene |= {"sensors": sensors} if sensors else {}
     places = [graph.path for graph in graphs.values()] + [prim.path for prim in source.sensors]
     platform = source.lab.platform
@@ -145,7 +173,9 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     overrides = dict(_frame_names(stage, replace(lab, scene=parse_scene(scene))))
     frame_spec = replace(lab.frames, names=overrides, localization=None)
     lab = replace(lab, scene=parse_scene(scene), frames=frame_spec)
-    edges, bases = _edges(stage, lab), [lab.frame_of(robot.base) for robot in lab.scene.robots]
+    built_on = {name: graph for name, graph in graphs.items() if graph.path in held[-1]}
+    edges = _edges(stage, replace(lab, graphs=built_on))
+    bases = [lab.frame_of(robot.base) for robot in lab.scene.robots]
     frames: dict[str, Any] = {
         "handout": texts[-1].spec.handout,
         "edges": [f"{parent} -> {child}" for parent, child in edges],
@@ -154,33 +184,45 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     if deeper:
         frames["deeper_under"] = deeper if deeper[1:] else deeper[0]
     frames |= {"names": overrides} if overrides else {}
-    return _Parts(texts, names, scene, frames, lab, tuple(_frames_outside(frames, lab)))
+    outside = tuple(_frames_outside(frames, lab))
+    differing += changing
+    return _Parts(texts, names, scene, frames, lab, outside, differing, optional)
 
 
-def _grown(text: GraphText, sources: Sequence[Source], names: FileNames) -> dict[str, str]:
-    """Return the checkpoints of nodes that come later than their graph, by role."""
-    held = [{node.path for node in source.stage.nodes()} for source in sources]
-    first: dict[str, int] = {}
-    for role in text.spec.nodes:
-        path = f"{text.spec.path}/{role}"
-        first[role] = next((n for n, paths in enumerate(held) if path in paths), len(held) - 1)
-    begins = min(first.values(), default=0)
-    return {role: names.ids[number] for role, number in first.items() if number > begins}
+def _is_whole(stage: StageModel, graphs: Iterable[GraphSpec]) -> bool:
+    """Whether a stage has a robot, and all of its assets."""
+    return not stage.unresolved and has_robot(stage, graphs)
 
 
-def _first_stages(sources: Sequence[Source]) -> dict[str, int]:
+def _with_changes(
+    text: GraphText, held: Sequence[Mapping[str, GraphModel]], names: FileNames, lab: Lab
+) -> GraphText:
+    """Return a graph with what the stages before the last one with it have otherwise."""
+    ids = names.ids[-len(held) :]
+    there = {
+        id_: graphs[text.spec.path]
+        for id_, graphs in zip(ids, held, strict=True)
+        if text.spec.path in graphs
+    }
+    last = [*there][-1]
+    del there[last]
+    return with_changes(text, there, last, lab)
+
+
+def _first_stages(
+    sources: Sequence[Source], held: Sequence[Mapping[str, GraphModel]], optional: Collection[int]
+) -> dict[str, int]:
     """Return the number of the first stage that holds each graph, by path; {} for one stage alone.
 
     Raises:
-        UsageError: a stage lacks a graph that an earlier one has.
+        UsageError: a stage lacks a graph that an earlier one has, on which others build.
     """
     if len(sources) == 1:
         return {}
     since: dict[str, int] = {}
-    for number, source in enumerate(sources):
-        graphs = running_graphs(source.stage)
+    for number, (source, graphs) in enumerate(zip(sources, held, strict=True)):
         for path, first in since.items():
-            if path not in graphs:
+            if path not in graphs and first not in optional:
                 raise UsageError(
                     f"{source.stem} has no graph {path}, which {sources[first].stem} has; a "
                     "checkpoint holds what those before it hold, name the stages in their order"
@@ -190,11 +232,26 @@ def _first_stages(sources: Sequence[Source]) -> dict[str, int]:
     return since
 
 
+def in_release_of(paths: Sequence[Path], platform: Platform) -> Platform:
+    """Return the first release, from that of the platform on, whose nodes all stages hold.
+
+    Raises:
+        StageError: a stage cannot be read.
+    """
+    nodes = [node for path in paths for node in read_stage(path, platform).nodes()]
+    later = [name for name in platform.known_releases if order(name) > order(platform.release)]
+    for known in (platform, *map(platform.in_release, later)):
+        kinds = ((known.get(node.type_name), node.version or 0) for node in nodes)
+        if all(kind is None or version <= kind.version for kind, version in kinds):
+            return known
+    return platform
+
+
 def _steps(sources: Sequence[Source], parts: _Parts) -> tuple[Step, ...]:
     """Return the checkpoints: what each stage holds of the last one."""
     held = [running_graphs(source.stage) for source in sources]
     specs = [text.spec for text in parts.texts]
-    tree = [g.name for g in specs if any(node.type.tf is not None for node in g.nodes.values())]
+    published = [_published(source.stage, parts.lab) for source in sources]
     sensors = parts.lab.sensors.items()
     return steps_of_stages(
         parts.names,
@@ -207,8 +264,16 @@ def _steps(sources: Sequence[Source], parts: _Parts) -> tuple[Step, ...]:
             ]
             for source in sources
         ],
-        tree if parts.has_frames else (),
+        [parts.has_frames and edges >= published[-1] for edges in published],
+        parts.optional,
     )
+
+
+def _published(stage: StageModel, lab: Lab) -> set[tuple[str, str]]:
+    """Return the transforms of the lab that a stage publishes."""
+    known = {frame.child for frame in graph_frames(lab)}
+    edges = published_edges(stage, lab.platform)
+    return {(edge.parent, edge.child) for edge in edges if edge.child in known}
 
 
 def _home(sensor: str, texts: Sequence[GraphText]) -> str:

@@ -72,6 +72,15 @@ def describe_robots(
     return robots
 
 
+def has_robot(stage: StageModel, graphs: Iterable[GraphSpec]) -> bool:
+    """Whether a stage has a robot that can be described."""
+    try:
+        next(_articulations(stage, graphs))
+    except UsageError:
+        return False
+    return True
+
+
 def _robot(
     stage: StageModel,
     target: str,

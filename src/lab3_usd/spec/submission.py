@@ -129,6 +129,20 @@ def is_called(stem: str, name: str) -> bool:
     return _shape(name).fullmatch(stem) is not None
 
 
+def has_teams(files: Mapping[str, str]) -> bool:
+    """Whether the names of a lab's files have a place for the team."""
+    return any(TEAM in name for name in files.values())
+
+
+def team_of(stem: str, name: str) -> str:
+    """Return what a file, without ending, has at the place of the team, '' for nothing."""
+    if TEAM not in name:
+        return ""
+    parts = [re.escape(part) for part in name.split(TEAM)]
+    match = re.fullmatch(f"({_OWN})".join(parts), stem) or re.match(f"{parts[0]}({_OWN})", stem)
+    return "" if match is None else match[1]
+
+
 def example_of(name: str) -> str:
     """Return a name of the lab as the first team would write it."""
     return name.replace(TEAM, "01")

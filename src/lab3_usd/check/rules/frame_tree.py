@@ -110,9 +110,10 @@ def _asked(placement: _Placement, view: TfView) -> tuple[str, str | None]:
         return "no such publisher", None
     asked = view.subject.lab.frames.edges
     up, down = next((edge for edge in asked if placement.child in edge), ("", placement.child))
-    hint = f"set Parent Frame ID to `{up}` and Child Frame ID to `{down}`; keep the node"
-    has_names = bool(tf_ports(view.live_nodes[placement.node]).names)
-    return f"{up} -> {down}", hint if has_names else None
+    hint = f"set Parent Prim to the prim of `{up}`; keep the node"
+    if tf_ports(view.live_nodes[placement.node]).names:
+        hint = f"set Parent Frame ID to `{up}` and Child Frame ID to `{down}`; keep the node"
+    return f"{up} -> {down}", hint
 
 
 def _placed(placement: _Placement, view: TfView) -> Problem:

@@ -37,6 +37,7 @@ from lab3_usd.judge.starter import Starter
 from lab3_usd.model.finding import Crash, Finding, Report, Submission, ordered
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.submission import has_teams, team_of
 from lab3_usd.stage.graph_signature import files_read, graph_signature
 from lab3_usd.stage.read.opening import PLACEHOLDER
 from lab3_usd.stage.sandboxed_open import BlockedAsset, FileBounds, opening_within
@@ -153,11 +154,21 @@ def grade_submission(
         **_record(points, facts, _status(judged, task.broken, staged)),
         "remarks": list(remarks),
         "work": work,
+        **_team(facts, setup.lab),
         "digest": staged.digest,
         "verdicts": {result.checkpoint: result.verdict for result in judged.results},
         "crashes": [crash.rule for _, crash in _crashes(judged)],
         "reports": reports,
     }
+
+
+def _team(facts: SubmissionFacts, lab: Lab) -> Json:
+    """Return what names of stages say in the place of a team, where those of the lab have one."""
+    if not has_teams(lab.files):
+        return {}
+    stems = ((Path(stage.path).stem, lab.files[stage.checkpoint]) for stage in facts.stages)
+    found = dict.fromkeys(team for stem, name in stems if (team := team_of(stem, name)))
+    return {"team": ", ".join(found)}
 
 
 def _work(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) -> Json:

@@ -218,9 +218,9 @@ def _named(topics: list[TopicSpec], kind: str) -> str:
 
 
 def _rate(sensor: SensorSpec | None, name: str) -> float:
-    """Return the rate that is asked of a sensor, 0 where none is."""
+    """Return the rate that is required of a sensor, 0 where none is."""
     rate = None if sensor is None else sensor.attributes.get(name)
-    return 0.0 if rate is None else float(rate.value)
+    return 0.0 if rate is None or not rate.required else float(rate.value)
 
 
 def _limits(lab: Lab, robot: RobotSpec | None) -> tuple[float, float]:

@@ -212,6 +212,7 @@ def frame_faults(lab: Lab) -> Iterator[LabFault]:
     given = list(graph_frames(lab))
     yield from _double_parents(lab)
     yield from _misplaced_localization(lab)
+    yield from _forbidden(lab, given)
     yield from _unpublished(lab, given)
     tree = _tree(lab)
     for file, key, frame in (*_graph_references(lab, given), *_references(lab)):
@@ -240,6 +241,18 @@ def _double_parents(lab: Lab) -> Iterator[LabFault]:
         message = "is required and forbidden"
         key = f"{TREE}: {forbidden[0]} -> {forbidden[1]}"
         yield LabFault(CHECKPOINTS, key, message, f"{CHECKPOINTS}: frames: forbidden")
+
+
+def _forbidden(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:
+    """Yield the transforms of graphs that place a frame that nothing may place."""
+    for frame in given:
+        is_wrong = lab.frames.is_forbidden((frame.parent or "", frame.child))
+        if is_wrong or frame.child in lab.frames.guarded:
+            message = f"publishes {frame.parent} -> {frame.child}, which nothing may"
+            other = f"{CHECKPOINTS}: frames: forbidden"
+            if frame.child in lab.frames.reserved:
+                other = f"{CHECKPOINTS}: frames: localization"
+            yield LabFault(frame.file, frame.key, message, other)
 
 
 def _misplaced_localization(lab: Lab) -> Iterator[LabFault]:

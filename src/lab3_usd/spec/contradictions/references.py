@@ -237,13 +237,17 @@ _FIXED = (CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION)
 
 
 def lab_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFault]:
-    """Yield what contradicts itself in the description of a lab, and what is left out.
+    """Yield what contradicts itself in the description of a lab, and what is left out, each once.
 
     `stages` are stages of the lab, where some are given.
 
     Raises:
         SpecError: the rubric or the description of the starter is no YAML.
     """
+    yield from dict.fromkeys(_all_faults(lab, stages))
+
+
+def _all_faults(lab: Lab, stages: Sequence[KnownScene]) -> Iterator[LabFault]:
     yield from checkpoint_faults(lab)
     yield from checklist_faults(lab)
     yield from frame_faults(lab)
