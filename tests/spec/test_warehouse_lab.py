@@ -51,7 +51,7 @@ TABLE: dict[str, Any] = {
     f"{R2}/DriveR2/controller.inputs:wheelRadius": 0.05,
     f"{R2}/DriveR2/twist.inputs:topicName": "cmd_vel",
     f"{R2}.isaac:namespace": "r2",
-    f"{R1}/mast/Cloud.omni:sensor:tickRate": 10.0,
+    f"{R1}/mast/Cloud.omni:sensor:tickRate": 15.0,
     f"{R1}/mast/Cloud/PointCloud/helper.inputs:type": "point_cloud",
     f"{R1}/mast/Cloud/PointCloud/helper.inputs:frameId": "r1/mast",
     f"{R1}/base/Imu.sensorPeriod": 0.01,

@@ -8,6 +8,7 @@ from typing import Any
 from msgspec import Struct
 
 from lab3_usd.data import data_folder
+from lab3_usd.isaac.releases import is_within as is_in_releases
 from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest
 from lab3_usd.spec.lab import SCENE, STARTER, Lab
 from lab3_usd.spec.scene import RobotSpec, is_within
@@ -42,6 +43,7 @@ def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFau
                 yield LabFault(SCENE, key, message, f"{SCENE}: {robot.key}: links")
         yield from _joint_faults(robot)
     yield from _sensor_faults(lab)
+    yield from _unequal_sensors(lab)
     scenes = (*_starter_scene(lab), *stages)
     yield from _target_faults(lab, scenes)
     yield from _absent_parts(lab, scenes)
@@ -125,6 +127,28 @@ def _sensor_faults(lab: Lab) -> Iterator[LabFault]:
         if kind and sensor.kind != kind:
             message = f"'{sensor.kind}' omits the rules about prims of type {sensor.type},"
             yield LabFault(SCENE, key, f"{message} '{kind}' has them", other, "warning")
+
+
+def _unequal_sensors(lab: Lab) -> Iterator[LabFault]:
+    """Yield values of sensors that differ where the release of the lab crashes by that."""
+    asked = {
+        name: kind.types
+        for kind in lab.platform.sensors.values()
+        for name in kind.equal
+        if is_in_releases(lab.platform.release, *kind.equal_in)
+    }
+    for name, types in asked.items():
+        known: tuple[str, Any] | None = None
+        for sensor, spec in lab.sensors.items():
+            attribute = spec.attributes.get(name)
+            if attribute is None or spec.type not in types:
+                continue
+            if known is not None and attribute.value != known[1]:
+                message = f"{attribute.value} differs from {known[1]}: Isaac Sim"
+                message += f" {lab.platform.release} crashes"
+                other = f"{SCENE}: sensors: {known[0]}: {name}"
+                yield LabFault(SCENE, f"sensors: {sensor}: {name}", message, other)
+            known = known or (sensor, attribute.value)
 
 
 def _target_faults(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
