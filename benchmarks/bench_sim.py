@@ -1,10 +1,11 @@
 """Measures how much faster than real time a dry run is, with and without the scan, and its memory.
 
-Usage: python benchmarks/bench_sim.py [--slow N] [--runs N]
+Usage: python benchmarks/bench_sim.py [--slow N] [--runs N] [--robots N]
 
 The built stage of checkpoint 05 is driven by the fixed drive, `--slow` times as long as usual, on
 one core, with the lidar and without it; then stages of 10 and 100 robots with lidar and camera are
-played, each robot by its own commands. Exits with 1 where less comes out than is asked for.
+played, each robot by its own commands; `--robots` plays one stage of that many instead. Exits with
+1 where less comes out than is asked for.
 """
 
 from __future__ import annotations
@@ -79,6 +80,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--slow", type=float, default=3.0)
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--robots", type=int, default=0)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         path = build_checkpoint(None, CHECKPOINT, Path(folder) / "Lab3_05.usda")
@@ -94,7 +96,8 @@ def main() -> int:
             f" ({ASKED[name]:.0f} asked), {share:.0%} of it judging"
         )
         short += times < ASKED[name]
-    for count, asked in FLEETS.items():
+    fleets = {options.robots: FLEETS[10]} if options.robots else FLEETS
+    for count, asked in fleets.items():
         robots = read_scene(fleet(count), load_platform())
         start = time.process_time()
         played = play_any(robots, load_platform(), None)

@@ -499,7 +499,7 @@ def test_a_unit_that_is_none_is_a_metre(tmp_path: Path, unit: float) -> None:
 
 def test_the_benchmark_of_dry_runs_prints_both_figures(repository: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "benchmarks/bench_sim.py", "--runs", "1", "--slow", "1"],
+        [sys.executable, "benchmarks/bench_sim.py", "--runs", "1", "--slow", "1", "--robots", "2"],
         cwd=repository,
         capture_output=True,
         text=True,
@@ -510,6 +510,7 @@ def test_the_benchmark_of_dry_runs_prints_both_figures(repository: Path) -> None
         "with scan",
         "without scan",
     ]
+    assert re.search(r"^2 robots: [\d.]+ s of the processor", done.stdout, flags=re.MULTILINE)
 
 
 def test_a_dry_run_names_only_rules_that_find_something(tmp_path: Path) -> None:
