@@ -80,7 +80,7 @@ def findings_text(findings: Iterable[Finding], lab: Lab | None = None) -> str:
     for finding in findings:
         place = f"{finding.prim}.{finding.property}" if finding.property else finding.prim
         lines.append(f"{finding.severity} {finding.rule} {place}: {finding.message}")
-        repair = in_words_of(words, all_rules()[finding.rule].section("Fix")) or None
+        repair = in_words_of(words, all_rules()[finding.rule].hint) or None
         usual = Finding(finding.rule, "", "error", "", "", hint=repair)
         lines += [
             f"    {field}: {_shown(value)}"

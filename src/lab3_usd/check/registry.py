@@ -186,6 +186,12 @@ class Rule(Struct, frozen=True):
                 return " ".join(paragraph[len(title) + 1 :].split())
         return ""
 
+    @property
+    def hint(self) -> str:
+        """The repair, as messages end: a single sentence has no full stop."""
+        text = self.section("Fix")
+        return text if ". " in text else text.removesuffix(".")
+
 
 _RULES: dict[str, Rule] = {}
 _OF_LINT: set[Callable[..., Iterator[Problem]]] = set()

@@ -124,7 +124,7 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         expected=problem.expected,
         actual=problem.actual,
         handout=problem.handout or section,
-        hint=problem.hint or in_words_of(lab, rule.section("Fix")) or None,
+        hint=problem.hint or in_words_of(lab, rule.hint) or None,
         related=problem.related,
         fix=_repair(problem) if problem.fix and severity != "note" else None,
         unopened=problem.unopened,
