@@ -6,7 +6,6 @@ import csv
 import io
 import json
 from collections.abc import Iterator, Sequence
-from textwrap import wrap
 
 from msgspec import Struct
 from msgspec.structs import asdict
@@ -14,7 +13,7 @@ from msgspec.structs import asdict
 from lab3_usd.facts.endpoints import PROFILE, Endpoint
 from lab3_usd.facts.frame_targets import UnresolvedFrames
 from lab3_usd.facts.frames import Edge
-from lab3_usd.report.safe_text import printable, safe_cell, truncated_values
+from lab3_usd.report.safe_text import folded, printable, safe_cell, truncated_values
 
 COLUMNS = ("topic", "type", "direction", "node", "frames", "queue", "qos", "rate")
 _FIRST = COLUMNS[:4]  # whoever asks for topics asks for these
@@ -71,12 +70,12 @@ def as_table(report: TopicReport, width: int = 80, *, verbose: bool = False) -> 
         if is_broken:
             yield f"    {row[len(_FIRST) - 1]}"
         if is_broken and verbose:
-            yield f"    {'; '.join(_details(row))}"
+            yield from folded("; ".join(_details(row)), width, "    ", "      ")
     for endpoint in report.endpoints:
         if endpoint.silence:
             verb = "published" if endpoint.direction == "publishes" else "received"
             text = f"nothing is {verb} by {endpoint.node.path}: {endpoint.silence}"
-            yield from wrap(printable(text), width, subsequent_indent="    ")
+            yield from folded(printable(text), width, rest="    ")
 
 
 def _details(row: Sequence[str]) -> Iterator[str]:

@@ -208,10 +208,12 @@ def _check(
         if check.verdict == "bad" and not rule and of_run:
             see = f"({ONLY_SHOWN})"
         named = ": ".join(printable(part) for part in (check.prim, check.cause) if part)
-        parts = [part for part in (named, see) if part]
-        if parts and len(lead + " ".join(parts)) <= width:
-            parts = [" ".join(parts)]
-        yield from (lead + part for part in parts)
+        lines = folded(named, max(width, 60), lead, lead)
+        if see and lines and len(f"{lines[-1]} {see}") <= width:
+            lines[-1] += f" {see}"
+        elif see:
+            lines.append(lead + see)
+        yield from lines
 
 
 def _remarks(behaviour: Behaviour) -> Iterator[str]:
