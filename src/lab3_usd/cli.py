@@ -164,7 +164,7 @@ def _use_lab(context: click.Context, _option: click.Parameter, given: str | None
     "LAB3_LAB).",
 )
 def lab3() -> None:
-    """Author and check the USD stages of a robot lab, without Isaac Sim."""
+    """Lint, check, repair and play USD stages of robots, without Isaac Sim."""
 
 
 def run() -> NoReturn:

@@ -61,8 +61,10 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     PATHS are stage files, folders of stages, or submission folders. The checkpoint is read from
     each file name. In a folder without a report or a video, missing files are not yet faults,
     unless --submission is given. With --untrusted, PATHS are untrusted submissions: folders or
-    archives. Exit status: 0 no findings, 1 findings or not judged, 2 wrong usage or no such path, 3
-    the program itself failed.
+    archives.
+
+    Exit status: 0 no findings, 1 findings or not judged, 2 wrong usage or no such path, 3 the
+    program itself failed.
     """
     if options["untrusted"]:
         options = {**options, "isolated": True}

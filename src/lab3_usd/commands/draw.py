@@ -57,7 +57,12 @@ TREE = "TF"
     help="Judge the stage at this checkpoint.",
 )
 @click.option("--lint", is_flag=True, help="Mark the findings of lab3 lint.")
-@click.option("--isaac", "release", metavar="RELEASE", help="With --lint: as for lab3 lint.")
+@click.option(
+    "--isaac",
+    "release",
+    metavar="RELEASE",
+    help="With --lint: judge by this release of Isaac Sim.",
+)
 @click.option(
     "--theme",
     type=click.Choice(THEMES),

@@ -225,7 +225,12 @@ def _line(finding: Finding) -> str:
 )
 @click.option("--starter", type=click.Path(), help="Restore missing parts from this starter.")
 @click.option("--lint", is_flag=True, help="Repair the findings of lab3 lint.")
-@click.option("--isaac", "release", metavar="RELEASE", help="With --lint: as for lab3 lint.")
+@click.option(
+    "--isaac",
+    "release",
+    metavar="RELEASE",
+    help="With --lint: judge by this release of Isaac Sim.",
+)
 @click.option("--diff", is_flag=True, help="Print the changes, and write nothing.")
 @click.option("--unsafe", is_flag=True, help="Also add, remove and move prims.")
 @click.option(
@@ -247,7 +252,9 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     Values, connections, targets, types and schemas are repaired; --unsafe also adds, removes and
     moves prims. In a text stage no other line changes. In a folder all stages with a checkpoint in
     their names are repaired; with --lint, all stages. Without --diff, --output or --in-place the
-    repairs are only listed. Exit status: 0 nothing is left, 1 errors or repairs are left, or would
-    be made, 2 wrong usage; with --diff 1 if something would change.
+    repairs are only listed.
+
+    Exit status: 0 nothing is left, 1 errors or repairs are left, or would be made, 2 wrong usage;
+    with --diff 1 if something would change.
     """
     sys.exit(run(paths, with_config(paths, options)))

@@ -171,9 +171,10 @@ def command(submissions: str | None, **options: Any) -> None:
     SUBMISSIONS is a folder or an archive in the form that a learning platform exports, or the
     address of a folder in object storage. The gradebook has grades.csv, grades.json, index.html and
     a report folder for each student. With --format gradescope, SUBMISSIONS is one submission, and
-    the result for a Gradescope autograder is written. Exit status: 0 every submission has a grade
-    or a status, 2 wrong usage or rubric, 3 the program itself failed, 130 Ctrl-C or 143 SIGTERM:
-    continue with --resume.
+    the result for a Gradescope autograder is written.
+
+    Exit status: 0 every submission has a grade or a status, 2 wrong usage or rubric, 3 the program
+    itself failed, 130 Ctrl-C or 143 SIGTERM: continue with --resume.
 
     With --explain, --regrade or --gradebook alone, an existing gradebook is read.
     """

@@ -51,8 +51,10 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     PATHS are stage files, or folders with stages in them or below. Findings are nodes that never
     compute or use unset inputs, dead wires, and topics, frames, robots and sensors that do not fit
     together. --fix lists the findings that have one possible repair, and writes it with --output,
-    or with --in-place, which keeps NAME.orig. Exit status: 0 no findings, 1 findings or not judged,
-    2 wrong usage or no such path, 3 the program itself failed.
+    or with --in-place, which keeps NAME.orig.
+
+    Exit status: 0 no findings, 1 findings or not judged, 2 wrong usage or no such path, 3 the
+    program itself failed.
     """
     options = with_config(paths, options)
     leave_broken_lab()

@@ -173,8 +173,10 @@ def command(stage: Path, **options: Any) -> None:
     The graphs of STAGE are executed as they are wired, by functions written from the published
     source of Isaac Sim 6.0.1; the robot moves by exact kinematics. The checkpoint in the file name
     decides what is required. A stage without one is judged by its own content: each robot is driven
-    by its own commands. Exit status: 0 all right, or nothing to play yet, 1 a fault or not judged,
-    2 unreadable or wrong usage, 3 the program itself failed.
+    by its own commands.
+
+    Exit status: 0 all right, or nothing to play yet, 1 a fault or not judged, 2 unreadable or wrong
+    usage, 3 the program itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.commands.shared.options import checkpoint_number

@@ -7,6 +7,7 @@ from __future__ import annotations
 GROUPS = {
     "any stage of Isaac Sim": {
         "lint": "Judge any stage of Isaac Sim, without a lab.",
+        "fix": "Repair the findings of lint or of a check.",
         "sim": "Play a stage without Isaac Sim, and judge its messages.",
         "draw": "Draw Action Graphs and the TF tree.",
         "tf": "Print the TF tree that a stage publishes.",
@@ -18,7 +19,6 @@ GROUPS = {
     },
     "students": {
         "check": "Check stages or whole submissions against the lab.",
-        "fix": "Repair the findings of a check or of lint.",
         "map": "Make an occupancy map from the walls of a stage.",
         "nav2": "Write launch, parameter and RViz files for localization and navigation.",
         "collect": "Write the script that collects evidence from the running system.",
