@@ -14,6 +14,7 @@ import pytest
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.feedback import reasons_by_student, write_feedback
 from lab3_usd.grade.filled_export import FilledExport, fill_export
+from lab3_usd.model.grade import REMARK
 
 REASON = "wheelRadius is 0.25, expected 0.025"
 
@@ -92,6 +93,36 @@ def test_canvas_gets_the_report_in_an_archive_of_the_name_that_was_downloaded(
     assert row["/cmd_vel drives - Points"] == "12.5"
     assert REASON in row["/cmd_vel drives - Comments"]
     assert (row["Report - Points"], row["Report - Rating"]) == ("", "")
+
+
+def by_hand(book: dict[str, Any]) -> None:
+    """Let the grader write two lines that no spreadsheet may compute, and no page obey."""
+    text = f"{REMARK}: =1+1 <b>\n@home, \x1b[2J"
+    book["students"][0]["lost"] = [
+        {"item": "drive", "requirement": "", "title": text, "points": 0.0, "found": ""}
+    ]
+
+
+def test_words_of_a_grader_keep_their_lines_and_do_nothing(out: Path, tmp_path: Path) -> None:
+    book = book_of("doejane_77_900_Lab3.zip", "canvas", {"Canvas user": "77"})
+    by_hand(book)
+    _, table = write_feedback(out, exported(tmp_path, "canvas", CANVAS, book), book)
+    (row,) = csv.DictReader(io.StringIO(table.path.read_text()))
+    lines = row["/cmd_vel drives - Comments"].split("\n")
+    assert lines == ["Points:", f"{REMARK}: =1+1 <b>", "@home, \\x1b[2J"]
+    book = book_of("Jane Doe_77_assignsubmission_file", "moodle", {"Moodle number": "77"})
+    by_hand(book)
+    export = exported(tmp_path, "moodle", MOODLE, book)
+    (row,) = csv.DictReader(io.StringIO(export.data.decode()))
+    shown = f"/cmd_vel drives: {REMARK}: =1+1 &lt;b&gt;<br>@home, \\x1b[2J"
+    assert row["Feedback comments"] == shown
+
+
+def test_a_worksheet_without_a_column_of_comments_is_named(out: Path, tmp_path: Path) -> None:
+    book = book_of("Jane Doe_77_assignsubmission_file", "moodle", {"Moodle number": "77"})
+    text = MOODLE.replace(",Feedback comments", "").replace(",15,", ",15")
+    (returned,) = write_feedback(out, exported(tmp_path, "moodle", text, book), book)
+    assert "has no column 'Feedback comments'" in returned.left_out[0]
 
 
 def test_who_handed_in_no_archive_is_named(out: Path, tmp_path: Path) -> None:

@@ -245,6 +245,7 @@ def _fill_export(options: dict[str, Any]) -> None:
     from lab3_usd.grade.feedback import reasons_by_student, write_feedback
     from lab3_usd.grade.filled_export import decision_lines, fill_export, write_export
     from lab3_usd.grade.gradebook import read_gradebook
+    from lab3_usd.report.safe_text import visible
 
     out = options["out"]
     book = read_gradebook(out)
@@ -266,7 +267,7 @@ def _fill_export(options: dict[str, Any]) -> None:
             students = f"{returned.students} student{'s' * (returned.students != 1)}"
             click.echo(f"{returned.path}: {students}")
             for name in returned.left_out:
-                click.echo(f"    left out: {name}")
+                click.echo(f"    left out: {visible(name)}")
     for text in decision_lines(export):
         click.echo(text)
 

@@ -21,8 +21,9 @@ from lab3_usd.files import write_whole
 from lab3_usd.grade.filled_export import FilledExport
 from lab3_usd.grade.gradebook import STUDENTS, lost_by
 from lab3_usd.grade.intake.people import CANVAS_USER, MOODLE_NUMBER
+from lab3_usd.grade.rosters import PLATFORMS
 from lab3_usd.grade.shared_reports import REPORTS
-from lab3_usd.report.safe_text import safe_cell
+from lab3_usd.report.safe_text import CELL_LIMIT, visible
 
 NAME = "lab3-report.html"  # not the name of anything that was handed in
 _REPORT = "report.html"
@@ -73,7 +74,13 @@ def _moodle(out: Path, export: FilledExport, book: Mapping[str, Any]) -> Iterato
         for row, student in export.returned
         if (number := row.ids.get(MOODLE_NUMBER)) and (report := _report(out, rows[student]))
     ]
-    yield _archive(out / "moodle-feedback.zip", files)
+    roster, without = export.roster, list[str]()
+    if roster.comment < 0:
+        heading = PLATFORMS[roster.platform].comment
+        without = [
+            f"{roster.path}: has no column '{heading}', so that reasons are in reports alone"
+        ]
+    yield _archive(out / "moodle-feedback.zip", files, without)
 
 
 def _canvas(out: Path, export: FilledExport, book: Mapping[str, Any]) -> Iterator[Returned]:
@@ -105,12 +112,18 @@ def _assessments(path: Path, export: FilledExport, book: Mapping[str, Any]) -> R
     for number, row in known:
         cells: list[str] = []
         for item in row["items"]:
-            why = "\n".join(line.text for line in lost_by(row, item["id"]) if line.is_told)
             is_open = item["state"] in {"open", "blocked"}
-            cells += ["" if is_open else f"{item['earned']:g}", safe_cell(why), ""]
+            cells += ["" if is_open else f"{item['earned']:g}", _comment(row, item["id"]), ""]
         table.writerow([number, *cells])
     write_whole(path, text.getvalue().encode(), force=True)
     return Returned(path, len(known))
+
+
+def _comment(row: Mapping[str, Any], item: str) -> str:
+    """Return why an item lost points; it begins with a word, since a sign would be a formula."""
+    told = [line.text for line in lost_by(dict(row), item) if line.is_told]
+    lines = [visible(part) for text in told for part in text.splitlines()]
+    return "\n".join(["Points:", *lines])[:CELL_LIMIT] if lines else ""
 
 
 def _blackboard(_out: Path, export: FilledExport, _book: Mapping[str, Any]) -> Iterator[Returned]:

@@ -19,7 +19,7 @@ from lab3_usd.grade.lock import locked
 from lab3_usd.grade.matching import Match, Matching, Submission, matched
 from lab3_usd.grade.rosters import PLATFORMS, Roster, RosterRow, number_in, read_roster
 from lab3_usd.grade.text_table import TextTable, filled, read_table
-from lab3_usd.report.safe_text import FORMULA_STARTS, printable
+from lab3_usd.report.safe_text import FORMULA_STARTS, printable, visible
 
 Outcome = Literal[
     "filled", "changed", "unchanged", "kept", "for a person", "ambiguous", "without a submission",
@@ -240,11 +240,13 @@ def _comments(
 ) -> Iterator[tuple[tuple[int, int], str]]:
     """Yield the cells of a comment: for a field that shows HTML, or of a format that is named."""
     name, form = PLATFORMS[roster.platform].comment_format or ("", "")
+    # A grader's words may have several lines.
+    shown = [visible(part) for each in lines for part in each.splitlines()]
     if form:
-        text = "\n".join(lines)
+        text = "\n".join(shown)
         yield (line, roster.table.headings.index(name)), form
     else:
-        text = "<br>".join(html.escape(each, quote=False) for each in lines)
+        text = "<br>".join(html.escape(each, quote=False) for each in shown)
     yield (line, roster.comment), f"'{text}" if text.startswith(FORMULA_STARTS) else text
 
 
