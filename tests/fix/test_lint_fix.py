@@ -34,7 +34,6 @@ SLIPS: dict[str, list[Step]] = {
     "K31": [{"set": [f"{CLOCK}.node:type", "omni.isaac.ros2_bridge.ROS2PublishClock"]}],
     "K35": [{"declare": [f"{HELPER}.inputs:type", "token", "RGB"]}],
     "K35 of another node": [{"declare": [f"{HELPER}.inputs:type", "token", "camera_info"]}],
-    "K37": [{"set": [f"{HELPER}.inputs:topicName", " rgb "]}],
     "K38 with white space": [{"set": [f"{LIDAR}.inputs:frameId", "laser "]}],
     "K61": [{"set": ["/World/Drive/right.inputs:value", "right_wheel_joint "]}],
     "K61 in the list": [

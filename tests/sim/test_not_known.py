@@ -97,7 +97,8 @@ def test_a_graph_that_runs_for_a_prim_runs_only_with_one() -> None:
     assert checks(stage)["follows"].verdict == "not judged"
 
 
-TICK, GRAPH = "omni.graph.action.OnPlaybackTick", "/World/Extra"
+TICK, BY_KEY = "omni.graph.action.OnPlaybackTick", "omni.graph.action.OnKeyboardInput"
+GRAPH = "/World/Extra"
 # What these nodes do: the documentation of omni.graph.nodes, .action_nodes and .ui_nodes.
 CHANGING: dict[str, dict[str, object]] = {
     "omni.graph.action.SetPrimActive": {"rel inputs:primTarget": "/turtlebot3_burger/base_link"},
@@ -121,7 +122,7 @@ def extra(stage: Usd.Stage, kind: str, ports: dict[str, object], event: str = TI
     graph.CreateAttribute("evaluator:type", Sdf.ValueTypeNames.Token).Set("execution")
     node_of(stage, f"{GRAPH}/event", event)
     node = node_of(stage, f"{GRAPH}/changes", kind)
-    output = "pressed" if event.endswith("Input") else "tick"
+    output = {BY_KEY: "pressed", TICK: "tick"}.get(event, "execOut")
     signal = node.CreateAttribute("inputs:execIn", Sdf.ValueTypeNames.UInt)
     signal.SetConnections([f"{GRAPH}/event.outputs:{output}"])
     for name, value in ports.items():
@@ -154,8 +155,14 @@ def test_what_a_node_changes_only_on_the_screen_is_no_doubt(
 
 def test_a_key_that_nobody_presses_stops_nothing() -> None:
     stage = correct_stage("05")
-    extra(stage, "omni.graph.nodes.SetTimeline", {}, "omni.graph.action.OnKeyboardInput")
+    extra(stage, "omni.graph.nodes.SetTimeline", {}, BY_KEY)
     assert faulty(stage, "not judged") == set()
+
+
+def test_a_node_that_a_signal_which_is_not_played_reaches_may_stop_the_run() -> None:
+    stage = correct_stage("05")
+    extra(stage, "omni.graph.nodes.StopTimeline", {}, "omni.graph.action.OnStageEvent")
+    assert {check.verdict for check in checks(stage).values()} == {"not judged"}
 
 
 def test_nothing_is_sent_after_a_node_has_stopped_the_timeline() -> None:

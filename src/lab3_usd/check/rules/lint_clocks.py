@@ -92,8 +92,11 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
             (clocks if endpoint.type == CLOCK else others_of).add(endpoint.domain.name)
     if {domain.name for domain in contexts_of} <= clocks & others_of:
         return
-    (first, nodes), *others = contexts_of.items()
-    for domain, contexts in others:
+    most = max(map(len, contexts_of.values()))  # what most contexts name is meant
+    first, nodes = next(each for each in contexts_of.items() if len(each[1]) == most)
+    for domain, contexts in contexts_of.items():
+        if domain == first:
+            continue
         for context in contexts:
             yield Problem(
                 context.path,

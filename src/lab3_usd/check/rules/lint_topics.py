@@ -14,7 +14,6 @@ from lab3_usd.facts.endpoints import (
     Endpoint,
     Qos,
     endpoints,
-    resolve,
     running_endpoints,
 )
 from lab3_usd.facts.execution_order import effective_value
@@ -160,20 +159,13 @@ def _setting(node: Node, name: str, value: str) -> tuple[Edit, ...]:
     return (SetValue(node.path, name, port.usd_type, value),)
 
 
-def _without_space(node: Node, name: str, value: str) -> tuple[Edit, ...]:
-    """Return what takes the white space around a name away, where the rest is a name."""
-    stripped = value.strip()
-    is_name = stripped != value and resolve("", stripped) is not None
-    return _setting(node, name, stripped) if is_name and node.value(name) == value else ()
-
-
 @rule("K37", "topic-name", scope="lint")
 def topic_name(subject: LintSubject) -> Iterator[Problem]:
     """ROS 2 rejects or changes the name of a topic.
 
-    Why: the bridge strips everything except letters and digits from both ends of a name. ROS 2
-    rejects a name with spaces, dashes or a leading digit, and there is no publisher. A changed name
-    gives a topic that nothing subscribes to.
+    Why: ROS 2 rejects a name with spaces, dashes or a leading digit, and there is no publisher. The
+    bridge strips everything except letters and digits from both ends of a name, which is a note:
+    the topic is the shorter name.
 
     Fix: use letters, digits, underscores and slashes, and begin with a letter.
 
@@ -196,8 +188,7 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
                 property=name.port,
                 expected=name.resolved,
                 actual=name.written,
-                severity="warning",
-                fix=_without_space(name.node, name.port, name.written),
+                severity="note",
             )
     for node, namespace in refused_namespaces(subject.stage, subject.platform):
         yield Problem(

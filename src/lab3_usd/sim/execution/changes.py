@@ -20,12 +20,17 @@ def unplayed_change(scene: Scene, program: Program, platform: Platform) -> str:
     for graph in scene.graphs:
         for node in graph.nodes:
             ports = platform.writers.get(node.type)
-            if node.path not in program.unwritten:
-                continue
             runs_code = platform.scripts.runs(node.type)
             if not runs_code and (ports is None or not _matters(node, ports, scene, platform)):
                 continue
-            if graph.evaluator in PUSH or _may_run(node, graph.pipeline, nodes, platform, set()):
+            ahead: set[str] = set()
+            may_run = _may_run(node, graph.pipeline, nodes, platform, ahead)
+            # One that is played may wait for a signal of one that is not.
+            unwritten = [nodes[path] for path in program.unwritten if path in ahead]
+            if (may_run or graph.evaluator in PUSH) and any(
+                each is node or _may_run(each, graph.pipeline, nodes, platform, set())
+                for each in unwritten
+            ):
                 return f"not simulated: {node.path} ({node.type}) may change what happens"
     return ""
 
