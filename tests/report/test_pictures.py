@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import re
+import shutil
 import struct
 import sys
 from collections import Counter
 from collections.abc import Iterable
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import models
 import picture_geometry as geometry
 import pytest
 from golden import assert_golden_text
+from grade_files import stage as stage_file
 from html_pages import in_lines
 from hypothesis import given
 from hypothesis import strategies as st
@@ -24,8 +27,10 @@ from lab3_usd.errors import UsageError
 from lab3_usd.facts.frame_targets import UnresolvedFrames
 from lab3_usd.facts.frames import Edge
 from lab3_usd.isaac.values import Value
+from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import AbsentPrim, GraphModel, Node, PortState, StageModel
+from lab3_usd.report.html import model as html_model
 from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.dot import celled, dot
 from lab3_usd.report.picture.mermaid import coded, mermaid
@@ -45,6 +50,7 @@ from lab3_usd.report.pictures.graph_picture import graph_picture, spec_picture, 
 from lab3_usd.report.pictures.tf_picture import frames_picture, spec_frames_picture
 from lab3_usd.report.safe_text import dot_string
 from lab3_usd.spec.graph import GraphSpec
+from lab3_usd.stage.sandboxed_open import FileBounds, opening_within
 
 LAB = models.lab()
 CLOCK = LAB.graphs["ROS_Clock"]
@@ -882,3 +888,21 @@ def test_of_two_findings_at_one_port_the_graver_is_told_first() -> None:
     found = [finding(*port, severity, message=severity) for severity in ("note", "error")]
     row = row_of(drawn(clock(), *found), *port)
     assert (row.state, row.note.find("error") < row.note.find("note")) == ("wrong", True)
+
+
+def test_copies_of_a_stage_for_later_checkpoints_share_its_pictures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = [stage_file(number) for number in ("05", "06", "07", "08")]
+    for path in files:
+        shutil.copy(stage_file("05"), tmp_path / path.name)
+    drawn: list[str] = []
+    draw = html_model.stage_pictures
+    monkeypatch.setattr(html_model, "stage_pictures", lambda *on: drawn.append("") or draw(*on))
+    digests = {path.name: "the same" for path in files}
+    with opening_within(FileBounds(tmp_path.resolve(), lambda _path: None, digests=digests)):
+        results = [check_stage(tmp_path / path.name) for path in files]
+        contents = [html_model.read_content(result, LAB) for result in results]
+    assert len(drawn) == 2  # localization adds a frame to the tree
+    assert contents[0].pictures == contents[1].pictures != contents[2].pictures
+    assert contents[2].pictures == contents[3].pictures

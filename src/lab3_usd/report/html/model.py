@@ -8,6 +8,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, StageError
@@ -23,7 +24,14 @@ from lab3_usd.facts.frames import (
 )
 from lab3_usd.installation import command_line
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.finding import ChecklistItem, Crash, Severity, StageResult, section_key
+from lab3_usd.model.finding import (
+    ChecklistItem,
+    Crash,
+    Finding,
+    Severity,
+    StageResult,
+    section_key,
+)
 from lab3_usd.model.stage import StageModel
 from lab3_usd.report.entries import coverage_line, is_repairable
 from lab3_usd.report.grouped_stages import Block, ReportedFault, Spot, Stages
@@ -33,7 +41,7 @@ from lab3_usd.report.pictures.graph_picture import linted_pictures, stage_pictur
 from lab3_usd.report.safe_text import excerpt_lines, read_excerpts
 from lab3_usd.report.tf_tree import TreeReport, as_text
 from lab3_usd.report.topic_table import TopicReport, cells
-from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.lab import Checkpoint, Lab
 
 
 class StageContent(Struct, frozen=True):
@@ -63,7 +71,7 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
         pictures = (
             linted_pictures(lab.platform, model, result.findings)
             if checkpoint is None
-            else stage_pictures(lab, checkpoint, model, result.findings)
+            else _pictures(lab, checkpoint, model, result.findings)
         )
         topics = TopicReport(result.path, endpoints(model, lab.platform), edges, hidden)
         return StageContent(
@@ -73,6 +81,19 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
         )
     except StageError:  # it is damaged where no rule has looked
         return None
+
+
+def _pictures(
+    lab: Lab, checkpoint: Checkpoint, model: StageModel, findings: Sequence[Finding]
+) -> tuple[Picture, ...]:
+    """Return the pictures of a stage, which its copies for other checkpoints share."""
+    from lab3_usd.stage.read.opening import cached
+
+    # Nothing that a picture shows depends on what the file is called.
+    found = tuple(replace(finding, layer=None) for finding in findings)
+    flags = (checkpoint.graphs, checkpoint.frames, checkpoint.localization)
+    key = ("pictures", id(model), lab.at(checkpoint.id), *flags, found)
+    return cached(key, lambda: tuple(stage_pictures(lab, checkpoint, model, found)))
 
 
 def _heard(
