@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from breaking import broken, the_lab
+from breaking import Step, broken, the_lab
 
 from lab3_usd.grade import dry_runs
 from lab3_usd.grade.dry_runs import shown_by, with_dry_runs
@@ -25,6 +25,68 @@ FILES = {
 }
 
 
+# What somebody adds to checkpoint 05, beside what the lab adds there: all of it acts on the rest.
+ACTING: dict[str, list[Step]] = {
+    "a second controller": [{"copy": ["ROS_Drive", "/World/Again"]}],
+    "a node that stops the simulation": [
+        {"node": ["ROS_OdomTF/stop", "omni.graph.action.StopTimeline"]},
+        {"connect": ["ROS_OdomTF/stop.inputs:execIn", "ROS_OdomTF/on_playback_tick.outputs:tick"]},
+    ],
+    "another value": [{"set": ["ROS_Drive/differential_controller.inputs:wheelDistance", 0.5]}],
+    "a tick for a node of before": [
+        {"connect": ["ROS_Clock/ros2_publish_clock.inputs:execIn",
+                     "ROS_OdomTF/on_playback_tick.outputs:tick"]},
+    ],
+}  # fmt: skip
+LOOKING_ON: dict[str, list[Step]] = {
+    "a radius": RADIUS,
+    "no tick": [{"remove": "ROS_Clock/on_playback_tick"}],
+    "a topic": [{"set": ["ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:topicName", "/laser"]}],
+    "a frame": [{"set": ["ROS_Camera/ros2_camera_helper.inputs:frameId", "lens"]}],
+}
+
+
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Count the plays from now on."""
+    plays: list[int] = []
+    play = dry_runs.played
+    monkeypatch.setattr(dry_runs, "played", lambda *given: plays.append(1) or play(*given))
+    return plays
+
+
+def shown_in(folder: Path, steps: dict[str, list[Step]]) -> tuple[list[object], list[object]]:
+    """Return what stages show from the last to the first, played together and alone."""
+    lab, later, together, alone = the_lab(), {}, [], []
+    for number, own in reversed(steps.items()):
+        path = folder / FILES[number]
+        broken(number, own).GetRootLayer().Export(str(path))
+        wanted = expected_of_each(lab, lab.checkpoints[number])
+        together.append(shown_by(path, lab, wanted, later))
+        alone.append(shown_by(path, lab, wanted))
+    return together, alone
+
+
+@pytest.mark.parametrize("steps", LOOKING_ON.values(), ids=list(LOOKING_ON))
+def test_a_stage_that_a_later_one_holds_shows_in_its_play_what_it_shows_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: list[Step]
+) -> None:
+    plays = counted(monkeypatch)
+    together, alone = shown_in(tmp_path, {"04": steps, "05": steps})
+    assert len(plays) == 1 + 2
+    assert together == alone
+    assert any(together)
+
+
+@pytest.mark.parametrize("steps", ACTING.values(), ids=list(ACTING))
+def test_what_acts_on_the_rest_has_the_earlier_stage_played(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, steps: list[Step]
+) -> None:
+    plays = counted(monkeypatch)
+    together, alone = shown_in(tmp_path, {"04": RADIUS, "05": [*RADIUS, *steps]})
+    assert len(plays) == 2 + 2
+    assert together == alone
+
+
 def test_the_stages_after_the_last_graph_are_played_once_where_they_are_equal(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -34,11 +96,9 @@ def test_the_stages_after_the_last_graph_are_played_once_where_they_are_equal(
         shutil.copy(tmp_path / FILES["05"], tmp_path / FILES[number])
     results = [check_stage(tmp_path / name) for name in FILES.values()]
     digests = {result.path: str(Path(result.path).stat().st_size) for result in results}
-    played = []
-    record = dry_runs.record
-    monkeypatch.setattr(dry_runs, "record", lambda *given: played.append(1) or record(*given))
+    plays = counted(monkeypatch)
     facts = with_dry_runs(facts_of(results, {}), the_lab(), digests)
-    assert len(played) == 2
+    assert len(plays) == 1  # which shows what 04 does, too
     shown = [stage.shown for stage in facts.stages]
     assert "follows" in shown[1]
     assert shown[1] == shown[2] == shown[3] == shown[4]

@@ -12,64 +12,81 @@ from lab3_usd.grade.scoring import SubmissionFacts
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.sim.dry_run import is_asked, scene_of, watched_body
 from lab3_usd.sim.execution.drive import drive_of
+from lab3_usd.sim.held_play import held_play
 from lab3_usd.sim.judge.checks import CHECKS, why_unplayed
 from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
 from lab3_usd.sim.judge.topics import expected_of_each
-from lab3_usd.sim.timeline import record
+from lab3_usd.sim.timeline import Player, played, trial_of
 from lab3_usd.spec.lab import Lab
 
+_Key = tuple[str, str]  # the content of a stage, and what is expected of it
+_Later = dict[str, tuple[Player, Expected]]  # the last play of a stage, by robot
 _DRIVE = "0.15,0,1 0,0.8,1"  # enough to see what it does: the whole drive takes thrice as long
 
 
 def with_dry_runs(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) -> SubmissionFacts:
     """Play the stages that have faults, each file once for all that is expected alike of it.
 
+    The last stage is played first: what it holds of the earlier ones is not played again.
     Stages without faults are not played: nothing would come of it. A dry run that fails itself is a
     crash over its stage.
     """
-    shown: dict[tuple[str, str], Mapping[str, str]] = {}
-    failed: dict[tuple[str, str], str] = {}
-    crashes = dict(facts.crashes)
-    stages = []
+    first: dict[_Key, tuple[Path, Mapping[str, Expected]]] = {}
+    keys: list[_Key | None] = []
     for stage in facts.stages:
         demands = lab.same_demands(stage.checkpoint)
         is_played = stage.readable and stage.faults and stage.path not in facts.crashes
-        if not (is_played and demands.graphs) and not shown:
-            stages.append(stage)
-            continue
-        wanted = expected_of_each(lab, lab.checkpoints[demands.id])
-        key = digests.get(stage.path, stage.path), repr(wanted)
-        if is_played and demands.graphs and key not in shown:
-            try:
-                shown[key] = shown_by(Path(stage.path), lab, wanted)
-            except MemoryError:
-                raise
-            except Exception as error:  # noqa: BLE001 - whatever it raises is its crash
-                shown[key] = {}
-                failed[key] = f"{type(error).__name__}: {error}"
+        key = None
+        if first or (is_played and demands.graphs):
+            wanted = expected_of_each(lab, lab.checkpoints[demands.id])
+            key = digests.get(stage.path, stage.path), repr(wanted)
+            if is_played and demands.graphs and key not in first:
+                first[key] = Path(stage.path), wanted
+        keys.append(key if key in first else None)
+    later: _Later = {}
+    shown: dict[_Key, Mapping[str, str]] = {}
+    failed: dict[_Key, str] = {}
+    for key, (path, each) in reversed(first.items()):
+        try:
+            shown[key] = shown_by(path, lab, each, later)
+        except MemoryError:  # noqa: PERF203
+            raise
+        except Exception as error:  # noqa: BLE001 - whatever it raises is its crash
+            failed[key] = f"{type(error).__name__}: {error}"
+    crashes = dict(facts.crashes)
+    stages = []
+    for stage, key in zip(facts.stages, keys, strict=True):
         if key in failed:
             crashes[stage.path] = failed[key]
-        stages.append(replace(stage, shown=shown.get(key, {})))
+        stages.append(stage if key is None else replace(stage, shown=shown.get(key, {})))
     return replace(facts, stages=tuple(stages), crashes=crashes)
 
 
-def shown_by(path: Path, lab: Lab, each: Mapping[str, Expected]) -> dict[str, str]:
+def shown_by(
+    path: Path, lab: Lab, each: Mapping[str, Expected], later: _Later | None = None
+) -> dict[str, str]:
     """Return what a dry run shows to be wrong, by topic, check and kind of fault.
 
     `each` is what is expected of each robot by name: of several, a check or kind is also there by
     the robot's name, as `r2: follows`. What an asset that is missing could bring is not in there.
     What a node would do that is not simulated, as a script, is not looked for: it is not what the
-    lab asks for.
+    lab asks for. A stage that one of the `later` plays holds by value is not played again.
     """
     try:
         scene = scene_of(path, lab.platform)
     except StageError:
         return {}  # what is damaged, the rules did not need
+    later = {} if later is None else later
     shown: dict[str, str] = {}
     for robot, wanted in each.items():
         watched = watched_body(wanted, robot, scene, lab)
-        trial = record(scene, lab.platform, drive_of(_DRIVE, wanted.limits), watched)
-        for name, text in _shown(trial, scene).items():
+        drive = drive_of(_DRIVE, wanted.limits)
+        known = later.get(robot)
+        player = held_play(scene, watched, *known, lab.platform) if known is not None else None
+        if player is None:
+            player = played(scene, lab.platform, drive, watched)
+            later[robot] = player, watched
+        for name, text in _shown(trial_of(player, drive, watched), scene).items():
             shown.setdefault(name, text)
             if robot and not name.startswith("/"):
                 shown[f"{robot}: {name}"] = text

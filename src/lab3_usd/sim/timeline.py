@@ -117,6 +117,9 @@ class Player:
         self.program: Program = compile_graphs(world.scene, platform)
         self.robot = world.machines.member.get(body) if body else driven(world)
         self.body = body or (self.robot.base if self.robot is not None else "")
+        self.start = HERE
+        if self.robot is not None:
+            self.start = in_metres(world.machines.place(self.body), world.scene.meters_per_unit)
         self.recording = Recording()
         self.commands = 0
         self.rate = physics_rate(world.scene) if self.program.events.get(STEP) else RATE
@@ -275,12 +278,27 @@ def record(
 
     What stands there may be shared with plays of the same prims that are over.
     """
+    return trial_of(played(scene, platform, drive, wanted, standing), drive, wanted)
+
+
+def played(
+    scene: Scene,
+    platform: Platform,
+    drive: Sequence[Session],
+    wanted: Expected,
+    standing: Standing | None = None,
+) -> Player:
+    """Play the sessions, and return who has."""
     player = player_of(scene, platform, wanted, standing)
-    world = player.world
-    robot, unit = player.robot, scene.meters_per_unit
-    start = in_metres(world.machines.place(player.body), unit) if robot is not None else HERE
     for session in drive:
         player.play(session)
+    return player
+
+
+def trial_of(player: Player, drive: Sequence[Session], wanted: Expected) -> Trial:
+    """Return what is judged of sessions that were played."""
+    world, scene = player.world, player.world.scene
+    robot, unit, start = player.robot, scene.meters_per_unit, player.start
     recording = player.recording
     recording.messages = world.network.sent
     recording.static = tuple(
