@@ -120,11 +120,14 @@ def test_who_needs_the_grader_stands_first() -> None:
         row("b", None, status="unreadable", reports=[]),
         row("c", late=True),
         row("d", items=[{**row("d")["items"][0], "state": "open"}]),
+        row("e", attention=["not judged in part", "ambiguous"]),
+        row("f", may_be=[{"name": "g", "ids": {}}]),
     ]
     text = " ".join(" ".join(Page(page_of("Lab 3", ITEMS, rows)).text).split())
     needing = text.partition("Needs you ")[2].partition(" Search")[0].partition("Needs you ")[2]
     assert needing == (
-        "1 unreadable Name of b 1 late Name of c 1 to be judged by you Name of d Students"
+        "2 ambiguous Name of e , Name of f 1 not judged in part Name of e 1 unreadable Name of b "
+        "1 late Name of c 1 to be judged by you Name of d Students"
     )
     assert "Needs you" not in page_of("Lab 3", ITEMS, [row("a")])
 

@@ -21,6 +21,7 @@ from lab3_usd.grade.intake.archives import NO_ARCHIVE, ArchiveError
 from lab3_usd.grade.intake.guard import check_layer
 from lab3_usd.grade.intake.staging import StagedSubmission, stage_submission
 from lab3_usd.grade.intake.submission_copy import Limits, TooLargeError
+from lab3_usd.grade.intake.submission_folder import AMBIGUOUS
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.scoring import Grade, SubmissionFacts, facts_of, grade_facts
 from lab3_usd.grade.shared_reports import SHARED
@@ -153,6 +154,7 @@ def grade_submission(
         **fields,
         **_record(points, facts, _status(judged, task.broken, staged)),
         "remarks": list(remarks),
+        "attention": [*_attention(judged, staged)],
         "work": work,
         **_team(facts, setup.lab),
         "digest": staged.digest,
@@ -169,6 +171,15 @@ def _team(facts: SubmissionFacts, lab: Lab) -> Json:
     stems = ((Path(stage.path).stem, lab.files[stage.checkpoint]) for stage in facts.stages)
     found = dict.fromkeys(team for stem, name in stems if (team := team_of(stem, name)))
     return {"team": ", ".join(found)}
+
+
+def _attention(judged: FolderResult, staged: StagedSubmission) -> Iterator[str]:
+    """Yield why a grader has to look at a submission that has a grade."""
+    if any(AMBIGUOUS in remark.text for remark in staged.remarks):
+        yield "ambiguous"
+    left_aside = any(finding.rule == _UNJUDGED for finding in judged.submission.findings)
+    if left_aside or any(result.verdict == "not judged" for result in judged.results):
+        yield "not judged in part"
 
 
 def _work(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) -> Json:

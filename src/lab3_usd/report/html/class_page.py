@@ -19,7 +19,7 @@ BIN = 10  # per cent
 _HARDEST = 20
 _NAMED = 20  # students of a group that handed in the same
 _MOST = 500  # rows that are shown at first
-_LATE, _TO_JUDGE = "late", "to be judged by you"
+_AMBIGUOUS, _LATE, _TO_JUDGE = "ambiguous", "late", "to be judged by you"
 _DRY_RUN = "dry run/"  # what the ids of requirements begin with that a dry run shows to be unmet
 _PIECES = 500  # pieces of text that make a part of the page
 Row = Mapping[str, Any]
@@ -109,12 +109,18 @@ def _report_of(row: Row) -> str:
 
 
 def needing(rows: Rows) -> Iterator[Needing]:
-    """Yield the rows that a grader has to look at: by status, with an open item, or late."""
+    """Yield the rows that a grader has to look at.
+
+    These are by status, with more than one way to read names or folders, with stages that were not
+    judged, late, or with an open item.
+    """
     counts: Counter[str] = Counter()
     first: dict[str, list[Row]] = {}
     for row in rows:
         reasons = {
             row["status"]: row["status"] != "graded",
+            **dict.fromkeys(row.get("attention", ()), True),
+            **({_AMBIGUOUS: True} if row.get("may_be") else {}),
             _LATE: row["late"],
             _TO_JUDGE: any(item["state"] == "open" for item in row["items"]),
         }
