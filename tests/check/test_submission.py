@@ -38,6 +38,7 @@ from lab3_usd.judge.files import lone_stage_notes, map_findings
 from lab3_usd.judge.folder import FolderSettings, check_folder, is_submission
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.json_report import report_json
+from lab3_usd.stage.graph_signature import files_read
 
 LAST = list(LAB.checkpoints)[-1]
 SOME_GRAPH_FAULTS = list(graph_faults(LAB, LAB.checkpoints[LAST]))[7::40]
@@ -485,3 +486,29 @@ def test_the_layers_of_a_stage_are_named_nowhere(folder: Path) -> None:
     assert [line for line in notes(checked(folder)) if line.startswith("X13")] == [
         "X13 work/notes.usda"
     ]
+
+
+def test_what_is_known_to_be_a_layer_is_not_asked_for_its_own_layers(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parts = folder / "work" / "parts"
+    parts.mkdir()
+    stage = folder / stage_name("03")
+    stage.rename(parts / "0.usda")
+    for number in range(1, 4):
+        between = Sdf.Layer.CreateNew(str(parts / f"{number}.usda"))
+        between.subLayerPaths.append(f"{number - 1}.usda")
+        between.Save()
+    root = Sdf.Layer.CreateNew(str(stage))
+    root.subLayerPaths.append("parts/3.usda")
+    root.Save()
+    asked: list[Path] = []
+
+    def asking(path: Path) -> tuple[str, ...]:
+        asked.append(path)
+        return files_read(path)
+
+    monkeypatch.setattr("lab3_usd.stage.graph_signature.files_read", asking)
+    checked(folder)
+    assert asked
+    assert [path for path in asked if path.parent == parts] == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache
 from pathlib import Path, PurePosixPath
 
 from msgspec import Struct, field
@@ -211,11 +212,12 @@ def _unjudged(contents: FolderContents) -> Iterator[UnjudgedStage]:
         if not entry.why_not and stage_ending(entry, files)
         if entry.path not in taken and entry.path != listing.starter
     ][:_MOST_UNJUDGED]
-    paths = [*(stage.path for stage in stages), *(entry.path for entry in left)] if left else []
-    read = {path: files_read(root / path) for path in paths}
+    paths = [*(stage.path for stage in stages), *(entry.path for entry in left)]
+    # Most are layers of the stages, which come first: then nothing else is opened.
+    read = cache(lambda path: files_read(root / path))
     for entry in left:
         own = os.path.realpath(root / entry.path)
-        if any(own in parts for path, parts in read.items() if path != entry.path):
+        if any(own in read(path) for path in paths if path != entry.path):
             continue
         number = _fitting_checkpoint(root / entry.path, contents)
         is_asset = entry.path.partition("/")[0].lower() == contents.spec.folders.starter
