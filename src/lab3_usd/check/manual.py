@@ -74,7 +74,7 @@ PLAIN: Mapping[str, str] = {
 def rules_in(lab: Lab) -> dict[str, Rule]:
     """Return every rule by id, in the words of a lab."""
     return {
-        name: replace(rule, manual=in_words_of(lab, rule.manual))
+        name: replace(rule, words=in_words_of(lab, rule.manual))
         for name, rule in all_rules().items()
     }
 

@@ -150,12 +150,12 @@ Demands = Callable[["Lab", "Checkpoint"], Iterable[Demand]]
 class Rule(Struct, frozen=True):
     """One rule: a stable id, a name, a usual severity, and the generator that finds problems.
 
-    `manual` is its docstring: what is wrong; `Why:`; `Fix:`; `Example:`. Names of a lab are filled
-    in by `check.manual`. `formerly` is the name of an earlier release, which is still understood.
-    `demands` yields what a checkpoint requires of the scene and the rule judges; several rules may
-    judge the same demands. `counted` is what a report calls one of its notes and several, where it
-    only counts them. `needs` is the part of a lab (`check.manual.PARTS`) without which there is
-    nothing to judge.
+    Its `manual` is its docstring: what is wrong; `Why:`; `Fix:`; `Example:`, or the same in the
+    `words` of a lab (`check.manual`). `formerly` is the name of an earlier release, which is still
+    understood. `demands` yields what a checkpoint requires of the scene and the rule judges;
+    several rules may judge the same demands. `counted` is what a report calls one of its notes and
+    several, where it only counts them. `needs` is the part of a lab (`check.manual.PARTS`) without
+    which there is nothing to judge.
     """
 
     id: str
@@ -163,11 +163,16 @@ class Rule(Struct, frozen=True):
     severity: Severity
     scope: Scope
     check: Callable[..., Iterator[Problem]]
-    manual: str = ""
+    words: str = ""
     formerly: str = ""
     demands: Demands | None = None
     counted: tuple[str, str] = ("", "")
     needs: str = ""
+
+    @property
+    def manual(self) -> str:
+        """What its docstring says, or the words of a lab for it."""
+        return self.words or inspect.getdoc(self.check) or ""
 
     @property
     def family(self) -> str:
@@ -223,9 +228,8 @@ def rule(  # noqa: PLR0913 - decorators name them
         known = _RULES.get(rule_id)
         if known is not None and _origin(known.check) != _origin(check):
             raise ValueError(f"rule {rule_id} is registered twice")
-        manual = inspect.getdoc(check) or ""
         _RULES[rule_id] = Rule(
-            rule_id, name, severity, scope, check, manual, formerly, demands, counted, needs
+            rule_id, name, severity, scope, check, "", formerly, demands, counted, needs
         )
         if scope == "lint":
             _OF_LINT.add(check)

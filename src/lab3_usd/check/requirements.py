@@ -22,7 +22,6 @@ from lab3_usd.check.repairs import TYPE
 from lab3_usd.check.robot.location import relocated_path
 from lab3_usd.check.robot.sensors import sensor_group
 from lab3_usd.facts.tree import tree
-from lab3_usd.model.dry_run import FOLLOWS
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node, is_nested, same_value
@@ -134,6 +133,8 @@ def _is_slight(subject: GraphSubject, found: Found) -> bool:
     if isinstance(wanted, float):
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             return False
+        from lab3_usd.model.dry_run import FOLLOWS
+
         return math.isclose(value, wanted, rel_tol=FOLLOWS / 2)
     port = kind.port(found.setting.port)
     is_in_metres = same_value(subject.stage.meters_per_unit, 1.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from difflib import get_close_matches
 from re import escape, fullmatch
 from typing import Any
 
@@ -200,6 +199,8 @@ def _instance_in(name: str, template: str) -> str:
 
 def _nearest(name: str, known: Iterable[str]) -> str:
     """Return the known name whose last part is the most like that of a name, '' for none."""
+    from difflib import get_close_matches
+
     short = {each.rpartition(":")[2].lower(): each for each in known}
     found = get_close_matches(name.rpartition(":")[2].lower(), short, n=1)
     return short[found[0]] if found else ""

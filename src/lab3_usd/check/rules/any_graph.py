@@ -257,12 +257,12 @@ def limit_needs_time_step(subject: GraphsSubject) -> Iterator[Problem]:
 
     Example: `inputs:maxAcceleration = 2` while `inputs:dt` is not connected.
     """
-    from lab3_usd.check.missing_wires import step_wire  # which few stages need
-
     live = live_nodes(subject.stage, subject.platform)
     for node in subject.nodes():
         values = dict(stopping_limits(live, node))
         for port in values or unknown_limits(live, node):
+            from lab3_usd.check.missing_wires import step_wire  # which few stages need
+
             steps = () if node.type is None else node.type.time_step
             wires = ", ".join(map(short_source, node.sources(port)))
             first = f"delete the wire from {wires}, then " if wires else ""

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import ModelSubject, StageSubject
-from lab3_usd.check.registry import rule
-from lab3_usd.check.rules.robot import link_bodies
+from lab3_usd.check.registry import Demand, rule
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ApplySchema, Restore
 from lab3_usd.model.finding import Problem, display
@@ -28,12 +27,29 @@ from lab3_usd.model.physics import (
 from lab3_usd.model.prims import Prim, is_at_or_below, upwards
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import decompose
+from lab3_usd.spec.lab import Checkpoint, Lab
 
 _OWNER = "physics:simulationOwner"
 _MASSES = (MASS, "physics:density", "physics:diagonalInertia")
 _ROUND = ("Sphere", "Capsule", "Cone")  # shapes of one radius in all directions
 _TUBE, _AXIS, _AXES = "Cylinder", "axis", "XYZ"  # its length may have a scale of its own
 _UNEVEN = 1e-3  # of a scale
+
+
+def link_bodies(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    """Yield what is asked of each link by itself."""
+    del checkpoint
+    for robot in lab.scene.robots:
+        group = robot.group
+        for name, link in robot.links.items():
+            path = robot.path_of(name)
+            yield Demand(f"{group}/body/{name}", f"{name} is a rigid body", path, robot.handout)
+            if link.mass is not None:
+                title = f"{name} weighs {link.mass:g} kg"
+                yield Demand(f"{group}/mass/{name}", title, path, link.handout)
+            if link.collision:
+                title = f"{name} has collision geometry"
+                yield Demand(f"{group}/collision/{name}", title, path, link.handout)
 
 
 @rule("K96", "simulation-owner", scope="lint")

@@ -6,12 +6,15 @@ import math
 import reprlib
 from collections.abc import Iterable, Iterator
 from pathlib import PurePath
+from typing import TYPE_CHECKING
 
 from lab3_usd.check.match.rule_inputs import ModelSubject, StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.model.dry_run import Check
 from lab3_usd.model.finding import MOST_ITEMS, MOST_LETTERS, IgnoreNote, Problem
 from lab3_usd.model.prims import is_at_or_below
+
+if TYPE_CHECKING:
+    from lab3_usd.model.dry_run import Check
 
 
 @rule("F01", "unreadable-file", scope="file")

@@ -27,7 +27,6 @@ from lab3_usd.model.stage import (
     AbsentPrim,
     Node,
 )
-from lab3_usd.spec.contradictions.names import graph_topics
 from lab3_usd.spec.graph import NodeSpec, PortRef
 from lab3_usd.spec.lab import Lab
 
@@ -250,6 +249,8 @@ def _is_sure(pair: tuple[Endpoint, Endpoint]) -> bool:
 @lru_cache(maxsize=16)
 def _topics_asked(lab: Lab) -> frozenset[str]:
     """Return the topics that the graphs of a lab publish, which is the same for every stage."""
+    from lab3_usd.spec.contradictions.names import graph_topics  # which few stages need
+
     return frozenset(topic.name for topic in graph_topics(lab) if not topic.is_subscribed)
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
-from lab3_usd.check.registry import Demand, rule
+from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.axles import disc_of
 from lab3_usd.check.robot.poses import (
     UNSCALED,
@@ -17,6 +17,7 @@ from lab3_usd.check.robot.poses import (
     vector_text,
 )
 from lab3_usd.check.robot.wheels import unknown_joints
+from lab3_usd.check.rules.any_physics import link_bodies
 from lab3_usd.check.rules.world import SHAPE, at_rest
 from lab3_usd.model.changes import (
     Activate,
@@ -41,24 +42,7 @@ from lab3_usd.model.physics import (
     number,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import LinkSpec
-
-
-def link_bodies(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
-    """Yield what is asked of each link by itself."""
-    del checkpoint
-    for robot in lab.scene.robots:
-        group = robot.group
-        for name, link in robot.links.items():
-            path = robot.path_of(name)
-            yield Demand(f"{group}/body/{name}", f"{name} is a rigid body", path, robot.handout)
-            if link.mass is not None:
-                title = f"{name} weighs {link.mass:g} kg"
-                yield Demand(f"{group}/mass/{name}", title, path, link.handout)
-            if link.collision:
-                title = f"{name} has collision geometry"
-                yield Demand(f"{group}/collision/{name}", title, path, link.handout)
 
 
 def _asked(subject: RobotSubject, what: str, link: Prim) -> str:

@@ -9,7 +9,7 @@ from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.ground import highest_ground
 from lab3_usd.check.robot.wheels import WheelJoint, turning_joints
-from lab3_usd.check.rules.robot import link_bodies
+from lab3_usd.check.rules.any_physics import link_bodies
 from lab3_usd.check.rules.wheel_joints import of_each_joint
 from lab3_usd.model.changes import ApplySchema, Restore
 from lab3_usd.model.finding import Problem
