@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,7 @@ from invoking import invoke as lab3
 from linting import broken_robot
 from places import REPOSITORY
 
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import NoRoomError, UsageError
 from lab3_usd.fix.repairing import FixOptions, fix_linted
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.judge.lint import lint_stage
@@ -209,3 +211,19 @@ def test_a_node_is_triggered_by_the_one_that_computes_what_it_takes(tmp_path: Pa
 def test_what_goes_with_repairs_needs_them(tmp_path: Path) -> None:
     with pytest.raises(UsageError):
         lab3("lint", "--in-place", saved(tmp_path, []))
+
+
+def test_a_full_disk_names_the_file_and_leaves_the_stage(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = saved(tmp_path, [dict(slip) for slip in SLIPS["K31"]])
+    before = path.read_bytes()
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    for words, name in ((("-o", tmp_path / "new.usda"), "new.usda"), (("--in-place",), path.name)):
+        with pytest.raises(NoRoomError, match=f"{name} cannot be written"):
+            lab3("fix", "--lint", *words, path)
+    assert [(item.name, item.read_bytes()) for item in tmp_path.iterdir()] == [(path.name, before)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -17,7 +18,7 @@ from grade_files import submission
 from mini_lab import starter
 from workers_here import graded_here
 
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import NoRoomError, UsageError
 from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.lock import LOCK, locked
 
@@ -121,3 +122,16 @@ def test_a_file_of_that_name_that_is_no_lock_stays(*, force: bool, tmp_path: Pat
     with pytest.raises(UsageError, match="is no lock of a run"), locked(tmp_path, force=force):
         pass
     assert (tmp_path / LOCK).read_text() == "notes"
+
+
+def test_a_full_disk_names_the_lock_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "write", full)
+    book = tmp_path / "book"
+    with pytest.raises(NoRoomError, match=f"{LOCK} cannot be written"), locked(book):
+        pass
+    assert not book.exists()

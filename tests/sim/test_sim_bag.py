@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,9 @@ from invoking import invoke
 from pxr import Gf
 
 from lab3_usd.commands import sim
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import NoRoomError, UsageError
+from lab3_usd.sim.bag.tape import SentCommand, Tape
+from lab3_usd.sim.execution.drive import Leg
 
 pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
 reader = pytest.importorskip("mcap.reader", reason="mcap-ros2-support is not installed")
@@ -241,3 +245,18 @@ def test_without_the_extra_a_line_says_what_to_install(
     stage = bag.parent / "Lab3_05.usda"
     with pytest.raises(UsageError, match=r"needs the extra sim: .* install"):
         invoke("sim", stage, "--bag", bag.parent / "other")
+
+
+def test_a_full_disk_leaves_no_part_of_a_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from lab3_usd.sim.bag import writer
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(writer.Writer, "write", full)
+    ahead = SentCommand(0.0, 0, "/cmd_vel", Leg("ahead", 1.0, (0.1, 0.0, 0.0)))
+    with pytest.raises(NoRoomError, match="run cannot be written"):
+        writer.write_bags(tmp_path / "run", Tape((), (ahead,), 0))
+    assert list(tmp_path.iterdir()) == []

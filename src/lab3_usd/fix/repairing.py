@@ -394,7 +394,10 @@ def check_result(fixed: Fixed, data: bytes, target: Path) -> None:
     except OSError as error:
         raise unwritten(target, error) from error
     try:
-        temporary.write_bytes(data)
+        try:
+            temporary.write_bytes(data)
+        except OSError as error:
+            raise unwritten(target, error) from error
         if is_whole:
             after = fixed.judge_again(temporary)
         else:

@@ -50,7 +50,13 @@ def locked(out: Path, *, force: bool = False) -> Iterator[None]:
     except OSError as error:
         raise unwritten(out, error) from error
     try:
-        _take(handle, out, force=force)
+        try:
+            _take(handle, out, force=force)
+        except OSError as error:
+            (out / LOCK).unlink(missing_ok=True)
+            if is_new:
+                out.rmdir()
+            raise unwritten(out / LOCK, error) from error
         try:
             yield
         finally:

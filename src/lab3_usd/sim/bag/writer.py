@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
@@ -247,13 +248,15 @@ def write_bags(folder: Path, tape: Tape) -> list[Written]:
     """
     domains = {tape.domain(message) for message in tape.messages}
     domains |= {command.domain for command in tape.commands}
-    several = len(domains) > 1
+    several, is_new = len(domains) > 1, not folder.exists()
     try:
         return [
             _write_bag(folder / f"domain_{domain}" if several else folder, tape, domain)
             for domain in sorted(domains or {tape.home})
         ]
     except OSError as error:
+        if is_new:
+            shutil.rmtree(folder, ignore_errors=True)  # a part of a bag is none
         raise unwritten(folder, error) from error
 
 
