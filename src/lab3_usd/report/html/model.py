@@ -127,6 +127,7 @@ class PagePicture(Struct, frozen=True):
     stages: Stages
     size: tuple[float, float]
     faults: int = 0
+    severity: Severity = "error"
     svg: str | None = None
     lines: tuple[str, ...] = ()
 

@@ -6,12 +6,12 @@ A link leads to the element of a picture that shows a fault, and to the view aro
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 
 from msgspec import Struct, field
 
-from lab3_usd.model.finding import Finding
+from lab3_usd.model.finding import SEVERITIES, Finding, Severity
 from lab3_usd.report.grouped_stages import Block, ReportedFault
 from lab3_usd.report.html.model import PagePicture, PortLink, StageContent, Topic
 from lab3_usd.report.picture.canvas import LEGEND_LINE
@@ -96,6 +96,7 @@ def gallery(
                 stages=shared.stages,
                 size=(picture.width, picture.height),
                 faults=len(targets[shared.id]),
+                severity=_worst(fault for fault in block_faults if fault.id in targets[shared.id]),
                 svg=drawn.get(shared.id),
                 lines=shared.lines,
             )
@@ -107,6 +108,11 @@ def gallery(
     return Gallery(
         tuple(pictures), {name: tuple(ways[:MOST_LINKS]) for name, ways in links.items()}
     )
+
+
+def _worst(faults: Iterable[ReportedFault]) -> Severity:
+    """Return the gravest severity of faults."""
+    return min((fault.finding.severity for fault in faults), key=SEVERITIES.index, default="error")
 
 
 def _shared_pictures(
