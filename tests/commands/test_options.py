@@ -144,5 +144,8 @@ def test_of_a_folder_without_stages_those_below_are_named(tmp_path: Path) -> Non
     work = tmp_path / "ana" / "work"
     work.mkdir(parents=True)
     (work / "x.usda").touch()
-    with pytest.raises(UsageError, match=f"stages are in {work} "):
+    with pytest.raises(UsageError, match=f"holds no stage and .* stages are in {work} "):
+        invoke("check", tmp_path)
+    (tmp_path / "robot.usda").touch()
+    with pytest.raises(UsageError, match=f"no stage with a checkpoint .* are in {work} "):
         invoke("check", tmp_path)

@@ -72,8 +72,9 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Target]:
         for file in Path(path).iterdir()
         if is_stage_file(file.name) and not settings.config.excludes(file)
     )
-    if not files:
-        raise UsageError(f"{path}: holds no stage and is no submission; {_elsewhere(Path(path))}")
+    if not any(_known_checkpoint(str(file), settings, lab) for file in files):
+        what = "no stage with a checkpoint in its name" if files else "no stage"
+        raise UsageError(f"{path}: holds {what} and is no submission; {_elsewhere(Path(path))}")
     for file in files:
         checkpoint_at(str(file), settings, lab)
         yield Target(str(file), is_submission=False)
@@ -84,7 +85,7 @@ def _elsewhere(folder: Path) -> str:
     below = (file for depth in ("*/*", "*/*/*") for file in folder.glob(depth))
     folders = sorted({str(file.parent) for file in below if is_stage_file(file.name)})
     if not folders:
-        return f"{program()} build --out {folder} writes stages of the lab"
+        return f"{program()} lint judges any stage, {program()} build --out {folder} writes the lab's"
     more = ", ..." if len(folders) > _NAMED else ""
     named = ", ".join(folders[:_NAMED])
     return f"stages are in {named}{more} ({program()} grade judges a class, {program()} lint any)"
@@ -99,16 +100,21 @@ def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:
     Raises:
         UsageError: neither settings nor name give one.
     """
-    configured = next(matching(settings.config.checkpoints, path, settings.config), None)
-    checkpoint = settings.checkpoint or configured or checkpoint_of(Path(path).name, lab)
+    checkpoint = _known_checkpoint(path, settings, lab)
     if checkpoint is not None and checkpoint not in lab.checkpoints:
         raise UsageError(f"{settings.config.file}: there is no checkpoint '{checkpoint}' ({path})")
     if checkpoint is None:
         raise UsageError(
             f"{path}: the name gives no checkpoint (as {lab.checkpoints[lab.first].file} does); "
-            f"give one with --checkpoint, or use {program()} lint, which needs none"
+            f"give one with --checkpoint, or use {program()} lint, or fix --lint, which need none"
         )
     return checkpoint
+
+
+def _known_checkpoint(path: str, settings: JudgeSettings, lab: Lab) -> str | None:
+    """Return the checkpoint that settings, configuration or name give a file."""
+    configured = next(matching(settings.config.checkpoints, path, settings.config), None)
+    return settings.checkpoint or configured or checkpoint_of(Path(path).name, lab)
 
 
 def judge_entries(
