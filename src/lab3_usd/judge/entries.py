@@ -85,7 +85,8 @@ def _elsewhere(folder: Path) -> str:
     below = (file for depth in ("*/*", "*/*/*") for file in folder.glob(depth))
     folders = sorted({str(file.parent) for file in below if is_stage_file(file.name)})
     if not folders:
-        return f"{program()} lint judges any stage, {program()} build --out {folder} writes the lab's"
+        write = f"{program()} build --out {folder}"
+        return f"{write} writes stages of the lab, {program()} lint judges any"
     more = ", ..." if len(folders) > _NAMED else ""
     named = ", ".join(folders[:_NAMED])
     return f"stages are in {named}{more} ({program()} grade judges a class, {program()} lint any)"

@@ -171,7 +171,7 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("W11", "leftover-wire", scope="graph", severity="warning")
 def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
-    """A wire to a deleted node or port was left behind.
+    """A wire leads to a deleted node or port.
 
     Why: it carries no data, and Isaac Sim may drop it when it loads the stage. It does no harm, but
     shows that a node was deleted or renamed after it had been connected.

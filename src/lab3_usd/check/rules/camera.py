@@ -82,7 +82,7 @@ def _wrong(subject: StageSubject) -> Iterator[tuple[PresentSensor, PoseError | V
 
 @rule("C04", "camera-position", scope="stage", demands=sensor_demands(CAMERA, sensor_place))
 def camera_position(subject: StageSubject) -> Iterator[Problem]:
-    """The robot's camera is at another position, scaled, or does not follow the robot.
+    """The camera is at another position, scaled, or left behind.
 
     Why: inside the robot it sees the inside of a part. At another position the image does not match
     its TF frame. With `!resetXformStack!` the camera ignores its link and stays where it is while
@@ -209,7 +209,7 @@ def camera_aperture(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("C10", "camera-image", scope="stage", severity="warning")
 def camera_image(subject: StageSubject) -> Iterator[Problem]:
-    """The image of the camera is not a plain perspective one.
+    """The camera's image is not plain perspective.
 
     Why: the camera info describes a pinhole camera with focal length and aperture. An orthographic,
     shifted or fisheye image does not match it, and clipping planes hide parts of the world. Another

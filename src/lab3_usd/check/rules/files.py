@@ -213,7 +213,7 @@ def upload_left_aside(path: str, uploads: str) -> Iterator[Problem]:
 
 @rule("Z05", "file-passed-over", scope="file", severity="note")
 def file_passed_over(path: str, reason: str) -> Iterator[Problem]:
-    """A file or folder is not part of the judged submission.
+    """A file is not part of the judged submission.
 
     Why: folders that version control, environments and builds fill (`.git`, `venv`, `build`,
     `install`, `log`, `__pycache__`) hold nothing of the lab, unless stages lie in them. Files

@@ -83,7 +83,7 @@ def lidar_type(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("L04", "lidar-pose", scope="stage", demands=sensor_demands(LIDAR, sensor_place))
 def lidar_pose(subject: StageSubject) -> Iterator[Problem]:
-    """The lidar is not at the origin of its link, or does not follow it.
+    """The lidar is off its link's origin, or does not follow it.
 
     Why: the scan is published in the frame of the lidar's link. If the lidar is moved or turned,
     the walls are displaced in RViz and on the map. With `!resetXformStack!` it ignores its link and
@@ -290,7 +290,7 @@ def _blind_ranges(lidar: PresentSensor, scan: ScanSpec, subject: StageSubject) -
 
 @rule("L10", "other-scan", scope="stage", severity="warning")
 def other_scan(subject: StageSubject) -> Iterator[Problem]:
-    """The lidar scans part of the circle, is not flat, or gives other points.
+    """The lidar scans part of the circle, tilted, or otherwise.
 
     Why: the map and AMCL assume a full circle at the height of the lidar. Walls outside the scanned
     part are missing; what lies above or below appears as a wall in its plane. Without emitters of

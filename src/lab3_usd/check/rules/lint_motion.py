@@ -304,7 +304,7 @@ def misnamed(pose: MisnamedPose, why: str, rests_on: UnresolvedAsset | None) -> 
 
 @rule("K84", "wheels-turn-apart", scope="lint")
 def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
-    """The joints of two wheels turn opposite ways, or one turns its wheel across its axis.
+    """Two wheel joints turn opposite ways, or one across its wheel's axis.
 
     Why: a Differential Controller gives both wheels a positive speed to drive ahead. If the axis of
     one joint points the other way, the robot turns on the spot instead, and drives when it should

@@ -27,7 +27,7 @@ _TWO = 2  # bodies that make a robot
 
 @rule("K88", "another-robot", scope="lint", severity="warning")
 def another_robot(subject: LintSubject) -> Iterator[Problem]:
-    """A node publishes a body or a sensor of another robot.
+    """A node publishes a part of another robot.
 
     Why: odometry, transforms or scans of one robot show how another one moves. Isaac Sim reports
     nothing. A robot is what joints tie together; its topics are those in the namespace of its

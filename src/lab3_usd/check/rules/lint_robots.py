@@ -387,7 +387,7 @@ def _shared(one: Command, other: Command, subject: LintSubject) -> tuple[list[st
 
 @rule("K66", "joint-order", scope="lint", severity="warning", formerly="left-and-right")
 def joint_order(subject: LintSubject) -> Iterator[Problem]:
-    """The wheel joints are named right, left, or those of the rear first.
+    """The wheel joints are named right or rear first.
 
     Why: the controller gives speeds and angles in the order left, right, and an Ackermann
     Controller the speeds of the front wheels before those of the rear. With the names exchanged,

@@ -169,7 +169,7 @@ def _nodes_in_overs(subject: LintSubject) -> Mapping[str, int]:
     counted=("graph beside the default prim", "graphs beside the default prim"),
 )
 def graph_beside_default_prim(subject: LintSubject) -> Iterator[Problem]:
-    """A graph is outside the default prim, and its robot or sensor inside.
+    """A graph is outside the default prim, its robot inside.
 
     Why: a stage that references this file gets the default prim and what is below it: the robot
     without this graph.
@@ -237,7 +237,7 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
     counted=("node switched off", "nodes switched off"),
 )
 def switched_off(subject: LintSubject) -> Iterator[Problem]:
-    """A ROS node, or one that passes signals on, is disabled.
+    """A node of ROS or of signals is disabled.
 
     Why: with Enabled off, a helper publishes nothing, and a render product is not created, so its
     helpers publish nothing either. A gate with a step of 0 passes no signal.
@@ -325,7 +325,7 @@ def _events(node: Node, subject: LintSubject) -> dict[str, Node]:
 
 @rule("K09", "run-ends", scope="lint", severity="warning")
 def run_ends(subject: LintSubject) -> Iterator[Problem]:
-    """A node stops the simulation by itself, or closes Isaac Sim.
+    """A node stops the simulation or closes Isaac Sim.
 
     Why: from then on no graph executes and nothing is published. What a key or the mouse triggers
     does not count.

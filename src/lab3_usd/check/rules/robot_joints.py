@@ -49,7 +49,7 @@ def _joints(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("S26", "described-joint", scope="robot", demands=_joints, needs="described joints")
 def described_joint(subject: RobotSubject) -> Iterator[Problem]:
-    """A joint is missing, ties other links, or has other limits or another drive.
+    """A joint is missing or differs from the lab's.
 
     Why: commands go to joints by their names, and messages of their states name them. A joint with
     other limits stops elsewhere, one with a weaker drive sags, and one with a stiffer drive swings.

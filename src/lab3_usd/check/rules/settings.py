@@ -336,7 +336,7 @@ def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
 
 @rule("P09", "stamp-reset", scope="stage", severity="note")
 def stamp_reset(subject: StageSubject) -> Iterator[Problem]:
-    """The time of a sensor restarts on Stop, the clock does not.
+    """A sensor's time restarts on Stop, the clock's does not.
 
     Why: the clock has resetOnStop False. The sensor helpers reset their own time by default.
     After Stop and Play, their messages have time stamps in the past. There is one finding for the

@@ -270,7 +270,7 @@ def _may_turn(wheel: WheelJoint, subject: RobotSubject) -> bool:
     needs="wheels",
 )
 def wheel_distance(subject: RobotSubject) -> Iterator[Problem]:
-    """The wheels have another distance, are exchanged, or off centre.
+    """The wheels are exchanged, off centre, or at another distance.
 
     Why: the controller computes the turn rate from this distance. The robot turns too much or too
     little, and odometry drifts away from what sensors see. With the wheels exchanged it turns the

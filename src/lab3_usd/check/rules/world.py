@@ -199,7 +199,7 @@ def light(subject: RobotSubject) -> Iterator[Problem]:
 
 @rule("S15", "physics-scene", scope="robot", demands=_HAS_SCENE)
 def physics_scene(subject: RobotSubject) -> Iterator[Problem]:
-    """There is no physics scene, or its gravity does not pull down.
+    """No physics scene pulls the robot down.
 
     Why: Isaac Sim then uses its own gravity and time step, and the handout asks for the prim.
     Without weight nothing stays on the ground.

@@ -22,7 +22,7 @@ from lab3_usd.model.prims import is_at_or_below
 
 @rule("N13", "scene-written", scope="stage")
 def scene_written(subject: StageSubject) -> Iterator[Problem]:
-    """A node changes the scene, commands the robot, or ends the run, during Play.
+    """A node changes the scene, commands the robot, or ends the run.
 
     Why: the written values replace the saved ones. It is an error if the node moves, disables or
     commands the robot or its ground, changes a node of the lab, or stops the simulation. Any other
