@@ -93,6 +93,11 @@ def test_all_graphs_in_one_are_one_finding(path: str, *, share: bool) -> None:
     ]
 
 
+def test_graphs_in_one_cost_the_part_that_was_added_last() -> None:
+    found = judged_model(stage_with(flat(*GRAPHS[:2]), *GRAPHS[:2]), "02")
+    assert {finding.rule: finding.costs for finding in found.findings}["G05"] == (GRAPHS[1],)
+
+
 @pytest.mark.parametrize("share", [False, True])
 @pytest.mark.parametrize(
     "names",

@@ -159,6 +159,7 @@ def graphs_in_one(subject: GraphSubject) -> Iterator[Problem]:
         handout=subject.spec.handout,
         related=tuple(path for path in paths if path != graph.path),
         hint=f"make {_listed(paths)}, and move the nodes of each part into its own graph",
+        costs=tuple(asked[-1:]),  # the part that was added last
     )
 
 
