@@ -76,3 +76,14 @@ def test_memory_of_this_process_is_known_where_the_platform_tells_it(bench: Modu
         pytest.skip("this platform does not tell the memory of a process by file")
     assert bench.resident(os.getpid()) > bench.MEGABYTE
     assert bench.resident(2**22 + 1) == 0
+
+
+def test_files_of_two_gradebooks_that_differ_are_named(tmp_path: Path) -> None:
+    pair = load_benchmark("bench_class")
+    for book, text in (("ours", "1"), ("theirs", "2")):
+        (tmp_path / book / "students").mkdir(parents=True)
+        (tmp_path / book / "grades.csv").write_text("the same")
+        (tmp_path / book / "students" / "result.json").write_text(text)
+    (tmp_path / "theirs" / "more.json").write_text("")
+    found = [*pair.differing(tmp_path / "ours", tmp_path / "theirs")]
+    assert found == ["more.json", "students/result.json"]

@@ -101,6 +101,7 @@ def _path(text: str) -> Markup:
     return own_markup(_BREAK_AFTER.sub(r"\g<0><wbr>", _escaped(text)))
 
 
+@lru_cache(maxsize=1024, typed=True)  # the pages of a class say the same; markup is no text
 def _prose(text: str) -> Markup:
     """Return a sentence, what stands between backticks as code; long paths may be broken."""
     words = (_path(word) if len(word) > _LONG else _escaped(word) for word in text.split(" "))
