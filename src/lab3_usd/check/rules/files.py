@@ -105,12 +105,12 @@ def muted_sublayer(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("F06", "unused-ignore", scope="file", severity="warning")
 def unused_ignore(unused: tuple[IgnoreNote, str]) -> Iterator[Problem]:
-    """A note ignores a finding that does not exist.
+    """A suppression in the stage silences no finding.
 
-    Why: the fault is repaired, or the note is at another place or misspelt. A note that stays
-    hides the next fault of this kind.
+    Why: the fault is repaired, or the suppression is misplaced or misspelt. One that stays hides
+    the next fault of this kind.
 
-    Fix: remove the note, or correct the rule that it names. A comment `# lab3: ignore[W05]` is
+    Fix: remove it, or correct the rule that it names. A comment `# lab3: ignore[W05]` is
     about its own line, or alone on a line about the next one. `lab3:ignore` in the custom data of
     a prim is about the prim and everything below it.
 
