@@ -21,13 +21,19 @@ class SpecError(Lab3Error):
 
 
 class StageError(Lab3Error):
-    """A stage file cannot be opened, read or written; damaged text has a line and a column."""
+    """A stage file cannot be opened, read or written; damaged text has a line and a column.
 
-    def __init__(self, text: str, line: int | None = None, column: int | None = None) -> None:
-        """Say what is wrong, and where in the file."""
-        super().__init__(text)
+    Where the text says how to `repair` it, nothing else needs to.
+    """
+
+    def __init__(
+        self, text: str, line: int | None = None, column: int | None = None, repair: str = ""
+    ) -> None:
+        """Say what is wrong, where in the file, and how to repair it."""
+        super().__init__(f"{text}; {repair}" if repair else text)
         self.line = line
         self.column = column
+        self.repair = repair
 
 
 class UsageError(Lab3Error):

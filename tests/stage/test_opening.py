@@ -12,11 +12,12 @@ from pxr import Sdf, Tf, Usd
 
 from lab3_usd.errors import StageError
 from lab3_usd.judge.folder import find_starters
+from lab3_usd.judge.lint import lint_stage
 from lab3_usd.judge.results import unreadable
 from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.folder import Listing
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.read.opening import open_stage
+from lab3_usd.stage.read.opening import check_file, open_stage
 from lab3_usd.stage.read.reader import read_stage
 
 
@@ -122,3 +123,32 @@ def test_the_stage_before_is_named_where_a_checkpoint_has_one(
 ) -> None:
     (finding,) = unreadable("x.usda", checkpoint, "is damaged").findings
     assert ("checkpoint before" in (finding.hint or "")) == repeats
+
+
+@pytest.mark.parametrize(
+    ("name", "binary", "right"),
+    [
+        ("robot.txt", False, "robot.usda"),
+        ("robot.usda.txt", False, "robot.usda"),
+        ("robot.usd.txt", False, "robot.usd"),
+        ("robot.usda.txt", True, "robot.usd"),
+        ("robot.uda", False, "robot.usda"),
+        ("robot.v2.txt", False, "robot.v2.usda"),
+    ],
+)
+def test_a_stage_with_another_ending_is_told_its_right_name(
+    tmp_path: Path, name: str, *, binary: bool, right: str
+) -> None:
+    written = tmp_path / f"stage.{'usdc' if binary else 'usda'}"
+    Sdf.Layer.CreateNew(str(written)).Save()
+    path = written.rename(tmp_path / name)
+    with pytest.raises(StageError, match=f"is not a USD ending .*; rename the file to {right}$"):
+        check_file(path)
+    (finding,) = lint_stage(path).findings
+    assert finding.hint == f"rename the file to {right}"
+
+
+def test_what_is_no_stage_is_not_told_to_be_renamed(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("buy milk\n")
+    with pytest.raises(StageError, match="and the content is not USD"):
+        check_file(tmp_path / "notes.txt")

@@ -128,7 +128,10 @@ def unreadable(path: str, checkpoint: str | None, reason: StageError | str) -> S
     line, column = (reason.line, reason.column) if isinstance(reason, StageError) else (None, None)
     text = str(reason).removeprefix(f"{path}: ")
     ways = [f"correct line {line} in a text editor"] if line else []
-    hint = "; or ".join([*ways, _OLDER, *([_REPEAT] if checkpoint else [])])
+    hint: str | None = "; or ".join([*ways, _OLDER, *([_REPEAT] if checkpoint else [])])
+    if isinstance(reason, StageError) and reason.repair:
+        hint = reason.repair
+        text = text.removesuffix(f"; {hint}")
     finding = Finding(
         UNREADABLE,
         "unreadable-file",

@@ -23,6 +23,7 @@ _PARSE_ERROR = re.compile(r":(\d+):(\d+): (parse error|[^'\n]+?)(?: matching| at
 _ARGUMENTS = ":SDF_FORMAT_ARGS:"
 _DAMAGE = (Tf.ErrorException, UnicodeDecodeError)
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
+_ENDINGS_BY_START = {b"#usda": (".usda", ".usd"), b"PXR-U": (".usd", ".usdc")}
 _MOST_OPEN = 2
 # What a file of 0 bytes is, as far as anybody can tell.
 PLACEHOLDER = "a placeholder of OneDrive or iCloud, or a failed save; hand in the file itself"
@@ -181,24 +182,29 @@ def check_file(path: Path) -> None:
         raise StageError(absence(path))
     if not path.is_file():
         raise StageError(f"{path}: is not a file")
-    if path.suffix.lower() == ".uda":
-        raise StageError(
-            f"{path}: '.uda' is not a USD ending; '.usda' is likely meant, rename the file"
-        )
-    if path.suffix.lower() not in ENDINGS:
-        raise StageError(
-            f"{path}: '{path.suffix}' is not a USD ending ({', '.join(ENDINGS)}); if the file is a "
-            f"stage, rename it to {path.stem}.usda"
-        )
     try:
         with path.open("rb") as file:
             start = file.read(8)
+            if path.suffix.lower() not in ENDINGS:
+                raise _other_ending(path, start)
             if start.startswith(b"#usda"):
                 _check_text(path, start + file.read())
     except OSError as error:
         raise StageError(f"{path}: cannot be read ({error.strerror})") from error
     if not start:
         raise StageError(f"{path}: is empty: {PLACEHOLDER}")
+
+
+def _other_ending(path: Path, start: bytes) -> StageError:
+    """Return what to say of a file whose ending is none of USD, by how its content starts."""
+    text = f"{path}: '{path.suffix}' is not a USD ending ({', '.join(ENDINGS)})"
+    inner = Path(path.stem)  # robot.usda.txt
+    endings = _ENDINGS_BY_START.get(start[:5], ())
+    if not endings:
+        return StageError(f"{text}, and the content is not USD")
+    stem = inner.stem if inner.suffix.lower() in ENDINGS else inner.name
+    name = inner.name if inner.suffix.lower() in endings else f"{stem}{endings[0]}"
+    return StageError(text, repair=f"rename the file to {name}")
 
 
 def _check_text(path: Path, data: bytes) -> None:
