@@ -134,6 +134,8 @@ _ENTRY = "entry "  # what stands for a name in a list
 def record(data: Any, kind: type[_T], where: str) -> _T:
     """Return `data` as a value of `kind`, a type that msgspec knows.
 
+    A record may have `FORMER` names of its keys, and those that they have now.
+
     Raises:
         SpecError: it is none; the line opens with `where` and names the key.
     """
@@ -177,6 +179,8 @@ def _fault(data: Any, kind: Any) -> tuple[list[str], str]:
     if _is_record(kind) and isinstance(data, dict):
         known = {field.encode_name: field for field in _fields(kind)}
         for key in data if kind.__struct_config__.forbid_unknown_fields else ():
+            if key in getattr(kind, "FORMER", {}):
+                return [], f"{key!r} is called {kind.FORMER[key]!r} now"
             if key not in known:
                 return [], f"{key!r} is not known; known are {', '.join(known)}"
         for name, field in known.items():

@@ -314,7 +314,11 @@ WRONG_SCENES = {
     "missing tolerance": (drop("tolerance", "rest"), ("tolerance", "rest")),
     "map with two numbers": (put("map", "origin", value=[0, 0]), ("map", "origin")),
     "unknown key of a sensor": (put("sensors", "camera", "look", value={}), ("camera", "'look'")),
-    "view in words": (put("sensors", "camera", "looks", "up", value="Z"), ("looks", "'up'")),
+    "former key of a sensor": (
+        put("sensors", "camera", "looks", value={}),
+        ("camera: 'looks' is called 'view' now",),
+    ),
+    "view in words": (put("sensors", "camera", "view", "up", value="Z"), ("view", "'up'")),
     "scan without limits": (drop("sensors", "lidar", "scan", "whole"), ("lidar", "scan", "whole")),
     "left wheel that is none": (put("robot", "wheels", "left", value="left"), ("left", "joint")),
     "wheels that are no joints": (put("robot", "wheels", "joints", value=[]), ("wheels", "joints")),

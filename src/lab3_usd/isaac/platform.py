@@ -54,7 +54,7 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     signal on while the input named there is 0, `passing` those that pass each on; `picks` give one
     element of an array, whose inputs are named. Below
     `world_frame` hangs what has no parent prim. `writers` change the scene or the run; what begins
-    with one of the `looks` is a property that only changes what one sees. `placed` are the types of
+    with one of `appearance` is a property that only changes what one sees. `placed` are types of
     prims whose place matters beside those of bodies, `attributes` those that are read beside the
     usual ones.
     """
@@ -78,7 +78,7 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     scripts: Scripts
     world_frame: str
     writers: Mapping[str, WriterPorts]
-    looks: tuple[str, ...]
+    appearance: tuple[str, ...]
     ros: RosNames
     transform_messages: frozenset[str]
     needs: Mapping[str, tuple[Need, ...]]

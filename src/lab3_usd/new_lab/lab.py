@@ -40,9 +40,9 @@ from lab3_usd.new_lab.graphs import GraphText, catalog_text, describe_graphs, ru
 from lab3_usd.new_lab.robot import has_robot
 from lab3_usd.new_lab.scene import (
     Source,
+    appearance_below,
     describe_scene,
     describe_sensors,
-    looks_below,
     read_source,
     targets_of,
 )
@@ -168,8 +168,8 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     scene |= {"namespaces": namespaces} if namespaces else {}
     lab = replace(source.lab, graphs=graphs, scene=parse_scene(scene))
     robots = [scene["robot"]] if "robot" in scene else scene["robots"].values()
-    for path, looks in looks_below(source, lab).items():
-        next(robot for robot in robots if robot["path"] == path)["looks_below"] = looks
+    for path, shown in appearance_below(source, lab).items():
+        next(robot for robot in robots if robot["path"] == path)["appearance_below"] = shown
     overrides = dict(_frame_names(stage, replace(lab, scene=parse_scene(scene))))
     frame_spec = replace(lab.frames, names=overrides, localization=None)
     lab = replace(lab, scene=parse_scene(scene), frames=frame_spec)

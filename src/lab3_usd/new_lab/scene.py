@@ -148,9 +148,9 @@ def _sensor(source: Source, prim: Prim, kind: str, section: str) -> dict[str, An
     data |= {key: same[key] for key in _TAKEN_OVER if same.get(key)}
     if "scan" in data:
         data["scan"]["handout"] = section
-    if same.get("looks"):
+    if same.get("view"):
         along, up = camera_axes(prim.local or IDENTITY)
-        data["looks"] = {"along": plain(along), "up": plain(up)}
+        data["view"] = {"along": plain(along), "up": plain(up)}
         data["default_handout"] = section
     if prim.apis:
         data["apis"] = list(prim.apis)
@@ -175,7 +175,7 @@ def _attribute(
     return {**data, **kept, "handout": section} if kept else data
 
 
-def looks_below(source: Source, lab: Lab) -> dict[str, list[str]]:
+def appearance_below(source: Source, lab: Lab) -> dict[str, list[str]]:
     """Return what right below links holds the model's own shapes at cameras and lidars, by robot.
 
     `lab` is the described one, which does not name them yet.

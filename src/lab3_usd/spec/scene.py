@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from msgspec import Meta, Struct
 
@@ -125,9 +125,11 @@ class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
     `base_frame` is the link whose frame odometry moves, the robot itself without one. `links` are
     bodies below `path`, by name or, below other links, by path. Prims below the names in
-    `looks_below` are appearance or colliders. `name` is its group in requirements and points, where
-    it is one of `robots` its key.
+    `appearance_below` are appearance or colliders. `name` is its group in requirements and points,
+    where it is one of `robots` its key.
     """
+
+    FORMER: ClassVar[Mapping[str, str]] = {"looks_below": "appearance_below"}
 
     path: str
     handout: str
@@ -138,7 +140,7 @@ class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
     pose_is_error_until: str = ""
     wheels: WheelSpec = WheelSpec("", {}, "", 0.0, (0.0, 1.0, 0.0))
     joints: Mapping[str, JointSpec] = {}
-    looks_below: tuple[str, ...] = ()
+    appearance_below: tuple[str, ...] = ()
     name: str = ""
 
     @property
@@ -294,6 +296,8 @@ class SensorSpec(Struct, frozen=True, forbid_unknown_fields=True):
     brings a rate; `keep_default` and `plain_image` are USD's defaults.
     """
 
+    FORMER: ClassVar[Mapping[str, str]] = {"looks": "view"}
+
     kind: str
     path: str
     type: str
@@ -306,7 +310,7 @@ class SensorSpec(Struct, frozen=True, forbid_unknown_fields=True):
     required_apis: tuple[str, ...] = ()
     attributes: Mapping[str, SensorAttribute] = {}
     scan: ScanSpec | None = None
-    looks: ViewSpec | None = None
+    view: ViewSpec | None = None
     slips: tuple[SlipSpec, ...] = ()
     default_handout: str = ""
     keep_default: Mapping[str, Plain] = {}

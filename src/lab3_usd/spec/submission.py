@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
+from typing import ClassVar
 
 from msgspec import Struct
 
@@ -59,18 +60,20 @@ class StarterRules(Struct, frozen=True, forbid_unknown_fields=True):
     """The properties of the starter that are compared, as patterns with `*`.
 
     `never` are not compared; changes of `physics`, and of `shapes` of collisions, are errors;
-    `looks` count on lights and cameras only. Prims of a type of `anywhere` are recognised by type,
-    those in `library` by the references to them. An added schema that begins with an entry of
+    `appearance` counts on lights and cameras only. Prims of a type of `anywhere` are recognised by
+    type, those in `library` by the references to them. An added schema that begins with an entry of
     `acting` changes how a prim moves; an added property with its value in `neutral` changes
     nothing.
     """
+
+    FORMER: ClassVar[Mapping[str, str]] = {"looks": "appearance"}
 
     handout: str
     never: tuple[str, ...]
     physics: tuple[str, ...]
     masses: tuple[str, ...]
     shapes: tuple[str, ...]
-    looks: tuple[str, ...]
+    appearance: tuple[str, ...]
     ignored_prims: tuple[str, ...]
     library: tuple[str, ...]
     anywhere: tuple[str, ...]

@@ -237,13 +237,13 @@ def _misfits(
     misfits: list[PoseError | View] = [
         misfit
         for misfit in pose_errors(prim, matrix, spec.pose, tolerance)
-        if misfit.kind != "rotate" or spec.looks is None
+        if misfit.kind != "rotate" or spec.view is None
     ]
     along, up = camera_axes(matrix)
     seen = ViewSpec(along, up)
-    if spec.looks is None or _is_same(seen, spec.looks, tolerance.angle):
+    if spec.view is None or _is_same(seen, spec.view, tolerance.angle):
         return misfits
-    return [*misfits, _wrong_view(spec, prim, seen, spec.looks)]
+    return [*misfits, _wrong_view(spec, prim, seen, spec.view)]
 
 
 def _wrong_view(spec: SensorSpec, prim: Prim, seen: ViewSpec, expected: ViewSpec) -> View:

@@ -78,7 +78,7 @@ def _shapes_on_robot(subject: RobotSubject) -> tuple[tuple[Prim, Collider], ...]
     """Return the shapes on the robot that are no part of how it looks, and no room, with boxes."""
     robot, stage = subject.robot, subject.stage
     shapes = []
-    for prim in stage.below(robot.path, _SOLID.__contains__, frozenset(robot.looks_below)):
+    for prim in stage.below(robot.path, _SOLID.__contains__, frozenset(robot.appearance_below)):
         box = stage.colliders.shape(prim.path) if prim.present else None
         if box is not None and all(
             high - low < 2 * _ROOM for low, high in zip(box.low, box.high, strict=True)

@@ -45,7 +45,9 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
             (at for at in written if _takes(at, ports, subject) and _is_of_lab(at, subject)), ""
         )
         name = effective_value(node, INPUT + ports.property, live) if ports.property else ""
-        is_seen_only = isinstance(name, str) and bool(name) and name.startswith(lab.platform.looks)
+        is_seen_only = (
+            isinstance(name, str) and bool(name) and name.startswith(lab.platform.appearance)
+        )
         is_harmful = bool(effect) or (bool(hit) and not is_seen_only)
         if not is_harmful and (path in extra or ports.is_view):
             continue  # the rule of extra nodes reports it

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -62,6 +62,8 @@ class LabTypesFile(Struct, forbid_unknown_fields=True):
     is whole, too.
     """
 
+    FORMER: ClassVar[Mapping[str, str]] = {"looks": "appearance"}
+
     usd_types: dict[str, str] = {}
     prefixes: dict[str, str] = {}
     renamed: dict[str, str] = {}
@@ -76,7 +78,7 @@ class LabTypesFile(Struct, forbid_unknown_fields=True):
     graph: LabGraph | None = None
     types: dict[str, TypeEntry] = {}
     writers: dict[str, WriterPorts] = {}
-    looks: tuple[str, ...] = ()
+    appearance: tuple[str, ...] = ()
 
 
 def with_lab_types(platform: Platform, data: Mapping[str, Any], file: str) -> Platform:
@@ -110,7 +112,7 @@ def with_lab_types(platform: Platform, data: Mapping[str, Any], file: str) -> Pl
         scripts=content.scripts or platform.scripts,
         world_frame=content.world_frame or platform.world_frame,
         writers={**platform.writers, **content.writers},
-        looks=content.looks or platform.looks,
+        appearance=content.appearance or platform.appearance,
         transform_messages=transform_messages(types),
     )
 

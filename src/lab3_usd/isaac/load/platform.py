@@ -58,7 +58,7 @@ class _SystemFile(Struct, forbid_unknown_fields=True):
     world_frame: str
     graph: GraphEntry
     writers: dict[str, WriterPorts]
-    looks: tuple[str, ...]
+    appearance: tuple[str, ...]
     types: dict[str, Any]
 
 
@@ -201,7 +201,7 @@ def assemble_platform(folder: Path) -> Platform:
         scripts=system.scripts,
         world_frame=system.world_frame,
         writers=system.writers,
-        looks=system.looks,
+        appearance=system.appearance,
         ros=record(read_yaml(folder / ROS), RosNames, f"{name}/{ROS}"),
         transform_messages=transform_messages(types),
         needs=_needs(folder, types, releases),

@@ -73,7 +73,7 @@ def _matters(node: SceneNode, ports: WriterPorts, scene: Scene, platform: Platfo
         is_other = bool(ports.by) and by is not None and by not in ports.only
         return not is_other and not (bool(ports.value) and value is ports.usual)
     name = _saved(node, ports.property, platform) if ports.property else None
-    if isinstance(name, str) and name and name.startswith(platform.looks):
+    if isinstance(name, str) and name and name.startswith(platform.appearance):
         return False
     written = [path for short in ports.prims for path in node.targets.get(INPUT + short, ())]
     for short in (*ports.paths, *ports.wires):

@@ -62,7 +62,7 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
     lidar = _sensor_behind(lab, names["scan"], "lidar", robot)
     camera = _sensor_behind(lab, names["image"], "camera", robot)
     driven = robot or lab.scene.robot
-    view, lidar_names = camera.looks if camera else None, lab.platform.sensor_models.lidar
+    view, lidar_names = camera.view if camera else None, lab.platform.sensor_models.lidar
     return Expected(
         types={topic.name: topic.type for topic in required if not topic.subscribed},
         domain=lab.ros.system.domain,

@@ -69,7 +69,7 @@ def is_on_robot(path: str, terms: Terms) -> bool:
 def classifier(rules: StarterRules) -> Callable[[str], Class]:
     """Return the function that says what a property is about."""
     never, physics = pattern(rules.never), pattern(rules.physics)
-    looks = pattern(rules.looks)
+    appearance = pattern(rules.appearance)
     shapes = frozenset(rules.shapes)
 
     @cache
@@ -82,7 +82,7 @@ def classifier(rules: StarterRules) -> Callable[[str], Class]:
             return "physics"
         if name in shapes:
             return "shape"
-        return "look" if looks.match(name) else "other"
+        return "look" if appearance.match(name) else "other"
 
     return of
 
