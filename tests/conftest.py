@@ -17,6 +17,7 @@ import pytest
 from browser import Browser, started
 from parsed_once import yaml_parsed_once
 from places import REPOSITORY, SHARED
+from platform_once import platform_assembled_once
 from starter_once import starter_made_once
 
 from lab3_usd.grade.workers import worker_process
@@ -60,11 +61,12 @@ def pytest_collection_finish() -> None:
     """Leave out of every later search for garbage what is there for good: thousands of tests."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(100_000)  # as the program does
 
 
 @pytest.fixture(scope="session", autouse=True)
 def _made_once() -> Iterator[None]:
-    with yaml_parsed_once(), starter_made_once():
+    with yaml_parsed_once(), platform_assembled_once(), starter_made_once():
         yield
 
 
