@@ -1,4 +1,7 @@
-"""Commands say the same of one stage, except for what tests/disagreements.yaml explains."""
+"""Commands say the same of one stage, except for what tests/disagreements.yaml explains.
+
+`make agree` asks about all stages; here a part of them.
+"""
 
 from __future__ import annotations
 
@@ -26,17 +29,18 @@ from places import REPOSITORY
 from lab3_usd.data import LAB_VARIABLE
 
 SHARE = 280  # one of so many stages, whatever others there are
+ONCE = 2  # one of so many that once contradicted themselves
 MADE_UP = "acme.clock.PublishClock"  # a name of a node type that only a lab knows
 
 
-@pytest.mark.parametrize("subject", once_contradictory(), ids=lambda subject: subject.name)
+@pytest.mark.parametrize("subject", once_contradictory()[::ONCE], ids=lambda each: each.name)
 def test_commands_agree_where_they_once_did_not(subject: Subject) -> None:
     left = unexplained(contradictions_of(subject))
     today = CONTRADICTORY["stages"][subject.name].get("today", [])
     assert [f"{each.question}: {each.answers}" for each in left] == today
 
 
-@pytest.mark.parametrize("name", CONTRADICTORY["cases"])
+@pytest.mark.parametrize("name", [*CONTRADICTORY["cases"]][::ONCE])
 def test_commands_agree_on_a_case_where_they_once_did_not(name: str) -> None:
     subject = next(each for each in all_subjects() if each.name == name)
     assert not unexplained(contradictions_of(subject))
