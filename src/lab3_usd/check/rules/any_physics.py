@@ -33,7 +33,7 @@ _OWNER = "physics:simulationOwner"
 _MASSES = (MASS, "physics:density", "physics:diagonalInertia")
 _ROUND = ("Sphere", "Capsule", "Cone")  # shapes of one radius in all directions
 _TUBE, _AXIS, _AXES = "Cylinder", "axis", "XYZ"  # its length may have a scale of its own
-_UNEVEN = 1e-3  # of a scale
+_UNEVEN = 0.01  # of a scale
 
 
 def link_bodies(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:

@@ -74,6 +74,7 @@ def sensor_waits_for_message(subject: LintSubject) -> Iterator[Problem]:
                     f"publishes nothing before the first message of {subscriber.name}, which alone "
                     f"triggers {waiting.name}",
                     related=tuple(dict.fromkeys((subscriber.path, waiting.path))),
+                    assumes=tuple((node.path, port) for port in signal_inputs(node)),
                 )
                 break
 
