@@ -22,7 +22,7 @@ FOLDER = Path(__file__).resolve().parent / "templates"
 COMPILED = FOLDER / "compiled"
 _BREAK_AFTER = re.compile(r"(?<=\w)[/.:_](?=\w)")
 _CODE = re.compile(r"`([^`]+)`")
-_LONG = 20  # letters of a word that may not fit into a line
+_LONG, _LINE = 20, 32  # letters of a word that may not fit into a line, and of a short line
 
 
 def fill(template: str, more_style: str = "", **values: object) -> str:
@@ -103,9 +103,18 @@ def _path(text: str) -> Markup:
 
 @lru_cache(maxsize=1024, typed=True)  # the pages of a class say the same; markup is no text
 def _prose(text: str) -> Markup:
-    """Return a sentence, what stands between backticks as code; long paths may be broken."""
-    words = (_path(word) if len(word) > _LONG else _escaped(word) for word in text.split(" "))
+    """Return a sentence, what stands between backticks as code.
+
+    A long path moves to the next line as a whole, one that is longer than a line is broken.
+    """
+    words = map(_breakable, text.split(" "))
     return own_markup(_CODE.sub(r"<code>\1</code>", " ".join(words)))
+
+
+def _breakable(word: str) -> str:
+    if len(word) <= _LONG:
+        return _escaped(word)
+    return _path(word) if len(word) > _LINE else f'<span class="long">{_path(word)}</span>'
 
 
 def _command(text: str) -> Markup:
