@@ -235,6 +235,7 @@ def disconnected_frames(subject: TransformsSubject) -> Iterator[Problem]:
                     likely=True,
                     severity=_severity(((edge,) for edge in loose), subject),
                     assumes=subject.assumed(loose),
+                    covers=tuple((edit.prim, edit.property) for edit in joins),
                     identity=min(frames - {edge.child for edge in loose}, default=""),
                 )
 
@@ -247,16 +248,17 @@ def _joining_frame(
 ) -> tuple[SetValue, ...]:
     """Return what names the child of a loose transform as the message of the same pose does.
 
-    It does where that frame is in the largest tree.
+    It does where that frame is in another tree.
     """
     publishers = {edge.publisher for edge in loose}
-    _, largest = whole.parts[0]
+    own = {edge.child for edge in loose} | {edge.parent for edge in loose}
+    others = {frame for _, frames in whole.parts for frame in frames} - own
     return tuple(
         SetValue(pair.tree.path, pair.tree_port, "string", pair.message[1])
         for pair in odometry_pairs(subject.stage, subject.platform)
         if publishers == {pair.tree.path}
         and pair.message[0] == pair.transform[0]
-        and pair.message[1] in largest
+        and pair.message[1] in others
         and not pair.tree.sources(pair.tree_port)
     )[:1]
 
