@@ -189,12 +189,13 @@ def rover_scene() -> Usd.Stage:
     return stage
 
 
-def _rover_sensors(stage: Usd.Stage, base: str) -> None:
-    lidar = add_api(stage.DefinePrim(f"{base}/laser", "OmniLidar"), "OmniSensorGenericLidarCoreAPI")
+def lidar(stage: Usd.Stage, path: str, hertz: int = 10) -> Usd.Prim:
+    """A lidar of one emitter that fires 360 times a turn."""
+    made = add_api(stage.DefinePrim(path, "OmniLidar"), "OmniSensorGenericLidarCoreAPI")
     for name, usd_type, value in (
-        ("omni:sensor:tickRate", "float", 20.0),
-        ("omni:sensor:Core:scanRateBaseHz", "uint", 20),
-        ("omni:sensor:Core:patternFiringRateHz", "uint", 7200),
+        ("omni:sensor:tickRate", "float", float(hertz)),
+        ("omni:sensor:Core:scanRateBaseHz", "uint", hertz),
+        ("omni:sensor:Core:patternFiringRateHz", "uint", 360 * hertz),
         ("omni:sensor:Core:nearRangeM", "float", 0.2),
         ("omni:sensor:Core:farRangeM", "float", 30.0),
         ("omni:sensor:Core:numberOfEmitters", "uint", 1),
@@ -204,21 +205,34 @@ def _rover_sensors(stage: Usd.Stage, base: str) -> None:
         ("omni:sensor:Core:emitterState:s001:channelId", "uint[]", [1]),
         ("omni:sensor:Core:emitterState:s001:fireTimeNs", "uint[]", [0]),
     ):
-        lidar.CreateAttribute(name, Sdf.ValueTypeNames.Find(usd_type), custom=False).Set(value)
+        made.CreateAttribute(name, Sdf.ValueTypeNames.Find(usd_type), custom=False).Set(value)
+    return made
+
+
+def _rover_sensors(stage: Usd.Stage, base: str) -> None:
+    lidar(stage, f"{base}/laser", 20)
     UsdGeom.Camera.Define(stage, f"{base}/eye")
 
 
+def context_of(domain: int | None) -> tuple[str, Ports]:
+    """A context: the domain of the environment, or one of its own."""
+    own = {"domain_id": domain, "useDomainIDEnvVar": False}
+    return CONTEXT if domain is None else ("ros.ROS2Context", own)
+
+
+def write_clock(stage: Usd.Stage, path: str = "/World/Clock", domain: int | None = None) -> None:
+    """Write the graph of a clock."""
+    nodes = {"tick": TICK, "context": context_of(domain), "time": TIME}
+    wires = [
+        "tick.tick -> clock.execIn",
+        "context.context -> clock.context",
+        "time.simulationTime -> clock.timeStamp",
+    ]
+    write_graph(stage, path, {**nodes, "clock": ("ros.ROS2PublishClock", {})}, wires)
+
+
 def _rover_graphs(stage: Usd.Stage, robot: str) -> None:
-    write_graph(
-        stage,
-        "/World/Clock",
-        {"tick": TICK, "context": CONTEXT, "time": TIME, "clock": ("ros.ROS2PublishClock", {})},
-        [
-            "tick.tick -> clock.execIn",
-            "context.context -> clock.context",
-            "time.simulationTime -> clock.timeStamp",
-        ],
-    )
+    write_clock(stage)
     write_graph(
         stage,
         "/World/Drive",
@@ -361,7 +375,7 @@ def truck() -> Usd.Stage:
         f"{robot}/Steering",
         {
             "tick": TICK,
-            "context": ("ros.ROS2Context", {"domain_id": 7, "useDomainIDEnvVar": False}),
+            "context": context_of(7),
             "command": ("ros.ROS2SubscribeAckermannDrive", {"topicName": "drive"}),
             "ackermann": (
                 "wheeled.AckermannController",
@@ -402,7 +416,7 @@ def truck() -> Usd.Stage:
         f"{robot}/State",
         {
             "tick": TICK,
-            "context": ("ros.ROS2Context", {"domain_id": 7, "useDomainIDEnvVar": False}),
+            "context": context_of(7),
             "time": ("core.IsaacReadSimulationTime", {}),
             "clock": ("ros.ROS2PublishClock", {}),
             "compute": ("core.IsaacComputeOdometry", {"chassisPrim": f"{robot}/frame"}),
@@ -491,8 +505,8 @@ def arm() -> Usd.Stage:
             "frames.execOut -> tf.execIn",
             *(f"ros2_context.context -> {each}.context" for each in _IN_CONTEXT),
             *(f"read_time.simulationTime -> {each}.timeStamp" for each in _STAMPED),
-            *(f"read_joints.{each} -> joint_states.{each}" for each in _JOINTS),
-            *(f"command.{command} -> controller.{command}" for command in _COMMANDS),
+            *(f"read_joints.{each} -> joint_states.{each}" for each in JOINT_STATES),
+            *(f"command.{command} -> controller.{command}" for command in COMMANDS),
             "imu.linAcc -> publish_imu.linearAcceleration",
             "imu.angVel -> publish_imu.angularVelocity",
             "imu.orientation -> publish_imu.orientation",
@@ -516,8 +530,8 @@ def car_and_arm(domain: int) -> Usd.Stage:
 _TICKED = ("clock", "read_joints", "command", "controller", "imu", "frames")
 _STAMPED = ("clock", "joint_states", "publish_imu", "tf")
 _IN_CONTEXT = (*_STAMPED, "command")
-_COMMANDS = ("positionCommand", "velocityCommand", "effortCommand", "jointNames")
-_JOINTS = (
+COMMANDS = ("positionCommand", "velocityCommand", "effortCommand", "jointNames")
+JOINT_STATES = (
     "jointNames",
     "jointPositions",
     "jointVelocities",

@@ -11,7 +11,9 @@ from typing import Any
 
 from foreign_robots import (
     ARRAYS,
+    COMMANDS,
     CONTEXT,
+    JOINT_STATES,
     ROBOTS,
     TICK,
     TIME,
@@ -19,11 +21,14 @@ from foreign_robots import (
     body,
     car,
     connect,
+    context_of,
     empty_stage,
+    lidar,
     made_once,
     revolute,
     rover,
     wheel,
+    write_clock,
     write_graph,
     write_node,
 )
@@ -31,37 +36,11 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 POSE = ("position", "orientation", "linearVelocity", "angularVelocity")
 _JOINTS = ("jointNames", "jointPositions", "jointVelocities", "jointEfforts")
-_READ = (*_JOINTS, "jointDofTypes", "stageMetersPerUnit")
-_COMMANDS = ("positionCommand", "velocityCommand", "effortCommand", "jointNames")
 _MOVE = "core.IsaacArticulationController"
-
-
-def _context(domain: int | None) -> tuple[str, Mapping[str, Any]]:
-    if domain is None:
-        return CONTEXT
-    return ("ros.ROS2Context", {"domain_id": domain, "useDomainIDEnvVar": False})
 
 
 def _ticked(*names: str) -> list[str]:
     return [f"tick.tick -> {name}.execIn" for name in names]
-
-
-def _clock(stage: Usd.Stage, path: str = "/World/Clock", domain: int | None = None) -> None:
-    write_graph(
-        stage,
-        path,
-        {
-            "tick": TICK,
-            "context": _context(domain),
-            "time": TIME,
-            "clock": ("ros.ROS2PublishClock", {}),
-        },
-        [
-            *_ticked("clock"),
-            "context.context -> clock.context",
-            "time.simulationTime -> clock.timeStamp",
-        ],
-    )
 
 
 def _named(prim: Usd.Prim, name: str) -> None:
@@ -69,22 +48,7 @@ def _named(prim: Usd.Prim, name: str) -> None:
 
 
 def _lidar(stage: Usd.Stage, path: str, at: tuple[float, float, float], yaw: float = 0.0) -> None:
-    lidar = add_api(stage.DefinePrim(path, "OmniLidar"), "OmniSensorGenericLidarCoreAPI")
-    for name, usd_type, value in (
-        ("omni:sensor:tickRate", "float", 10.0),
-        ("omni:sensor:Core:scanRateBaseHz", "uint", 10),
-        ("omni:sensor:Core:patternFiringRateHz", "uint", 3600),
-        ("omni:sensor:Core:nearRangeM", "float", 0.2),
-        ("omni:sensor:Core:farRangeM", "float", 30.0),
-        ("omni:sensor:Core:numberOfEmitters", "uint", 1),
-        ("omni:sensor:Core:numberOfChannels", "uint", 1),
-        ("omni:sensor:Core:emitterState:s001:azimuthDeg", "float[]", [0.0]),
-        ("omni:sensor:Core:emitterState:s001:elevationDeg", "float[]", [0.0]),
-        ("omni:sensor:Core:emitterState:s001:channelId", "uint[]", [1]),
-        ("omni:sensor:Core:emitterState:s001:fireTimeNs", "uint[]", [0]),
-    ):
-        lidar.CreateAttribute(name, Sdf.ValueTypeNames.Find(usd_type), custom=False).Set(value)
-    _place(lidar, at, (0, 0, yaw))
+    _place(lidar(stage, path), at, (0, 0, yaw))
 
 
 def _camera(stage: Usd.Stage, path: str, at: tuple[float, float, float], yaw: float = 0.0) -> None:
@@ -195,7 +159,7 @@ def _more(name: str, product: str, helper: str, ports: Mapping[str, Any]) -> Any
 
 
 def _graph(stage: Usd.Stage, path: str, domain: int | None, *parts: Any, **attributes: Any) -> None:
-    nodes: dict[str, Any] = {"tick": TICK, "context": _context(domain)}
+    nodes: dict[str, Any] = {"tick": TICK, "context": context_of(domain)}
     wires: list[str] = []
     for added, more in parts:
         nodes |= added
@@ -247,7 +211,7 @@ def mobile() -> Usd.Stage:
     """A robot on two wheels in metres."""
     stage = empty_stage("Z", 1.0)
     _mobile(stage, "/World/Robot")
-    _clock(stage)
+    write_clock(stage)
     _mobile_graph(stage, "/World/ROS", "/World/Robot")
     return stage
 
@@ -305,7 +269,7 @@ def four_wheels() -> Usd.Stage:
             "drive.velocityCommand -> rear.velocityCommand",
         ],
     )
-    _clock(stage)
+    write_clock(stage)
     wheels = [f"{robot}/{end}_{side}" for end in ("front", "rear") for side in ("left", "right")]
     _graph(stage, "/World/State", None, _odometry(f"{robot}/base", wheels, "", "", {}))
     return stage
@@ -315,7 +279,7 @@ def four_wheels() -> Usd.Stage:
 def car_with_clock() -> Usd.Stage:
     """A car that is steered by knuckles."""
     stage = car()
-    _clock(stage)
+    write_clock(stage)
     connect(stage, "/World/Drive", "context.context", "odometry.context")
     return stage
 
@@ -368,7 +332,7 @@ def rollers() -> Usd.Stage:
             "holonomic.jointVelocityCommand -> move.velocityCommand",
         ],
     )
-    _clock(stage)
+    write_clock(stage)
     wheels = [f"{robot}/{end}_{side}" for end in ("front", "rear") for side in ("left", "right")]
     _graph(stage, "/World/State", None, _odometry(base, wheels, "", "", {}))
     return stage
@@ -387,7 +351,7 @@ def fleet(count: int) -> Usd.Stage:
 
 def _fleet(places: Mapping[str, float]) -> Usd.Stage:
     stage = empty_stage("Z", 1.0)
-    _clock(stage)
+    write_clock(stage)
     for name, y in places.items():
         _mobile(stage, f"/World/{name}", y)
         _mobile_graph(stage, f"/World/{name}_ROS", f"/World/{name}", space=name)
@@ -398,7 +362,7 @@ def _fleet(places: Mapping[str, float]) -> Usd.Stage:
 def by_prefixes() -> Usd.Stage:
     """Two robots on one TF topic, told apart by the beginnings of topics and frames."""
     stage = empty_stage("Z", 1.0)
-    _clock(stage)
+    write_clock(stage)
     for name, y in _TWO.items():
         _mobile(stage, f"/World/{name}", y, name)
         _mobile_graph(stage, f"/World/{name}_ROS", f"/World/{name}", prefix=name)
@@ -409,7 +373,7 @@ def by_prefixes() -> Usd.Stage:
 def by_attribute() -> Usd.Stage:
     """Two robots with their graphs inside, each below an `isaac:namespace`."""
     stage = empty_stage("Z", 1.0)
-    _clock(stage)
+    write_clock(stage)
     for name, y in _TWO.items():
         _mobile(stage, f"/World/{name}", y)
         prim = stage.GetPrimAtPath(f"/World/{name}")
@@ -424,7 +388,7 @@ def in_domains() -> Usd.Stage:
     stage = empty_stage("Z", 1.0)
     for domain, (name, y) in enumerate(_TWO.items(), 1):
         _mobile(stage, f"/World/{name}", y)
-        _clock(stage, f"/World/{name}_Clock", domain)
+        write_clock(stage, f"/World/{name}_Clock", domain)
         _mobile_graph(stage, f"/World/{name}_ROS", f"/World/{name}", domain=domain)
     return stage
 
@@ -479,10 +443,10 @@ def _joints(root: str, space: Mapping[str, str], topics: tuple[str, str], names:
         "read.execOut -> states.execIn",
         *(f"context.context -> {name}.context" for name in ("states", "command")),
         "time.simulationTime -> states.timeStamp",
-        *(f"read.{port} -> states.{port}" for port in _READ),
+        *(f"read.{port} -> states.{port}" for port in JOINT_STATES),
         *(
             f"command.{port} -> control.{port}"
-            for port in _COMMANDS
+            for port in COMMANDS
             if names is None or port != "jointNames"
         ),
     ]
@@ -516,7 +480,7 @@ def _links(root: str) -> list[str]:
 def two_arms() -> Usd.Stage:
     """Two arms of one make in two namespaces."""
     stage = empty_stage("Z", 1.0)
-    _clock(stage)
+    write_clock(stage)
     for name, x in _TWO.items():
         root, space = f"/World/{name}", {"nodeNamespace": name}
         _chain(stage, root, x)
@@ -562,7 +526,7 @@ def gripper() -> Usd.Stage:
         drive = UsdPhysics.DriveAPI.Apply(joint.GetPrim(), "linear")
         drive.CreateStiffnessAttr(2000.0)
         drive.CreateDampingAttr(100.0)
-    _clock(stage)
+    write_clock(stage)
     fingers = [f"{root}/{side}_finger" for side in ("left", "right")]
     topics = ("gripper/states", "gripper/command")
     _graph(
@@ -592,7 +556,7 @@ def quadruped() -> Usd.Stage:
         ball.CreateRadiusAttr(0.02)
         ball.AddTranslateOp().Set(Gf.Vec3d(0, 0, -0.18))
         add_api(ball.GetPrim(), "PhysicsCollisionAPI")
-    _clock(stage)
+    write_clock(stage)
     parts = _joints(f"{root}/trunk", {}, _STATES), _odometry(f"{root}/trunk", targets, "", "", {})
     _graph(stage, "/World/ROS", None, *parts)
     return stage
@@ -607,7 +571,7 @@ def drone() -> Usd.Stage:
     body(stage, root, (0, 0, 1.0))
     stage.DefinePrim(f"{root}/imu", "IsaacImuSensor")
     _camera(stage, f"{root}/eye", (0.1, 0, 0))
-    _clock(stage)
+    write_clock(stage)
     imu = {
         "imu": ("sensors.IsaacReadIMU", {"imuPrim": f"{root}/imu"}),
         "publish_imu": ("ros.ROS2PublishImu", {"frameId": "body"}),
@@ -800,7 +764,7 @@ def watching_camera() -> Usd.Stage:
     """A camera on a wall, and no robot."""
     stage = empty_stage("Z", 1.0)
     _camera(stage, "/World/wall_camera", (0, 0, 2))
-    _clock(stage)
+    write_clock(stage)
     eye = "/World/wall_camera"
     image, info = (
         {"frameId": "wall_camera", "topicName": f"wall/{name}"}
