@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 from foreign_robots import rover
+from in_process import lab3
 from pxr import Sdf, Usd
 from robot_kinds import fleet
 
@@ -26,7 +27,7 @@ from lab3_usd.judge.lint import lint_platform
 from lab3_usd.stage.read.reader import read_model
 
 SOURCE = str(Path(lab3_usd.__file__).parent)
-FEW = 4
+FEW = 3
 MORE, BESIDES = 2.3, 30  # times as many steps, and some that do not grow
 Steps = Counter[CodeType]
 
@@ -78,15 +79,53 @@ def lint_steps(stage: Usd.Stage) -> Steps:
     return steps
 
 
-@pytest.mark.parametrize("make", [fleet, drives])
-def test_no_function_of_lint_takes_more_for_each_robot_where_there_are_more(
-    make: Callable[[int], Usd.Stage],
-) -> None:
-    lint_steps(make(2 * FEW))  # what is kept from one stage to the next
-    few, many = lint_steps(make(FEW)), lint_steps(make(2 * FEW))
-    grown = {
+def faulty(count: int, folder: Path) -> Path:
+    """Write robots of which each has frames with a slash, and messages without a time."""
+    stage = fleet(count)
+    for prim in stage.Traverse():
+        frame, time = (prim.GetAttribute(f"inputs:{name}") for name in ("frameId", "timeStamp"))
+        if frame:
+            frame.Set(f"/{frame.Get()}")
+        if time:
+            time.ClearConnections()
+    path = folder / f"faulty{count}.usda"
+    stage.GetRootLayer().Export(str(path))
+    return path
+
+
+def grown(few: Steps, many: Steps) -> dict[str, tuple[int, int]]:
+    """Return the functions that took more than twice as many steps for twice as much."""
+    return {
         f"{Path(code.co_filename).stem}.{code.co_name}": (few[code], count)
         for code, count in many.items()
         if count > MORE * few[code] + BESIDES
     }
-    assert not grown
+
+
+@pytest.mark.parametrize("make", [fleet, drives])
+def test_no_function_of_lint_takes_more_for_each_robot_where_there_are_more(
+    make: Callable[[int], Usd.Stage],
+) -> None:
+    lint_steps(make(1))  # what is kept from one stage to the next
+    assert not grown(lint_steps(make(FEW)), lint_steps(make(2 * FEW)))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("fix", "--isolated", "--lint", "--unsafe", "--diff", "STAGE"),
+        ("draw", "STAGE", "--lint", "--out", "FOLDER"),
+        ("topics", "-v", "STAGE"),
+    ],
+)
+def test_no_function_of_a_command_takes_more_for_each_robot_where_there_are_more(
+    arguments: tuple[str, ...], tmp_path: Path
+) -> None:
+    def command_steps(count: int, name: str) -> Steps:
+        places = {"STAGE": faulty(count, tmp_path), "FOLDER": tmp_path / name}
+        with counted() as steps:
+            assert lab3(*(places.get(word, word) for word in arguments)).returncode in {0, 1}
+        return steps
+
+    command_steps(1, "first")  # what is kept from one stage to the next
+    assert not grown(command_steps(FEW, "few"), command_steps(2 * FEW, "many"))

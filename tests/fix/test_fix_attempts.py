@@ -8,7 +8,14 @@ import pytest
 from breaking import correct_stage
 from msgspec.structs import replace
 
-from lab3_usd.fix.repairing import USELESS, WORSE, Attempt, deletes_what_waits, most_helpful
+from lab3_usd.fix.repairing import (
+    USELESS,
+    WORSE,
+    Attempt,
+    deletes_what_waits,
+    errors_by_prim,
+    most_helpful,
+)
 from lab3_usd.model.changes import Activate, RemovePrim, Repair
 from lab3_usd.model.finding import Finding, Site, site_of
 from lab3_usd.spec.load.loader import load_lab
@@ -112,7 +119,8 @@ def test_a_node_is_not_deleted_while_what_it_stands_in_waits_for_a_repair(
     lab = load_lab()
     session = EditSession(correct_stage("02"), lab, lab.checkpoints["02"])
     found = replace(fault("x", prim), fix=fix)
-    assert deletes_what_waits(DELETION, [found], [DELETION, OTHER], session) == waits
+    errors = errors_by_prim([found], [DELETION, OTHER])
+    assert deletes_what_waits(DELETION, errors, session) == waits
 
 
 def test_without_repairs_nothing_is_tried() -> None:

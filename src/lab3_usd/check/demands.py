@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from lab3_usd.check.lab_frames import TfView
+from lab3_usd.check.lab_frames import TfView, trees_of_nodes
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.repairs import TYPE, VERSION, edits_at, removal_or_repair
 from lab3_usd.model.changes import Edit
@@ -40,11 +40,7 @@ def _with_tree(problem: Problem, view: TfView) -> Problem:
 
     A tree that no listener of the lab hears is an extra: what is wrong with it is a warning.
     """
-    sent = [
-        heard
-        for heard in view.trees()
-        if any(problem.prim in {edge.cause, edge.publisher} for edge in heard.tree.edges)
-    ]
+    sent = trees_of_nodes(view).get(problem.prim, ())
     is_extra = bool(sent) and all(map(view.is_beside, sent))
     severity = problem.severity or ("warning" if is_extra else None)
     harm = removal_or_repair(view.subject, problem.prim, problem.property, severity)

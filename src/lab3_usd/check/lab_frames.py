@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -134,8 +134,7 @@ class TfView(Struct, frozen=True, eq=False):
 
     def frames_in(self, domain: str) -> frozenset[str]:
         """Return the frames that are published in a domain, and those that the lab asks for."""
-        required = {frame for edge in self.subject.lab.frames.edges for frame in edge}
-        return frames_in(self.stage, self.platform, domain) | required
+        return _frames_or_asked(self, domain)
 
     def frames_left_open(self) -> UnresolvedAsset | None:
         """Return the missing asset that may hold further frames."""
@@ -149,6 +148,23 @@ class TfView(Struct, frozen=True, eq=False):
         """Return the types of nodes without a role that send transforms: another may be meant."""
         paths = dict.fromkeys(path for edge in edges for path in (edge.cause, edge.publisher))
         return tuple((path, "node:type") for path in paths if path not in self.role_specs)
+
+
+@once_per_stage
+def _frames_or_asked(view: TfView, domain: str) -> frozenset[str]:
+    required = {frame for edge in view.subject.lab.frames.edges for frame in edge}
+    return frames_in(view.stage, view.platform, domain) | required
+
+
+@once_per_stage
+def trees_of_nodes(view: TfView) -> Mapping[str, Sequence[HeardTree]]:
+    """Map each node that makes or sends transforms to the trees that have some of its own."""
+    sent: dict[str, list[HeardTree]] = {}
+    for heard in view.trees():
+        ends = ((edge.cause, edge.publisher) for edge in heard.tree.edges)
+        for path in dict.fromkeys(path for pair in ends for path in pair):
+            sent.setdefault(path, []).append(heard)
+    return sent
 
 
 @once_per_stage

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 from lab3_usd.check.match.rule_inputs import LintSubject, ModelSubject
 from lab3_usd.facts.clocks import CLOCK, READER_RESET, STAMP
 from lab3_usd.facts.execution_order import event_of, live_nodes, live_sources, run_states
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import Connect, CreateNode, Edit
-from lab3_usd.model.stage import Node
+from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 _CONTEXT, _CONTEXT_INPUT = f"{OUTPUT}context", f"{INPUT}context"
 _TIME = "double"
@@ -53,9 +54,29 @@ def _events(node: Node, subject: ModelSubject) -> list[Node]:
 
 
 def _beside(node: Node, subject: ModelSubject) -> Iterator[Node]:
-    graph = node.path.rpartition("/")[0]
-    live = live_nodes(subject.stage, subject.platform)
-    return (other for other in live.values() if other.path.rpartition("/")[0] == graph)
+    graphs = _by_graph(subject.stage, subject.platform)
+    return iter(graphs.get(node.path.rpartition("/")[0], ()))
+
+
+@once_per_stage
+def _by_graph(stage: StageModel, platform: Platform) -> Mapping[str, Sequence[Node]]:
+    """Map each graph to its live nodes."""
+    graphs: dict[str, list[Node]] = {}
+    for node in live_nodes(stage, platform).values():
+        graphs.setdefault(node.path.rpartition("/")[0], []).append(node)
+    return graphs
+
+
+@once_per_stage
+def _read_outputs(stage: StageModel, platform: Platform) -> frozenset[tuple[str, str]]:
+    """Return the outputs that some node reads, each by its node and name."""
+    live = live_nodes(stage, platform)
+    return frozenset(
+        (source.path, output)
+        for node in live.values()
+        for name in node.ports
+        for source, output in live_sources(node, name, live)
+    )
 
 
 def _signals(node: Node) -> Iterator[str]:
@@ -125,12 +146,7 @@ def lost_constant(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ..
         for source, output in live_sources(node, name, live)
         if output.startswith(INPUT)
     }
-    read = {
-        (source.path, output)
-        for other in live.values()
-        for name in other.ports
-        for source, output in live_sources(other, name, live)
-    }
+    read = _read_outputs(subject.stage, subject.platform)
     outputs = [
         f"{other.path}.{name}"
         for other in _beside(node, subject)

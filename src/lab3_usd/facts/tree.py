@@ -6,12 +6,13 @@ static twin. Published transforms, recorded ones and those of a dry run are all 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Mapping
 from functools import cached_property
 from types import MappingProxyType
 from typing import Generic, Protocol, TypeVar
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from lab3_usd.model.stage import is_acyclic
 
@@ -42,6 +43,24 @@ class SentTransform(Struct, frozen=True):
 
 _Edge = TypeVar("_Edge", bound=Placement)
 _NONE: Mapping[str, str] = MappingProxyType({})
+
+
+class _Part(Struct, Generic[_Edge], eq=False):
+    """Transforms that connect each other, their frames, and the number of the latest one."""
+
+    latest: int
+    edges: deque[_Edge] = field(default_factory=deque)
+    frames: set[str] = field(default_factory=set)
+
+    def behind(self, other: _Part[_Edge]) -> _Part[_Edge]:
+        """Return the larger of two parts, with the transforms of the other one before its own."""
+        if len(self.edges) > len(other.edges):
+            self.edges.extendleft(reversed(other.edges))
+            self.frames |= other.frames
+            return self
+        other.edges.extend(self.edges)
+        other.frames |= self.frames
+        return other
 
 
 class Tree(Struct, Generic[_Edge], frozen=True, dict=True):
@@ -100,12 +119,12 @@ class Tree(Struct, Generic[_Edge], frozen=True, dict=True):
 
     def above(self, child: str) -> tuple[str, ...]:
         """Return the frames above one, the nearest first; of several parents the first counts."""
-        above: list[str] = []
+        above: dict[str, None] = {}
         while parents := self.parents_of(child):
             child = parents[0]
             if child in above:
                 break
-            above.append(child)
+            above[child] = None
         return tuple(above)
 
     @cached_property
@@ -119,44 +138,56 @@ class Tree(Struct, Generic[_Edge], frozen=True, dict=True):
     @cached_property
     def roots(self) -> tuple[str, ...]:
         """The frames below no other, then one frame of every cycle that hangs below none."""
-        tops = [name for name in self.by_parent if name not in self.by_child]
+        tops = dict.fromkeys(name for name in self.by_parent if name not in self.by_child)
         reached: set[str] = set()
         for top in [*tops, *self.by_parent]:
-            if top not in reached and top not in tops:
-                tops.append(top)
-            reached |= self.below(top) - reached
+            if top not in reached:
+                tops[top] = None
+                self._reach(reached, [top])
         return tuple(tops)
 
     def below(self, *tops: str) -> set[str]:
         """Return the frames that hang below some, and these."""
         reached: set[str] = set()
-        ahead = list(tops)
+        self._reach(reached, list(tops))
+        return reached
+
+    def _reach(self, reached: set[str], ahead: list[str]) -> None:
+        """Add the frames that hang below some, and these, to those that were reached before."""
         while ahead:
             name = ahead.pop()
             if name not in reached:
                 reached.add(name)
                 ahead.extend(edge.child for edge in self.by_parent.get(name, ()))
-        return reached
 
     @cached_property
     def parts(self) -> tuple[tuple[tuple[_Edge, ...], frozenset[str]], ...]:
         """The trees that nothing connects: their transforms and frames, the largest first."""
-        parts: list[tuple[list[_Edge], set[str]]] = []
-        for edge in self.edges:
-            touched = [part for part in parts if {edge.parent, edge.child} & part[1]]
-            joined = ([edge], {edge.parent, edge.child})
-            for part in touched:
-                parts.remove(part)
-                joined = (part[0] + joined[0], part[1] | joined[1])
-            parts.append(joined)
-        ordered = sorted(parts, key=lambda part: -len(part[1]))
-        return tuple((tuple(edges), frozenset(frames)) for edges, frames in ordered)
+        part_of: dict[str, _Part[_Edge]] = {}
+        for number, edge in enumerate(self.edges):
+            touched = {
+                id(part): part for name in (edge.parent, edge.child) if (part := part_of.get(name))
+            }
+            joined = _Part[_Edge](number)
+            for part in sorted(touched.values(), key=lambda part: part.latest):
+                joined = joined.behind(part)
+            joined.latest = number
+            joined.edges.append(edge)
+            joined.frames.update((edge.parent, edge.child))
+            for part in touched.values():
+                if part is not joined:
+                    part_of.update(dict.fromkeys(part.frames, joined))
+            part_of[edge.parent] = part_of[edge.child] = joined
+        parts = {id(part): part for part in part_of.values()}.values()
+        ordered = sorted(parts, key=lambda part: (-len(part.frames), part.latest))
+        return tuple((tuple(part.edges), frozenset(part.frames)) for part in ordered)
 
     @cached_property
     def islands(self) -> dict[str, str]:
         """The frames that nothing connects with the largest tree, with the top of their own."""
+        order = {top: number for number, top in enumerate(self.roots)}
         return {
-            frame: next((top for top in self.roots if top in frames), frame)
+            frame: min(frames & order.keys(), key=order.__getitem__, default=frame)
             for _, frames in self.parts[1:]
             for frame in sorted(frames)
         }
@@ -197,7 +228,7 @@ def frame_faults(heard: Tree[_Edge], reserved: Mapping[str, str] = _NONE) -> lis
     `reserved` are the frames that only something outside the stage may place, with its name.
     """
     faults = []
-    own = {edge.child for edge in heard.self_parents}
+    own, rings = {edge.child for edge in heard.self_parents}, {*heard.cycle}
     for frame in heard.by_child:
         names = heard.parents_of(frame)
         if frame in reserved:
@@ -215,6 +246,6 @@ def frame_faults(heard: Tree[_Edge], reserved: Mapping[str, str] = _NONE) -> lis
                 faults.append(FrameFault(frame, "published twice", text))
         if frame in own:
             faults.append(FrameFault(frame, "own parent", "its own parent"))
-        elif frame in heard.cycle:
+        elif frame in rings:
             faults.append(FrameFault(frame, "ring", "part of a cycle"))
     return faults

@@ -25,7 +25,7 @@ from lab3_usd.judge.stage import checkpoint_of
 from lab3_usd.judge.starter import open_against_starter, open_starter
 from lab3_usd.model.changes import MovePrim, RemovePrim, Repair, Restore, TextChange
 from lab3_usd.model.finding import Finding, Report, Score, Site, StageResult, ordered, site_of
-from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.edit.repairs import apply_edit
@@ -234,11 +234,12 @@ def _attempt(
         for _ in range(_ROUNDS):
             findings = (finding for finding in after if site_of(finding) not in left_out)
             repairs = [repair for finding in findings if (repair := _repair_of(finding, options))]
+            moves, errors = _moves(repairs), errors_by_prim(after, repairs)
             repairs = [
                 repair
                 for repair in repairs
-                if not deletes_what_waits(repair, after, repairs, session)
-                and not _restores_what_moves(repair, repairs)
+                if not deletes_what_waits(repair, errors, session)
+                and not _restores_what_moves(repair, moves)
             ]
             _make_edits(session, repairs)
             made.update(dict.fromkeys(repairs))
@@ -257,8 +258,22 @@ def _attempt(
         session.close()
 
 
+def errors_by_prim(
+    findings: Iterable[Finding], repairs: Iterable[Repair]
+) -> Mapping[str, Sequence[tuple[Repair | None, bool]]]:
+    """Map each prim with errors to their repairs, and whether these are made."""
+    made = set(repairs)
+    errors: dict[str, list[tuple[Repair | None, bool]]] = {}
+    for finding in findings:
+        if finding.severity == "error" and finding.prim != "/":
+            errors.setdefault(finding.prim, []).append((finding.fix, finding.fix in made))
+    return errors
+
+
 def deletes_what_waits(
-    repair: Repair, findings: Iterable[Finding], repairs: Sequence[Repair], session: EditSession
+    repair: Repair,
+    errors: Mapping[str, Sequence[tuple[Repair | None, bool]]],
+    session: EditSession,
 ) -> bool:
     """Whether a repair deletes a node while its parent has an error, or one above is repaired.
 
@@ -273,25 +288,28 @@ def deletes_what_waits(
         and session.stage.GetPrimAtPath(edit.prim).GetTypeName() == node_type
     ]
     return any(
-        is_at_or_below(parent, finding.prim) and (finding.prim == parent or finding.fix in repairs)
+        fix != repair and (prim == parent or is_made)
         for parent in parents
-        for finding in findings
-        if finding.severity == "error" and finding.prim != "/" and finding.fix != repair
+        for prim in upwards(parent)
+        for fix, is_made in errors.get(prim, ())
     )
 
 
-def _restores_what_moves(repair: Repair, repairs: Iterable[Repair]) -> bool:
-    """Whether a repair restores a prim that another one moves: only there does the lab know it."""
-    moved = [
-        edit.prim
-        for other in repairs
-        if other != repair
-        for edit in other.edits
+def _moves(repairs: Iterable[Repair]) -> list[tuple[str, Repair]]:
+    """Return the prims that repairs move, each with its repair."""
+    return [
+        (edit.prim, repair)
+        for repair in repairs
+        for edit in repair.edits
         if isinstance(edit, MovePrim)
     ]
+
+
+def _restores_what_moves(repair: Repair, moves: Iterable[tuple[str, Repair]]) -> bool:
+    """Whether a repair restores a prim that another one moves: only there does the lab know it."""
+    restored = [edit.prim for edit in repair.edits if isinstance(edit, Restore)]
     return any(
-        isinstance(edit, Restore) and any(is_at_or_below(edit.prim, prim) for prim in moved)
-        for edit in repair.edits
+        is_at_or_below(path, prim) and other != repair for path in restored for prim, other in moves
     )
 
 
@@ -317,7 +335,8 @@ def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Att
     while waiting:
         group = waiting.pop(0)
         tried = attempt(kept.union(group))
-        is_useless = any(_messages(site, tried) == _messages(site, best) != [] for site in group)
+        before, after = _messages(best), _messages(tried)
+        is_useless = any(before.get(site) == after.get(site) is not None for site in group)
         is_right = _helps(tried, best) or (len(group) == 1 and _is_harmless(tried, best, group[0]))
         if is_right and not is_useless:
             kept, best = kept.union(group), tried
@@ -329,11 +348,13 @@ def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Att
     return Chosen(best, left_out)
 
 
-def _messages(site: Site, attempt: Attempt) -> list[str]:
-    """Return the messages of the repairable findings at a site."""
-    return [
-        finding.message for finding in attempt.after if finding.fix and site_of(finding) == site
-    ]
+def _messages(attempt: Attempt) -> dict[Site, list[str]]:
+    """Return the messages of the repairable findings, by site."""
+    messages: dict[Site, list[str]] = {}
+    for finding in attempt.after:
+        if finding.fix:
+            messages.setdefault(site_of(finding), []).append(finding.message)
+    return messages
 
 
 def _helps(tried: Attempt, best: Attempt) -> bool:

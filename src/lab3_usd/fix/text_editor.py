@@ -85,8 +85,7 @@ def new_bytes(edited: EditedLayer, content: bytes) -> bytes:
 
 def new_text(text: str, edited: EditedLayer) -> str:
     """Return the text of a layer with its edits."""
-    for path, name, to in edited.renames:
-        text = _renamed_property(text, path, name, to)
+    text = _with_renamed_properties(text, edited.renames)
     for path, to in edited.moves:
         text = _moved_text(text, path, to)
     is_renamed = bool(edited.renames or edited.moves)
@@ -146,13 +145,18 @@ def _moved_text(text: str, path: str, to: str) -> str:
     return paths.sub(lambda match: f"<{to}" if match[0].startswith("<") else match[0], text)
 
 
-def _renamed_property(text: str, path: str, name: str, to: str) -> str:
-    """Return the text of a layer with one property of a prim renamed where it stands."""
-    block = read_blocks(text).get(path)
-    renamed = []
-    for statement in block.of(name) if block else ():
-        start = text.rindex(name, statement.start, statement.head)
-        renamed.append(Splice(start, start + len(name), to))
+def _with_renamed_properties(text: str, renames: Iterable[tuple[str, str, str]]) -> str:
+    """Return the text of a layer with properties renamed where they stand: prim, name, new name."""
+    renamed: list[Splice] = []
+    named: set[tuple[str, str]] = set()
+    for path, name, to in renames:
+        if {(path, name), (path, to)} & named:  # which stands in the text only after the others
+            text, renamed, named = spliced(text, renamed), [], set()
+        block = read_blocks(text).get(path)
+        for statement in block.of(name) if block else ():
+            start = text.rindex(name, statement.start, statement.head)
+            renamed.append(Splice(start, start + len(name), to))
+        named |= {(path, name), (path, to)}
     return spliced(text, renamed)
 
 

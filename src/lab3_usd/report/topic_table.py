@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 from msgspec import Struct
 from msgspec.structs import asdict
@@ -24,7 +25,7 @@ _REFUSED = "not valid: the node does not work"
 _UNKNOWN = "not known: it comes over a wire"
 
 
-class TopicReport(Struct, frozen=True):
+class TopicReport(Struct, frozen=True, dict=True):
     """The topics of a stage, and the transforms that tell the frames of its TF publishers.
 
     `hidden` are the frames of theirs that only an asset could tell which cannot be found.
@@ -37,10 +38,15 @@ class TopicReport(Struct, frozen=True):
 
     def frames(self, endpoint: Endpoint) -> tuple[str, ...]:
         """Return the frames that an endpoint names, by its settings or its transforms."""
-        sent = (edge for edge in self.edges if edge.publisher == endpoint.node.path)
-        return endpoint.frames or tuple(
-            dict.fromkeys(name for edge in sent for name in (edge.parent, edge.child))
-        )
+        return endpoint.frames or tuple(self._sent.get(endpoint.node.path, ()))
+
+    @cached_property
+    def _sent(self) -> dict[str, dict[str, None]]:
+        """The frames of the transforms that each node sends, each once."""
+        sent: dict[str, dict[str, None]] = {}
+        for edge in self.edges:
+            sent.setdefault(edge.publisher, {}).update({edge.parent: None, edge.child: None})
+        return sent
 
     def unknown(self, endpoint: Endpoint) -> tuple[str, ...]:
         """Return what cannot be known of the frames of an endpoint, in words."""

@@ -15,7 +15,7 @@ from lab3_usd.check.robot.poses import (
     sensor_tolerance,
     vector_text,
 )
-from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
+from lab3_usd.model.prims import Matrix, Prim, is_at_or_below, upwards
 from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import IDENTITY, angle_between, camera_axes, relative_transform
 from lab3_usd.spec.lab import Lab
@@ -101,12 +101,16 @@ def find_sensor(lab: Lab, stage: StageModel, name: str) -> SensorLocation:
 
 def is_used_by_graph(stage: StageModel, prim: Prim) -> bool:
     """Whether a node names the prim as its target, or a graph that holds nodes lies below it."""
-    below = f"{prim.path}/"
-    for graph in stage.graphs:
-        if graph.active and graph.nodes and graph.path.startswith(below):
-            return True
+    return prim.path in _used_by_graphs(stage)
+
+
+@once_per_stage
+def _used_by_graphs(stage: StageModel) -> frozenset[str]:
+    """Return the prims that nodes name as their targets, and those above graphs with nodes."""
+    graphs = (graph for graph in stage.graphs if graph.active and graph.nodes)
+    above = {path for graph in graphs for path in upwards(graph.path.rpartition("/")[0])}
     states = (state for node in stage.nodes() for state in node.ports.values())
-    return any(prim.path in state.targets for state in states)
+    return frozenset(above.union(*(state.targets for state in states if state.targets)))
 
 
 def sensor_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:

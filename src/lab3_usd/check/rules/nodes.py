@@ -15,8 +15,9 @@ from lab3_usd.check.match.rule_inputs import GraphSubject, RobotSubject, StageSu
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, VERSION, edits_at
 from lab3_usd.check.robot.wheels import is_doubtful, second_commanders
-from lab3_usd.facts.endpoints import Endpoint, endpoints
+from lab3_usd.facts.endpoints import Endpoint, running_endpoints
 from lab3_usd.facts.execution_order import live_nodes, severity_if_uncertain
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import Activate, AddNode, Edit, RemovePrim
 from lab3_usd.model.finding import Problem, node_title, role_title
 from lab3_usd.model.stage import (
@@ -26,6 +27,8 @@ from lab3_usd.model.stage import (
     OVER,
     AbsentPrim,
     Node,
+    StageModel,
+    once_per_stage,
 )
 from lab3_usd.spec.graph import NodeSpec, PortRef
 from lab3_usd.spec.lab import Lab
@@ -228,18 +231,28 @@ def _published_again(subject: GraphSubject, node: Node) -> tuple[Endpoint, Endpo
     asked = _topics_asked(subject.lab)
     if subject.checkpoint.frames:
         asked -= {*subject.lab.platform.ros.tree_topics}  # which the rules of frames judge
-    published = [
-        endpoint
-        for endpoint in endpoints(subject.stage, subject.lab.platform)
-        if endpoint.runs and endpoint.direction == "publishes" and endpoint.topic in asked
-    ]
+    by_node, by_topic = _published(subject.stage, subject.lab.platform)
     pairs = [
         (own, other)
-        for own in published
-        for other in published
-        if own.node is node and other.node is not node and own.topic == other.topic
+        for own in by_node.get(node.path, ())
+        if own.topic in asked
+        for other in by_topic[own.topic]
+        if other.node is not node
     ]
     return min(pairs, key=lambda pair: not _is_sure(pair), default=None)
+
+
+_Ends = dict[str | None, list[Endpoint]]
+
+
+@once_per_stage
+def _published(stage: StageModel, platform: Platform) -> tuple[_Ends, _Ends]:
+    """Return what is published, by its node and by its topic."""
+    by_node, by_topic = _Ends(), _Ends()
+    for endpoint in running_endpoints(stage, platform, "publishes"):
+        by_node.setdefault(endpoint.node.path, []).append(endpoint)
+        by_topic.setdefault(endpoint.topic, []).append(endpoint)
+    return by_node, by_topic
 
 
 def _is_sure(pair: tuple[Endpoint, Endpoint]) -> bool:

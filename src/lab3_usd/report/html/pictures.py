@@ -64,10 +64,16 @@ def gallery(
     """
     all_shared = list(_shared_pictures(block, contents))
     targets: dict[str, dict[str, _PictureTarget]] = {}  # of each picture, by the id of the fault
+    by_prim: dict[str, list[int]] = {}
+    for number, fault in enumerate(block_faults):
+        by_prim.setdefault(fault.finding.prim, []).append(number)
     for shared in all_shared:
         targets[shared.id] = {}
-        for fault in block_faults:
-            target = _target_of(fault.finding, shared.picture)
+        boxes = _boxes_of(shared.picture)
+        drawn_prims = (*boxes, shared.picture.path)
+        shown = {number for prim in drawn_prims for number in by_prim.get(prim, ())}
+        for fault in map(block_faults.__getitem__, sorted(shown)):
+            target = _target_of(fault.finding, shared.picture, boxes)
             if target is not None and set(fault.stages) & set(shared.stages):
                 targets[shared.id][fault.id] = target
     faults_and_topics = CHARACTERS_PER_FAULT * len(block_faults) + CHARACTERS_PER_TOPIC * len(
@@ -140,9 +146,11 @@ def _svg(
     links: dict[str, str] = {}
     for name, target in targets.items():
         links.setdefault(target.id, f"#{name}")
-    for fault in block_faults:
-        if fault.id in targets:
-            for target in _related_targets(fault.finding, shared.picture):
+    faults = {fault.id: fault for fault in block_faults}
+    boxes = _boxes_of(shared.picture)
+    for fault in map(faults.__getitem__, targets):
+        if boxes:
+            for target in _related_targets(fault.finding, shared.picture, boxes):
                 links.setdefault(target.id, f"#{fault.id}")
     text = svg(shared.picture, f"{shared.id}-", links)
     # The parts beside the faults are drawn from this element; what has links is no image.
@@ -159,14 +167,20 @@ def topics(contents: Mapping[int, StageContent]) -> tuple[Topic, ...]:
     return tuple(Topic(cells, tuple(dict.fromkeys(indexes))) for cells, indexes in stages.items())
 
 
-def _target_of(finding: Finding, picture: Picture) -> _PictureTarget | None:
+def _boxes_of(picture: Picture) -> Mapping[str, Box]:
+    """Return the boxes in which findings are marked, by key."""
+    return {box.key: box for box in picture.boxes if picture.kind != "frames"}
+
+
+def _target_of(
+    finding: Finding, picture: Picture, boxes: Mapping[str, Box]
+) -> _PictureTarget | None:
     """Return the element that marks the fault in the picture, None if there is none.
 
     A missing node's finding lies at the graph and names the node.
     """
     if picture.kind == "frames":
         return None
-    boxes = {box.key: box for box in picture.boxes}
     if finding.prim in boxes:
         return _target_in(boxes[finding.prim], finding.property, picture)
     if finding.prim != picture.path:
@@ -178,9 +192,10 @@ def _target_of(finding: Finding, picture: Picture) -> _PictureTarget | None:
     return _PictureTarget(port_id(picture.path))
 
 
-def _related_targets(finding: Finding, picture: Picture) -> Iterator[_PictureTarget]:
+def _related_targets(
+    finding: Finding, picture: Picture, boxes: Mapping[str, Box]
+) -> Iterator[_PictureTarget]:
     """Yield the other ports that a finding names, as far as they are in the picture."""
-    boxes = {box.key: box for box in picture.boxes if picture.kind != "frames"}
     for site in finding.related:
         prim, _, prop = site.partition(".")
         if prim in boxes and (not prop or boxes[prim].row(prop)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 
 from msgspec.structs import replace
@@ -20,6 +20,7 @@ from lab3_usd.facts.frames import (
 )
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding, Severity
+from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import GraphModel, StageModel
 from lab3_usd.report.picture.canvas import at_editor_positions, on_canvas, position_missing
 from lab3_usd.report.picture.layered import Placed, layered
@@ -321,9 +322,11 @@ def stage_pictures(
             part = _part_of(roles, matched)
             yield graph_picture(specs[name], roles, part, findings, every_port=every_port)
     known = {roles.graph.path for roles in matched.values() if roles.graph is not None}
+    inside = _by_prim_above(findings)
     for graph in stage.graphs:
         if graph.active and graph.path not in known:
-            yield graph_picture(None, None, graph, findings, every_port=every_port)
+            here = inside.get(graph.path, ())
+            yield graph_picture(None, None, graph, here, every_port=every_port)
     if checkpoint is None:
         yield from _published_trees(lab.platform, stage)
         return
@@ -333,13 +336,24 @@ def stage_pictures(
         yield frames_picture(lab.frames, edges, hidden, required=has_tree, localized=localized)
 
 
+def _by_prim_above(findings: Iterable[Finding]) -> Mapping[str, Sequence[Finding]]:
+    """Map each prim to the findings at and below it."""
+    below: dict[str, list[Finding]] = {}
+    for finding in findings:
+        for path in upwards(finding.prim):
+            below.setdefault(path, []).append(finding)
+    return below
+
+
 def linted_pictures(
     platform: Platform, stage: StageModel, findings: Sequence[Finding], *, every_port: bool = False
 ) -> Iterator[Picture]:
     """Yield the graphs of a stage that no lab asks for, and its TF tree, with faults marked."""
+    inside = _by_prim_above(findings)
     for graph in stage.graphs:
         if graph.active and not platform.graph.ignores(graph.path):
-            picture = graph_picture(None, None, graph, findings, every_port=every_port, kind="lint")
+            here = inside.get(graph.path, ())
+            picture = graph_picture(None, None, graph, here, every_port=every_port, kind="lint")
             subtitle = _counts_text(graph.path, picture.boxes, picture.curves, LINT_WORDS)
             yield on_canvas(replace(picture, kind="lint", judged=True, subtitle=subtitle))
     yield from _published_trees(platform, stage)

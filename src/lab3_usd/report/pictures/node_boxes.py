@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -31,7 +32,7 @@ from lab3_usd.report.picture.model import (
 from lab3_usd.spec.graph import GraphSpec, NodeSpec, PortRef
 
 
-class SiteFindings(Struct, frozen=True):
+class SiteFindings(Struct, frozen=True, dict=True):
     """The findings at each site, the gravest first."""
 
     at: Mapping[Site, tuple[Finding, ...]] = field(default_factory=dict)
@@ -58,7 +59,16 @@ class SiteFindings(Struct, frozen=True):
         return [finding for site in sites for finding in self.at.get((prim, site), ())]
 
     def _properties(self, prim: str) -> frozenset[str]:
-        return frozenset(prop for path, prop in self.at if path == prim and prop is not None)
+        return self._by_prim.get(prim, frozenset())
+
+    @cached_property
+    def _by_prim(self) -> dict[str, frozenset[str]]:
+        """The properties that findings name, by prim."""
+        by_prim: dict[str, set[str]] = {}
+        for prim, prop in self.at:
+            if prop is not None:
+                by_prim.setdefault(prim, set()).add(prop)
+        return {prim: frozenset(properties) for prim, properties in by_prim.items()}
 
     def expected(self, prim: str, prop: str) -> str | None:
         """Return what the site should hold, where an error or warning says it."""

@@ -194,10 +194,10 @@ def _picture(
 ) -> Picture:
     names = dict.fromkeys(name for branch in branches for name in (branch.parent, branch.child))
     apart = {branch.parent: branch.apart for branch in branches if branch.apart}
-    boxes = [
-        _box(name, [branch for branch in branches if branch.child == name], rates, apart.get(name))
-        for name in names
-    ]
+    into: dict[str, list[DrawnEdge]] = {}
+    for branch in branches:
+        into.setdefault(branch.child, []).append(branch)
+    boxes = [_box(name, into.get(name, ()), rates, apart.get(name)) for name in names]
     curves: list[Curve] = []
     for branch in branches:
         note = f"{branch.parent} → {branch.child}"

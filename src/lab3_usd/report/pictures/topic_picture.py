@@ -25,7 +25,10 @@ def topics_picture(
     ends = [end for end in endpoints if end.topic is not None]
     refused = len(endpoints) - len(ends)
     boxes = [_node_box(end) for end in {end.node.path: end for end in ends}.values()]
-    boxes += [_topic_box(end, ends) for end in {end.topic: end for end in ends}.values()]
+    types: dict[str | None, dict[str, None]] = {}
+    for end in ends:
+        types.setdefault(end.topic, {})[end.type or "?"] = None
+    boxes += [_topic_box(str(topic), [*known]) for topic, known in types.items()]
     boxes += [_unknown_box(node) for node in unknown]
     curves = []
     for end in ends:
@@ -59,12 +62,11 @@ def _node_box(end: Endpoint) -> Box:
     )
 
 
-def _topic_box(end: Endpoint, ends: Sequence[Endpoint]) -> Box:
-    types = dict.fromkeys(other.type or "?" for other in ends if other.topic == end.topic)
+def _topic_box(topic: str, types: Sequence[str]) -> Box:
     return sized(
         Box(
-            key=f"{_TOPIC}{end.topic}",
-            title=clip_end(str(end.topic), MOST_TITLE),
+            key=f"{_TOPIC}{topic}",
+            title=clip_end(topic, MOST_TITLE),
             subtitle=clip_end(" and ".join(types), MOST_TITLE),
             family="data",
             note="\n".join(types),
