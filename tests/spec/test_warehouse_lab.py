@@ -160,6 +160,13 @@ def test_each_robot_has_a_tree_of_its_own(lab: Lab, built: Path) -> None:
     assert lab.frames.roots == ("r1/odom", "r2/odom")
 
 
+def test_two_trees_of_two_robots_are_right_in_text_and_pictures(built: Path) -> None:
+    shown = run("tf", built / file_of(5)).output
+    assert "roots, where" not in shown
+    drawn = run("tf", "--format", "dot", built / file_of(5)).output
+    assert "not connected" not in drawn
+
+
 def test_requirements_speak_of_each_robot_by_its_name(lab: Lab, built: Path) -> None:
     result = check_stage(built / file_of(1), lab=lab)
     groups = [requirement.group for requirement in result.requirements]
@@ -494,6 +501,46 @@ def test_lab_check_says_what_the_description_contradicts(
     assert old in text
     (copy / file).write_text(text.replace(old, new, 1))
     shown = invoke("lab", "check", copy, "--from", built / file_of(7))
+    assert shown.exit_code == 1
+    assert [line for line in shown.output.splitlines() if line.startswith(said)], shown.output
+
+
+# File, what is written, what is written instead, and what is only seen once the stage is built.
+BUILT = {
+    "wheels wider apart than the starter's": (
+        "scene.yaml", "distance: 0.36", "distance: 0.46",
+        "warning scene.yaml: /World/r1/joints/left_joint: localPos0: the wheel joints are 0.36",
+    ),
+    "a joint that the robot does not have": (
+        "DriveR2.yaml", "value: left_joint", "value: left_join",
+        "warning DriveR2.yaml: motors: jointNames: the robot has no joint 'left_join'",
+    ),
+    "a node that nothing triggers": (
+        "DriveR1.yaml", "  - tick.tick -> twist.execIn\n", "",
+        "warning DriveR1.yaml: twist: execIn: ROS2 Subscribe Twist never executes",
+    ),
+    "motors of the other robot": (
+        "DriveR2.yaml", "targetPrim: [/World/r2/body]", "targetPrim: [/World/r1/base]",
+        "warning DriveR2.yaml: motors: jointNames: commands left_joint, right_joint, which",
+    ),
+    "an attribute that no schema has": (
+        "scene.yaml", '"omni:sensor:tickRate"', '"omni:sensor:tickrate"',
+        "warning scene.yaml: /World/r1/mast/Cloud: tickrate: omni:sensor:tickrate is ignored",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BUILT)
+def test_lab_check_builds_and_judges_what_a_lab_with_a_starter_describes(
+    tmp_path: Path, name: str
+) -> None:
+    file, old, new, said = BUILT[name]
+    copy = tmp_path / "lab"
+    shutil.copytree(WAREHOUSE, copy)
+    text = (copy / file).read_text()
+    assert old in text
+    (copy / file).write_text(text.replace(old, new, 1))
+    shown = invoke("lab", "check", copy)
     assert shown.exit_code == 1
     assert [line for line in shown.output.splitlines() if line.startswith(said)], shown.output
 

@@ -78,10 +78,11 @@ def _refuse_missing(stages: Sequence[Path]) -> None:
             raise UsageError(f"{stage}: there is no such file")
 
 
-def _say_faults(lab: Lab, stages: Sequence[Path]) -> list[LabFault]:
+def _say_faults(lab: Lab, stages: Sequence[Path], *, build: bool = False) -> list[LabFault]:
     """Print and return contradictions in a lab, and names that no stage has.
 
-    Points and checklists are held against a lab that agrees with itself.
+    Points and checklists are held against a lab that agrees with itself, and with `build` so are
+    the stages that it describes, whose starter it describes.
 
     Raises:
         SpecError: the description of the starter is wrong.
@@ -95,6 +96,10 @@ def _say_faults(lab: Lab, stages: Sequence[Path]) -> list[LabFault]:
     faults = list(lab_faults(lab, [_known(stage, lab) for stage in stages]))
     if all(fault.severity != "error" for fault in faults):
         faults += scoring_faults(lab)
+        if build and (lab.folder / STARTER).is_file():
+            from lab3_usd.judge.described import described_faults
+
+            faults += described_faults(lab)
     for fault in faults:
         place = place_of(lab.folder, fault.place)
         click.echo(f"{fault.severity} {fault}" + (f", at {place}" if place else ""))
@@ -163,7 +168,8 @@ def check(folder: Path | None, stages: tuple[Path, ...]) -> None:
     if folder is not None and not folder.is_dir():
         raise UsageError(f"{folder}: there is no such folder")
     _refuse_missing(stages)
-    if _say_faults(assemble(folder or lab_folder()), stages):
+    lab = assemble(folder or lab_folder())
+    if _say_faults(lab, stages, build=True):
         sys.exit(EXIT_FOUND)
 
 

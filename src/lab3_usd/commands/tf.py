@@ -52,7 +52,12 @@ def command(
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.facts.endpoints import endpoints
-    from lab3_usd.facts.frames import all_edges, all_unresolved_frames, published_transforms
+    from lab3_usd.facts.frames import (
+        all_edges,
+        all_unresolved_frames,
+        published_transforms,
+        trees_of,
+    )
     from lab3_usd.judge.lint import read_ros
     from lab3_usd.judge.stage import checkpoint_of
     from lab3_usd.report.entries import coverage_line
@@ -70,8 +75,10 @@ def command(
     edges, hidden = all_edges(model, platform), all_unresolved_frames(model, platform)
     rates = {end.node.path: end.rate for end in endpoints(model, platform)}
     not_judged = printable(coverage_line(ros.coverage))
+    tops = frozenset(top for heard in trees_of(edges) for top in ros.subject.tops(heard))
     if picture is not None:
-        write_picture(published_frames_picture(edges, hidden, rates, not_judged), picture, force)
+        drawn = published_frames_picture(edges, hidden, rates, not_judged, tops)
+        write_picture(drawn, picture, force)
         click.echo(picture)
         return
     sent = published_transforms(model, platform)
@@ -79,7 +86,7 @@ def command(
     lab = load_lab()
     # What a lab leaves to others, any other stage may place.
     reserved = lab.frames.reserved if checkpoint_of(stage.name, lab) else {}
-    tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates)
+    tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates, tops)
     if form == "text":
         lines = as_text(tree, terminal_width(), verbose=verbose)
         rest = folded(f"? {not_judged}", WIDTH, rest="  ") if not_judged else []

@@ -31,6 +31,7 @@ class TreeReport(Struct, frozen=True):
     reserved: Mapping[str, str] = field(default_factory=dict)
     hidden: tuple[UnresolvedFrames, ...] = ()
     rates: Mapping[str, str] = field(default_factory=dict)
+    tops: frozenset[str] = frozenset()
 
     @property
     def heard(self) -> tuple[HeardTree, ...]:
@@ -58,7 +59,7 @@ class TreeReport(Struct, frozen=True):
         """
         islands = {} if self.hidden else heard.tree.islands
         main = next((top for top in heard.tree.roots if top not in islands), "")
-        tops = dict.fromkeys(islands.values())
+        tops = [top for top in dict.fromkeys(islands.values()) if top not in self.tops]
         return [FrameFault(top, "another tree", f"not connected to {main}") for top in tops]
 
     def how(self, publisher: str, topic: str) -> str:
@@ -94,9 +95,10 @@ def as_text(
         for top in roots:
             yield printable(top)
             yield from _branches(top, heard.tree, report, drawn, width, verbose=verbose)
-        if len(roots) > 1 and not report.hidden:
-            tops = ", ".join(map(printable, roots))
-            yield f"! {len(roots)} roots, where there must be one: {tops}"
+        most = max(1, len(report.tops.intersection(roots)))
+        if len(roots) > most and not report.hidden:
+            tops, right = ", ".join(map(printable, roots)), "one" if most == 1 else most
+            yield f"! {len(roots)} roots, where there must be {right}: {tops}"
     for path in report.unknown:
         yield f"! {printable(path)} publishes frames that the stage does not define"
     for hidden in report.hidden:

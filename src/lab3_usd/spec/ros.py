@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
+from typing import Literal
 
 from msgspec import Struct
 
@@ -49,7 +50,7 @@ class TopicSpec(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
     type: str
     handout: str
     since: str = FROM_THE_FIRST
-    durability: str | None = None
+    durability: Literal["volatile", "transient_local"] | None = None
     rate: str | None = None
     publishers: int | None = None
     fields: Mapping[str, str] | None = None

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta, Struct
 
 from lab3_usd.spec.ros import MapFacts
 
 Number = Annotated[float, Meta(ge=-1e9, le=1e9)]  # finite, and no room is larger
+Positive = Annotated[float, Meta(ge=0, le=1e9)]
 Number3 = tuple[Number, Number, Number]
 Plain = str | bool | int | float | tuple[Any, ...]
 ANYWHERE = "anywhere"  # recognised off the robot as well
@@ -25,7 +26,7 @@ class StageUnits(Struct, frozen=True, forbid_unknown_fields=True):
     """Up axis and units of a stage."""
 
     handout: str
-    up_axis: str
+    up_axis: Literal["Y", "Z"]
     meters_per_unit: Number
     kilograms_per_unit: Number
 
@@ -33,16 +34,16 @@ class StageUnits(Struct, frozen=True, forbid_unknown_fields=True):
 class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
     """Metres, degrees and factors; `mass` and `number` are relative."""
 
-    mass: Number
-    root_position: Number
-    root_angle: Number
-    sensor_position: Number
-    sensor_angle: Number
-    number: Number
-    scale: Number
-    link_position: Number
-    axle_angle: Number
-    rest: Number
+    mass: Positive
+    root_position: Positive
+    root_angle: Positive
+    sensor_position: Positive
+    sensor_angle: Positive
+    number: Positive
+    scale: Positive
+    link_position: Positive
+    axle_angle: Positive
+    rest: Positive
 
 
 class PoseSpec(Struct, frozen=True, forbid_unknown_fields=True):
@@ -303,7 +304,7 @@ class SensorSpec(Struct, frozen=True, forbid_unknown_fields=True):
     type: str
     handout: str
     pose: PoseSpec
-    recognised: str = "on the robot"
+    recognised: Literal["on the robot", "anywhere"] = "on the robot"
     asset_suffix: str = ""
     apis: tuple[str, ...] = ()
     required_api: str = ""

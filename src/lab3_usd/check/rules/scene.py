@@ -152,7 +152,8 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
     }
     tolerance = subject.lab.scene.tolerance.number
     is_turned = stage.up_axis != wanted.up_axis
-    wrong = [("upAxis", stage.up_axis, wanted.up_axis)] if is_turned else []
+    wrong: list[tuple[str, str, str]] = []
+    wrong += [("upAxis", stage.up_axis, wanted.up_axis)] if is_turned else []
     wrong += [
         (name, f"{unit:g}", f"{right:g}")
         for name, (unit, right) in units.items()

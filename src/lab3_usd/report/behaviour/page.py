@@ -174,6 +174,7 @@ def render(
     )
     graphs = list(drawn)
     edges = list(heard_edges(behaviour, plays[0].replay if plays else None))
+    tops = _tops(behaviour)
     return (
         environment()
         .get_template("sim.html.j2")
@@ -203,8 +204,8 @@ def render(
             on_map=own_markup(map_svg(behaviour.fit)) if behaviour.fit is not None else "",
             chart=lambda replay: own_markup(chart_svg(replay)),
             places=cursor_places,
-            tree=tree_lines(edges),
-            tree_picture=own_markup(svg(published_frames_picture(edges), "tf-")) if edges else "",
+            tree=tree_lines(edges, tops),
+            tree_picture=own_markup(_tree_svg(edges, tops)) if edges else "",
             graphs=graphs,
             tool=f"{NAME} {tool_version()}",
         )
@@ -246,9 +247,21 @@ def heard_edges(behaviour: Behaviour, replay: Replay | None) -> Iterator[Edge]:
         )
 
 
-def tree_lines(edges: Sequence[Edge]) -> list[tuple[str, bool]]:
+def _tree_svg(edges: Sequence[Edge], tops: frozenset[str]) -> str:
+    return svg(published_frames_picture(edges, tops=tops), "tf-")
+
+
+def _tops(behaviour: Behaviour) -> frozenset[str]:
+    """Return the tops of the trees of robots: all where the check of the tree finds no fault."""
+    is_right = any(check.name == "tree" and check.verdict == "ok" for check in behaviour.checks)
+    children = {frame.child for frame in behaviour.frames}
+    parents = {frame.parent for frame in behaviour.frames}
+    return frozenset(parents - children if is_right else ())
+
+
+def tree_lines(edges: Sequence[Edge], tops: frozenset[str] = frozenset()) -> list[tuple[str, bool]]:
     """Return the lines of the TF trees, and whether each says that something is wrong."""
-    lines = as_text(TreeReport("", tuple(edges))) if edges else ()
+    lines = as_text(TreeReport("", tuple(edges), tops=tops)) if edges else ()
     return [(line, line.startswith("! ") or FAULT in line) for line in lines]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache
 from types import MappingProxyType
 
@@ -90,17 +90,19 @@ def published_frames_picture(
     hidden: Sequence[UnresolvedFrames] = (),
     rates: Mapping[str, str] = MappingProxyType({}),
     not_judged: str = "",
+    tops: Collection[str] = (),
 ) -> Picture:
     """Return the tree of any stage; transforms that tf2 rejects, and further trees, are marked.
 
     `rates` are how often each publisher sends, by its path; `not_judged` says in words what else
-    is not known.
+    is not known. `tops` are the frames at the top of the trees of robots.
     """
     trees, branches = trees_of(edges), list[DrawnEdge]()
     for heard in trees:
         where = f" ({tree_name(heard, trees)})" if len(trees) > 1 else ""
         wrong = {fault.frame for fault in frame_faults(heard.tree)}
         islands = {} if hidden else heard.tree.islands
+        islands = {frame: top for frame, top in islands.items() if top not in tops}
         main = next((top for top in heard.tree.roots if top not in islands), "")
         published: dict[Pair, list[Edge]] = {}
         for edge in heard.tree.edges:

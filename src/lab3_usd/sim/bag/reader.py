@@ -240,9 +240,9 @@ def _keep(gathered: Gathered, message: Message, topics: Topics) -> None:
         inner = _links(gathered, message.transforms, message.at, wanted.root, static=static)
         if len(gathered.located) < MOST_KEPT:
             gathered.located += _located(message, topics)
-        if static or not inner:
+        if not (static or inner):
             return
-        message.data = inner
+        message.data = () if static else inner
         gathered.transforms += len(inner)
     if gathered.until is None:
         _keep_whole(gathered, message, wanted)

@@ -58,6 +58,9 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
         and topic.name not in foreign
     ]
     names: dict[str, Any] = {part: _named(required, kind) for part, kind in _PARTS.items()}
+    kept = static_topics(lab)
+    moving = [topic for topic in required if topic.name not in kept]
+    names["transforms"] = _named(moving, _PARTS["transforms"]) or names["transforms"]
     root, base = _frames_of_odometry(lab, robot)
     lidar = _sensor_behind(lab, names["scan"], "lidar", robot)
     camera = _sensor_behind(lab, names["image"], "camera", robot)
@@ -84,7 +87,7 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
         profile={name: attribute.value for name, attribute in lidar.attributes.items()}
         if lidar
         else {},
-        static=static_topics(lab),
+        static=kept,
         restarts=_restarts(lab),
         goes_with_environment=_goes_with_environment(lab),
     )

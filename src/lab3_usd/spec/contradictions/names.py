@@ -213,6 +213,7 @@ def frame_faults(lab: Lab) -> Iterator[LabFault]:
     yield from _double_parents(lab)
     yield from _misplaced_localization(lab)
     yield from _forbidden(lab, given)
+    yield from _too_early_frames(lab, given)
     yield from _unpublished(lab, given)
     tree = _tree(lab)
     for file, key, frame in (*_graph_references(lab, given), *_references(lab)):
@@ -253,6 +254,19 @@ def _forbidden(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:
             if frame.child in lab.frames.reserved:
                 other = f"{CHECKPOINTS}: frames: localization"
             yield LabFault(frame.file, frame.key, message, other)
+
+
+def _too_early_frames(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:
+    """Yield that the tree is asked for before the graph that publishes a part of it."""
+    first = next(point for point in lab.checkpoints.values() if point.frames)
+    there = {f"{name}.yaml" for name in first.graphs}
+    for _, child in lab.frames.edges:
+        makers = [frame for frame in given if frame.child == child]
+        if makers and not any(frame.file in there for frame in makers):
+            message = f"asks for the frame '{child}', which a later checkpoint publishes"
+            key = f"checkpoints: '{lab.key_of(first.id)}': adds: frames"
+            yield LabFault(CHECKPOINTS, key, message, makers[0].place)
+            return
 
 
 def _misplaced_localization(lab: Lab) -> Iterator[LabFault]:
@@ -361,6 +375,10 @@ def _about_topic(lab: Lab, topic: TopicSpec, given: list[GraphTopic]) -> Iterato
         if graph_topic.type is not None and graph_topic.type != topic.type:
             message = f"'type' is {topic.type}, but the graph's messages are {graph_topic.type}"
             yield LabFault(ROS, key, message, graph_topic.place)
+    count = sum(not end.is_subscribed for end in same)
+    if topic.publishers is not None and topic.source is None and topic.publishers != count:
+        message = f"'publishers' is {topic.publishers}, but {count} of the graphs' nodes are"
+        yield LabFault(ROS, f"{key}: publishers", message, same[0].place)
     yield from _other_frames(topic, same)
     yield from _too_early(lab, topic, same)
 
@@ -426,28 +444,6 @@ def _navigation(
     if navigation.map_topic not in lab.ros.topics:
         message = f"'{navigation.map_topic}' is not a topic"
         yield LabFault(ROS, "navigation: map_topic", message, f"{ROS}: topics")
-
-
-_DOMAIN, _BY_ENVIRONMENT = f"{INPUT}domain_id", f"{INPUT}useDomainIDEnvVar"
-
-
-def domain_faults(lab: Lab) -> Iterator[LabFault]:
-    """Yield domains of graphs that are not one, and a domain of the system that none of them is."""
-    places: dict[object, str] = {}
-    for graph in lab.graphs.values():
-        for node in graph.nodes.values():
-            if _DOMAIN in node.type.ports and value_of(node, _BY_ENVIRONMENT) is False:
-                domain = value_of(node, _DOMAIN)
-                places.setdefault(domain, f"{file_of(graph)}: {node.role}: domain_id")
-    system = lab.ros.system.domain
-    (first, place), *others = [*places.items()] or [(system, "")]
-    for second, other in others:
-        file, _, key = other.partition(": ")
-        message = f"the domain is {second}, in another graph {first}: nobody hears both"
-        yield LabFault(file, key, message, place, "warning")
-    if places and system not in places:
-        message = f"{system} is the domain of no graph, {first} is"
-        yield LabFault(ROS, "system: domain", message, place)
 
 
 def _commands(lab: Lab) -> Iterator[LabFault]:

@@ -10,12 +10,13 @@ from msgspec import to_builtins
 
 from lab3_usd.data import program
 from lab3_usd.errors import SpecError
+from lab3_usd.spec.contradictions.domains import domain_faults
 from lab3_usd.spec.contradictions.names import (
     LabFault,
-    domain_faults,
     file_of,
     frame_faults,
     misspelled,
+    nearest,
     topic_faults,
 )
 from lab3_usd.spec.contradictions.scene import KnownScene, scene_faults
@@ -77,6 +78,46 @@ def _since(lab: Lab) -> Iterator[tuple[str, str]]:
 
 def _line_key(line: ChecklistSpec, key: str) -> str:
     return f"checklist: {line.section}: '{line.text}': {key}"
+
+
+def ending_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield endings of files that are none."""
+    stages = lab.submission.stages
+    every = {"endings": stages.endings, "openable": stages.openable, "slips": stages.slips}
+    for key, endings in every.items():
+        for ending in endings:
+            if not ending.startswith("."):
+                message = f"'{ending}' is no ending, '.{ending}' is"
+                yield LabFault(SUBMISSION, f"stages: {key}", message)
+
+
+def policy_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield names in the rules for all graphs that are none, and nodes before their graph."""
+    policy, types = lab.policy, lab.platform.types
+    if policy.tick not in types:
+        meant = nearest(policy.tick, lab.platform.events)
+        hint = f", '{meant}' is" if meant else ""
+        yield LabFault(CHECKPOINTS, "policy: tick", f"'{policy.tick}' is no node type{hint}")
+    inputs = {name.rpartition(":")[2] for kind in types.values() for name in kind.ports}
+    named = {"keep_default": policy.keep_default, "stamp_reset: ports": policy.stamp_reset.ports}
+    named["stamp_reset: with"] = (policy.stamp_reset.agree,)
+    for key, names in named.items():
+        for name in names:
+            if name not in inputs:
+                meant = nearest(name, inputs)
+                hint = f", '{meant}' is" if meant else ""
+                yield LabFault(CHECKPOINTS, f"policy: {key}", f"'{name}' is no input{hint}")
+    comes = {name: point for point in lab.checkpoints.values() for name in point.new}
+    for name, graph in lab.graphs.items():
+        for role, node in graph.nodes.items():
+            first = comes.get(name)
+            if first is None or node.since not in lab.checkpoints:
+                continue
+            if not lab.is_after(node.since, first.id):
+                message = f"the graph comes with checkpoint {lab.key_of(first.id)}"
+                yield LabFault(
+                    file_of(graph), f"{role}: from", message, f"{CHECKPOINTS}: checkpoints"
+                )
 
 
 def checklist_faults(lab: Lab) -> Iterator[LabFault]:
@@ -249,6 +290,8 @@ def lab_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFault
 
 def _all_faults(lab: Lab, stages: Sequence[KnownScene]) -> Iterator[LabFault]:
     yield from checkpoint_faults(lab)
+    yield from policy_faults(lab)
+    yield from ending_faults(lab)
     yield from checklist_faults(lab)
     yield from frame_faults(lab)
     yield from topic_faults(lab)

@@ -41,12 +41,15 @@ def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFau
                 message = f"'{name}' is not a link{hint}"
                 key = f"{robot.key}: wheels: joints: {joint}"
                 yield LabFault(SCENE, key, message, f"{SCENE}: {robot.key}: links")
+        if robot.wheels.joints and not any(robot.wheels.axle):
+            yield LabFault(SCENE, f"{robot.key}: wheels: axle", "has no direction")
         yield from _joint_faults(robot)
     yield from _sensor_faults(lab)
     yield from _unequal_sensors(lab)
     scenes = (*_starter_scene(lab), *stages)
     yield from _target_faults(lab, scenes)
     yield from _absent_parts(lab, scenes)
+    yield from _misspelled_parents(lab, scenes)
 
 
 def _joint_faults(robot: RobotSpec) -> Iterator[LabFault]:
@@ -89,19 +92,46 @@ def _absent_parts(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
             yield LabFault(SCENE, key, f"'{path}' is no prim{hint}", where)
 
 
+_NEARLY = 0.9  # how alike two names are of which one is taken for misspelled
+
+
+def _misspelled_parents(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
+    """Yield graphs below a prim that no scene has, and that is called almost as one that it has."""
+    from difflib import get_close_matches
+
+    known = frozenset[str]().union(*(scene.prims for scene in scenes))
+    made = {*(sensor.path for sensor in lab.sensors.values())}
+    where = ", ".join(scene.name for scene in scenes)
+    for graph in lab.graphs.values():
+        parent = graph.path.rpartition("/")[0]
+        meant = get_close_matches(parent, known, 1, _NEARLY) if parent not in known | made else ()
+        for path in meant:
+            message = f"'{parent}' is no prim, '{path}' is"
+            yield LabFault(file_of(graph), "path", message, where, "warning")
+
+
 def _parts(lab: Lab, known: Collection[str]) -> Iterator[tuple[str, str, bool]]:
     """Yield key and path of what the scene is to hold, and whether it does."""
     for robot in lab.scene.robots:
         yield f"{robot.key}: path", robot.path, robot.path in known
         for name, path in zip(robot.links, robot.link_paths, strict=True):
             yield f"{robot.key}: links: {name}", path, path in known or robot.path not in known
+        target = robot.articulation.target
+        if target:
+            key = f"{robot.key}: articulation: target"
+            yield key, target, target in known or robot.path not in known
         for name in (*robot.wheels.joints, *robot.joints):
             ends = (path for path in known if path.endswith(f"/{name}"))
             is_there = any(is_within(path, robot.path) for path in ends)
             of_wheel = name in robot.wheels.joints
             key = f"{robot.key}: {'wheels: ' if of_wheel else ''}joints: {name}"
             place = robot.joint_path(name) if of_wheel else f"{robot.path}/{name}"
+            if of_wheel and is_there:
+                key = f"{robot.key}: wheels: joints_below"
+                is_there = place in known
             yield key, place, is_there or robot.path not in known
+    world = lab.scene.world.graph_parent.path
+    yield "world: graph_parent: path", world, world in known
     made = {sensor.path for sensor in lab.sensors.values()}
     for name, sensor in lab.sensors.items():
         parent = sensor.path.rpartition("/")[0]

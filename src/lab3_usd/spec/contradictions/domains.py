@@ -1,0 +1,46 @@
+"""Domains of ROS that the graphs of a lab and its system do not share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.spec.contradictions.names import LabFault, file_of, value_of
+from lab3_usd.spec.graph import GraphSpec
+from lab3_usd.spec.lab import ROS, Lab
+
+_DOMAIN, _BY_ENVIRONMENT = f"{INPUT}domain_id", f"{INPUT}useDomainIDEnvVar"
+
+
+def domain_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield domains of graphs that are not one, and a domain of the system that none of them is."""
+    places: dict[object, str] = {}
+    for graph in lab.graphs.values():
+        for node in graph.nodes.values():
+            if _DOMAIN in node.type.ports and value_of(node, _BY_ENVIRONMENT) is False:
+                domain = value_of(node, _DOMAIN)
+                places.setdefault(domain, f"{file_of(graph)}: {node.role}: domain_id")
+        yield from _without_context(graph, places)
+    system = lab.ros.system.domain
+    (first, place), *others = [*places.items()] or [(system, "")]
+    for second, other in others:
+        file, _, key = other.partition(": ")
+        message = f"the domain is {second}, in another graph {first}: nobody hears both"
+        yield LabFault(file, key, message, place, "warning")
+    if places and system not in places:
+        message = f"{system} is the domain of no graph, {first} is"
+        yield LabFault(ROS, "system: domain", message, place)
+
+
+_CONTEXT = "context"
+
+
+def _without_context(graph: GraphSpec, places: Mapping[object, str]) -> Iterator[LabFault]:
+    """Yield nodes without a context, whose domain is that of the environment, beside others."""
+    for node in graph.nodes.values() if places else ():
+        wired = {wire.target.port for wire in graph.wires_into(node.role)}
+        port = f"{INPUT}{_CONTEXT}"
+        if node.type.role and port in node.type.ports and port not in wired:
+            message = "nothing is wired to it: the domain is that of ROS_DOMAIN_ID"
+            place = next(iter(places.values()))
+            yield LabFault(file_of(graph), f"{node.role}: {_CONTEXT}", message, place, "warning")
