@@ -64,6 +64,7 @@ CHECKPOINTS = tuple(load_lab().checkpoints)
 ELSEWHERE = {
     "C11",
     "L12",
+    "L13",  # the bundled lab has one lidar
     "F02",
     "F03",
     "S16",

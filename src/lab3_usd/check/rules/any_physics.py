@@ -54,7 +54,7 @@ def link_bodies(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("K96", "simulation-owner", scope="lint")
 def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
-    """A body, shape or joint belongs to no physics scene, or to two.
+    """A body of joints, its shape or joint belongs to no physics scene, or to two.
 
     Why: PhysX makes no body and no shape whose owner is not a physics scene. Where a stage has two
     scenes, it makes no joint between bodies of different owners, and no articulation of them; a
@@ -69,9 +69,11 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
     `Joint.cpp:132-140` and `Articulation.cpp:34-66`.
     """
     stage = subject.stage
+    tied = _tied_bodies(stage)
     lost: dict[tuple[str, bool], list[Prim]] = {}
     for prim in stage.with_api(lambda api: api in {BODY_API, COLLISION_API}):
-        owners = prim.relationships.get(_OWNER, ()) if prim.present else ()
+        is_asked = prim.present and _is_tied(prim, tied, stage)
+        owners = prim.relationships.get(_OWNER, ()) if is_asked else ()
         if owners and not any(_is_scene(owner, stage) for owner in owners):
             lost.setdefault((owners[0], is_body(prim)), []).append(prim)
     for (owner, are_bodies), prims in lost.items():
@@ -140,7 +142,7 @@ def _is_scene(path: str, stage: StageModel) -> bool:
 @rule("K97", "ignored-physics", scope="lint", severity="warning")
 @rule("S27", "physics-not-as-written", scope="stage", severity="warning")
 def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
-    """PhysX reads a body, shape or joint otherwise than the file says.
+    """PhysX reads a body of joints, its shape or a joint otherwise than the file says.
 
     Why: of two bodies at one end of a joint the first counts. A negative mass, density or inertia
     counts as none, and so does a mass without PhysicsMassAPI: it is computed from the shapes, or is
@@ -150,13 +152,13 @@ def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
     Fix: name one body, write the mass in kilograms, and give a shape its size by radius and height
     instead of a scale.
 
-    Example: a wheel whose cylinder is scaled 1, 2, 1 across its axis.
+    Example: a cylinder that is scaled 1, 2, 1 across its axis.
 
     Basis: NVIDIA-Omniverse/PhysX, `omni.usdphysics/plugins/Joint.cpp:118-134`,
     `Collision.cpp:86-310`, and `usdLoad/Mass.cpp:50-90, 465`.
     """
     stage = subject.stage
-    tied = {path for joint in joints(stage) for path in bodies(joint) if path}
+    tied = _tied_bodies(stage)
     for joint in joints(stage):
         for name in BODIES:
             targets = joint.relationships.get(name, ())
@@ -169,10 +171,10 @@ def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
                     actual=", ".join(targets),
                 )
     for prim in stage.with_api(lambda api: api in {MASS_API, BODY_API}):
-        if prim.present:
+        if prim.present and _is_tied(prim, tied, stage):
             yield from _ignored_masses(prim, stage)
     for shape in stage.with_api(COLLISION_API):
-        scale = _uneven(shape) if collides(shape) and _is_tied(shape, tied, stage) else ""
+        scale = _uneven(shape) if _is_tied(shape, tied, stage) and collides(shape) else ""
         if scale:
             yield Problem(
                 shape.path,
@@ -215,11 +217,15 @@ def _parts(value: Value | None) -> list[float]:
     return numbers(value) if isinstance(value, tuple) else numbers((value or 0.0,))
 
 
-def _is_tied(shape: Prim, tied: set[str], stage: StageModel) -> bool:
-    """Whether a shape belongs to a body that a joint ties."""
-    for path in upwards(shape.path):
-        prim = stage.prim(path)
-        if prim is not None and is_body(prim):
+def _tied_bodies(stage: StageModel) -> set[str]:
+    return {path for joint in joints(stage) for path in bodies(joint) if path}
+
+
+def _is_tied(prim: Prim, tied: set[str], stage: StageModel) -> bool:
+    """Whether a prim is a body that a joint ties, or belongs to one."""
+    for path in upwards(prim.path):
+        above = stage.prim(path)
+        if above is not None and is_body(above):
             return path in tied
     return False
 

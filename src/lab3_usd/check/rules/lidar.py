@@ -292,9 +292,10 @@ def _blind_ranges(lidar: PresentSensor, scan: ScanSpec, subject: StageSubject) -
 def other_scan(subject: StageSubject) -> Iterator[Problem]:
     """The lidar scans part of the circle, tilted, or otherwise.
 
-    Why: the map and AMCL assume a full circle at the height of the lidar. Walls outside the scanned
-    part are missing; what lies above or below appears as a wall in its plane. Without emitters of
-    its own a lidar has the schema's: 128 that look from -15 to 10 degrees.
+    Why: {map?}the map and AMCL assume{else}who receives it expects{/} a full circle at the height
+    of the lidar. Walls outside the scanned part are missing; what lies above or below appears as a
+    wall in its plane. Without emitters of its own a lidar has the schema's: 128 that
+    look from -15 to 10 degrees.
 
     Fix: select the lidar, search the Property panel for the name given here and type the expected
     value, or reset it with the blue square beside it. Delete a lidar without emitters, and create

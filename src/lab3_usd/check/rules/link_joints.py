@@ -129,7 +129,7 @@ def loose_link(subject: RobotSubject) -> Iterator[Problem]:
     """A link is loose, or a fixed robot is not fixed to the world.
 
     Why: at Play the link stays behind or falls. If several links come off together, the finding
-    names the first; other rules check the wheels. The robot's body, and a link whose place the
+    names the first; other rules check the rest. The robot's body, and a link whose place the
     handout gives, must be held upright by a fixed joint: where the joint holds it tilted, it turns
     over. A robot that the course has fixed to the world, as an arm, falls over without that joint.
 

@@ -108,7 +108,7 @@ def link_mass(subject: RobotSubject) -> Iterator[Problem]:
 def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
     """A link is not a dynamic rigid body, or the root is one.
 
-    Why: without a rigid body a prim has no mass and no joints: the wheel does not turn, or the
+    Why: without a rigid body a prim has no mass and no joints: it does not turn, or the
     robot falls apart or hangs in the air. A Scope, or a prim without a type, has no place and is no
     body, whatever schemas it has. A robot root that is a rigid body, and that no joint ties to a
     link, falls by itself, and PhysX does not simulate the bodies below it as asked.
