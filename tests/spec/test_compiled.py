@@ -44,9 +44,10 @@ def refuse(folder: Path) -> Lab:
 def test_a_second_start_reads_no_yaml(folder: Path) -> None:
     first = compiled_or_loaded(folder, assemble).lab()
     again = compiled_or_loaded(folder, refuse).lab()
-    assert again.graphs == first.graphs
+    # Node types that were read twice are never equal as objects.
+    assert repr(again.graphs) == repr(first.graphs)
     assert again.checkpoints == first.checkpoints
-    assert again.platform.types == first.platform.types
+    assert repr({**again.platform.types}) == repr({**first.platform.types})
     assert again.platform.needs == first.platform.needs
     assert again.folder == folder
 
