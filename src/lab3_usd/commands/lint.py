@@ -50,8 +50,8 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
 
     PATHS are stage files, or folders with stages in them or below. Findings are nodes that never
     compute or use unset inputs, dead wires, and topics, frames, robots and sensors that do not fit
-    together. --fix lists the findings that have one possible repair, and writes it with --output,
-    or with --in-place, which keeps NAME.orig.
+    together. --fix lists the repairs of findings that have only one; --output FILE, or --in-place,
+    which keeps NAME.orig, writes the repaired stage.
 
     Exit status: 0 no findings, 1 findings or not judged, 2 wrong usage or no such path, 3 the
     program itself failed.
