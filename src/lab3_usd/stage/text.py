@@ -60,13 +60,11 @@ _BODY = re.compile(r"[/{=}.]")  # around what can stand in the path of something
 
 _GROUP, _KEY = "lab3", "ignore"
 NAME = f"{_GROUP}:{_KEY}"
-_COMMENT = re.compile(r"#[ \t]*lab3:[ \t]*ignore\b(?:\[([^\]\r\n]*)\])?")
+_COMMENT = r"#[ \t]*lab3:[ \t]*ignore\b(?:\[([^\]\r\n]*)\])?"
 _LIKE_A_NOTE = re.compile(r"\blab[ \t]?3[ \t]*[:=.-]?[ \t]*ignore\b")
 # Strings and paths of assets come first: what looks like a comment inside of them is none.
-_TOKEN = re.compile(
-    rf"{STRING}|{ASSET}|{BLOCK_COMMENT}|(?P<comment>{LINE_COMMENT})", re.DOTALL | re.VERBOSE
-)
-_ALONE = re.compile(r"\s*(?:#.*)?")
+_TOKEN = rf"{STRING}|{ASSET}|{BLOCK_COMMENT}|(?P<comment>{LINE_COMMENT})"
+_ALONE = r"\s*(?:#.*)?"
 _IN_TEXT = (NAME.encode(), f"dictionary {_GROUP} ".encode())
 # A binary layer is packed: of a name in it, at least one of these stands as it is.
 _TRACES = (b"lab3", b"ab3:", b"b3:i", b"3:ig")
@@ -205,16 +203,16 @@ def _comments(text: str, layer: str) -> Iterator[IgnoreNote]:
         return
     lines = lines_of(text)
     starts = [*accumulate(map(len, lines), initial=0)]
-    for token in _TOKEN.finditer(text):
+    for token in re.finditer(_TOKEN, text, re.DOTALL | re.VERBOSE):
         comment = token["comment"] or ""
-        note = _COMMENT.search(comment)
+        note = re.search(_COMMENT, comment)
         if note is None:
             if _LIKE_A_NOTE.search(comment):
                 line = bisect_right(starts, token.start())
                 yield IgnoreNote("", layer=layer, line=line, written=line, misspelt=True)
             continue
         number = about = bisect_right(starts, token.start())
-        while about <= len(lines) and _ALONE.fullmatch(lines[about - 1].rstrip()):
+        while about <= len(lines) and re.fullmatch(_ALONE, lines[about - 1].rstrip()):
             about += 1
         for rule in _rules(note[1] or ""):
             yield IgnoreNote(rule, layer=layer, line=about, written=number)
