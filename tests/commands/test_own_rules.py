@@ -56,10 +56,11 @@ def _forgotten() -> Iterator[None]:
         yield
 
 
-def test_the_cases_of_the_example_hold() -> None:
+def test_the_cases_of_the_example_hold_wherever_it_is_copied_to(tmp_path: Path) -> None:
+    copy = shutil.copytree(EXAMPLE, tmp_path / "acme")
     with no_own_rules_afterwards():
         add_own_rules([str(EXAMPLE / "acme_rules.py")])
-        cases = rule_cases(EXAMPLE / "cases")
+        cases = rule_cases(copy / "cases")
         assert [case.expect for case in cases if case.expect]
         assert [case.found() for case in cases] == [case.expect for case in cases]
 
