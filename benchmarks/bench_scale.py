@@ -1,27 +1,43 @@
-"""Measures how the cost of a stage grows with its robots, beside bare usd-core, in whole processes.
+"""Measures how the cost of a stage grows with robots, graphs and prims, beside other validators.
 
-    python benchmarks/bench_scale.py [--robots 1,10,100] [--runs 5]
+    python benchmarks/bench_scale.py [--rows 1,100] [--runs 3] [--files 10000] [--rep PYTHON]
 
-Each robot is the rover of the tests: 34 nodes in six graphs, a lidar, a camera, two wheels. The
-figures are medians of processor time, in seconds and as multiples of opening the stage.
+Whole processes in turn: opening the stage with usd-core, the commands, the validators of OpenUSD
+and NVIDIA, and with `--rep` the checker of REP-0158 in a Python that has it. A figure is the median
+of processor time, in seconds for opening, else as a multiple of it; with the most memory in MB. A
+validator that is not installed is left out, what takes longer than ten minutes is ended.
+
+A robot is the rover of the tests: 34 nodes in six graphs, a lidar, a camera, two wheels. A pair of
+graphs has a clock and a drive, 16 nodes, in a namespace of its own; all drive one robot. Instanced
+prims are furniture, and the others boxes, around the lab's robot. `--files` lints so many copies
+of a stage in one folder, with `--jobs 2`.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import statistics
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
+
+from msgspec import Struct
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
+STAGE, FOLDER, SLOW = "STAGE", "FOLDER", 600.0
+KILOBYTES = 1024
 OPEN = "import sys; from pxr import Usd; Usd.Stage.Open(sys.argv[1])"
-NATIVE = """
+OPENUSD = """
 import sys
 from pxr import Usd, UsdValidation
 registry = UsdValidation.ValidationRegistry()
@@ -29,20 +45,49 @@ names = [each.name for each in registry.GetAllValidatorMetadata()]
 context = UsdValidation.ValidationContext(registry.GetOrLoadValidatorsByName(names))
 context.Validate(Usd.Stage.Open(sys.argv[1]))
 """
+NVIDIA = """
+import sys
+from usd_validation_nvidia import ValidationEngine
+ValidationEngine(variants=False).validate(sys.argv[1]).issues()
+"""
+REP = """
+import sys
+from compliance_checker import ComplianceChecker
+ComplianceChecker.from_path(sys.argv[1], include_export=True, include_extended=True).run()
+"""
+BUILD = """
+import sys
+from pathlib import Path
+from lab3_usd import build_checkpoint
+build_checkpoint(None, "05", Path(sys.argv[1]))
+"""
+PYTHON = (sys.executable, "-c")
 LAB3 = (sys.executable, "-m", "lab3_usd")
 COMMANDS: dict[str, tuple[str, ...]] = {
-    "open": (sys.executable, "-c", OPEN),
-    "UsdValidation": (sys.executable, "-c", NATIVE),
-    "lint": (*LAB3, "lint", "--isolated", "--quiet"),
-    "topics": (*LAB3, "topics"),
-    "tf": (*LAB3, "tf"),
+    "open": (*PYTHON, OPEN, STAGE),
+    "check": (*LAB3, "check", "--isolated", "--quiet", "--checkpoint", "05", STAGE),
+    "lint": (*LAB3, "lint", "--isolated", "--quiet", STAGE),
+    "topics": (*LAB3, "topics", STAGE),
+    "tf": (*LAB3, "tf", STAGE),
+    "draw": (*LAB3, "draw", "--lint", "--out", FOLDER, STAGE),
+    "fix": (*LAB3, "fix", "--isolated", "--lint", "--unsafe", "--diff", STAGE),
+    "diff": (*LAB3, "diff", STAGE, STAGE),
+    "HTML": (*LAB3, "lint", "--isolated", "--quiet", "--format", "html", "-o", FOLDER, STAGE),
+    "UsdValidation": (*PYTHON, OPENUSD, STAGE),
 }
 
 
-def fleet(count: int, target: Path) -> Path:
+class Cost(Struct, frozen=True):
+    """What a process took: seconds of the processor, and megabytes."""
+
+    seconds: float
+    memory: float
+
+
+def rovers(count: int, target: Path) -> Path:
     """Write a stage with that many rovers, each with its graphs and in a namespace of its own."""
     from foreign_robots import rover
-    from pxr import Sdf, Usd
+    from pxr import Sdf
 
     source = rover().GetRootLayer()
     layer = Sdf.Layer.CreateNew(str(target))
@@ -51,6 +96,31 @@ def fleet(count: int, target: Path) -> Path:
     Sdf.CreatePrimInLayer(layer, "/Fleet").specifier = Sdf.SpecifierDef
     for number in range(count):
         Sdf.CopySpec(source, "/World", layer, f"/Fleet/R{number}")
+    return _in_namespaces(layer)
+
+
+def pairs(count: int, target: Path) -> Path:
+    """Write a rover with that many pairs of graphs: a clock, and a drive for the robot."""
+    from foreign_robots import rover
+    from pxr import Sdf
+
+    source = rover().GetRootLayer()
+    layer = Sdf.Layer.CreateNew(str(target))
+    layer.TransferContent(source)
+    for graph in ("Clock", "Drive", "Odometry", "Lidar", "Camera"):
+        del layer.GetPrimAtPath("/World").nameChildren[graph]
+    for number in range(count):
+        space = Sdf.CreatePrimInLayer(layer, f"/World/P{number}")
+        space.specifier, space.typeName = Sdf.SpecifierDef, "Scope"
+        for graph in ("Clock", "Drive"):
+            Sdf.CopySpec(source, f"/World/{graph}", layer, f"{space.path}/{graph}")
+    return _in_namespaces(layer)
+
+
+def _in_namespaces(layer: Any) -> Path:
+    """Give each ROS node the name of the second prim above it as its namespace, and save."""
+    from pxr import Sdf, Usd
+
     stage = Usd.Stage.Open(layer)
     for prim in stage.Traverse():
         kind = prim.GetAttribute("node:type")
@@ -59,47 +129,141 @@ def fleet(count: int, target: Path) -> Path:
             port = prim.CreateAttribute("inputs:nodeNamespace", Sdf.ValueTypeNames.String)
             port.Set(name)
     layer.Save()
+    return Path(layer.realPath)
+
+
+def instanced(count: int, target: Path) -> Path:
+    """Write the lab's stage with instances of furniture that have so many prims in all."""
+    from bench_scenes import lab_stage
+    from pxr import Sdf, Usd, UsdGeom
+
+    per_room = 100
+    Sdf.Layer.FindOrOpen(str(lab_stage(target.parent))).Export(str(target))
+    stage = Usd.Stage.Open(str(target))
+    room = UsdGeom.Xform.Define(stage, "/Rooms/Room").GetPrim()
+    for number in range(per_room - 1):
+        UsdGeom.Cube.Define(stage, f"/Rooms/Room/Box_{number:02}").GetSizeAttr().Set(0.1)
+    stage.GetPrimAtPath("/Rooms").SetSpecifier(Sdf.SpecifierClass)
+    for number in range(count // per_room):
+        prim = UsdGeom.Xform.Define(stage, f"/Furniture/Room_{number:05}").GetPrim()
+        prim.GetReferences().AddInternalReference(room.GetPath())
+        prim.SetInstanceable(True)  # noqa: FBT003 - it takes no keyword
+    stage.GetRootLayer().Save()
     return target
 
 
-def cpu_seconds(command: Sequence[str]) -> float:
-    """Return the processor time of a process and its children."""
-    before = os.times()
-    subprocess.run(command, check=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    after = os.times()
-    spent = after.children_user - before.children_user
-    return spent + after.children_system - before.children_system
+def crowd(count: int, target: Path) -> Path:
+    """Write the lab's stage with so many boxes."""
+    from bench_scenes import crowded
+
+    return crowded(target.parent, count).rename(target)
 
 
-def rows(counts: Sequence[int], runs: int) -> Iterator[str]:
+ROWS: dict[str, Callable[[Path], Path]] = {
+    "1 robot": partial(rovers, 1),
+    "10 robots": partial(rovers, 10),
+    "100 robots": partial(rovers, 100),
+    "100 pairs of graphs": partial(pairs, 100),
+    "1,000 pairs of graphs": partial(pairs, 1000),
+    "100,000 instanced prims": partial(instanced, 100_000),
+    "500,000 prims": partial(crowd, 500_000),
+}
+
+
+def cost(command: Sequence[str]) -> Cost:
+    """Run a process, and return what it and its children took; without an end where it is slow."""
+    environment = {name: value for name, value in os.environ.items() if name != _NO_CACHE}
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    started = time.monotonic()
+    while True:
+        done, _, used = os.wait4(process.pid, os.WNOHANG)
+        if done:
+            process.returncode = 0
+            return Cost(used.ru_utime + used.ru_stime, used.ru_maxrss / KILOBYTES)
+        if time.monotonic() - started > SLOW:
+            process.kill()
+            process.wait()
+            return Cost(float("inf"), 0.0)
+        time.sleep(0.01)
+
+
+_NO_CACHE = "PYTHONDONTWRITEBYTECODE"  # with which the program compiles its data at each start
+
+
+def rows(names: Sequence[str], commands: dict[str, tuple[str, ...]], runs: int) -> Iterator[str]:
     """Yield the lines of the table, the commands of one stage in turn."""
-    yield f"| robots | {' | '.join(COMMANDS)} |"
-    yield f"|---|{'---|' * len(COMMANDS)}"
-    with TemporaryDirectory() as folder:
-        for count in counts:
-            stage = str(fleet(count, Path(folder) / f"fleet_{count}.usdc"))
-            times: dict[str, list[float]] = {name: [] for name in COMMANDS}
+    yield f"| stage | {' | '.join(commands)} |"
+    yield f"|---|{'---|' * len(commands)}"
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for row in names:
+            stage = folder / f"{row.replace(' ', '_')}.usdc"
+            # In a process of its own: a child begins with what its parent has in memory.
+            subprocess.run([sys.executable, __file__, "--write", row, str(stage)], check=True)
+            for command in ("check", "lint"):  # what is compiled at the first start
+                cost([str(stage) if word == STAGE else word for word in COMMANDS[command]])
+            costs: dict[str, list[Cost]] = {command: [] for command in commands}
             for _ in range(runs):
-                for name, command in COMMANDS.items():
-                    times[name].append(cpu_seconds((*command, stage)))
-            medians = {name: statistics.median(measured) for name, measured in times.items()}
-            cells = [f"{medians['open']:.2f} s"]
-            cells += [
-                f"{seconds:.2f} s, {seconds / medians['open']:.2f}"
-                for name, seconds in medians.items()
-                if name != "open"
-            ]
-            yield f"| {count} | {' | '.join(cells)} |"
+                for command, words in commands.items():
+                    if costs[command] and costs[command][0].seconds == float("inf"):
+                        continue
+                    out = folder / "out"
+                    places = {STAGE: str(stage), FOLDER: str(out)}
+                    costs[command].append(cost([places.get(word, word) for word in words]))
+                    shutil.rmtree(out, ignore_errors=True)
+                    out.unlink(missing_ok=True)
+            yield f"| {row} | {' | '.join(_cells(costs))} |"
+
+
+def _cells(costs: dict[str, list[Cost]]) -> Iterator[str]:
+    opening = statistics.median(each.seconds for each in costs["open"])
+    for command, several in costs.items():
+        seconds = statistics.median(each.seconds for each in several)
+        memory = max(each.memory for each in several)
+        figure = f"{seconds:.2f} s" if command == "open" else f"{seconds / opening:.2f}"
+        yield "over 10 min" if seconds == float("inf") else f"{figure}, {memory:.0f} MB"
+
+
+def files(count: int) -> Iterator[str]:
+    """Yield what it takes to lint so many copies of a stage in two processes."""
+    with TemporaryDirectory() as name:
+        folder = Path(name) / "class"
+        folder.mkdir()
+        written = Path(name) / "Lab3_05.usdc"
+        subprocess.run([*PYTHON, BUILD, str(written)], check=True)
+        stage = written.read_bytes()
+        for number in range(count):
+            (folder / f"Lab3_05_{number:05}.usdc").write_bytes(stage)
+        words = (*LAB3, "lint", "--isolated", "--quiet", "--jobs", "2", str(folder))
+        used = cost(words)
+        yield f"{count} files: {used.seconds:.1f} s of the processor, {used.memory:.0f} MB"
 
 
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--robots", default="1,10,100")
-    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--rows", nargs="*", default=[*ROWS], choices=[*ROWS], metavar="ROW")
+    parser.add_argument("--columns", nargs="*", default=[], metavar="COLUMN")
+    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--files", type=int, default=0)
+    parser.add_argument("--rep", help="a Python with the checker of REP-0158")
+    parser.add_argument("--write", nargs=2, metavar=("ROW", "FILE"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    counts = [int(text) for text in arguments.robots.split(",")]
-    for line in rows(counts, arguments.runs):
+    if arguments.write:
+        ROWS[arguments.write[0]](Path(arguments.write[1]))
+        return
+    commands = dict(COMMANDS)
+    if find_spec("usd_validation_nvidia") is not None:
+        commands["NVIDIA"] = (*PYTHON, NVIDIA, STAGE)
+    if arguments.rep:
+        commands["REP-0158"] = (arguments.rep, "-c", REP, STAGE)
+    if arguments.columns:
+        commands = {name: commands[name] for name in ("open", *arguments.columns)}
+    for line in rows(arguments.rows, commands, arguments.runs):
+        print(line, flush=True)
+    for line in files(arguments.files) if arguments.files else ():
         print(line, flush=True)
 
 
