@@ -22,6 +22,8 @@ from mini_lab import cut_wire, stage, starter, submission
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 
+from lab3_usd.check.registry import Rule
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.grade.intake.scratch import make_scratch
@@ -40,6 +42,7 @@ from lab3_usd.grade.workers.messages import (
 from lab3_usd.grade.workers.shipment import packed, unpacked
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
 from lab3_usd.grade.workers.worker_process import Worker
+from lab3_usd.model.finding import Crash
 from lab3_usd.model.stage import StageModel
 from lab3_usd.report.options import tool_version
 from lab3_usd.stage.sandboxed_open import FileBounds, files_of, open_layer
@@ -171,13 +174,10 @@ def test_a_submission_without_stages_is_empty_and_says_why(
 
 
 def every_rule_fails(monkeypatch: pytest.MonkeyPatch, error: str) -> None:
-    def fail(self: Any, found: Any, subject: Any) -> None:
-        del subject
-        from lab3_usd.model.finding import Crash
+    def fail(found: Rule, *_: object) -> RuleResults:
+        return RuleResults(crashes=(Crash(found.id, error),))
 
-        self.crashes.append(Crash(found.id, error))
-
-    monkeypatch.setattr("lab3_usd.check.checker._Run.rule", fail)
+    monkeypatch.setattr("lab3_usd.check.checker.run_rule", fail)
 
 
 def test_a_rule_that_fails_is_a_crash_over_its_file(

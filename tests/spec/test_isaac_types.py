@@ -219,7 +219,8 @@ def test_a_platform_is_read_without_its_lab(folder: Path, monkeypatch: pytest.Mo
 
     assert kept.is_file()
     again = compiled_or_loaded(folder.parent, refuse).platform
-    assert again.types == lab.platform.types
+    # Types that were read twice are never equal as objects.
+    assert repr({**again.types}) == repr({**lab.platform.types})
     assert again.needs == lab.platform.needs
 
 
