@@ -1,8 +1,10 @@
 """Measures which validator finds which seeded fault, and writes the result into `lint-corpus.md`.
 
-Run `python docs/make_validators.py` after faults, rules or validators have changed. Python 3.12 has
-them all: `pip install -e .[nvidia] ros-openusd-compliance-checker simready-foundation-tier-core`.
-On a Python without some of them these keep what was measured before. The measurement is kept in
+Run `python docs/make_validators.py [EXTENSION]` after faults, rules or validators have changed.
+Python 3.12 has them all: `pip install -e .[nvidia] ros-openusd-compliance-checker
+simready-foundation-tier-core simready-foundation-tier-sensors`. EXTENSION is the folder
+`isaacsim/exts/isaacsim.asset.validation` of the unpacked wheel isaacsim-asset 6.2.0.0: Isaac Sim's
+own rules. What is not there keeps what was measured before. The measurement is kept in
 `tests/lint_validators.json`.
 """
 
@@ -14,9 +16,12 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import ModuleType
 from typing import Any, NamedTuple
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
@@ -24,11 +29,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 import corpus
 import quick_yaml
-from pxr import Usd
+from pxr import Plug, Sdf, Usd
+from scene_changes import ROBOT
+from sensor_stages import CASES, with_values
 
+from lab3_usd.isaac.sensor_models import LongList
 from lab3_usd.judge.lint import lint_stage
 from lab3_usd.sim.dry_run import dry_run
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import load_lab, load_platform
 from lab3_usd.stage.read.native import native_errors
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
@@ -48,6 +56,7 @@ JOINTS = {
 }
 MARK = "<!-- Below: written by docs/make_validators.py. -->\n"
 NVIDIA = "usd_validation_nvidia"
+ISAAC = "isaacsim"
 LINT, SIM = "lab3 lint", "lab3 sim"
 DRIVE = "0.15,0,1 0,0.8,0.5"  # of the dry runs, which are short
 Reports = Counter[tuple[str, str]]  # rule and prim of each report
@@ -100,12 +109,86 @@ def by_nvidia(path: Path) -> Reports:
     return _by_engine(NVIDIA, path)
 
 
+def by_isaac(path: Path) -> Reports:
+    """Return what the rules of Isaac Sim's own extension say, of any severity."""
+    return _by_engine(ISAAC, path)
+
+
+def register_schemas(folder: Path) -> None:
+    """Make usd-core know the schemas of sensors by name, type and default, as Isaac Sim does.
+
+    Of a long default the length is right, and each entry is the lowest. Nothing may have asked
+    usd-core for its schemas before.
+    """
+    layer, types = Sdf.Layer.CreateNew(str(folder / "generatedSchema.usda")), {}
+    for name, schema in load_platform().sensor_models.schemas.items():
+        kind = "multipleApply" if any("*" in each for each in schema.attributes) else "singleApply"
+        types[f"Sensor{name}"] = {
+            "alias": {"UsdSchemaBase": name},
+            "bases": ["UsdAPISchemaBase"],
+            "schemaKind": f"{kind}API",
+        }
+        spec = Sdf.CreatePrimInLayer(layer, f"/{name}")
+        spec.specifier = Sdf.SpecifierClass
+        spec.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=[*schema.brings]))
+        for attribute, said in schema.attributes.items():
+            value = said.default
+            if isinstance(value, LongList):
+                value = (value.low,) * value.length
+            usd_type = Sdf.ValueTypeNames.Find(said.type)
+            made = Sdf.AttributeSpec(spec, attribute.replace("*", "__INSTANCE_NAME__"), usd_type)
+            if value is not None:
+                made.default = (
+                    usd_type.type.pythonClass(value) if value.__class__ is tuple else value
+                )
+    layer.Save()
+    plugin = {"Name": "sensors", "Type": "resource", "Root": ".", "ResourcePath": "."}
+    plugin = {**plugin, "Info": {"Types": types}}
+    (folder / "plugInfo.json").write_text(json.dumps({"Plugins": [plugin]}), encoding="utf-8")
+    Plug.Registry().RegisterPlugins(str(folder))
+
+
+def load_isaac(extension: Path) -> None:
+    """Import the rules of Isaac Sim's extension from its folder, unchanged.
+
+    Its package also has the class that Kit starts, which needs two of Kit's modules by name. The
+    rules use neither; that of contacts between colliders needs PhysX, and is left out.
+    """
+    kit = {name: ModuleType(name) for name in ("carb", "omni", "omni.ext")}
+    kit["omni.ext"].IExt = object  # type: ignore[attr-defined] - a base class
+    kit["omni"].ext = kit["omni.ext"]  # type: ignore[attr-defined] - as an import has it
+    sys.modules.update(kit)
+    sys.path.insert(0, str(extension))
+    import_module("isaacsim.asset.validation")
+
+
 def by_simready(path: Path) -> Reports:
     """Return what the rules of SimReady say, of any severity."""
     return _by_engine("simready", path)
 
 
 def _by_engine(package: str, path: Path) -> Reports:
+    if __name__ != "__main__":  # as the tests ask, of a few stages
+        return _issues(package, path)
+    return _with_schemas().apply(_issues, (package, path))
+
+
+@cache
+def _with_schemas() -> Any:
+    """Return a process in which usd-core knows the schemas of sensors, and all rules are there."""
+    return get_context("spawn").Pool(1, _prepare, [sys.argv[1:2]])
+
+
+def _prepare(extension: list[str]) -> None:
+    logging.disable(logging.CRITICAL)
+    with TemporaryDirectory() as folder:
+        register_schemas(Path(folder))
+        Usd.SchemaRegistry()  # reads them
+    for each in extension:
+        load_isaac(Path(each))
+
+
+def _issues(package: str, path: Path) -> Reports:
     issues = _engine(package).validate(str(path)).issues()
     return Counter((issue.rule.__name__, str(getattr(issue.at, "path", "/"))) for issue in issues)
 
@@ -125,8 +208,15 @@ VALIDATORS = (
     Validator("OpenUSD", "usd-core", by_openusd),
     Validator("NVIDIA", "usd-validation-nvidia", by_nvidia),
     Validator("REP-0158", "ros-openusd-compliance-checker", by_rep),
-    Validator("SimReady", "simready-foundation-tier-core", by_simready),
+    Validator("SimReady", "simready-foundation-tier-sensors", by_simready),
+    Validator("Isaac Sim", ISAAC, by_isaac),
 )
+# Changes of the lab's lidar: those that NVIDIA's checker or public rules refuse, and right ones.
+LIDARS = {
+    "refused": [*CASES["refused"].values()],
+    "told": [case["change"] for case in CASES["told"].values()],
+    "taken": [*CASES["taken"].values()],
+}
 
 
 def column(validator: Validator, faults: Iterable[str] = FAULTS) -> dict[str, str]:
@@ -186,6 +276,29 @@ def score(validator: Validator) -> dict[str, int]:
     return {"place": at_place, "any": found, "right": accused, **stages}
 
 
+def lidars(validator: Validator) -> dict[str, str]:
+    """Return of how many changes of the lab's lidar a validator says what it says not before."""
+    before = _of_lidar(validator, {})
+    return {
+        group: f"{sum(bool(_of_lidar(validator, each) - before) for each in changes)} of "
+        f"{len(changes)}"
+        for group, changes in LIDARS.items()
+    }
+
+
+def _of_lidar(validator: Validator, change: Mapping[str, Any]) -> Reports:
+    """Return the reports about the lab's last stage after a change of its lidar.
+
+    The robot is the default prim, to which some rules keep.
+    """
+    stage = with_values(change)
+    stage.SetDefaultPrim(stage.GetPrimAtPath(ROBOT))
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "stage.usda"
+        stage.Export(str(path))
+        return validator.reports(path)
+
+
 def control(validator: Validator) -> str:
     """Return in how many robots a validator finds the control, '' for none."""
     seen = [
@@ -200,7 +313,8 @@ def measure(known: Mapping[str, Any]) -> dict[str, Any]:
 
     What is not installed keeps what is `known` of it.
     """
-    here = [each for each in VALIDATORS if installed(each.package) is not None]
+    versions = {each.title: installed(each.package) for each in VALIDATORS}
+    here = [each for each in VALIDATORS if versions[each.title] is not None]
     fresh = {validator.title for validator in here}
     columns = {validator.title: column(validator) for validator in here}
     for title in (each.title for each in VALIDATORS if each.title not in fresh):
@@ -208,17 +322,17 @@ def measure(known: Mapping[str, Any]) -> dict[str, Any]:
         columns[title] = kept
     controls = {validator.title: control(validator) for validator in here}
     controls |= {title: kept for title, kept in known["control"].items() if title not in fresh}
-    scores = {each.title: score(each) for each in (*here, Validator(SIM, "lab3-usd", by_sim))}
+    played = (*here, Validator(SIM, "lab3-usd", by_sim))
+    scores = {each.title: score(each) for each in played}
+    of_lidars = known.get("lidars", {}) | {each.title: lidars(each) for each in played}
     titles = [validator.title for validator in VALIDATORS]
     return {
-        "versions": {
-            each.title: installed(each.package) or known["versions"][each.title]
-            for each in VALIDATORS
-        },
+        "versions": {title: found or known["versions"][title] for title, found in versions.items()},
         "control": {title: controls[title] for title in titles if controls.get(title)},
         "corpus": {
             title: scores.get(title) or known["corpus"][title] for title in (LINT, SIM, *titles[1:])
         },
+        "lidars": {title: of_lidars[title] for title in (LINT, SIM, *titles[1:])},
         "faults": {
             name: {title: columns[title][name] for title in titles if name in columns[title]}
             for name in FAULTS
@@ -246,6 +360,12 @@ def summary(measured: Mapping[str, Any]) -> Iterator[str]:
         ("right stages with a report", "right", "stages"),
     ):
         yield _row(text, [f"{score[key]} of {score[total]}" for score in scores.values()])
+    for text, group in (
+        ("lidars that NVIDIA's checker refuses", "refused"),
+        ("lidars that public rules refuse, or whose names are odd", "told"),
+        ("right lidars with a report", "taken"),
+    ):
+        yield _row(text, [measured["lidars"][title][group] for title in scores])
     yield from ("", "Faults that users reported:", "")
     for name in (name for name in faults if name in ISSUES):
         others = ", ".join(title for title in faults[name] if title != LINT)
@@ -288,6 +408,11 @@ def page() -> str:
 
 def installed(package: str) -> str | None:
     """Return the version of a package; None where it is not installed."""
+    if package == ISAAC:
+        config = Path(*sys.argv[1:2]) / "config" / "extension.toml"
+        is_given = __name__ == "__main__" and config.is_file()
+        lines = config.read_text(encoding="utf-8").splitlines() if is_given else []
+        return next((line.split('"')[1] for line in lines if line.startswith("version")), None)
     try:
         return version(package)
     except PackageNotFoundError:
