@@ -172,7 +172,7 @@ class Rule(Struct, frozen=True):
     @property
     def manual(self) -> str:
         """What its docstring says, or the words of a lab for it."""
-        return self.words or inspect.getdoc(self.check) or ""
+        return self.words or _docstring(self.check)
 
     @property
     def family(self) -> str:
@@ -196,6 +196,11 @@ class Rule(Struct, frozen=True):
         """The repair, as messages end: a single sentence has no full stop."""
         text = self.section("Fix")
         return text if ". " in text else text.removesuffix(".")
+
+
+@cache
+def _docstring(check: Callable[..., Iterator[Problem]]) -> str:
+    return inspect.getdoc(check) or ""
 
 
 _RULES: dict[str, Rule] = {}
