@@ -237,8 +237,10 @@ def files(count: int) -> Iterator[str]:
         for number in range(count):
             (folder / f"Lab3_05_{number:05}.usdc").write_bytes(stage)
         words = (*LAB3, "lint", "--isolated", "--quiet", "--jobs", "2", str(folder))
-        used = cost(words)
-        yield f"{count} files: {used.seconds:.1f} s of the processor, {used.memory:.0f} MB"
+        started = time.monotonic()
+        used = cost(words)  # without the workers' time, which nobody waits for
+        took = time.monotonic() - started
+        yield f"{count} files: {took:.0f} s of the clock, {used.memory:.0f} MB"
 
 
 def main() -> None:
