@@ -17,7 +17,7 @@ from lab3_usd.model.finding import Problem
 def unequal_lidars(subject: ModelSubject) -> Iterator[Problem]:
     """Two lidars are read whose scan rates differ.
 
-    Why: Isaac Sim 6.0 crashes seconds after Play. Release 6.1 does not.
+    Why: Isaac Sim 6.0 crashes seconds after Play; the next release does not.
 
     Fix: give all lidars the same scan rate, or read one of them only.
 
