@@ -17,6 +17,7 @@ from invoking import invoke
 from msgspec.structs import replace
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
+from lab3_usd.commands.shared import options
 from lab3_usd.errors import Lab3Error
 from lab3_usd.files import keep_original
 from lab3_usd.fix.repairing import Fixed, check_result
@@ -786,3 +787,12 @@ def test_a_stage_without_faults_is_left_alone(tmp_path: Path) -> None:
     assert (diff.exit_code, diff.stdout) == (0, "")
     assert fix(path, "--in-place", "--unsafe").exit_code == 0
     assert (path.read_bytes(), [*tmp_path.iterdir()]) == (old, [path])
+
+
+def test_a_terminal_has_long_lines_folded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(options, "terminal_width", lambda: 80)
+    assert fix(saved(tmp_path, WRONG_RADIUS)).stdout.splitlines()[:3] == [
+        "would repair P01",
+        f"    {RADIUS}:",
+        "    inputs:wheelRadius is 0.033, expected 0.025",
+    ]

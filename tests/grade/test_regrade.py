@@ -1,4 +1,4 @@
-"""What is done with a gradebook that is there: sums, another rubric, exports of platforms."""
+"""An existing gradebook: sums, another rubric, exports of platforms."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from mini_lab import LAB, LAST, MINI, cut_wire, files_below, stage, starter, sub
 from pxr import Gf, Sdf, Usd
 from workers_here import graded_here
 
+from lab3_usd.commands.shared import options
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.gradebook import HTML, read_gradebook
@@ -58,6 +59,14 @@ def test_the_sum_of_a_student_names_every_item_and_deduction(book: Path) -> None
     assert "-1.83" in shown[0]
     assert f"(W01 work/{stage('01').name}:" in shown[0]
     assert lines[-1].split() == ["total", "98.17", "of", "100.00"]
+
+
+def test_a_terminal_has_the_sum_folded(book: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = invoke("grade", "-o", book, "--explain", "joe").stdout
+    monkeypatch.setattr(options, "terminal_width", lambda: 60)
+    shown = invoke("grade", "-o", book, "--explain", "joe").stdout
+    assert max(map(len, whole.splitlines())) > 60 >= max(map(len, shown.splitlines()))
+    assert shown.split() == whole.split()
 
 
 def test_a_student_who_is_not_there_is_named(book: Path) -> None:

@@ -17,6 +17,7 @@ from lab3_usd.commands.shared.options import (
     checkpoint_number,
     complete_checkpoints,
     config_options,
+    echo_folded,
     given_words,
     lab_words,
     rules_options,
@@ -188,10 +189,10 @@ def _shown(path: Path) -> str:
 def _print_findings(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> None:
     written = options["output"] is not None or options["in_place"]
     for finding in fixed.repaired:
-        click.echo(f"{'repaired' if written else 'would repair'} {_line(finding)}")
+        echo_folded(f"{'repaired' if written else 'would repair'} {_line(finding)}")
     for finding in fixed.left:
         why = _why_left(finding, fixed, unsafe=options["unsafe"])
-        click.echo(f"{why} {finding.severity} {_line(finding)}")
+        echo_folded(f"{why} {finding.severity} {_line(finding)}")
     done = "repaired" if written else "would be repaired"
     click.echo(f"{_shown(stage)}: {len(fixed.repaired)} {done}, {len(fixed.left)} left")
     if fixed.files and not written:

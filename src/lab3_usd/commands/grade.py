@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.shared.options import asset_places, assets_option, given_words, lab_words
+from lab3_usd.commands.shared.options import (
+    asset_places,
+    assets_option,
+    echo_folded,
+    given_words,
+    lab_words,
+)
 from lab3_usd.commands.shared.progress import progress_line
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
@@ -280,7 +286,7 @@ def _explain(options: dict[str, Any]) -> None:
 
     book = read_gradebook(options["out"])
     for text in sum_of(book, student_in(book, options["explain"])):
-        click.echo(printable(text))
+        echo_folded(printable(text))
 
 
 def _regrade(options: dict[str, Any]) -> None:

@@ -277,6 +277,15 @@ def terminal_width() -> int:
     return width() if sys.stdout.isatty() else sys.maxsize
 
 
+def echo_folded(line: str) -> None:
+    """Print a line, folded in a terminal: what goes on is indented below its start."""
+    from lab3_usd.report.safe_text import folded
+
+    columns, indent = max(terminal_width(), 40), line[: len(line) - len(line.lstrip())]
+    lines = folded(line.lstrip(), columns, indent, f"{indent}    ")
+    click.echo("\n".join(lines))
+
+
 config_options = all_of(
     click.option(
         "--config",

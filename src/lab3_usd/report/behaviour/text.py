@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import accumulate
 from typing import Any
 
 from msgspec.structs import asdict
@@ -141,7 +142,7 @@ def render(
     if behaviour.is_early:
         lines += folded(printable(behaviour.missing), max(width, 40))
         return "\n".join(lines) + "\n"
-    lines += ["", *_topics(behaviour), ""]
+    lines += ["", *_topics(behaviour, max(width, 40)), ""]
     passed, rule_of = passed_texts(behaviour), rules_named(behaviour, findings)
     for check in behaviour.checks:
         of_run = not behaviour.recording
@@ -166,7 +167,8 @@ def render(
     return "\n".join(lines) + "\n"
 
 
-def _topics(behaviour: Behaviour) -> Iterator[str]:
+def _topics(behaviour: Behaviour, width: int) -> Iterator[str]:
+    """Yield the lines of the table; of each row, the columns that do not fit stand below it."""
     rows: list[tuple[str, ...]] = [("topic", "type", "rate", "frame")]
     rows += [(topic.name, topic.type, rate(topic.hz), topic.frame) for topic in behaviour.topics]
     if len({topic.domain for topic in behaviour.topics}) > 1:
@@ -177,9 +179,13 @@ def _topics(behaviour: Behaviour) -> Iterator[str]:
         rows = [(*row, *offer) for row, offer in zip(rows, offers, strict=True)]
     rows = [tuple(map(printable, row)) for row in rows]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    fitting = max(sum(end <= width + 2 for end in accumulate(wide + 2 for wide in widths)), 1)
     for row in rows:
-        cells = (cell.ljust(wide) for cell, wide in zip(row, widths, strict=True))
+        cells = (cell.ljust(wide) for cell, wide in zip(row, widths[:fitting], strict=False))
         yield "  ".join(cells).rstrip()
+        below = [*zip(rows[0], row, strict=True)][fitting:]
+        named = (cell if cell == name else f"{name} {cell}" for name, cell in below if cell)
+        yield from folded("; ".join(named), width, "    ", "      ")
     if not behaviour.topics:
         yield "nothing is published"
 
