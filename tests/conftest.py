@@ -14,6 +14,7 @@ from unittest.mock import patch
 
 import forking
 import pytest
+from _pytest.runner import runtestprotocol
 from browser import Browser, started
 from parsed_once import yaml_parsed_once
 from places import REPOSITORY, SHARED
@@ -62,6 +63,18 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(100_000)  # as the program does
+
+
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Let a worker report of a test only what is shown: how it went, and a fault around it."""
+    if not hasattr(item.config, "workerinput"):
+        return None
+    for report in runtestprotocol(item, log=False, nextitem=nextitem):
+        if report.when == "call" or not report.passed:
+            if report.passed:
+                report.keywords, report.sections = {}, []
+            item.ihook.pytest_runtest_logreport(report=report)
+    return True
 
 
 @pytest.fixture(scope="session", autouse=True)
