@@ -98,3 +98,17 @@ def test_a_dry_run_shows_a_fault(name: str, tmp_path: Path) -> None:
 def test_each_fault_says_where_it_is_and_who_says_so() -> None:
     assert {seed["robot"] for seed in FAULTS.values()} <= KINDS.keys()
     assert [name for name, seed in FAULTS.items() if not (seed["at"] and seed["source"])] == []
+
+
+def test_another_robot_may_be_shown_beside_the_own_one_in_a_domain(tmp_path: Path) -> None:
+    """A node of one domain may say where the robot of another one is."""
+    also = "/World/beta_ROS/compute_alpha"
+    steps = [
+        {"copy": ["/World/beta_ROS/compute", also]},
+        {"copy": ["/World/beta_ROS/odometry", "/World/beta_ROS/odometry_alpha"]},
+        {"targets": [f"{also}.inputs:chassisPrim", "/World/alpha/base"]},
+        {"set": ["/World/beta_ROS/odometry_alpha.inputs:topicName", "alpha/odom"]},
+        {"connect": ["/World/beta_ROS/odometry_alpha.inputs:position", f"{also}.outputs:position"]},
+    ]
+    found = played(broken_robot("two robots in two domains", steps), tmp_path, drive=BRIEFLY)
+    assert [check.text for check in found.checks if check.name == "topics"] == [""]

@@ -18,6 +18,7 @@ from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.arms import JOINTS, arm_checks
 from lab3_usd.sim.commands import (
     commanded_once,
+    domain_of,
     follows_after_replay,
     follows_command,
     hears_itself,
@@ -326,11 +327,6 @@ def running_clock(trial: Trial) -> Iterator[RunFault]:
             yield fault
 
 
-def domain_of(message: Message, trial: Trial) -> int:
-    """Return the domain in which a message came."""
-    return trial.wanted.domain if message.away is None else message.away
-
-
 def _alone(
     trial: Trial, domain: int, topic: str, sent: Iterable[Message], kept: Sequence[Message]
 ) -> Trial:
@@ -372,6 +368,7 @@ def _robot_checks(trial: Trial, robot: Robot, scene: Scene) -> Iterator[Check]:
             any(leg.command and any(leg.command[::2]) for leg in legs),
         ),
         "odometry": (odometry, odometry_came),
+        "tree": (apart, has_base and any(apart(trial))),
         "moving frames": (moving, has_base),
         "mounted": (
             lambda seen: own_frames(seen, scene, machine) if machine is not None else iter(()),
@@ -383,6 +380,28 @@ def _robot_checks(trial: Trial, robot: Robot, scene: Scene) -> Iterator[Check]:
     for name, (check, is_asked) in asked.items():
         if is_asked:
             yield verdict(name, list(check(trial)), trial)
+
+
+def apart(trial: Trial) -> Iterator[RunFault]:
+    """No frames of a robot hang below its base on another topic, where nobody hears both.
+
+    A topic that also has transforms of the first one has a tree of its own.
+    """
+    on: dict[str, dict[tuple[str, str], str]] = {}  # topics: transforms, and their nodes
+    for message in trial.recording.messages:
+        if message.type == TRANSFORMS and not (message.static or message.session):
+            edges = on.setdefault(message.topic, {})
+            edges.update(
+                {(frame.parent, frame.child): message.node for frame in message.transforms}
+            )
+    own = on.pop(trial.wanted.transforms, {})
+    base = next((edge for edge in own if edge[1] == trial.wanted.base), None)
+    for topic, edges in on.items():
+        lost = next((edge for edge in edges if edge[0] in {child for _, child in own}), None)
+        if base and lost and not own.keys() & edges:
+            text = f"{lost[0]} -> {lost[1]} is on {topic}, and {base[0]} -> {base[1]} on "
+            text += f"{trial.wanted.transforms}: no listener hears both"
+            yield RunFault(text, "disconnected-frame", edges[lost])
 
 
 def moving(trial: Trial) -> Iterator[RunFault]:

@@ -20,7 +20,7 @@ from lab3_usd.model.physics import FAR, JOINT_ENABLED
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import is_within
-from lab3_usd.sim.execution.recording import Held, JointStates, Message
+from lab3_usd.sim.execution.recording import Held, JointStates, Message, Odometry
 from lab3_usd.sim.execution.world import World
 from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
@@ -254,6 +254,9 @@ def arm_checks(trial: Trial, scene: Scene, machine: Machine, controller: str) ->
         if carried_streams(trial, scene, machine):
             faults = list(held_frames(seen, scene, machine))
             yield verdict("mounted", faults, seen) if faults else Check("mounted", "ok")
+    faults = list(odometry_of_part(trial, scene, machine))
+    if faults:
+        yield verdict("odometry", faults, trial)
     if any(_own_states(trial, machine)):
         yield verdict("joint states", list(joint_states(trial, scene, machine)), trial)
     if _moves(trial):
@@ -339,12 +342,15 @@ def _stopped(trial: Trial, controller: str) -> Cause | None:
     return trial.causes.broken(node) or Cause(controller, "", None)
 
 
-def shown_prims(trial: Trial, node: str) -> set[str]:
-    """Return the prims that a node publishes about, without those that they are relative to."""
+def shown_prims(trial: Trial, node: str) -> dict[str, str]:
+    """Return the prims that a node publishes about, each with the node that names it.
+
+    Those that they are relative to are left out.
+    """
     causes = trial.causes
     running = causes.program.nodes.get(node) if isinstance(causes, RunCauses) else None
     return {
-        prim
+        prim: feeding.path
         for feeding in (running.feeding if running is not None else ())
         for port, found in feeding.node.targets.items()
         if feeding.type.tf is None or port not in feeding.type.tf.prims[:1]
@@ -354,7 +360,7 @@ def shown_prims(trial: Trial, node: str) -> set[str]:
 
 def concerns(trial: Trial, node: str, machine: Machine) -> bool:
     """Whether what a node publishes comes from a robot, or from nothing that names one."""
-    prims = shown_prims(trial, node)
+    prims = tuple(shown_prims(trial, node))
     return not prims or any(
         is_within(body, prims) or any(is_within(prim, (body,)) for prim in prims)
         for body in machine.rest
@@ -393,6 +399,24 @@ def links(trial: Trial, scene: Scene) -> Iterator[RunFault]:
             elif not agree(first[0].inverse().then(published), first[1].inverse().then(place)):
                 yield RunFault(f"TF does not have {frame} where its link is", "link-off-frame")
                 return
+
+
+def odometry_of_part(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFault]:
+    """Odometry follows the link whose frame it names, or one that keeps its place against it."""
+    held, judged = _held(trial, 0), set[str]()
+    for message in trial.recording.messages:
+        if not isinstance(message.data, Odometry) or message.node in judged:
+            continue
+        judged.add(message.node)
+        named = [p for p in machine.rest if frame_name(scene.prims[p]) == message.data.child]
+        for body, node in shown_prims(trial, message.node).items():
+            if not named or body not in machine.rest or body in named:
+                continue
+            seen = [each.links[named[0]].inverse().then(each.links[body]) for each in held]
+            if not all(agree(seen[0], place) for place in seen):
+                text = f"{message.topic} follows {body}, which moves against {named[0]}"
+                text += f", whose frame {message.data.child} it names"
+                yield RunFault(text, "wrong-odometry-frame", node)
 
 
 def _own_states(trial: Trial, machine: Machine) -> Iterator[Message]:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from lab3_usd.model.dry_run import Check, heading
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.arms import JOINTS, TRANSFORMS, shown_prims
+from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
 from lab3_usd.sim.judge.expectations import RunFault, Trial, displacement
@@ -60,7 +61,7 @@ def hears_itself(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
     """No joint states are published where joints are commanded: they would be commands."""
     commands = {robot.commands: robot for robot in robots if robot.kind == JOINTS}
     sent = {
-        (trial.wanted.domain if message.away is None else message.away, message.topic): message.node
+        (domain_of(message, trial), message.topic): message.node
         for message in trial.recording.messages
         if message.type == JOINTS
     }
@@ -72,37 +73,50 @@ def hears_itself(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
 
 
 def of_another(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
-    """In the namespace of a robot nothing is published of another robot alone.
+    """In the namespace or domain of a robot nothing is published of another robot alone.
 
-    A namespace is that of a robot if its commands, and those of no other, come there or below.
+    They are those of a robot if its commands, and those of no other, come there or below. In a
+    domain another robot may be shown beside its own.
     """
     spaces: dict[tuple[int, str], set[str]] = {}
     for robot in robots:
-        space = robot.commands.topic.rpartition("/")[0]
+        space = robot.commands.topic
         while space and robot.machine is not None:
-            spaces.setdefault((robot.commands.domain, space), set()).add(robot.machine.base)
             space = space.rpartition("/")[0]
+            spaces.setdefault((robot.commands.domain, space), set()).add(robot.machine.base)
     owners = owners_of(robots)
-    seen: set[tuple[str, str]] = set()
-    for message in trial.recording.messages:
-        if (message.node, message.topic) in seen:
-            continue
-        seen.add((message.node, message.topic))
-        domain = trial.wanted.domain if message.away is None else message.away
-        space = message.topic
+    shown: dict[tuple[int, str], set[str]] = {}  # the robots, by domain and type of message
+    for message in _one_of_each(trial):
+        of = shown.setdefault((domain_of(message, trial), message.type), set())
+        of.update(*map(owners, shown_prims(trial, message.node)))
+    for message in _one_of_each(trial):
+        domain, space = domain_of(message, trial), message.topic
         while space and (domain, space) not in spaces:
             space = space.rpartition("/")[0]
         expected = spaces.get((domain, space), set())
-        if len(expected) != 1:
+        if len(expected) != 1 or (not space and expected & shown[domain, message.type]):
             continue
-        for prim in sorted(shown_prims(trial, message.node)):
+        for prim, node in sorted(shown_prims(trial, message.node).items()):
             found = owners(prim)
             # A transform of another robot's base may say where that is.
             is_base = prim in found and message.type == TRANSFORMS
             if len(found) == 1 and not found & expected and not is_base:
                 text = f"{message.topic} shows {prim}, which is no part of {min(expected)}"
-                yield RunFault(text, "wrong-topic", message.node)
+                yield RunFault(text, "wrong-topic", node)
                 break
+
+
+def _one_of_each(trial: Trial) -> list[Message]:
+    """Return the first message of each node on each topic."""
+    first: dict[tuple[str, str], Message] = {}
+    for message in trial.recording.messages:
+        first.setdefault((message.node, message.topic), message)
+    return list(first.values())
+
+
+def domain_of(message: Message, trial: Trial) -> int:
+    """Return the domain in which a message came."""
+    return trial.wanted.domain if message.away is None else message.away
 
 
 def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:

@@ -26,7 +26,8 @@ from lab3_usd.model.dry_run import (
     Unknown,
 )
 from lab3_usd.model.physics import BODY_API
-from lab3_usd.sim.any_stage import Played, commanded_joints, domain_of, play_any
+from lab3_usd.sim.any_stage import Played, commanded_joints, play_any
+from lab3_usd.sim.commands import domain_of
 from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.judge.checks import OF_STAGE, judge, whole_verdict

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from lab3_usd.model.dry_run import Affine, Scene
 from lab3_usd.model.fault import FaultKind
+from lab3_usd.model.physics import BODY_API
 from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Message, Points, Scan, View
 from lab3_usd.sim.judge.expectations import RunFault, Trial, agree, in_root
@@ -61,6 +62,7 @@ def own_frames(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFaul
             continue
         frame = in_root(trial, first)
         if frame is None:
+            yield from _of_another_robot(first, sensor, scene, machine)
             continue
         off = frame.inverse().then(trial.start.inverse().then(place))
         fault = _of_another(first, sensor, off, scene) or _turned(first, sensor, off)
@@ -78,6 +80,7 @@ def held_frames(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFau
         sensor, _ = _seen(first) or ("", Affine())
         offsets = list(_offsets(trial, scene, messages))
         if not offsets:
+            yield from _of_another_robot(first, sensor, scene, machine)
             continue
         if not all(agree(offsets[0], off) for off in offsets):
             text = f"{first.frame} does not move with {sensor}, which {first.topic} shows"
@@ -132,6 +135,23 @@ def _of_another(message: Message, sensor: str, off: Affine, scene: Scene) -> Run
     kind: FaultKind = "misplaced-camera-frame" if camera else "scan-off-walls"
     text = f"{message.topic} is in {message.frame}, the frame of {named[0].path}, and shows"
     return RunFault(f"{text} {sensor}", kind, message.node)
+
+
+def _of_another_robot(
+    message: Message, sensor: str, scene: Scene, machine: Machine
+) -> Iterator[RunFault]:
+    """Yield the fault of a frame that a robot's TF does not have, and that is that of another's."""
+    named = [
+        path
+        for path, prim in scene.prims.items()
+        if (prim.type in _SENSORS or BODY_API in prim.apis) and frame_name(prim) == message.frame
+    ]
+    if named and not any(is_within(path, machine.rest) for path in named):
+        text = f"{message.topic} is in {message.frame}, the frame of {named[0]}, and shows {sensor}"
+        is_camera = scene.prims[sensor].type == "Camera"
+        yield RunFault(
+            text, "misplaced-camera-frame" if is_camera else "scan-off-walls", message.node
+        )
 
 
 def _is_right(off: Affine) -> bool:

@@ -15,7 +15,7 @@ from lab3_usd.model.dry_run import (
     heading,
     rotation,
 )
-from lab3_usd.sim.any_stage import domain_of
+from lab3_usd.sim.commands import domain_of
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Scan
 from lab3_usd.sim.judge.expectations import Trial, displacement, in_root
