@@ -131,6 +131,12 @@ FAULTS = [
         changed("nav2_amcl::DifferentialMotionModel", "nav2_amcl/DifferentialMotionModel"),
         "amcl.robot_model_type",
     ),
+    ("V09", changed("nav2_amcl::DifferentialMotionModel", "diff"), "amcl.robot_model_type"),
+    (
+        "V09",
+        changed("nav2_costmap_2d::InflationLayer", "InflationLayer"),
+        "local_costmap.local_costmap.inflation_layer.plugin",
+    ),
     # The names of Galactic: nav2_amcl/src/amcl_node.cpp:177, nav2_recoveries/recovery_plugin.xml.
     ("V09", changed("nav2_amcl::DifferentialMotionModel", "differential"), "amcl.robot_model_type"),
     (

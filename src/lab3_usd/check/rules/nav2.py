@@ -42,6 +42,9 @@ def other_release_plugin(subject: NavigationSubject) -> Iterator[Problem]:
     ours = {_plain(name): name for name in (*navigation.plugins, *navigation.former_plugins)}
     ours |= {_plain(name): now for name, now in navigation.former_plugins.items()}
     packages = {name.partition("/")[0] for name in ours if "/" in name}
+    ours |= {
+        plain.partition("/")[2]: name for plain, name in reversed(ours.items()) if "/" in plain
+    }
     for parameter in subject.parameters:
         if parameter.last not in navigation.parameters.plugin:
             continue
