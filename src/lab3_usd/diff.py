@@ -90,15 +90,15 @@ def _paired_graphs(
         else:
             gone.append(graph)
     for graph in gone:
-        twin = max(left.values(), key=lambda candidate: _likeness(graph, candidate), default=None)
-        if twin is not None and _likeness(graph, twin) >= _ALIKE:
+        twin = max(left.values(), key=lambda candidate: _similarity(graph, candidate), default=None)
+        if twin is not None and _similarity(graph, twin) >= _ALIKE:
             yield graph, left.pop(twin.path)
         else:
             yield graph, None
     yield from ((None, graph) for graph in left.values())
 
 
-def _likeness(before: GraphModel, after: GraphModel) -> float:
+def _similarity(before: GraphModel, after: GraphModel) -> float:
     """Return the share of node types that two graphs have in common; a name counts as well."""
     types = [{node.type_name for node in graph.nodes} for graph in (before, after)]
     either, both = types[0] | types[1], types[0] & types[1]

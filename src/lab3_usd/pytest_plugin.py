@@ -82,13 +82,13 @@ def _use_configuration(config: pytest.Config, paths: list[str]) -> None:
     Raises:
         pytest.UsageError: a configuration or the baseline is wrong.
     """
-    from lab3_usd.check.own_rules import no_own_rules_afterwards
+    from lab3_usd.check.own_rules import own_rules_removed_on_exit
     from lab3_usd.commands.shared.baseline import read_baseline
     from lab3_usd.config.settings import config_for, load_config
 
     afterwards = ExitStack()
     config.add_cleanup(afterwards.close)
-    afterwards.enter_context(no_own_rules_afterwards())
+    afterwards.enter_context(own_rules_removed_on_exit())
     file, baseline = (config.getoption(f"--lab3-{name}") for name in ("config", "baseline"))
     try:
         config.stash[_CONFIGS] = {

@@ -66,11 +66,11 @@ class Subject(Struct, frozen=True, eq=False):
 
 @once_per_stage
 def looked_at(subject: Subject) -> int:
-    subject.stage.look()
-    return subject.stage.looks
+    subject.stage.note_checkpoint_use()
+    return subject.stage.checkpoint_uses
 
 
 def test_who_asks_again_for_what_looked_at_the_checkpoint_has_looked_too() -> None:
     subject = Subject(StageModel("Z", 1.0, 1.0, (), {}))
     assert [looked_at(subject), looked_at(subject)] == [1, 1]
-    assert subject.stage.looks == 2
+    assert subject.stage.checkpoint_uses == 2

@@ -14,7 +14,7 @@ from invoking import invoke as lab3
 from places import REPOSITORY
 from pxr import Sdf
 
-from lab3_usd.check.own_rules import add_own_rules, no_own_rules_afterwards
+from lab3_usd.check.own_rules import add_own_rules, own_rules_removed_on_exit
 from lab3_usd.check.registry import all_rules
 from lab3_usd.errors import UsageError
 from lab3_usd.own_rules import rule_cases
@@ -52,13 +52,13 @@ def found(*arguments: object) -> list[str]:
 
 @pytest.fixture(scope="module", autouse=True)
 def _forgotten() -> Iterator[None]:
-    with no_own_rules_afterwards():
+    with own_rules_removed_on_exit():
         yield
 
 
 def test_the_cases_of_the_example_hold_wherever_it_is_copied_to(tmp_path: Path) -> None:
     copy = shutil.copytree(EXAMPLE, tmp_path / "acme")
-    with no_own_rules_afterwards():
+    with own_rules_removed_on_exit():
         add_own_rules([str(EXAMPLE / "acme_rules.py")])
         cases = rule_cases(copy / "cases")
         assert [case.expect for case in cases if case.expect]

@@ -109,7 +109,7 @@ def test_before_the_first_graph_there_is_nothing_to_play_yet(tmp_path: Path) -> 
     path = saved(correct_stage("00"), tmp_path, "Lab3_00.usda")
     found = json.loads(sim(path, "--format", "json").stdout)
     assert (found["verdict"], found["checks"]) == ("not judged", [])
-    assert found["missing"] == "nothing to play yet: the graphs come with checkpoint 01"
+    assert found["missing"] == "nothing to run yet: the graphs come with checkpoint 01"
     shown = sim(path)
     assert (shown.exit_code, shown.stdout.splitlines()[1:]) == (0, [found["missing"]])
 
@@ -118,7 +118,7 @@ def test_a_later_stage_that_lost_its_graphs_is_not_too_early(tmp_path: Path) -> 
     path = saved(correct_stage("00"), tmp_path, "Lab3_01.usda")
     shown = sim(path)
     assert shown.exit_code == 1
-    assert "nothing to play" not in shown.stdout
+    assert "nothing to run" not in shown.stdout
 
 
 def test_no_check_is_ok_of_what_did_not_happen(tmp_path: Path) -> None:

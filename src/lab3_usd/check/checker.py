@@ -12,7 +12,7 @@ from lab3_usd.check.hints import with_named_nodes
 from lab3_usd.check.lab_frames import tf_view
 from lab3_usd.check.match.diagnosis import diagnose
 from lab3_usd.check.match.graphs import match_all
-from lab3_usd.check.match.rule_inputs import GraphSubject, LintSubject, Outcome, StageSubject
+from lab3_usd.check.match.rule_inputs import GraphSubject, JudgedStage, LintSubject, StageSubject
 from lab3_usd.check.registry import Rule, import_rules, own_rules, rules_of
 from lab3_usd.check.requirements import (
     frame_requirements,
@@ -92,9 +92,9 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     for rule in (*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id)):
         run.rule(rule, whole, _STAGE)
     if checkpoint.frames:
-        before = stage.looks
+        before = stage.checkpoint_uses
         transforms = tf_view(whole)
-        part = _STAGE if stage.looks == before else None
+        part = _STAGE if stage.checkpoint_uses == before else None
         for rule in rules_of("frames", *STAGE_FAMILIES):
             run.rule(rule, transforms, part)
     run.findings[:] = with_unmet(fold(run.findings), whole, lab)
@@ -102,12 +102,12 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     requirements += scene_requirements(lab, checkpoint, run.findings)
     requirements += frame_requirements(whole)
     requirements = with_named_faults(requirements, run.findings)
-    outcome = Outcome(whole, tuple(requirements), tuple(run.findings))
+    judged_stage = JudgedStage(whole, tuple(requirements), tuple(run.findings))
     for rule in rules_of("outcome", *STAGE_FAMILIES):
-        run.rule(rule, outcome)
+        run.rule(rule, judged_stage)
     findings = tuple(with_named_nodes(run.findings, live))
     graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
-    judged = with_other_faults(outcome.requirements, findings, graphs)
+    judged = with_other_faults(judged_stage.requirements, findings, graphs)
     known = len(run.findings)
     for rule in own_rules().values():
         run.rule(rule, LintSubject(stage, lab.platform))
@@ -183,9 +183,9 @@ class _Run(Struct, frozen=True):
         """Run one rule and keep its findings, once where graphs built in one share a node."""
         results = None if part is None else self.known.get((rule.id, rule.scope, part))
         if results is None:
-            before = self.stage.looks
+            before = self.stage.checkpoint_uses
             results = run_rule(rule, subject, self.lab)
-            if part is not None and self.stage.looks == before:
+            if part is not None and self.stage.checkpoint_uses == before:
                 self.known[rule.id, rule.scope, part] = results
         if results is NOTHING:
             return

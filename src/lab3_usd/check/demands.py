@@ -43,12 +43,12 @@ def _with_tree(problem: Problem, view: TfView) -> Problem:
     sent = trees_of_nodes(view).get(problem.prim, ())
     is_extra = bool(sent) and all(map(view.is_beside, sent))
     severity = problem.severity or ("warning" if is_extra else None)
-    harm = removal_or_repair(view.subject, problem.prim, problem.property, severity)
+    repair = removal_or_repair(view.subject, problem.prim, problem.property, severity)
     return replace(
         problem,
         handout=problem.handout or (None if problem.property else view.subject.lab.frames.handout),
         severity=severity,
-        fix=problem.fix or harm,
+        fix=problem.fix or repair,
     )
 
 

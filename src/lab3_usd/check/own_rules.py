@@ -40,7 +40,7 @@ def own_rule(rule_id: str, name: str, severity: Severity = "error") -> Callable[
 
 
 @contextmanager
-def no_own_rules_afterwards() -> Iterator[None]:
+def own_rules_removed_on_exit() -> Iterator[None]:
     """Forget, after the body, the rules of one's own that it added."""
     before = frozenset(registered())
     try:

@@ -1,4 +1,4 @@
-"""Repairs that rules share: what makes a property of a node right, and what ends its harm."""
+"""Repairs that rules share: what makes a property of a node right, and what undoes a node."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def edits_in_stage(whole: StageSubject, prim: str, name: str | None) -> tuple[Ed
 def removal_or_repair(
     whole: StageSubject, prim: str, name: str | None = None, severity: Severity | None = None
 ) -> tuple[Edit, ...]:
-    """Return what ends the harm that a node does: one without a role is removed if it is sure."""
+    """Return the edits that undo what a node does: one without a role is removed if it is sure."""
     played = (
         path
         for roles in whole.roles.values()

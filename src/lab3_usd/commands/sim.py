@@ -175,7 +175,7 @@ def command(stage: Path, **options: Any) -> None:
     decides what is required. A stage without one is judged by its own content: each robot is driven
     by its own commands.
 
-    Exit status: 0 all right, or nothing to play yet, 1 a fault or not judged, 2 unreadable or wrong
+    Exit status: 0 all right, or nothing to run yet, 1 a fault or not judged, 2 unreadable or wrong
     usage, 3 the program itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.

@@ -132,8 +132,8 @@ class OdometryPair(Struct, frozen=True, eq=False):
         return tuple((node.path, port) for node in nodes for port in _name_ports(node))
 
 
-class _ToldPose(Struct, frozen=True, eq=False):
-    """A pose that a node tells: the port that names the child, both frames, and who computes it."""
+class _NamedPose(Struct, frozen=True, eq=False):
+    """A pose with named frames: the port of the child, both frames, and who computes it."""
 
     node: Node
     port: str
@@ -148,9 +148,9 @@ def odometry_pairs(stage: StageModel, platform: Platform) -> Iterator[OdometryPa
     poses = [
         pose
         for node in nodes_of(lambda kind: any(map(kind.port, _POSE)), stage, platform)
-        if (pose := _told_pose(node, stage, platform))
+        if (pose := _named_pose(node, stage, platform))
     ]
-    transforms: dict[str, list[_ToldPose]] = {}
+    transforms: dict[str, list[_NamedPose]] = {}
     for pose in poses:
         if pose.is_transform and pose.sent:
             transforms.setdefault(pose.maker, []).append(pose)
@@ -173,7 +173,7 @@ def _name_ports(node: Node) -> tuple[str, ...]:
     return tf_ports(node).names or (() if node.type is None else node.type.frames)
 
 
-def _told_pose(node: Node, stage: StageModel, platform: Platform) -> _ToldPose | None:
+def _named_pose(node: Node, stage: StageModel, platform: Platform) -> _NamedPose | None:
     sources = (
         source
         for port in _POSE
@@ -189,4 +189,4 @@ def _told_pose(node: Node, stage: StageModel, platform: Platform) -> _ToldPose |
         return None
     frames = (tf2_name(texts[0]), tf2_name(texts[1])) if names else (texts[0], texts[1])
     is_sent = node.path in run_states(stage, platform)
-    return _ToldPose(node, ports[1], frames, maker.path, bool(names), is_sent)
+    return _NamedPose(node, ports[1], frames, maker.path, bool(names), is_sent)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 
-_BETWEEN_LOOKS = 1.0  # seconds that count at most, of those since the last look
+_POLL_INTERVAL = 1.0  # seconds that count at most, of those since the last look
 
 
 @dataclass(slots=True)
@@ -21,6 +21,6 @@ class AwakeClock:
     def seconds(self) -> float:
         """Return for how long this process has been awake since the clock was made."""
         now = time.monotonic()
-        self.awake += min(now - self.looked, _BETWEEN_LOOKS)
+        self.awake += min(now - self.looked, _POLL_INTERVAL)
         self.looked = now
         return self.awake

@@ -47,7 +47,7 @@ def reasons_by_student(book: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
             f"{titles[item['id']]}: {line.text}"
             for item in row["items"]
             for line in lost_by(row, item["id"])
-            if line.is_told
+            if line.is_shown
         )
         for row in book["students"]
     }
@@ -121,7 +121,7 @@ def _assessments(path: Path, export: FilledExport, book: Mapping[str, Any]) -> R
 
 def _comment(row: Mapping[str, Any], item: str) -> str:
     """Return why an item lost points; it begins with a word, since a sign would be a formula."""
-    told = [line.text for line in lost_by(dict(row), item) if line.is_told]
+    told = [line.text for line in lost_by(dict(row), item) if line.is_shown]
     lines = [visible(part) for text in told for part in text.splitlines()]
     return "\n".join(["Points:", *lines])[:CELL_LIMIT] if lines else ""
 

@@ -360,8 +360,8 @@ def alike(rows: Iterable[Row]) -> list[Row]:
     ]
     found += [
         {"students": students, "what": "the same graphs, except names", "checkpoints": []}
-        for likeness, students in by_content.items()
-        if likeness and len(students) > 1 and tuple(students) not in shared
+        for signature, students in by_content.items()
+        if signature and len(students) > 1 and tuple(students) not in shared
     ]
     return sorted(found, key=lambda group: (group["students"], group["what"]))
 
@@ -409,11 +409,11 @@ def _remarks_text(row: Row) -> str:
         if item["state"] in {"missing", "unreadable", "blocked", "open"}:
             causes = [line for line in lost if line.rule or line.place][:1]
             where = " ".join(filter(None, (causes[0].rule, causes[0].place))) if causes else ""
-            said = [line.text for line in lost if line.is_told and not line.points]
+            said = [line.text for line in lost if line.is_shown and not line.points]
             state = f"{item['state']}{f' ({where})' if where else ''}"
             remarks.append(f"{item['id']}: {', '.join([state, *said])}")
         elif lost:
-            first = ([line for line in lost if line.is_told] or lost)[:_LINES]
+            first = ([line for line in lost if line.is_shown] or lost)[:_LINES]
             lines = [line.text for line in first]
             lines += [f"{len(lost) - len(lines)} more"] if len(lost) > len(lines) else []
             remarks.append(f"{item['id']}: {', '.join(lines)}")

@@ -103,7 +103,7 @@ def judge_maps(
         with suppress(Lab3Error):  # an image of another format, which map_server reads
             grid = read_pgm(root / subject.image_file)
             shares = (_agreement(grid, supplied.grid), _agreement(supplied.grid, grid))
-            subject = replace(subject, likeness=min(shares))
+            subject = replace(subject, shared_walls=min(shares))
     return run_family("maps", "M", subject, lab)
 
 

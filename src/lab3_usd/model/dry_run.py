@@ -325,7 +325,7 @@ class Behaviour(Struct, frozen=True):
 
     `path` are (seconds, x, y, heading) in metres and radians; `legs` the drive of the first
     session, `sizes` why it goes another way than commanded, `remarks` what else is known of the
-    robot. `missing` says why it is not judged, and `is_early` that the lab has nothing to play yet.
+    robot. `missing` says why it is not judged, and `is_early` that the lab has nothing to run yet.
     """
 
     stage: str

@@ -36,7 +36,7 @@ class MapSubject(Struct, frozen=True):
     Paths are relative to the submission; `size` is (width, height) in cells. An absolute
     image path is looked for by its name beside the YAML; `image_file` is empty when it is not
     there, and when the path leads out of the submission. `image_format` is empty for a PGM, and
-    where the file's ending tells it. `likeness` is the share of walls, 0 to 1, that it has in
+    where the file's ending tells it. `shared_walls` is the share of walls, 0 to 1, that it has in
     common with the grader's map, which has `replaced` one that was not handed in.
     """
 
@@ -52,7 +52,7 @@ class MapSubject(Struct, frozen=True):
     image_format: str = ""
     size: tuple[int, int] | None = None
     agreements: tuple[Agreement, ...] = ()
-    likeness: float | None = None
+    shared_walls: float | None = None
     replaced: bool = False
 
 

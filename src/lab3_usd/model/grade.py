@@ -27,7 +27,7 @@ class LostPoints(Struct, frozen=True):
         return f"{points}{self.title}{f' ({where})' if where else ''}"
 
     @property
-    def is_told(self) -> bool:
+    def is_shown(self) -> bool:
         """Whether it says where points went, or what a grader wrote."""
         return bool(self.points) or self.title.startswith((ADJUSTED, REMARK))
 

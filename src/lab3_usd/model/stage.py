@@ -236,19 +236,18 @@ class AnimatedAttribute(Struct, frozen=True):
     then: str
 
 
-_LOOKS = "looks"
+_USES = "checkpoint uses"
 
 
 class StageModel(Struct, frozen=True, eq=False):
     """Everything the rules know of one stage.
 
     Two models are the same only when they are one. `derived` holds what was worked out from this
-    one (`once_per_stage`), so that it goes when the model goes, and `judged` what was worked out
-    for rules: it holds what they are given, and so the model, and how often they `looked` at what
-    is asked of it. `instances` are the paths of the
-    prims that are instances, `products` the render products that nodes name, by path. `overridden`
-    are prims that look like nodes, which the stage only
-    overrides; they are read where an asset is missing.
+    one (`once_per_stage`), so that it goes when the model goes. `judged` holds what was worked out
+    for rules, their inputs, and so the model, and how often those used the checkpoint. `instances`
+    are the paths of the prims that are instances, `products` the render products that nodes name,
+    by path. `overridden` are prims that look like nodes, which the stage only overrides; they are
+    read where an asset is missing.
     """
 
     up_axis: str
@@ -276,14 +275,14 @@ class StageModel(Struct, frozen=True, eq=False):
         force_setattr(self, "judged", {})
 
     @property
-    def looks(self) -> int:
+    def checkpoint_uses(self) -> int:
         """How often what is being judged has depended on the checkpoint."""
-        count: int = self.judged.get(_LOOKS, 0)
+        count: int = self.judged.get(_USES, 0)
         return count
 
-    def look(self) -> None:
+    def note_checkpoint_use(self) -> None:
         """Note that what is being worked out depends on the checkpoint."""
-        self.judged[_LOOKS] = self.looks + 1
+        self.judged[_USES] = self.checkpoint_uses + 1
 
     def nodes(self) -> Iterator[Node]:
         """Yield every live node, graph by graph, then those outside every graph."""
@@ -428,13 +427,13 @@ def _once_judged(function: Callable[..., _T], given: tuple[Any, ...], stage: Sta
     """Return what a function of something with a stage returns; a look of the first time counts."""
     key = (function, *given)
     if key not in stage.judged:
-        before = stage.looks
+        before = stage.checkpoint_uses
         found = function(*given)
-        stage.judged[key] = found, stage.looks != before
+        stage.judged[key] = found, stage.checkpoint_uses != before
         return found
     known: tuple[_T, bool] = stage.judged[key]
     if known[1]:
-        stage.look()
+        stage.note_checkpoint_use()
     return known[0]
 
 

@@ -399,8 +399,8 @@ def _nothing_yet(lab: Lab, checkpoint: str) -> str:
     later = numbers[numbers.index(checkpoint) :]
     first = next((number for number in later if lab.checkpoints[number].graphs), None)
     if first is None:
-        return "nothing to play: the lab asks for no graphs"
-    return f"nothing to play yet: the graphs come with checkpoint {first}"
+        return "nothing to run: the lab asks for no graphs"
+    return f"nothing to run yet: the graphs come with checkpoint {first}"
 
 
 def _lay_on_map(trial: Trial, path: Path, maps: Path | None, lab: Lab) -> None:

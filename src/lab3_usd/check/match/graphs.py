@@ -33,13 +33,13 @@ def find_graphs(specs: Mapping[str, GraphSpec], stage: StageModel) -> dict[str, 
     taken = {graph.path for graph in graphs.values() if graph is not None}
     free = [graph for graph in by_path.values() if graph.path not in taken]
     offers = sorted(
-        (-_likeness(specs[name], graph), order, graph.path, name)
+        (-_similarity(specs[name], graph), order, graph.path, name)
         for order, (name, graph_at_path) in enumerate(graphs.items())
         if graph_at_path is None
         for graph in free
     )
-    for likeness, _, path, name in offers:
-        if graphs[name] is None and path not in taken and likeness < 0:
+    for similarity, _, path, name in offers:
+        if graphs[name] is None and path not in taken and similarity < 0:
             graphs[name] = by_path[path]
             taken.add(path)
     left = {path: graph for path, graph in by_path.items() if path not in taken}
@@ -53,10 +53,10 @@ def _is_another(name: str, graph: GraphModel | None, specs: Mapping[str, GraphSp
     telling = specs[name].telling_types
     if any(node.type is not None and node.type.type in telling for node in graph.nodes):
         return False
-    return any(_likeness(spec, graph) > 0 for spec in specs.values())
+    return any(_similarity(spec, graph) > 0 for spec in specs.values())
 
 
-def _likeness(spec: GraphSpec, graph: GraphModel) -> float:
+def _similarity(spec: GraphSpec, graph: GraphModel) -> float:
     """Return how much of spec and graph is the same, by node types: 1 for all of both, else less.
 
     It is 0 for a graph that holds too little of the spec. Nodes that every graph has (tick,

@@ -172,7 +172,7 @@ class GraphSubject(Struct, frozen=True, eq=False):
     @property
     def checkpoint(self) -> Checkpoint:
         """The checkpoint; what looks at it is worked out for each."""
-        self.stage.look()
+        self.stage.note_checkpoint_use()
         return self.at
 
     @property
@@ -230,7 +230,7 @@ class StageSubject(Struct, frozen=True, eq=False):
     @property
     def checkpoint(self) -> Checkpoint:
         """The checkpoint; what looks at it is worked out for each."""
-        self.stage.look()
+        self.stage.note_checkpoint_use()
         return self.at
 
     def missing_with(self, path: str) -> str:
@@ -266,8 +266,8 @@ def _of_robots(subject: StageSubject) -> tuple[RobotSubject, ...]:
     return tuple(RobotSubject(**given, robot=robot) for robot in subject.lab.scene.robots)
 
 
-class Outcome(Struct, frozen=True, eq=False):
-    """The outcome of judging a stage: its requirements and all findings."""
+class JudgedStage(Struct, frozen=True, eq=False):
+    """A judged stage: its requirements and all findings."""
 
     subject: StageSubject
     requirements: tuple[Requirement, ...]

@@ -14,7 +14,7 @@ from lab3_usd.check.lab_frames import (
     lists_its_parent,
     missing_frames,
 )
-from lab3_usd.check.match.rule_inputs import Outcome
+from lab3_usd.check.match.rule_inputs import JudgedStage
 from lab3_usd.check.registry import TF, rule
 from lab3_usd.check.repairs import edits_in_stage, removal_or_repair
 from lab3_usd.facts.frame_targets import (
@@ -193,7 +193,7 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
 
 
 @rule("T20", "lost-frames", scope="outcome", severity="note")
-def lost_frames(outcome: Outcome) -> Iterator[Problem]:
+def lost_frames(judged: JudgedStage) -> Iterator[Problem]:
     """Required frames are not published.
 
     Why: every frame is a requirement, so one deleted connection can cost all of them. This note
@@ -206,16 +206,16 @@ def lost_frames(outcome: Outcome) -> Iterator[Problem]:
 
     Example: Isaac Compute Transform Tree is missing, and with it six frames.
     """
-    faults = [finding for finding in outcome.findings if finding.severity != "note"]
+    faults = [finding for finding in judged.findings if finding.severity != "note"]
     lost = [
         requirement.title.partition(" is ")[0]
-        for requirement in outcome.requirements
+        for requirement in judged.requirements
         if requirement.kind == "frame"
         and not requirement.met
         and not _is_named(requirement.id.rpartition("/")[2], faults)
     ]
-    publishers = dict.fromkeys(_graphs(outcome, publish=True)) if lost else ()
-    others = [path for path in _graphs(outcome, publish=False) if path not in publishers]
+    publishers = dict.fromkeys(_graphs(judged, publish=True)) if lost else ()
+    others = [path for path in _graphs(judged, publish=False) if path not in publishers]
     has_cause = any(
         finding.severity == "error"
         and not any(is_at_or_below(finding.prim, path) for path in others)
@@ -229,7 +229,7 @@ def lost_frames(outcome: Outcome) -> Iterator[Problem]:
             f"{because}not published: {', '.join(lost)}",
             severity=None if has_cause else "error",
             expected=", ".join(lost),
-            handout=outcome.subject.lab.frames.handout,
+            handout=judged.subject.lab.frames.handout,
             related=tuple(dict.fromkeys(prim for prim in sites if prim != path)),
         )
 
@@ -244,10 +244,10 @@ def _is_named(frame: str, findings: list[Finding]) -> bool:
     )
 
 
-def _graphs(outcome: Outcome, *, publish: bool) -> Iterator[str]:
+def _graphs(judged: JudgedStage, *, publish: bool) -> Iterator[str]:
     """Yield where the graphs of the lab that publish frames are, or should be, or the others."""
-    for name, roles in outcome.subject.roles.items():
-        spec = outcome.subject.lab.graphs[name]
+    for name, roles in judged.subject.roles.items():
+        spec = judged.subject.lab.graphs[name]
         if publish == any(node.type.tf is not None for node in spec.nodes.values()):
             yield spec.path if roles.graph is None else roles.graph.path
 

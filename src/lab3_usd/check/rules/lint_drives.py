@@ -107,7 +107,7 @@ def _joints_moved_by(kind: JointCommand, command: Command, subject: LintSubject)
     if kind not in given or not command.roots:
         return
     stage, platform = subject.stage, subject.platform
-    if _are_told(kind, command):
+    if _has_known_joints(kind, command):
         joints = commanded_joints(command, _PORTS[kind], stage, platform)
     else:
         joints = reached_joints(command, stage, platform)
@@ -118,7 +118,7 @@ def _joints_moved_by(kind: JointCommand, command: Command, subject: LintSubject)
         yield from joints
 
 
-def _are_told(kind: JointCommand, command: Command) -> bool:
+def _has_known_joints(kind: JointCommand, command: Command) -> bool:
     """Whether a command names its joints, or gives speeds to all."""
     return bool(command.names) or (command.names == () and kind == "velocity")
 
@@ -142,7 +142,7 @@ def _problem(kind: JointCommand, command: Command, joint: Prim, why: Hindrance) 
         expected=why.expected,
         actual=why.actual,
         related=(command.node.path,),
-        severity=None if _are_told(kind, command) else "warning",
+        severity=None if _has_known_joints(kind, command) else "warning",
         rests_on=command.unknown,
     )
 

@@ -116,7 +116,7 @@ def map_image_name(subject: MapSubject) -> Iterator[Problem]:
     name = PureWindowsPath(image).name
     if name != subject.facts.image:
         message = f"'image' names '{name}', expected '{subject.facts.image}'"
-        is_same = (subject.likeness or 0) >= _ALIKE  # the same map by another name
+        is_same = (subject.shared_walls or 0) >= _ALIKE  # the same map by another name
         severity: Severity = "warning" if is_same else "error"
         yield Problem(subject.file, message, "image", subject.facts.image, name, severity=severity)
 
@@ -280,14 +280,14 @@ def map_differs(subject: MapSubject) -> Iterator[Problem]:
 
     Example: `lab3 grade --maps`, and a map of another room: 12 %.
     """
-    if subject.likeness is None:
+    if subject.shared_walls is None:
         return
-    is_other, is_same = subject.likeness < _ALIKE, subject.likeness == 1
+    is_other, is_same = subject.shared_walls < _ALIKE, subject.shared_walls == 1
     yield Problem(
         subject.image_file,
-        f"map has {subject.likeness:.0%} of its walls in common with the grader's map",
+        f"map has {subject.shared_walls:.0%} of its walls in common with the grader's map",
         expected=f"at least {_ALIKE:.0%}",
-        actual=f"{subject.likeness:.3f}",
+        actual=f"{subject.shared_walls:.3f}",
         severity="error" if is_other else "note" if is_same else "warning",
     )
 

@@ -284,7 +284,8 @@ def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
             own, other = pair
             yield Problem(
                 node.path,
-                f"{node_title(node)} is not asked for and publishes {own.topic} again",
+                f"{node_title(node)} is not part of {subject.spec.name} and publishes "
+                f"{own.topic} again",
                 property=own.port,
                 actual=own.topic,
                 handout=subject.spec.handout,

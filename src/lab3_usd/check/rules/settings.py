@@ -267,8 +267,8 @@ def _aimed(
         for port in subject.spec.free_targets[spec.role]:
             prims = tuple(path for path in node.targets(port.name) if not path.startswith(own))
             wrong = wrong_product(node, spec, subject.stage.products)  # R04 reports it
-            is_told = wrong is not None and wrong[0] == port.name
-            if prims and not is_told and not _lacks_source(subject, spec):
+            is_reported = wrong is not None and wrong[0] == port.name
+            if prims and not is_reported and not _lacks_source(subject, spec):
                 yield node, spec, port.name, prims
 
 

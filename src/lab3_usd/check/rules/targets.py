@@ -168,8 +168,8 @@ def robot_root_alone(view: TfView) -> Iterator[Problem]:
     """
     for maker in frame_sources(view):
         missing = missing_frames(maker, view)
-        is_told = bool(self_parent_pairs(maker.node, view))
-        if missing and lacks_only_the_camera(maker, view) and not is_told:
+        is_reported = bool(self_parent_pairs(maker.node, view))
+        if missing and lacks_only_the_camera(maker, view) and not is_reported:
             homes = ", ".join(maker.prims[frame] for frame in missing)
             yield Problem(
                 maker.node.path,

@@ -68,10 +68,10 @@ def _explain(fault: WireFault, subject: GraphSubject) -> str:
     message = f"{fault.port} is connected to {actual}, expected {expected}"
     if fault.kind == "bypass":
         message += f"; the wire goes past {expected.partition('.')[0]}"
-    return message + _told_once(fault, subject)
+    return message + _single_signal(fault, subject)
 
 
-def _told_once(fault: WireFault, subject: GraphSubject) -> str:
+def _single_signal(fault: WireFault, subject: GraphSubject) -> str:
     """Say what a signal does that comes a single time; '' where it comes time and again."""
     prim, _, port = str(fault.actual).rpartition(".")
     source = subject.live_nodes.get(prim)

@@ -427,8 +427,8 @@ def _lows(subject: RobotSubject) -> dict[str, float]:
         ]
         shapes = [low for part, low in boxes if part is not None and collides(part)]
         prim = stage.prim(path)
-        is_told = prim is not None and (prim.placeless or is_scaled(prim, size))
-        if is_told or (prim is not None and stage.unknown_pose(prim)):
+        is_reported = prim is not None and (prim.placeless or is_scaled(prim, size))
+        if is_reported or (prim is not None and stage.unknown_pose(prim)):
             continue  # S05 tells what has no place, S24 what is scaled
         if shapes:
             lows[path] = min(shapes)

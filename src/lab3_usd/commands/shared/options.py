@@ -304,10 +304,10 @@ def with_config(paths: Iterable[str], options: Mapping[str, Any]) -> dict[str, A
     Raises:
         UsageError: the configuration is wrong, or names of rules are.
     """
-    from lab3_usd.check.own_rules import no_own_rules_afterwards
+    from lab3_usd.check.own_rules import own_rules_removed_on_exit
     from lab3_usd.config.settings import Config, config_for, load_config
 
-    click.get_current_context().with_resource(no_own_rules_afterwards())
+    click.get_current_context().with_resource(own_rules_removed_on_exit())
     if options["isolated"]:
         config = Config()
     elif options["config_file"] is not None:
@@ -364,10 +364,10 @@ def use_own_rules(config_file: str | None) -> None:
     """
     if config_file is None:
         return
-    from lab3_usd.check.own_rules import no_own_rules_afterwards
+    from lab3_usd.check.own_rules import own_rules_removed_on_exit
     from lab3_usd.config.settings import load_config
 
-    click.get_current_context().with_resource(no_own_rules_afterwards())
+    click.get_current_context().with_resource(own_rules_removed_on_exit())
     load_config(Path(config_file))
 
 

@@ -139,7 +139,7 @@ _PLACE = re.compile(r"[\w/~]+")
 _NUMBER = re.compile(r"[\d.]+")
 _MESSAGE_TYPE = re.compile(r"\w+/(?:msg/)?\w+")
 # What an output looks like, where neither its name nor a command line above it tells.
-_LOOKS = (
+_CONTENT_PATTERNS = (
     ("topic_hz", re.compile(r"average rate:")),
     ("topic_info", re.compile(r"Publisher count:")),
     ("view_frames", re.compile(r"digraph |frame_yaml=|^[ \t]+parent: '", re.MULTILINE)),
@@ -277,7 +277,7 @@ def _looks_like(text: str, ros: RosSpec) -> str | None:
         known = {*ros.topics, *ros.system.topics}
         return "topic_list" if known & {line.split()[0] for line in lines} else "node_list"
     plain = "\n".join(line.rstrip() for line in text.strip().splitlines())
-    return next((kind for kind, looks in _LOOKS if looks.search(plain)), None)
+    return next((kind for kind, pattern in _CONTENT_PATTERNS if pattern.search(plain)), None)
 
 
 def _kind_in(name: str) -> str | None:

@@ -30,7 +30,7 @@ _PER_THREAD = 3  # tasks on their way for each thread of a machine that has judg
 _MOST_FAULTS = 3  # tasks in a row that others judged, after which a machine gets no more
 _MOST_TRIES = 3  # machines that a task is given to
 _MOST_LOSSES = 5  # machines that may go away with a task
-_BETWEEN_LOOKS = 0.2  # seconds
+_POLL_INTERVAL = 0.2  # seconds
 _SECONDS_TO_RETURN = 20.0  # for one machine, after all have gone
 _SECONDS_TO_ANSWER = 20.0  # for the scheduler
 _RESUME = "continue with --resume, which keeps what is graded"
@@ -96,7 +96,7 @@ class Dispatch:
         self._flying: dict[Any, Attempt] = {}
         self._again: deque[Attempt] = deque()
         self._alone_since: float | None = None
-        self._looked = -_BETWEEN_LOOKS
+        self._looked = -_POLL_INTERVAL
         self._distributed = importlib.import_module("distributed")
 
     def answers(self, tasks: Iterable[Task]) -> Generator[Answer]:
@@ -117,7 +117,7 @@ class Dispatch:
                     if task is None:
                         return
                     self._again.append(Attempt(task))  # nobody has judged for a while
-                    time.sleep(_BETWEEN_LOOKS)
+                    time.sleep(_POLL_INTERVAL)
 
     def _able(self) -> list[Machine]:
         return [machine for machine in self._machines.values() if not machine.out]
@@ -129,7 +129,7 @@ class Dispatch:
             WorkerError: the scheduler has gone, or for a while no machine could judge.
         """
         now = time.monotonic()
-        if now - self._looked < _BETWEEN_LOOKS:
+        if now - self._looked < _POLL_INTERVAL:
             return
         self._looked = now
         if self._client.status != "running":  # with the connection, Dask gives up all tasks
@@ -231,7 +231,7 @@ class Dispatch:
             return
         with suppress(OSError, asyncio.TimeoutError, CancelledError, asyncio.CancelledError):
             self._distributed.wait(
-                list(self._flying), timeout=_BETWEEN_LOOKS, return_when="FIRST_COMPLETED"
+                list(self._flying), timeout=_POLL_INTERVAL, return_when="FIRST_COMPLETED"
             )
         over = [future for future in self._flying if future.status in _OVER]
         for future in over:

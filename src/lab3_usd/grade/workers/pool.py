@@ -144,7 +144,7 @@ def _after(task: Task, died: WorkerDiedError) -> tuple[Task, Json | None]:
     return replace(task, broken={**task.broken, died.file: died.how}), None
 
 
-_BETWEEN_LOOKS = 0.2  # seconds until an interrupt is looked at
+_POLL_INTERVAL = 0.2  # seconds until an interrupt is looked at
 Runner = Callable[[Iterable[Task], PoolSettings], Generator[Answer]]
 
 
@@ -224,7 +224,7 @@ def run_in(
             pending = {submit(task) for task in islice(waiting, at_once)}
         while pending:
             with interrupt.put_off():
-                done, pending = wait(pending, _BETWEEN_LOOKS, FIRST_COMPLETED)
+                done, pending = wait(pending, _POLL_INTERVAL, FIRST_COMPLETED)
                 pending.update(submit(task) for task in islice(waiting, len(done)))
             if not done:
                 look()

@@ -24,8 +24,8 @@ from lab3_usd.sim.judge.expectations import (
 
 def leg_fault(trial: Trial, stretch: Stretch) -> RunFault | None:
     """Return what is wrong with how the robot drives one leg; None where nothing is asked of it."""
-    look = _LOOKS.get(stretch.leg.name)
-    return None if look is None else look(trial, stretch)
+    check = _LEG_CHECKS.get(stretch.leg.name)
+    return None if check is None else check(trial, stretch)
 
 
 def _faults(trial: Trial, *names: str) -> Iterator[RunFault]:
@@ -153,7 +153,7 @@ def _at_limit(trial: Trial, stretch: Stretch) -> RunFault | None:
     return trial.motion_fault(text + trial.expected_text(limit, ".2f"), "wrong-speed-limit")
 
 
-_LOOKS: Mapping[str, Callable[[Trial, Stretch], RunFault | None]] = {
+_LEG_CHECKS: Mapping[str, Callable[[Trial, Stretch], RunFault | None]] = {
     "idle": _standing,
     "sideways": _standing,
     "ahead": _straight,
