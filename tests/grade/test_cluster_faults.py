@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator
-from multiprocessing import forkserver
 from pathlib import Path
 from threading import Thread
 
@@ -77,13 +76,6 @@ submission_grading.check_folder = killed
 worker_main.main()
 ''')
 """
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _own_fork_server() -> Iterator[None]:
-    """Leave no process that machines were forked from to whoever forks next."""
-    yield
-    forkserver._forkserver._stop()  # type: ignore[attr-defined]
 
 
 @pytest.fixture(scope="module")
@@ -217,7 +209,7 @@ def test_what_no_machine_reaches_is_the_tools_failure_named_and_not_exported(
         )
         export = [*command[:4], "--output", str(book), "--gradebook", "canvas", "--roster"]
         exported = forking.run([*export, str(roster)], capture_output=True, check=False)
-        machines = [worker.worker_address for worker in cluster.workers.values()]
+        machines = [machine.address for machine in cluster.machines]
         server.fault = lambda _path: None
         again = forking.run([*command, "--resume"], capture_output=True, text=True, check=False)
     assert first.returncode == 3, first.stderr

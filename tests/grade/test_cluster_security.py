@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
-from multiprocessing import forkserver
 from pathlib import Path
 from typing import Any
 
 import forking
 import pytest
 from certificates import Certificates, certificates
-from clusters import cluster_of, graded_on, scheduler
+from clusters import cluster_of, graded_on, local_cluster, scheduler
 from mini_lab import cut_wire, files_below, stage, starter, submission
 
 from lab3_usd.errors import UsageError
@@ -33,13 +32,6 @@ Scheduler.identity = lambda *arguments, **options: {{
     **identity(*arguments, **options), "address": {address!r}
 }}
 """
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _own_fork_server() -> Iterator[None]:
-    """Leave no process that machines were forked from to whoever forks next."""
-    yield
-    forkserver._forkserver._stop()  # type: ignore[attr-defined]
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +62,7 @@ def secured(known: Certificates, tmp_path_factory: pytest.TempPathFactory) -> It
         },
     )
     folder = tmp_path_factory.mktemp("secured") / "temporary"
-    with cluster_of(1, folder, security=security, protocol="tls://") as cluster:
+    with local_cluster(1, folder, security=security, protocol="tls://") as cluster:
         yield cluster
 
 

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import gc
 import importlib
-import os
 import signal
-import time
-from collections.abc import Iterator
-from multiprocessing import forkserver
+from contextlib import ExitStack
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import pytest
-from clusters import cluster_of, graded_on
+from clusters import cluster_of, graded_on, local_cluster, machine
 from mini_lab import cut_wire, files_below, stage, starter, submission
 
 from lab3_usd.errors import UsageError
@@ -51,42 +48,21 @@ def alone(place: Path) -> dict[str, bytes]:
     return files_below(out)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _own_fork_server() -> Iterator[None]:
-    """Leave no process that machines were forked from to whoever forks next."""
-    yield
-    forkserver._forkserver._stop()  # type: ignore[attr-defined]
-
-
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_that_loses_a_machine_gives_the_same_gradebook(
     place: Path, alone: dict[str, bytes], tmp_path: Path
 ) -> None:
-    killed: list[int] = []
     with cluster_of(2, tmp_path / "temporary") as cluster:
+        lost, _ = cluster.machines
 
         def kill(done: int, total: int) -> None:
             del total
             if done == 2:
-                victim = next(iter(cluster.workers.values())).pid
-                os.kill(victim, signal.SIGKILL)
-                killed.append(victim)
+                lost.process.kill()
 
         found = graded_on(cluster, place, tmp_path / "book", progress=kill)
-    assert len(killed) == 1
+        assert lost.process.wait() == -signal.SIGKILL
     assert found == alone
-
-
-def dismiss_workers(cluster: Any) -> None:
-    """Kill all workers with the tasks that they have, and start none in their place."""
-    workers = [(worker, worker.pid) for worker in cluster.workers.values()]
-    for _, number in workers:
-        os.kill(number, signal.SIGSTOP)
-    cluster.scale(0)
-    for each, number in workers:
-        while each.status.name == "running":  # it would start another one
-            time.sleep(0.01)
-        os.kill(number, signal.SIGKILL)
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -111,23 +87,22 @@ def test_a_cluster_without_workers_is_an_error_that_says_what_to_start(
 def test_a_machine_that_joins_later_goes_on_for_the_first(
     place: Path, alone: dict[str, bytes], tmp_path: Path
 ) -> None:
-    killed: list[int] = []
-    with cluster_of(1, tmp_path / "temporary") as lone:
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
+    temporary = tmp_path / "temporary"
+    with ExitStack() as later, cluster_of(1, temporary) as lone:
+        (first,) = lone.machines
 
         def exchange(done: int, total: int) -> None:
             del total
             if done == 1:
-                (first,) = lone.workers.values()
-                os.kill(first.pid, signal.SIGSTOP)  # with the tasks that it has
-                lone.scale(2)
-                with distributed.Client(lone) as watching:
+                first.process.send_signal(signal.SIGSTOP)  # with the tasks that it has
+                later.enter_context(machine(lone.scheduler_address, temporary))
+                with distributed.Client(lone.scheduler_address) as watching:
                     watching.wait_for_workers(2, timeout=60)
-                os.kill(first.pid, signal.SIGKILL)
-                killed.append(first.pid)
+                first.process.kill()
 
-        distributed = importlib.import_module("distributed")
         found = graded_on(lone, place, tmp_path / "book", progress=exchange)
-    assert len(killed) == 1
+        assert first.process.wait() == -signal.SIGKILL
     assert found == alone
 
 
@@ -135,7 +110,7 @@ def test_a_machine_that_joins_later_goes_on_for_the_first(
 def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # The worker may have answered once more before it is dismissed; the others are never sent.
+    # The machine may have answered once more before it is killed; the others are never sent.
     monkeypatch.setattr("lab3_usd.grade.workers.dispatch._PER_THREAD", 1)
     monkeypatch.setattr("lab3_usd.grade.workers.dispatch._SECONDS_TO_RETURN", 0.5)
     with (
@@ -146,7 +121,7 @@ def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
             lone,
             place,
             tmp_path / "book",
-            progress=lambda done, _total: dismiss_workers(lone) if done == 1 else None,
+            progress=lambda done, _total: lone.machines[0].process.kill() if done == 1 else None,
         )
     graded = list((tmp_path / "book" / "students").iterdir())
     assert 1 <= len(graded) < STUDENTS - 1
@@ -193,7 +168,7 @@ class ClosedCluster(NamedTuple):
 def closed(place: Path, tmp_path_factory: pytest.TempPathFactory) -> ClosedCluster:
     folder = tmp_path_factory.mktemp("closed")
     temporary = folder / "temporary"
-    with cluster_of(1, temporary, how="spawn") as lone:
+    with local_cluster(1, temporary) as lone:
         book = graded_on(lone, place.as_uri(), folder / "book")
         while_open = names_in(temporary)
     return ClosedCluster(book, while_open, names_in(temporary))

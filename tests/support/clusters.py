@@ -1,4 +1,8 @@
-"""Dask clusters on this computer: a scheduler, its machines, and machines with faults."""
+"""Dask clusters on this computer: a scheduler, its machines, and machines with faults.
+
+Machines are forked from a process that has imported the program; those of `local_cluster` are
+started and end as Dask starts and ends them, which takes a second each.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import patch
@@ -20,20 +24,31 @@ from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.workers.cluster import cluster_runner
 
 
-@contextmanager
-def cluster_of(
-    workers: int, temporary: Path, how: str = "forkserver", **options: Any
-) -> Iterator[Any]:
-    """A scheduler and worker processes whose temporary folders lie in a place of their own.
+class Cluster(NamedTuple):
+    """A scheduler in this process, and the machines that began with it."""
 
-    They are forked, but with "spawn" they start and end as those of `dask worker`.
-    """
+    scheduler_address: str
+    machines: tuple[Process, ...]
+
+
+@contextmanager
+def cluster_of(machines: int, temporary: Path) -> Iterator[Cluster]:
+    """A scheduler and so many machines, whose temporary files lie in a place of their own."""
+    with ExitStack() as stack:
+        address = stack.enter_context(local_cluster(0, temporary)).scheduler_address
+        running = [machine(address, temporary) for _ in range(machines)]
+        yield Cluster(address, tuple(map(stack.enter_context, running)))
+
+
+@contextmanager
+def local_cluster(workers: int, temporary: Path, **options: Any) -> Iterator[Any]:
+    """A cluster of Dask's own, whose workers start and end as those of `dask worker`."""
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     dask = pytest.importorskip("dask")
     temporary.mkdir()
     quick = {
         "distributed.admin.log-format": "",
-        "distributed.worker.multiprocessing-method": how,
+        "distributed.worker.multiprocessing-method": "spawn",
         "distributed.nanny.environ": {"TMPDIR": str(temporary), LAB_VARIABLE: str(MINI)},
         "logging.distributed": "critical",
     }
