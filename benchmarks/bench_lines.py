@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
 from usda_measure import build_text_stages, measure, text_files
 
 from lab3_usd.stage.read.opening import quiet
-from lab3_usd.stage.text import scan_text
+from lab3_usd.stage.statements import scan_text
 
 CORPUS = Path(__file__).resolve().parents[2] / "shared" / "corpus"
 LINES = 100_000

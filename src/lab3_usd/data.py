@@ -9,7 +9,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parent
 LAB_VARIABLE = "LAB3_LAB"
 PROGRAMS = ("lab3", "usdlab")  # the same program; the second names no lab
-_PROGRAM = re.compile(rf"(?<![.\w])(_?){PROGRAMS[0]}(?!-usd|\.toml|:|\w)")
+_PROGRAM = rf"(?<![.\w])(_?){PROGRAMS[0]}(?!-usd|\.toml|:|\w)"
 
 
 def program() -> str:
@@ -27,7 +27,7 @@ def as_called(text: str, called: str = "") -> str:
     """Return a text about the program with the name by which it was `called`, else started."""
     if PROGRAMS[0] not in text:
         return text
-    return _PROGRAM.sub(rf"\1{called or program()}", text)
+    return re.sub(_PROGRAM, rf"\1{called or program()}", text)
 
 
 def own_lab() -> Path | None:

@@ -14,10 +14,10 @@ from lab3_usd.errors import Lab3Error, UsageError, unwritten
 
 _DEVICES = Path("/dev")
 _MEMORY = Path("/dev/shm")  # noqa: S108 - below it are files as anywhere
-_ORIGINAL = re.compile(r"\.orig(\.[0-9]+)?$")
-_LINE = re.compile("[^\n]*\n|[^\n]+")
+_ORIGINAL = r"\.orig(\.[0-9]+)?$"
+_LINE = "[^\n]*\n|[^\n]+"
 _HALF = ".lab3-half"  # ends the name of what is being written, and of nothing that people keep
-_HALF_NAME = re.compile(f"[a-z0-9_]{{8}}{re.escape(_HALF)}")  # behind the prefix, as tempfile names
+_HALF_NAME = f"[a-z0-9_]{{8}}{re.escape(_HALF)}"  # behind the prefix, as tempfile names
 
 
 def write_whole(target: Path, data: bytes, *, force: bool) -> None:
@@ -154,7 +154,7 @@ def leftover_files(folder: Path, names: Iterable[str]) -> tuple[Path, ...]:
         path
         for path in sorted(folder.glob(".*"))
         if path.name.startswith(prefixes)
-        and any(_HALF_NAME.fullmatch(path.name.removeprefix(prefix)) for prefix in prefixes)
+        and any(re.fullmatch(_HALF_NAME, path.name.removeprefix(prefix)) for prefix in prefixes)
         and path.is_file()
     )
 
@@ -195,7 +195,7 @@ def _claimed(path: Path) -> bool:
 
 def is_original(name: str) -> bool:
     """Whether a file has the name of an original that was kept."""
-    return bool(_ORIGINAL.search(name))
+    return bool(re.search(_ORIGINAL, name))
 
 
 def refuse_existing(target: Path, *, force: bool) -> None:
@@ -209,7 +209,7 @@ def lines_of(text: str) -> list[str]:
 
     Form feeds and the line ends of other alphabets, which may stand in comments, end none.
     """
-    return _LINE.findall(text)
+    return re.findall(_LINE, text)
 
 
 def absence(path: Path, what: str = "file") -> str:

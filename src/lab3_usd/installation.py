@@ -9,9 +9,9 @@ from importlib.util import find_spec
 from pathlib import Path
 
 NAME = "lab3-usd"
-_EXTRA = re.compile(r"extra == ['\"]([\w-]+)['\"]")
-_OWN = re.compile(rf"{NAME}\[([\w,-]+)\]")
-_PLAIN = re.compile(r"[\w@%+=:,./\\-]+")  # what no shell of Windows takes for anything else
+_EXTRA = r"extra == ['\"]([\w-]+)['\"]"
+_OWN = rf"{NAME}\[([\w,-]+)\]"
+_PLAIN = r"[\w@%+=:,./\\-]+"  # what no shell of Windows takes for anything else
 
 
 def install_command(extra: str) -> str:
@@ -38,9 +38,9 @@ def _packages(extra: str) -> Iterator[str]:
     except metadata.PackageNotFoundError:  # it runs from its files
         requirements = []
     lines = (line.partition(";") for line in requirements)
-    mine = [package.strip() for package, _, marker in lines if extra in _EXTRA.findall(marker)]
+    mine = [package.strip() for package, _, marker in lines if extra in re.findall(_EXTRA, marker)]
     for package in mine or [f"{NAME}[{extra}]"]:
-        own = _OWN.match(package) if mine else None
+        own = re.match(_OWN, package) if mine else None
         if own is None:
             yield package
         else:
@@ -51,7 +51,7 @@ def _packages(extra: str) -> Iterator[str]:
 def command_line(*words: str) -> str:
     """Return words as a shell of this system takes them; PowerShell and cmd share double quotes."""
     if sys.platform == "win32":
-        return " ".join(word if _PLAIN.fullmatch(word) else f'"{word}"' for word in words)
+        return " ".join(word if re.fullmatch(_PLAIN, word) else f'"{word}"' for word in words)
     import shlex
 
     return shlex.join(words)

@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 from pxr import Sdf, Usd, UsdUtils
 from usda_measure import Spot, build_text_stages, measure, spec_paths, spots_of, text_files
 
-from lab3_usd.stage import text as source_locations
+from lab3_usd.stage import statements
 from lab3_usd.stage.read.opening import quiet
-from lab3_usd.stage.text import Site, SourceLocation, locate, scan_text
+from lab3_usd.stage.statements import scan_text
+from lab3_usd.stage.text import Site, SourceLocation, locate
 
 # In a marked text, «path» stands where the spec at that path begins.
 MARK = re.compile("«(.*?)»")
@@ -312,7 +313,7 @@ def test_each_layer_is_scanned_once(
     layered: tuple[Path, dict[str, dict[str, Spot]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scanned: list[str] = []
-    monkeypatch.setattr(source_locations, "scan_text", lambda text, _: scanned.append(text) or {})
+    monkeypatch.setattr(statements, "scan_text", lambda text, _: scanned.append(text) or {})
     sites = [("/World", None), ("/World/Leaf", None), ("/World", "only"), ("/World", "inputs:in")]
     found = locate(Usd.Stage.Open(str(layered[0])), "lab.usda", sites)
     assert list(found) == sites
@@ -322,7 +323,7 @@ def test_each_layer_is_scanned_once(
 def test_no_layer_is_scanned_without_a_site(
     layered: tuple[Path, dict[str, dict[str, Spot]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delattr(source_locations, "scan_text")
+    monkeypatch.delattr(statements, "scan_text")
     assert locate(Usd.Stage.Open(str(layered[0])), "lab.usda", []) == {}
 
 

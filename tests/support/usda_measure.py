@@ -10,7 +10,7 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdUtils
 
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage import text as usda_scan
+from lab3_usd.stage import statements as usda_scan
 from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
 
 Spot = tuple[int, int]

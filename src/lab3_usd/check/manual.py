@@ -19,7 +19,7 @@ from lab3_usd.isaac.releases import BASE
 from lab3_usd.spec.lab import Lab
 
 _NAME = r"\{(\w+)\}"
-_CHOICE = re.compile(r"\{([a-z ]+)\?\}((?:(?!\{[a-z ]+\?\}).)*?)\{/\}", re.DOTALL)  # innermost
+_CHOICE = r"(?s)\{([a-z ]+)\?\}((?:(?!\{[a-z ]+\?\}).)*?)\{/\}"  # innermost
 _ELSE = "{else}"
 _LAST_STAGE = 4  # as many as examples tell apart
 _MESSAGES = {  # what tells the topics that manuals name
@@ -128,7 +128,7 @@ def _in_words(lab: Lab | None, manual: str, called: str) -> str:
     manual = as_called(manual, called)
     if "{" not in manual:
         return manual
-    while (chosen := _CHOICE.sub(lambda choice: _chosen(lab, choice), manual)) != manual:
+    while (chosen := re.sub(_CHOICE, lambda choice: _chosen(lab, choice), manual)) != manual:
         manual = chosen
     words = PLAIN if lab is None else _words(lab)
     return re.sub(_NAME, lambda name: words[name[1]], manual)

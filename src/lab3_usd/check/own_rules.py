@@ -20,7 +20,7 @@ from lab3_usd.model.finding import Severity
 
 GROUP = "lab3_usd.rules"  # of entry points
 ENDING = ".py"
-_ID = re.compile(r"[A-Z]{2,}\d{2,}")
+_ID = r"[A-Z]{2,}\d{2,}"
 
 
 def own_rule(rule_id: str, name: str, severity: Severity = "error") -> Callable[[Check], Check]:
@@ -32,7 +32,7 @@ def own_rule(rule_id: str, name: str, severity: Severity = "error") -> Callable[
     Raises:
         ValueError: the id is of another form, or taken.
     """
-    if not _ID.fullmatch(rule_id):
+    if not re.fullmatch(_ID, rule_id):
         raise ValueError(f"{rule_id} is no id of a rule: letters, then digits, as in ACME01")
     if rule_id.rstrip("0123456789") in FAMILIES:
         raise ValueError(f"{rule_id}: its letters are those of a family of this program")

@@ -12,7 +12,7 @@ from lab3_usd.errors import UsageError
 
 NAME, HIDDEN_NAME, SHARED_NAME = "lab3.toml", ".lab3.toml", "pyproject.toml"
 TOOL, TABLE = "tool", "lab3"
-_PLACE = re.compile(r"\(at line (\d+), column (\d+)\)")
+_PLACE = r"\(at line (\d+), column (\d+)\)"
 
 
 def find_file(path: Path) -> Path | None:
@@ -68,10 +68,10 @@ def _parsed(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        match = _PLACE.search(str(error))
+        match = re.search(_PLACE, str(error))
         lines = path.read_bytes().splitlines() or [b""]
         place = f"{match[1]}:{match[2]}" if match else f"{len(lines)}:{len(lines[-1]) + 1}"
-        what = _PLACE.sub("", str(error)).strip()
+        what = re.sub(_PLACE, "", str(error)).strip()
         raise UsageError(f"{path}: is not TOML: {what}, at {path}:{place}") from error
     return content
 

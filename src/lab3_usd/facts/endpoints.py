@@ -169,7 +169,7 @@ _DIRECTIONS: dict[str, Direction] = {
 }
 KIND = "inputs:type"
 _VIEWPORT = "inputs:viewport"  # before 6.0 a window could stand for the render product
-_VALID = re.compile(r"^(/[A-Za-z_][A-Za-z0-9_]*)+$")
+_VALID = r"^(/[A-Za-z_][A-Za-z0-9_]*)+$"
 
 
 class Endpoint(Struct, frozen=True):
@@ -204,7 +204,7 @@ def resolve(namespace: str, written: str) -> str | None:
     namespace before it. None where nothing is left, or ROS 2 allows no such name.
     """
     name = resolved_topic(written, namespace)
-    return name if _VALID.match(name) else None
+    return name if re.match(_VALID, name) else None
 
 
 @once_per_stage

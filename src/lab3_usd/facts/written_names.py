@@ -29,7 +29,7 @@ from lab3_usd.isaac.topics import frame_ports
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 _POSE = ("inputs:position", "inputs:translation")
-_WHOLE = re.compile(r"^/?([A-Za-z0-9].*[A-Za-z0-9]|[A-Za-z0-9])$")
+_WHOLE = r"^/?([A-Za-z0-9].*[A-Za-z0-9]|[A-Za-z0-9])$"
 
 
 class WrittenTopic(Struct, frozen=True, eq=False):
@@ -43,7 +43,7 @@ class WrittenTopic(Struct, frozen=True, eq=False):
     @property
     def is_changed(self) -> bool:
         """Whether more is stripped off than what everybody writes: a slash before."""
-        return _WHOLE.match(self.written) is None
+        return re.match(_WHOLE, self.written) is None
 
 
 def written_topics(stage: StageModel, platform: Platform) -> Iterator[WrittenTopic]:

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 from msgspec import Struct, field
 
-from lab3_usd.stage.text import (
+from lab3_usd.stage.statements import (
     BLOCK_COMMENT,
     HEAD,
     LIST_EDITS,

@@ -33,7 +33,7 @@ from lab3_usd.stage.edit.session import (
     render_tree,
     same_content,
 )
-from lab3_usd.stage.text import ASSET, BLOCK_COMMENT, LINE_COMMENT, STRING
+from lab3_usd.stage.statements import ASSET, BLOCK_COMMENT, LINE_COMMENT, STRING
 
 if TYPE_CHECKING:
     from pxr import Sdf

@@ -14,7 +14,7 @@ from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port
 
 NAMED = ("inputs:messagePackage", "inputs:messageSubfolder", "inputs:messageName")
 MESSAGES, SERVICES = "msg", "srv"
-_NAME = re.compile(r"[A-Z][A-Za-z0-9]*")
+_NAME = r"[A-Z][A-Za-z0-9]*"
 
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):
@@ -47,7 +47,7 @@ def why_no_message(package: str, folder: str, name: str) -> str:
     """
     if folder not in {MESSAGES, "action"}:
         return f"messages are in {MESSAGES}, not in {folder}"
-    if _NAME.fullmatch(name) is None:
+    if re.fullmatch(_NAME, name) is None:
         return f"{name} is no name of a message"
     known = _packages()
     if folder == MESSAGES and package in known and name not in known[package]:
@@ -63,7 +63,7 @@ def why_no_service(package: str, folder: str, name: str) -> str:
     if folder != SERVICES:
         return f"services are in {SERVICES}, not in {folder}"
     is_message = name in _packages().get(package, ())
-    if is_message or _NAME.fullmatch(name) is None:
+    if is_message or re.fullmatch(_NAME, name) is None:
         return f"{name} is no name of a service"
     return ""
 

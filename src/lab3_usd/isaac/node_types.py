@@ -101,14 +101,14 @@ def differ_in_role(source: Port, target: Port) -> bool:
     return shape == other_shape and (are_numbers or are_texts)
 
 
-_ROLES = re.compile(r"(color|normal|point|texcoord|vector|quat|matrix|frame|transform)([dfh]?)")
+_ROLES = r"(color|normal|point|texcoord|vector|quat|matrix|frame|transform)([dfh]?)"
 _PRECISIONS = {"d": "double", "f": "float", "h": "half", "": "double"}
 
 
 def without_role(ogn_type: str) -> tuple[str, str]:
     """Split a type as `shape_of`, with numbers for a role: `vectord[3]` is `double[3]`."""
     element, shape = shape_of(ogn_type)
-    known = _ROLES.fullmatch(element)
+    known = re.fullmatch(_ROLES, element)
     if known is None:
         return "string" if element == "path" else element, shape
     if known[1] in {"matrix", "frame", "transform"}:

@@ -10,6 +10,7 @@ import lab3_usd.judge.starter
 import lab3_usd.stage.compare.starter
 import lab3_usd.stage.read.opening
 import lab3_usd.stage.read.reader
+import lab3_usd.stage.statements
 import lab3_usd.stage.text  # noqa: F401
 from lab3_usd.check.registry import all_rules
 from lab3_usd.spec.load.loader import load_lab

@@ -17,8 +17,8 @@ from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import Node, UnresolvedAsset
 from lab3_usd.spec.graph import NodeSpec
 
-_SECTION = re.compile(r"(?:([A-Z])(?=\d|$))?(\d+)?(?:\.(\d+))?")
-_NUMBER, _DIGITS = re.compile(r"\d+"), 6
+_SECTION = r"(?:([A-Z])(?=\d|$))?(\d+)?(?:\.(\d+))?"
+_NUMBER, _DIGITS = r"\d+", 6
 SectionKey = tuple[int, str, int, int, str]
 
 Severity = Literal["error", "warning", "note"]
@@ -289,7 +289,7 @@ def section_key(name: str | None) -> SectionKey:
 
     Sections of another form, as `Ex 9` and `Ex 10`, are sorted by their words and numbers.
     """
-    found = _SECTION.match(name or "")
+    found = re.match(_SECTION, name or "")
     letter, number, below = found.groups() if found else (None, None, None)
     before_the_parts = 5
     if letter:
@@ -298,7 +298,7 @@ def section_key(name: str | None) -> SectionKey:
         place = 0 if int(number) <= before_the_parts else 2
     else:
         place = 3 if name else 4
-    words = _NUMBER.sub(lambda digits: digits[0].zfill(_DIGITS), name or "")
+    words = re.sub(_NUMBER, lambda digits: digits[0].zfill(_DIGITS), name or "")
     return place, letter or "", int(number or 0), int(below or 0), words
 
 

@@ -115,7 +115,7 @@ class SubmissionSpec(Struct, frozen=True):
     checklist: tuple[ChecklistSpec, ...]
 
 
-_WORD = re.compile(r"\{\w+\}|[A-Za-z]+|\d+")
+_WORD = r"\{\w+\}|[A-Za-z]+|\d+"
 _GAP = r"[\s_-]*"
 TEAM = "{team}"  # stands for letters and digits of a student's own, in names of files
 _OWN = "[A-Za-z0-9]+"
@@ -203,7 +203,7 @@ def nearly_named(stem: str, files: Mapping[str, str]) -> str | None:
 
 @lru_cache(maxsize=64)
 def _loose(prefix: str) -> re.Pattern[str]:
-    words = [_loose_word(word) for word in _WORD.findall(prefix)]
+    words = [_loose_word(word) for word in re.findall(_WORD, prefix)]
     return re.compile(rf"{_GAP.join(words)}(?![0-9])" if words else r"(?!)", re.IGNORECASE)
 
 
@@ -220,6 +220,6 @@ def after_a_student(files: Mapping[str, str]) -> re.Pattern[str]:
     holds the names of the lab, without ending, by checkpoint.
     """
     leads = {lead or files[checkpoint] for checkpoint, lead in _leads(files).items()}
-    loose = (_GAP.join(map(_loose_word, _WORD.findall(lead))) for lead in sorted(leads))
+    loose = (_GAP.join(map(_loose_word, re.findall(_WORD, lead))) for lead in sorted(leads))
     starts = "|".join(start for start in loose if start)
     return re.compile(rf"^(?P<name>.+?)[ _-]+(?P<file>(?:{starts})[ _-].*)$", re.IGNORECASE)

@@ -160,12 +160,12 @@ def candidate_transforms(stage: StageModel, place: SensorLocation) -> list[Matri
     return frames
 
 
-_COPY = re.compile(r"_\d+$")
+_COPY = r"_\d+$"
 
 
 def is_named(name: str, names: Container[str]) -> bool:
     """Whether a prim has one of these names, or one with the number Isaac Sim adds to a copy."""
-    return name in names or (name[-1:].isdigit() and _COPY.sub("", name) in names)
+    return name in names or (name[-1:].isdigit() and re.sub(_COPY, "", name) in names)
 
 
 def lidars(subject: StageSubject, right: tuple[str, ...] = ()) -> Iterator[Prim]:

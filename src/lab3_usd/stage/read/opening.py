@@ -19,7 +19,7 @@ from lab3_usd.stage.read.properties import hold_start_values
 _T = TypeVar("_T")
 # What usd-core says of text: `/work/x.usda:201:4: Expected } at 'x' in </A>`; of some faults it
 # names the rule of its grammar instead, in C++.
-_PARSE_ERROR = re.compile(r":(\d+):(\d+): (parse error|[^'\n]+?)(?: matching| at '|\n|'|$)")
+_PARSE_ERROR = r":(\d+):(\d+): (parse error|[^'\n]+?)(?: matching| at '|\n|'|$)"
 _ARGUMENTS = ":SDF_FORMAT_ARGS:"
 _DAMAGE = (Tf.ErrorException, UnicodeDecodeError)
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
@@ -121,7 +121,7 @@ def _stage_error(path: Path | str, error: Exception) -> StageError:
         text = str(error)
     except UnicodeError:
         text = ""
-    place = _PARSE_ERROR.search(text)
+    place = re.search(_PARSE_ERROR, text)
     if place is not None:
         line, column, what = int(place[1]), int(place[2]), place[3]
         reason = f"is damaged or cut short, at {line}:{column}: {what}"

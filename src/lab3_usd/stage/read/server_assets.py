@@ -18,7 +18,7 @@ from pathlib import Path, PurePosixPath
 from lab3_usd.errors import UsageError
 
 SEARCH_PATH = "PXR_AR_DEFAULT_SEARCH_PATH"  # of usd-core, which reads it when it starts
-_ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/+[^/]")
+_ADDRESS = r"[A-Za-z][A-Za-z0-9+.-]+:/+[^/]"
 
 
 def check_place(address: str, folder: Path) -> None:
@@ -27,7 +27,7 @@ def check_place(address: str, folder: Path) -> None:
     Raises:
         UsageError: it is no address, or there is no such folder.
     """
-    if not _ADDRESS.match(address) or ".." in address.split("/"):
+    if not re.match(_ADDRESS, address) or ".." in address.split("/"):
         raise UsageError(f"{address}: is no address, as https://server/Assets is")
     if not folder.is_dir():
         raise UsageError(f"{folder}: there is no such folder, in which assets of {address} lie")
