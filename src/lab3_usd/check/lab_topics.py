@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import LintSubject, StageSubject
@@ -9,8 +11,10 @@ from lab3_usd.facts.domains import Domain
 from lab3_usd.facts.endpoints import TRANSFORMS, Endpoint, endpoints, resolve
 from lab3_usd.model.finding import Place
 from lab3_usd.model.stage import once_per_stage
-from lab3_usd.spec.graph import NodeSpec
-from lab3_usd.spec.ros import TopicSpec
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.graph import NodeSpec
+    from lab3_usd.spec.ros import TopicSpec
 
 TopicsSubject = LintSubject | StageSubject
 Heard = tuple[str, str]  # a topic, and the name of a domain

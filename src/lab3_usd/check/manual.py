@@ -9,14 +9,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import Rule, all_rules
-from lab3_usd.check.robot.sensors import CAMERA, LIDAR, OTHER, kind_of
 from lab3_usd.data import as_called, program
 from lab3_usd.isaac.releases import BASE
-from lab3_usd.spec.lab import Lab
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.lab import Lab
 
 _NAME = r"\{(\w+)\}"
 _CHOICE = r"(?s)\{([a-z ]+)\?\}((?:(?!\{[a-z ]+\?\}).)*?)\{/\}"  # innermost
@@ -103,10 +105,10 @@ _OF_FAMILY = {
 PARTS: Mapping[str, Callable[[Lab], bool]] = {
     "wheels": lambda lab: any(robot.wheels.joints for robot in lab.scene.robots),
     "described joints": lambda lab: any(robot.joints for robot in lab.scene.robots),
-    "lidar": lambda lab: lab.first_sensor(LIDAR) is not None,
-    "camera": lambda lab: lab.first_sensor(CAMERA) is not None,
-    "render product": lambda lab: any(map(lab.first_sensor, (LIDAR, CAMERA))),
-    "other sensor": lambda lab: OTHER in map(kind_of, lab.sensors.values()),
+    "lidar": lambda lab: "lidar" in _kinds(lab),
+    "camera": lambda lab: "camera" in _kinds(lab),
+    "render product": lambda lab: bool({"lidar", "camera"} & _kinds(lab)),
+    "other sensor": lambda lab: "other" in _kinds(lab),
     "observation camera": lambda lab: lab.scene.world.observation_camera is not None,
     "map": lambda lab: lab.scene.map is not None,
     "localization": lambda lab: lab.frames.localization is not None,
@@ -116,6 +118,13 @@ PARTS: Mapping[str, Callable[[Lab], bool]] = {
     "goal": lambda lab: lab.ros.goal is not None,
     "running system": lambda lab: bool(lab.topics),
 }
+
+
+def _kinds(lab: Lab) -> set[str]:
+    """Return which rules judge sensors of a lab."""
+    from lab3_usd.check.robot.sensors import kind_of
+
+    return {kind_of(sensor) for sensor in lab.sensors.values()}
 
 
 def in_words_of(lab: Lab | None, manual: str) -> str:
@@ -185,6 +194,8 @@ def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
 
 
 def _of_sensors(lab: Lab) -> Iterator[tuple[str, str]]:
+    from lab3_usd.check.robot.sensors import CAMERA, LIDAR
+
     kinds = {sensor.kind: "sensor" for sensor in lab.sensors.values()}
     kinds |= {LIDAR: "lidar", CAMERA: "camera"}
     for kind, word in kinds.items():

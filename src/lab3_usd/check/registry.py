@@ -13,7 +13,6 @@ from msgspec import Struct
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Problem, Severity, family_of
-from lab3_usd.spec.scene import SCENE_GROUP
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Checkpoint, Lab
@@ -122,7 +121,7 @@ MODULES = {
 }
 
 
-SCENE, TF = SCENE_GROUP, "TF"  # parts of a stage that are no graph and no sensor
+TF = "TF"  # a part of a stage that is no graph and no sensor, as the scene is
 
 
 class Demand(Struct, frozen=True):

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from lab3_usd.check.match.conformance import setting_matches, source_path
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.facts.likely_names import likely_name
 from lab3_usd.isaac.names import origin
@@ -153,6 +152,8 @@ def _misspelt(kind: NodeType, node: Node, name: str) -> str | None:
 
 def _sources(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[str]:
     """Yield what an input should be connected to; an optional connection stays."""
+    from lab3_usd.check.match.conformance import source_path
+
     for wire in (*subject.spec.wires, *subject.spec.optional_wires):
         source = subject.roles.node_of[wire.source.role]
         if (wire.target.role, wire.target.port) == (role, name) and source is not None:
@@ -162,6 +163,8 @@ def _sources(subject: GraphSubject, role: str, node: Node, name: str) -> Iterato
 
 
 def _value_edits(subject: GraphSubject, role: str, node: Node, port: Port) -> Iterator[Edit]:
+    from lab3_usd.check.match.conformance import setting_matches
+
     spec, state = subject.spec.nodes[role], node.state(port.name)
     setting = next((known for known in spec.settings if known.port == port.name), None)
     if setting is not None:

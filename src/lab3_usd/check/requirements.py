@@ -17,7 +17,7 @@ from lab3_usd.check.match.conformance import (
     target_matches,
 )
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
-from lab3_usd.check.registry import SCENE, TF, Demand, Demands, scene_demands
+from lab3_usd.check.registry import TF, Demand, Demands, scene_demands
 from lab3_usd.check.repairs import TYPE
 from lab3_usd.check.robot.location import relocated_path
 from lab3_usd.check.robot.sensors import sensor_group
@@ -27,6 +27,7 @@ from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node, is_nested, same_value
 from lab3_usd.spec.graph import GraphSpec, Setting, Target, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.scene import SCENE_GROUP
 
 _Expected = Setting | Target | Wire
 
@@ -289,7 +290,7 @@ def _parts_at(finding: Finding, subjects: Iterable[GraphSubject], lab: Lab) -> t
     robot = lab.scene.robot_of(finding.prim)
     if robot is not None:
         return (robot.group,)
-    return (SCENE,) if finding.supplied else ()
+    return (SCENE_GROUP,) if finding.supplied else ()
 
 
 def with_other_faults(
@@ -346,4 +347,4 @@ def _group_of(finding: Finding, graphs: Mapping[str, GraphModel | None]) -> str:
         for name, graph in graphs.items():
             if graph is not None and is_at_or_below(prim, graph.path):
                 return name
-    return SCENE
+    return SCENE_GROUP

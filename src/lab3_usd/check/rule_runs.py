@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.manual import in_words_of
-from lab3_usd.check.registry import SCENE, TF, Rule, Scope, holds_without_lab, rules_of
+from lab3_usd.check.registry import TF, Rule, Scope, holds_without_lab, rules_of
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import Repair, repair_by
 from lab3_usd.model.finding import Crash, Finding, NotJudged, Problem
 from lab3_usd.model.stage import StageModel, once_per_stage
-from lab3_usd.spec.lab import Lab
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.lab import Lab
 
 
 class RuleResults(Struct, frozen=True):
@@ -106,7 +108,9 @@ def _repair(problem: Problem) -> Repair:
 def _part_of(rule: Rule, problem: Problem, lab: Lab | None) -> tuple[str, ...]:
     """Return the part that the rules of a scope are about, wherever their findings stand."""
     if rule.scope == "starter":
-        return (SCENE if lab is None else lab.scene.group_of(problem.prim or "/"),)
+        from lab3_usd.spec.scene import SCENE_GROUP
+
+        return (SCENE_GROUP if lab is None else lab.scene.group_of(problem.prim or "/"),)
     return (TF,) if rule.scope == "frames" else ()
 
 

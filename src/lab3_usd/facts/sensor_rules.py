@@ -12,7 +12,6 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.facts.formulas import result
 from lab3_usd.facts.sensor_values import SensorValues, entries, size
 from lab3_usd.isaac.sensor_models import INSTANCE, LongList, SchemaRules, ValueRule
 from lab3_usd.model.finding import display
@@ -270,7 +269,11 @@ def _unfulfilled(place: _Place, wrong: set[str]) -> Iterator[Breach]:
         isinstance(value, LongList) for value in values.values()
     )
     names = sorted(map(place.whole, place.rule.of), key=lambda name: -_oddness(name, place))
-    if known and not wrong & {*names} and result(place.rule.holds, values) is False:
+    if not known or wrong & {*names}:
+        return
+    from lab3_usd.facts.formulas import result
+
+    if result(place.rule.holds, values) is False:
         name = next((each for each in names if each in place.values.written), names[0])
         message = f"{name} is {_shown(place.values.get(name))}, expected {place.rule.holds}"
         others = [

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from msgspec import Struct
 
 from lab3_usd.isaac.values import Value
-from lab3_usd.spec.submission import StarterRules
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.submission import StarterRules
 
 
 class SetValue(Struct, frozen=True, tag="set", tag_field="edit"):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from msgspec import Struct, field
 
@@ -15,7 +15,9 @@ from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import Edit, Repair
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import Node, UnresolvedAsset
-from lab3_usd.spec.graph import NodeSpec
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.graph import NodeSpec
 
 _SECTION = r"(?:([A-Z])(?=\d|$))?(\d+)?(?:\.(\d+))?"
 _NUMBER, _DIGITS = r"\d+", 6

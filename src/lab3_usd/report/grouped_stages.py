@@ -7,6 +7,7 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path, PurePath
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -23,7 +24,9 @@ from lab3_usd.model.finding import (
     Verdict,
     section_key,
 )
-from lab3_usd.spec.lab import Lab
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.lab import Lab
 
 Stages = tuple[int, ...]
 
@@ -143,7 +146,7 @@ def _run_text(stages: Sequence[Stage]) -> str:
     return f"{first}\N{EN DASH}{last}"
 
 
-def blocks(report: Report, lab: Lab, *, graded: bool = False) -> list[Block]:
+def blocks(report: Report, lab: Lab | None, *, graded: bool = False) -> list[Block]:
     """Return a block for each submission with its stages, and one for the stages beside them.
 
     Stages keep the order of the report within their block, and are numbered over the page. Those
@@ -184,12 +187,14 @@ def _common_folder(results: Sequence[StageResult]) -> str:
         return ""
 
 
-def _stages(results: Sequence[StageResult], folder: str, lab: Lab, first: int) -> Iterator[Stage]:
+def _stages(
+    results: Sequence[StageResult], folder: str, lab: Lab | None, first: int
+) -> Iterator[Stage]:
     times = Counter(result.checkpoint for result in results)
     for index, result in enumerate(results, start=first):
         file = short_path(result.path, folder)
         number = result.checkpoint or ""
-        checkpoint = lab.checkpoints.get(number)
+        checkpoint = None if lab is None else lab.checkpoints.get(number)
         groups: dict[str, list[Requirement]] = {}
         for requirement in result.requirements:
             groups.setdefault(requirement.group, []).append(requirement)

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
 from lab3_usd.data import program
-from lab3_usd.installation import command_line
 from lab3_usd.model.finding import ChecklistItem, Finding, Submission, Verdict
 from lab3_usd.report.entries import is_repairable, site
 from lab3_usd.report.grouped_stages import Block, ReportedFault, Stage, Stages, faults
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import Excerpt, excerpt_lines, folded, paint, visible
-from lab3_usd.spec.lab import Lab
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.lab import Lab
 
 NARROWEST = 40
 LABEL = 10
@@ -285,6 +287,8 @@ def next_step(
     following = numbers[numbers.index(begun[-1]) + 1 :] if begun else numbers
     first = "repair the errors; then " if verdict in {"fail", "unreadable"} else ""
     if not following:
+        from lab3_usd.installation import command_line
+
         command = command_line(program(), *lab_words, "check", submission.path, "--submission")
         return f"{first}{command} says what else is handed in"
     checkpoint = lab.checkpoints[following[0]]

@@ -14,12 +14,10 @@ from typing import Any
 from msgspec import Struct
 from pxr import Sdf, Usd
 
-from lab3_usd.files import lines_of
 from lab3_usd.model.changes import Site
 from lab3_usd.model.finding import IgnoreNote
 from lab3_usd.stage.read.opening import cached, quiet
 from lab3_usd.stage.read.properties import AuthoredProperties
-from lab3_usd.stage.read.server_assets import local_file
 
 _GROUP, _KEY = "lab3", "ignore"
 NAME = f"{_GROUP}:{_KEY}"
@@ -64,6 +62,7 @@ def _comments(text: str, layer: str) -> Iterator[IgnoreNote]:
     """Yield the notes in comments: of the line that they end, else of the next that says more."""
     if re.search(_LIKE_A_NOTE, text) is None:
         return
+    from lab3_usd.files import lines_of
     from lab3_usd.stage.statements import TOKEN
 
     lines = lines_of(text)
@@ -180,6 +179,8 @@ def _nearest_prim(stage: Usd.Stage, path: str) -> Usd.Prim | None:
 
 def layer_name(layer: Sdf.Layer, root: Sdf.Layer, given: str) -> str:
     """Return the path of a layer as somebody would write it who wrote `given` for the root."""
+    from lab3_usd.stage.read.server_assets import local_file
+
     file = local_file(layer.realPath)
     if not file or not root.realPath:
         return file

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -33,9 +33,11 @@ from lab3_usd.isaac.graph_form import GraphAttribute
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding, Place, Problem, Requirement
 from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
-from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
-from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.scene import RobotSpec
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
+    from lab3_usd.spec.lab import Checkpoint, Lab
+    from lab3_usd.spec.scene import RobotSpec
 
 Kind = Literal[
     "missing", "moved", "wrong", "bypass", "foreign", "forbidden", "dead", "swapped",

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
-from lab3_usd.check.match.conformance import setting_matches, target_matches
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.facts.arrays import joint_names
 from lab3_usd.facts.execution_order import (
@@ -27,8 +27,10 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
-from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.scene import RobotSpec
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.graph import GraphSpec
+    from lab3_usd.spec.scene import RobotSpec
 
 
 class WheelJoint(Struct, frozen=True, eq=False):
@@ -214,6 +216,7 @@ def second_commanders(subject: RobotSubject) -> Iterator[tuple[Node, str]]:
 
 def is_same_graph(spec: GraphSpec, graph: GraphModel, live: Nodes) -> bool:
     """Whether a graph does exactly what the spec asks for, wherever it stands."""
+    from lab3_usd.check.match.conformance import setting_matches, target_matches
     from lab3_usd.check.match.diagnosis import diagnose
     from lab3_usd.check.match.roles import match
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
@@ -27,7 +28,9 @@ from lab3_usd.model.physics import (
 from lab3_usd.model.prims import Prim, is_at_or_below, upwards
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import decompose
-from lab3_usd.spec.lab import Checkpoint, Lab
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.lab import Checkpoint, Lab
 
 _OWNER = "physics:simulationOwner"
 _MASSES = (MASS, "physics:density", "physics:diagonalInertia")

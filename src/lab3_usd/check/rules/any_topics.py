@@ -21,7 +21,6 @@ from lab3_usd.check.lab_topics import (
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import removal_or_repair
-from lab3_usd.check.robot.sensors import second_lidars
 from lab3_usd.facts.domains import are_surely_one
 from lab3_usd.facts.endpoints import Endpoint, Qos, endpoints, running_endpoints
 from lab3_usd.facts.execution_order import effective_value, live_nodes
@@ -107,6 +106,8 @@ def _is_of_second_lidar(endpoint: Endpoint, subject: TopicsSubject) -> bool:
     """Whether a node lies below a lidar beside that of the lab, of which its own rule speaks."""
     if not isinstance(subject, StageSubject):
         return False
+    from lab3_usd.check.robot.sensors import second_lidars
+
     return any(is_at_or_below(endpoint.node.path, lidar.path) for lidar in second_lidars(subject))
 
 

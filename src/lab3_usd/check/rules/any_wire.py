@@ -6,9 +6,7 @@ from collections.abc import Iterator
 
 from msgspec.structs import replace
 
-from lab3_usd.check.demands import with_demand
 from lab3_usd.check.fold import absent_above, of_one_cause
-from lab3_usd.check.hints import without_wire
 from lab3_usd.check.match.rule_inputs import GraphsSubject, GraphSubject, LintSubject, WireFault
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import live_nodes
@@ -159,6 +157,9 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: `make_array.inputs:input0` connected to `constant_left_joint.outputs:value`.
     """
+    from lab3_usd.check.demands import with_demand
+    from lab3_usd.check.hints import without_wire
+
     for fault, wire in _faults(subject, "dead"):
         problem = _dead_wire(fault, wire, subject)
         message = f"{problem.message}, expected {short_source(fault.expected)}"
@@ -180,6 +181,8 @@ def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: a second source `isaac_read_simulation_time_01` of a deleted node.
     """
+    from lab3_usd.check.demands import with_demand
+
     for fault, wire in _faults(subject, "leftover"):
         yield with_demand(_dead_wire(fault, wire, subject), subject)
 

@@ -14,7 +14,6 @@ from lab3_usd.commands.shared.options import given_words, lab_words, wants_color
 from lab3_usd.config.settings import selected
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
-from lab3_usd.files import absence
 from lab3_usd.judge.results import STAGE_ENDINGS
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission, family_of
 from lab3_usd.report.formats.registry import format_named, render
@@ -38,6 +37,8 @@ def refuse_unusable(paths: Sequence[str], options: Mapping[str, Any]) -> None:
     format_named(options["form"])
     for path in paths:
         if not Path(path).exists():
+            from lab3_usd.files import absence
+
             raise UsageError(absence(Path(path), "file or folder"))
     if options["output"] is None:
         return

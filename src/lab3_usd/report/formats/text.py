@@ -8,7 +8,6 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from lab3_usd.data import program
-from lab3_usd.installation import command_line
 from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, StageResult, Submission
 from lab3_usd.report.entries import (
     coverage_line,
@@ -84,6 +83,8 @@ def _repair_lines(report: Report, options: Options) -> Iterator[str]:
     lint = ["--lint"] if is_lint(report) else []
     command = [program(), *options.lab, "fix", *lint, *named, *options.given]
     more = f"; {len(fixable) - count} more with --unsafe" if 0 < count < len(fixable) else ""
+    from lab3_usd.installation import command_line
+
     words = command_line(*command, *([] if count else ["--unsafe"]))
     mark = f"{REPAIRABLE} " if count else ""
     findings = plural(count or len(fixable), "finding")
@@ -95,6 +96,9 @@ _NAMED = 3  # files in a command; else their folder
 
 def _blocks(report: Report) -> Iterator[Block]:
     """Yield the blocks of a report, stages that belong together in the order of the lab."""
+    if is_lint(report):
+        yield from blocks(report, None)
+        return
     lab = load_lab()
     order = list(lab.checkpoints)
     for block in blocks(report, lab):

@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -25,7 +25,9 @@ from lab3_usd.data import PACKAGE
 from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.packed import pack
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.spec.lab import Lab
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.lab import Lab
 
 FILE = "compiled.pickle"
 PLATFORM = "isaac"  # the folder of Isaac Sim's files beside those of the lab
@@ -129,19 +131,24 @@ def _joined(checksum: int, parts: _Parts) -> bytes:
 
 def _checksum(folder: Path) -> int:
     """Return what tells these files, and the code that reads them, from all others."""
-    patterns = ("*.yaml", f"{PLATFORM}/*.yaml", f"{PLATFORM}/*.json")
-    files = (file for pattern in patterns for file in folder.glob(pattern))
-    return _sum(files, _code_checksum(PACKAGE))
+    own, system = _files(folder, ".yaml"), _files(folder / PLATFORM, ".yaml", ".json")
+    return _sum((*own, *system), _code_checksum(PACKAGE))
 
 
 @lru_cache(maxsize=1)
 def _code_checksum(package: Path) -> int:
-    readers = ("isaac/*.py", "isaac/load/*.py", "spec/*.py", "spec/load/*.py", "yaml_file.py")
-    return _sum((file for pattern in readers for file in package.glob(pattern)), 0)
+    readers = ("isaac", "isaac/load", "spec", "spec/load")
+    files = (file for folder in readers for file in _files(package / folder, ".py"))
+    return _sum((*files, package / "yaml_file.py"), 0)
+
+
+def _files(folder: Path, *endings: str) -> list[Path]:
+    """Return the files of a folder that end so."""
+    return sorted(file for file in folder.iterdir() if file.name.endswith(endings))
 
 
 def _sum(files: Iterable[Path], checksum: int) -> int:
-    for file in sorted(files):
+    for file in files:
         checksum = zlib.crc32(file.read_bytes(), zlib.crc32(file.name.encode(), checksum))
     return checksum
 

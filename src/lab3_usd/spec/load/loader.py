@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lab3_usd.data import data_folder, own_lab
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, Lab
 from lab3_usd.spec.load.compiled import PLATFORM, Compiled, compiled_or_loaded
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.lab import Lab
 
 
 def load_lab(folder: Path | None = None) -> Lab:
@@ -56,6 +59,8 @@ def _own_platform(folder: Path) -> Platform:
 
 def _platform_of(folder: Path) -> Platform:
     """Return the platform of a folder: its own, or the bundled one with the types of the lab."""
+    from lab3_usd.spec.lab import CATALOG
+
     own, system = folder / CATALOG, folder / PLATFORM
     bundled = data_folder("graphs")
     release = _release_of(folder) if folder != bundled else ""
@@ -73,6 +78,7 @@ def _platform_of(folder: Path) -> Platform:
 
 def _release_of(folder: Path) -> str:
     """Return the release that a lab is for, '' where it names none; it is read in full later."""
+    from lab3_usd.spec.lab import CHECKPOINTS
     from lab3_usd.yaml_file import read_yaml
 
     if not (folder / CHECKPOINTS).is_file():
@@ -83,6 +89,8 @@ def _release_of(folder: Path) -> str:
 
 def _in_release(platform: Platform, release: str) -> Platform:
     if release and release not in platform.known_releases:
+        from lab3_usd.spec.lab import CHECKPOINTS
+
         known = ", ".join(platform.known_releases)
         wrong = f"'{release}' is no release of Isaac Sim; known are {known}"
         raise SpecError(f"{CHECKPOINTS}: isaac: {wrong}")

@@ -13,7 +13,6 @@ from typing import Any, TypeVar
 from pxr import Sdf, Tf, Usd
 
 from lab3_usd.errors import StageError
-from lab3_usd.files import absence
 from lab3_usd.stage.read.properties import hold_start_values
 
 _T = TypeVar("_T")
@@ -179,6 +178,8 @@ def check_file(path: Path) -> None:
     if _ARGUMENTS in shown:
         raise StageError(f"{shown}: USD reads '{_ARGUMENTS}' in a name as options; rename the file")
     if not path.exists():
+        from lab3_usd.files import absence
+
         raise StageError(absence(path))
     if not path.is_file():
         raise StageError(f"{path}: is not a file")
