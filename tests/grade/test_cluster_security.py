@@ -11,7 +11,7 @@ from typing import Any
 import forking
 import pytest
 from certificates import Certificates, certificates
-from clusters import cluster_of, graded_on, local_cluster, scheduler
+from clusters import cluster_of, graded_on, local_cluster, machine, scheduler
 from mini_lab import cut_wire, files_below, stage, starter, submission
 
 from lab3_usd.errors import UsageError
@@ -57,21 +57,23 @@ def secured(known: Certificates, tmp_path_factory: pytest.TempPathFactory) -> It
         tls_ca_file=str(known.authority),
         **{
             f"tls_{part}_{what}": str(getattr(known, name))
-            for part in ("scheduler", "worker", "client")
+            for part in ("scheduler", "client")
             for what, name in (("cert", "certificate"), ("key", "key"))
         },
     )
     folder = tmp_path_factory.mktemp("secured") / "temporary"
-    with local_cluster(1, folder, security=security, protocol="tls://") as cluster:
-        yield cluster
+    with local_cluster(0, folder, security=security, protocol="tls://") as cluster:
+        address = cluster.scheduler_address
+        with machine(address, folder, **configured(known, "WORKER")):
+            yield cluster
 
 
-def configured(files: Certificates) -> dict[str, str]:
+def configured(files: Certificates, part: str = "CLIENT") -> dict[str, str]:
     """How Dask is told of certificates."""
     return {
         "DASK_DISTRIBUTED__COMM__TLS__CA_FILE": str(files.authority),
-        "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT": str(files.certificate),
-        "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY": str(files.key),
+        f"DASK_DISTRIBUTED__COMM__TLS__{part}__CERT": str(files.certificate),
+        f"DASK_DISTRIBUTED__COMM__TLS__{part}__KEY": str(files.key),
     }
 
 

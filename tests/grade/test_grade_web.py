@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import forking
 import pytest
+from fork_server import FORKED_WORKERS
 from mini_lab import cut_wire, files_below, stage, starter, submission
 from msgspec.structs import replace
 from web_server import WebServer, served
@@ -57,7 +59,13 @@ def lab3_grade(place: str, out: Path) -> forking.CompletedProcess[str]:
     command = [sys.executable, "-m", "lab3_usd", "grade", place]
     options = ["--starter", str(starter()), "--output", str(out)]
     forking.preload("fsspec.implementations.http")
-    return forking.run([*command, *options], capture_output=True, text=True, check=False)
+    return forking.run(
+        [*command, *options],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **FORKED_WORKERS},
+    )
 
 
 @pytest.mark.parametrize("end", ["", "/"])

@@ -17,6 +17,7 @@ from unittest.mock import patch
 
 import forking
 import pytest
+from fork_server import FORKED_WORKERS
 from mini_lab import MINI, files_below, starter
 
 from lab3_usd.data import LAB_VARIABLE
@@ -119,9 +120,9 @@ class Process(NamedTuple):
 
 
 @contextmanager
-def machine(scheduler: str, temporary: Path, code: str = "") -> Iterator[Process]:
-    """A machine of a cluster that runs this code first."""
-    with _running([_MACHINE, scheduler, code], temporary) as found:
+def machine(scheduler: str, temporary: Path, code: str = "", **variables: str) -> Iterator[Process]:
+    """A machine of a cluster that runs this code first, with these variables of its environment."""
+    with _running([_MACHINE, scheduler, code], temporary, **variables) as found:
         yield found
 
 
@@ -133,13 +134,15 @@ def scheduler(temporary: Path, code: str = "", port: int = 0) -> Iterator[Proces
 
 
 @contextmanager
-def _running(arguments: list[str], temporary: Path) -> Iterator[Process]:
+def _running(arguments: list[str], temporary: Path, **variables: str) -> Iterator[Process]:
     temporary.mkdir(parents=True, exist_ok=True)
     environment = {
         **os.environ,
         "TMPDIR": str(temporary),
         LAB_VARIABLE: str(MINI),
         "DASK_LOGGING__DISTRIBUTED": "critical",
+        **FORKED_WORKERS,
+        **variables,
     }
     forking.preload("distributed")
     with forking.Popen(
