@@ -39,7 +39,7 @@ from lab3_usd.model.folder import (
     Observation,
     RecordingShown,
 )
-from lab3_usd.sim.bag import files
+from lab3_usd.sim.bag import recording_files
 from lab3_usd.sim.bag import submitted as module
 from lab3_usd.sim.bag.submitted import read_recordings
 
@@ -225,7 +225,7 @@ def test_a_database_that_computes_for_ever_is_not_opened(handed_in: Path) -> Non
 
 
 def test_a_million_topics_are_not_read(handed_in: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "MOST_TOPICS", 50)
+    monkeypatch.setattr(recording_files, "MOST_TOPICS", 50)
     with Writer(handed_in / "results" / "run", version=8, storage_plugin=StoragePlugin.MCAP) as bag:
         for number in range(60):
             bag.add_connection(
@@ -238,7 +238,7 @@ def test_an_index_without_end_is_not_read(
     plain: Path, handed_in: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put(plain, handed_in)
-    monkeypatch.setattr(files, "MOST_RECORDS", 5)
+    monkeypatch.setattr(recording_files, "MOST_RECORDS", 5)
     assert unread(handed_in) == "run.mcap has an index of more than 5 records"
 
 

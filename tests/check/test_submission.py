@@ -34,7 +34,7 @@ from lab3_usd.check.registry import rules_of
 from lab3_usd.data import data_folder
 from lab3_usd.deliverables import submission as listing
 from lab3_usd.errors import StageError
-from lab3_usd.judge.files import lone_stage_notes, map_findings
+from lab3_usd.judge.deliverables import lone_stage_notes, map_findings
 from lab3_usd.judge.folder import FolderSettings, check_folder, is_submission
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.json_report import report_json

@@ -17,7 +17,7 @@ from invoking import invoke as lab3
 from report_schema import assert_valid
 
 from lab3_usd.commands.config import _DEFAULTS
-from lab3_usd.config.files import find_file
+from lab3_usd.config.lookup import find_file
 from lab3_usd.config.settings import _KEYS, Config, config_for, load_config
 from lab3_usd.data import LAB_VARIABLE, data_folder
 from lab3_usd.errors import Lab3Error, UsageError

@@ -33,7 +33,7 @@ from lab3_usd.commands import bag as module
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Behaviour, Frame, Topic, Unknown
 from lab3_usd.report.behaviour.text import PASSED_IN_A_RECORDING
-from lab3_usd.sim.bag import files, judge, reader
+from lab3_usd.sim.bag import judge, reader, recording_files
 from lab3_usd.sim.bag.differences import differences
 from lab3_usd.sim.bag.judge import CHECKS
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
@@ -393,11 +393,11 @@ def test_very_many_topics_are_one_line(tmp_path: Path) -> None:
     with closing(sqlite3.connect(tmp_path / "run.db3")) as base, base:
         base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type)")
         base.executemany("INSERT INTO topics(name) VALUES(?)", [(f"/{n}",) for n in range(5000)])
-    assert refused(tmp_path) == f"has more than {files.MOST_TOPICS} topics"
+    assert refused(tmp_path) == f"has more than {recording_files.MOST_TOPICS} topics"
 
 
 def test_many_topics_of_mcap_are_one_line(plain: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "MOST_TOPICS", 3)
+    monkeypatch.setattr(recording_files, "MOST_TOPICS", 3)
     assert refused(plain) == "has more than 3 topics"
 
 
@@ -405,7 +405,7 @@ def test_a_message_that_unpacks_to_too_much_is_one_line(
     plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = rewritten(plain, tmp_path / "Lab3_08_run", packing=CompressionMode.MESSAGE)
-    monkeypatch.setattr(files, "LARGEST_MESSAGE", 100)
+    monkeypatch.setattr(recording_files, "LARGEST_MESSAGE", 100)
     assert "larger than" in refused(folder)
 
 
@@ -413,7 +413,7 @@ def test_a_file_that_unpacks_to_too_much_is_one_line(
     plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = rewritten(plain, tmp_path / "Lab3_08_run", packing=CompressionMode.FILE)
-    monkeypatch.setattr(judge, "Bounds", lambda: files.Bounds(file=1000))
+    monkeypatch.setattr(judge, "Bounds", lambda: recording_files.Bounds(file=1000))
     assert "unpacks to more than" in refused(folder)
 
 

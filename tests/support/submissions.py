@@ -17,7 +17,7 @@ from ros_outputs import good_outputs
 from lab3_usd.data import data_folder
 from lab3_usd.deliverables.nav2 import read_params
 from lab3_usd.deliverables.scripts import nav2_files
-from lab3_usd.judge import files as folder_checks
+from lab3_usd.judge import deliverables as folder_checks
 from lab3_usd.judge import folder as judge_folder
 from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder, find_starters
 from lab3_usd.judge.stage import check_stage

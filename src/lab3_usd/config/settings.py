@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.own_rules import ENDING, add_own_rules
 from lab3_usd.check.registry import check_rule_names
-from lab3_usd.config.files import find_file, located, read_table
+from lab3_usd.config.lookup import find_file, located, read_table
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import SEVERITIES, Finding, Severity, family_of, is_among
 

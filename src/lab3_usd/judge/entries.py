@@ -201,7 +201,7 @@ def judge_entry(settings: JudgeSettings, entry: Target) -> Results:
             more = scopes_run(starter=settings.starter, native=settings.native)
             result = without_ignored(result, more)
     if lab.checkpoints[checkpoint].localization:
-        from lab3_usd.judge.files import lone_stage_notes, map_findings
+        from lab3_usd.judge.deliverables import lone_stage_notes, map_findings
 
         maps = settings.maps
         about_maps = lone_stage_notes(checkpoint, lab) if maps is None else map_findings(maps, lab)

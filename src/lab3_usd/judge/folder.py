@@ -17,7 +17,7 @@ from lab3_usd.check.rule_runs import merge_results, run_family
 from lab3_usd.deliverables.maps import SuppliedMap, opens_all
 from lab3_usd.deliverables.submission import folder_named, list_submission, stage_ending
 from lab3_usd.errors import Lab3Error, StageError, described
-from lab3_usd.judge.files import (
+from lab3_usd.judge.deliverables import (
     FolderContents,
     judge_maps,
     judge_parameters,

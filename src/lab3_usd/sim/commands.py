@@ -192,7 +192,7 @@ def _given_motion(trial: Trial, robot: Robot) -> tuple[Vector, ...]:
 
 def _moved_as_commanded(trial: Trial, given: Sequence[Vector]) -> Iterator[RunFault]:
     """The robot moves in the commanded direction, as fast as its controller's arithmetic has it."""
-    if trial.stands():
+    if trial.never_moves():
         yield trial.motion_fault("does not move", "does-not-move")
         return
     for stretch in trial.stretches("ahead", "back", "aside", "left"):

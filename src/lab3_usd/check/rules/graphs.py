@@ -51,13 +51,13 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
         expected=spec.path,
         handout=spec.handout,
         hint=f"make the graph {spec.name} at {spec.path} as section {spec.handout} shows",
-        fix=tuple(_way_back(subject)),
+        fix=tuple(_restoring_edits(subject)),
         assumes=((subject.missing_with, None),) if subject.missing_with else (),
     )
 
 
-def _way_back(subject: GraphSubject) -> Iterator[Edit]:
-    """Yield how to get a graph back; a prim of another kind at its path stays.
+def _restoring_edits(subject: GraphSubject) -> Iterator[Edit]:
+    """Yield the edits that restore a graph; a prim of another kind at its path stays.
 
     One that holds nodes is a graph that lost its type.
     """

@@ -80,7 +80,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
             expected=spec.type.type,
             handout=spec.handout,
             related=() if present is None else (present.path,),
-            hint=_way_back(subject, spec, present),
+            hint=_repair_hint(subject, spec, present),
             fix=fix,
             unmet=(f"{subject.spec.name}/node/{spec.role}",),
             covers=() if present is None else ((present.path, None),),
@@ -108,7 +108,7 @@ def _below(prim: AbsentPrim, subject: GraphSubject) -> str:
     return "" if missing is None else f", and {missing.asset} below it cannot be found"
 
 
-def _way_back(subject: GraphSubject, spec: NodeSpec, prim: AbsentPrim | None) -> str:
+def _repair_hint(subject: GraphSubject, spec: NodeSpec, prim: AbsentPrim | None) -> str:
     """Return how to repair a missing node: one that is in the file already is not added again."""
     graph = subject.roles.graph
     name = subject.spec.name

@@ -93,7 +93,7 @@ def _person(fields: dict[Any, Any]) -> Person:
     return Person(_text(fields, ":name"), {kind: value for kind, value in ids.items() if value})
 
 
-class _Fault(Struct, frozen=True):
+class _YamlFault(Struct, frozen=True):
     """What is wrong with a piece of YAML, and after how many lines (-1: not known)."""
 
     text: str
@@ -103,7 +103,7 @@ class _Fault(Struct, frozen=True):
 def _documents(data: bytes) -> Iterator[dict[Any, Any] | str]:
     """Yield the whole file, or where it is faulty what can be read of it, and the fault."""
     whole = _loaded(data)
-    if not isinstance(whole, _Fault):
+    if not isinstance(whole, _YamlFault):
         yield whole
         return
     yield whole.text
@@ -111,13 +111,13 @@ def _documents(data: bytes) -> Iterator[dict[Any, Any] | str]:
     for start, end in zip(begins, [*begins, len(data)][1:], strict=True):
         piece = data[start:end]
         part = _loaded(piece)
-        if isinstance(part, _Fault) and part.line > 0:
+        if isinstance(part, _YamlFault) and part.line > 0:
             part = _loaded(b"\n".join(piece.splitlines()[: part.line]))
-        if not isinstance(part, _Fault):
+        if not isinstance(part, _YamlFault):
             yield part
 
 
-def _loaded(data: bytes) -> dict[Any, Any] | _Fault:
+def _loaded(data: bytes) -> dict[Any, Any] | _YamlFault:
     try:
         refuse_deep(data)
         document = yaml.load(data, Loader=_AsText)  # noqa: S506 - a safe loader
@@ -125,9 +125,9 @@ def _loaded(data: bytes) -> dict[Any, Any] | _Fault:
         problem = getattr(error, "problem", None) or "is no YAML"
         mark = getattr(error, "problem_mark", None)
         if mark is None:
-            return _Fault(problem)
-        return _Fault(f"line {mark.line + 1}: {problem}", mark.line)
-    return document if isinstance(document, dict) else _Fault("it is no mapping")
+            return _YamlFault(problem)
+        return _YamlFault(f"line {mark.line + 1}: {problem}", mark.line)
+    return document if isinstance(document, dict) else _YamlFault("it is no mapping")
 
 
 def _text(person: dict[Any, Any], key: str) -> str:

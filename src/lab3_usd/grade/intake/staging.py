@@ -37,7 +37,12 @@ from lab3_usd.grade.intake.submission_copy import (
     made_folder,
     stage_seeker,
 )
-from lab3_usd.grade.intake.submission_folder import Remark, choose_folder, counted, stage_folder
+from lab3_usd.grade.intake.submission_folder import (
+    FolderRemark,
+    choose_folder,
+    counted,
+    stage_folder,
+)
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
 
@@ -73,7 +78,7 @@ class StagedSubmission(Struct, frozen=True):
     digest: str
     refused: tuple[RefusedFile, ...]
     digests: Mapping[str, str]
-    remarks: tuple[Remark, ...] = ()
+    remarks: tuple[FolderRemark, ...] = ()
 
 
 def stage_submission(
@@ -109,22 +114,24 @@ def stage_submission(
         try:
             before, copy = _stage_upload(own, folder, limits)
         except (ArchiveError, TooLargeError) as error:
-            remarks.append(Remark(".", f"the earlier {earlier} cannot be read: {error}", "Z04"))
+            remarks.append(
+                FolderRemark(".", f"the earlier {earlier} cannot be read: {error}", "Z04")
+            )
             continue
         digest.update(before.digest.encode())
         had = stage_folder(copy, before.folder.relative_to(folder).as_posix()).checkpoints
         if merge:
             last, added = _merged(last, before)
             if added:
-                remarks.append(Remark(".", f"from the {earlier}: {', '.join(added)}", "Z04"))
+                remarks.append(FolderRemark(".", f"from the {earlier}: {', '.join(added)}", "Z04"))
         elif len(had) > len(held):
             text = (
                 f"the last {when} is judged ({counted(held)}); the earlier {earlier} has more "
                 f"({counted(had)})"
             )
-            remarks.append(Remark(".", text, "Z04"))
+            remarks.append(FolderRemark(".", text, "Z04"))
     if merge and remarks != list(last.remarks):
-        remarks.append(Remark(".", f"all else is from the last {when}", "Z04"))
+        remarks.append(FolderRemark(".", f"all else is from the last {when}", "Z04"))
     for remark in remarks:
         digest.update(remark.text.encode("utf-8", "backslashreplace"))
     return replace(last, digest=digest.hexdigest(), remarks=tuple(remarks))

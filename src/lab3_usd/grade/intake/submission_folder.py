@@ -24,7 +24,7 @@ _MOST_NAMED = 8
 AMBIGUOUS = "ambiguous, ask the student"
 
 
-class Remark(Struct, frozen=True):
+class FolderRemark(Struct, frozen=True):
     """What a grader has to know of how a submission was taken: at which path, by which rule."""
 
     path: str
@@ -50,7 +50,7 @@ class Choice(Struct, frozen=True):
     """The folder that is the submission, the remarks about others, and the files beside it."""
 
     path: str
-    remarks: tuple[Remark, ...] = ()
+    remarks: tuple[FolderRemark, ...] = ()
     beside: tuple[RefusedFile, ...] = ()
 
 
@@ -155,7 +155,7 @@ def _stray_stages(copy: SubmissionCopy, places: Sequence[str]) -> list[StageFold
     return [stage_folder(copy, parent) for parent in sorted(parents)]
 
 
-def _remarks(chosen: StageFolder, aside: Sequence[StageFolder]) -> Iterator[Remark]:
+def _remarks(chosen: StageFolder, aside: Sequence[StageFolder]) -> Iterator[FolderRemark]:
     """Yield the remarks about the folders that are left out."""
     if not aside:
         return
@@ -171,7 +171,7 @@ def _remarks(chosen: StageFolder, aside: Sequence[StageFolder]) -> Iterator[Rema
     more = f" and {len(aside) - _MOST_NAMED} more" if len(aside) > _MOST_NAMED else ""
     doubt = f"{AMBIGUOUS}: as many in {_shown(equal[0].path)}; " if equal else ""
     text = f"{doubt}{judged}; left out: {', '.join(listed)}{more}"
-    yield Remark(chosen.path or ".", text, "Z03")
+    yield FolderRemark(chosen.path or ".", text, "Z03")
 
 
 def _shown(path: str) -> str:

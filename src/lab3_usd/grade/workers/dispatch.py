@@ -38,7 +38,7 @@ _OVER = ("finished", "error", "cancelled", "lost")
 
 
 @dataclass(slots=True, eq=False)
-class Machine:
+class ClusterMachine:
     """A worker of the cluster: how many tasks it judged, and how many in a row it could not.
 
     `proven` counts those of the latter that another machine judged then. `out` says why it gets no
@@ -61,15 +61,15 @@ class Machine:
 
 
 @dataclass(slots=True, eq=False)
-class Attempt:
+class TaskAttempt:
     """A task, the machine that has it, and why others could not judge it."""
 
     task: Task
-    machine: Machine | None = None
-    faults: list[tuple[Machine, str]] = field(default_factory=list)
+    machine: ClusterMachine | None = None
+    faults: list[tuple[ClusterMachine, str]] = field(default_factory=list)
     losses: int = 0
 
-    def tried(self, machine: Machine) -> bool:
+    def tried(self, machine: ClusterMachine) -> bool:
         """Whether a machine could not judge it."""
         return any(machine is other for other, _ in self.faults)
 
@@ -92,9 +92,9 @@ class Dispatch:
         self._shipment = send()
         self._digest = digest
         self._notify = notify
-        self._machines: dict[str, Machine] = {}
-        self._flying: dict[Any, Attempt] = {}
-        self._again: deque[Attempt] = deque()
+        self._machines: dict[str, ClusterMachine] = {}
+        self._flying: dict[Any, TaskAttempt] = {}
+        self._again: deque[TaskAttempt] = deque()
         self._alone_since: float | None = None
         self._looked = -_POLL_INTERVAL
         self._distributed = importlib.import_module("distributed")
@@ -116,10 +116,10 @@ class Dispatch:
                     task = next(waiting, None)
                     if task is None:
                         return
-                    self._again.append(Attempt(task))  # nobody has judged for a while
+                    self._again.append(TaskAttempt(task))  # nobody has judged for a while
                     time.sleep(_POLL_INTERVAL)
 
-    def _able(self) -> list[Machine]:
+    def _able(self) -> list[ClusterMachine]:
         return [machine for machine in self._machines.values() if not machine.out]
 
     def look(self) -> None:
@@ -147,7 +147,7 @@ class Dispatch:
         for address in self._machines.keys() - threads.keys():
             self._lose(self._machines.pop(address))
         for address, count in threads.items():
-            self._machines.setdefault(address, Machine(address, max(1, count)))
+            self._machines.setdefault(address, ClusterMachine(address, max(1, count)))
         if self._able():
             self._alone_since = None
         elif self._alone_since is None:
@@ -172,14 +172,14 @@ class Dispatch:
             )
         return f"{self._address}: {what}, and {_RESUME}"
 
-    def _lose(self, machine: Machine) -> None:
+    def _lose(self, machine: ClusterMachine) -> None:
         """Take back the tasks of a machine that has gone."""
         for future, attempt in list(self._flying.items()):
             if attempt.machine is machine:
                 attempt.losses += 1
                 self._take_back(future, attempt)
 
-    def _take_back(self, future: Any, attempt: Attempt) -> None:
+    def _take_back(self, future: Any, attempt: TaskAttempt) -> None:
         del self._flying[future]
         attempt.machine = None
         self._again.append(attempt)
@@ -209,9 +209,9 @@ class Dispatch:
             task = next(waiting, None)
             if task is None:
                 return
-            self._submit(Attempt(task), machine)
+            self._submit(TaskAttempt(task), machine)
 
-    def _submit(self, attempt: Attempt, machine: Machine) -> None:
+    def _submit(self, attempt: TaskAttempt, machine: ClusterMachine) -> None:
         machine.busy += 1
         attempt.machine = machine
         arguments = (tool_version(), self._digest, self._shipment, encode(attempt.task))
@@ -279,7 +279,7 @@ class Dispatch:
             return {FAULT: f"{type(error).__name__}: {lines[0]}"}
         return answer
 
-    def _note_judged(self, machine: Machine, attempt: Attempt) -> None:
+    def _note_judged(self, machine: ClusterMachine, attempt: TaskAttempt) -> None:
         """Note that a machine judged a task, and who could not although it could be judged."""
         machine.judged += 1
         machine.faults = machine.proven = 0
@@ -289,7 +289,7 @@ class Dispatch:
             if other.proven >= _MOST_FAULTS and not other.out:
                 self._take_out(other, reason)
 
-    def _take_out(self, machine: Machine, reason: str) -> None:
+    def _take_out(self, machine: ClusterMachine, reason: str) -> None:
         """Give a machine no more tasks, and its tasks to others."""
         if machine.out:
             return
@@ -300,7 +300,7 @@ class Dispatch:
                 self._take_back(future, attempt)
 
 
-def _freest(machines: Iterable[Machine]) -> Machine | None:
+def _freest(machines: Iterable[ClusterMachine]) -> ClusterMachine | None:
     """Return the machine with most room: those without faults first, then those that judged."""
     free = [machine for machine in machines if machine.room > 0]
     return min(
@@ -314,7 +314,7 @@ def _freest(machines: Iterable[Machine]) -> Machine | None:
     )
 
 
-def _unreached(attempt: Attempt) -> Json:
+def _unreached(attempt: TaskAttempt) -> Json:
     """Return what to record of a task that no machine could judge."""
     reasons = [f"{reason} ({machine.address})" for machine, reason in attempt.faults]
     if attempt.losses:

@@ -47,7 +47,7 @@ _FROM_OUTSIDE = {"SIGKILL", "SIGTERM", "SIGINT", "SIGHUP"}
 _OUT_OF_TIME = "SIGPROF"  # by `sandbox.limit_time`
 
 
-class End(NamedTuple):
+class ProcessEnd(NamedTuple):
     """How a process ended, whether that came from outside, and its processor time in seconds."""
 
     how: str
@@ -55,7 +55,7 @@ class End(NamedTuple):
     processor: float = 0.0  # 0 where it is not known
 
 
-def how_it_ended(process: subprocess.Popen[bytes], memory: int) -> End:
+def how_it_ended(process: subprocess.Popen[bytes], memory: int) -> ProcessEnd:
     """Say how a process ended that closed its pipe.
 
     More than `memory` bytes say that it ran out of it. A process that goes on is killed.
@@ -65,20 +65,22 @@ def how_it_ended(process: subprocess.Popen[bytes], memory: int) -> End:
         time.sleep(_POLL_SECONDS)
     kill(process)
     if not ended:
-        return End(CLOSED)
+        return ProcessEnd(CLOSED)
     status, peak, processor = _figures(process)
     try:
         name = signal.Signals(-status).name
     except ValueError:
         name = f"signal {-status}"
     if name == _OUT_OF_TIME:
-        return End(OUT_OF_TIME, processor=processor)
+        return ProcessEnd(OUT_OF_TIME, processor=processor)
     if peak > memory:
-        return End(OUT_OF_MEMORY, processor=processor)
+        return ProcessEnd(OUT_OF_MEMORY, processor=processor)
     if status >= 0:
-        return End(f"ended the worker (status {status})", processor=processor)
+        return ProcessEnd(f"ended the worker (status {status})", processor=processor)
     external = name in _FROM_OUTSIDE
-    return End(f"{KILLED} {name}" if external else f"{CRASHED} ({name})", external, processor)
+    return ProcessEnd(
+        f"{KILLED} {name}" if external else f"{CRASHED} ({name})", external, processor
+    )
 
 
 def _has_ended(process: subprocess.Popen[bytes]) -> bool:

@@ -20,7 +20,6 @@ from lab3_usd.model.dry_run import HERE, Behaviour, Check, Unknown
 from lab3_usd.sim.any_stage import CLOCK, TRANSFORMS, one_tree, running_clock
 from lab3_usd.sim.arms import JOINTS
 from lab3_usd.sim.bag.decoder import is_read
-from lab3_usd.sim.bag.files import Bounds, Layout, Offered, layout_at, opened
 from lab3_usd.sim.bag.judge import (
     GAP,
     NO_CONTENT,
@@ -36,6 +35,7 @@ from lab3_usd.sim.bag.judge import (
     way,
 )
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
+from lab3_usd.sim.bag.recording_files import Bounds, Layout, Offered, layout_at, opened
 from lab3_usd.sim.dry_run import DryRun, driven_legs, path_rows
 from lab3_usd.sim.execution.drive import RATE, Leg, Session
 from lab3_usd.sim.execution.recording import JointStates, Odometry, Recording, Scan

@@ -19,8 +19,8 @@ from lab3_usd.errors import RecordingError
 from lab3_usd.facts.tree import SentTransform, Tree, tree
 from lab3_usd.model.dry_run import HERE, Behaviour, Check, Place, Topic, Unknown
 from lab3_usd.model.dry_run import Leg as DrivenLeg
-from lab3_usd.sim.bag.files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
+from lab3_usd.sim.bag.recording_files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.dry_run import DryRun, driven_legs, is_asked, path_rows
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, leg_name
 from lab3_usd.sim.execution.recording import Pose

@@ -11,7 +11,7 @@ from lab3_usd.errors import RecordingError
 from lab3_usd.model.dry_run import Affine, Frame, Place, heading, rotation
 from lab3_usd.model.occupancy import OccupancyMap
 from lab3_usd.sim.bag.decoder import MOST_NAMES, Decoded, decode, has_header, header, is_read
-from lab3_usd.sim.bag.files import Offered, Raw
+from lab3_usd.sim.bag.recording_files import Offered, Raw
 from lab3_usd.sim.execution.recording import (
     Message,
     Odometry,

@@ -76,8 +76,8 @@ def _recordings(entries: Sequence[FolderFile]) -> Iterator[list[FolderFile]]:
 
 def _recording(root: Path, files: Sequence[FolderFile], until: tuple[Lab, str]) -> RecordingShown:
     # They need the extra.
-    from lab3_usd.sim.bag.files import Bounds, layout_of
     from lab3_usd.sim.bag.judge import judge_what_came
+    from lab3_usd.sim.bag.recording_files import Bounds, layout_of
 
     lab, last = until
     name = files[0].path

@@ -24,7 +24,7 @@ from ruamel.yaml import YAML
 from lab3_usd.errors import unwritten
 from lab3_usd.model.dry_run import Quaternion
 from lab3_usd.model.transforms import Vector
-from lab3_usd.sim.bag.files import NOT_SENT
+from lab3_usd.sim.bag.recording_files import NOT_SENT
 from lab3_usd.sim.bag.tape import Tape
 from lab3_usd.sim.execution.drive import Leg, joint_command
 from lab3_usd.sim.execution.recording import (

@@ -62,7 +62,7 @@ def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     silent = _unheard(name, trial)
     if not faults and silent:
         return Check(name, "not judged", f"nothing on {silent}")
-    if not faults and name in MOVED and (not trial.recording.path or trial.stands()):
+    if not faults and name in MOVED and (not trial.recording.path or trial.never_moves()):
         return Check(name, "not judged", "the robot never moved")
     if not faults:
         return Check(name, "ok")

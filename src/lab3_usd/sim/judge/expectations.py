@@ -148,7 +148,7 @@ class Stretch(NamedTuple):
         return sum(angle(later.heading - pose.heading) for pose, later in pairs)
 
     @property
-    def way(self) -> float:
+    def path_length(self) -> float:
         """How far the robot went, along its path."""
         pairs = pairwise([self.before, *self.poses])
         return sum(math.hypot(later.x - pose.x, later.y - pose.y) for pose, later in pairs)
@@ -221,7 +221,7 @@ class Trial(Struct):
         outside = self.drive[sessions[0]].environment
         return f" with ROS_DOMAIN_ID={outside}" if outside else " after Stop and Play"
 
-    def stands(self) -> bool:
+    def never_moves(self) -> bool:
         """Whether the robot never moves."""
         first = self.recording.path[0]
         poses = [pose for pose in self.recording.path if not pose.session]

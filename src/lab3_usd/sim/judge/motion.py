@@ -66,7 +66,7 @@ def follows(trial: Trial) -> Iterator[RunFault]:
     """It goes ahead, back and to the left as commanded, in sense and size."""
     if not any(leg.command and any(leg.command[::2]) for leg in trial.drive[0].legs):
         return
-    if trial.stands():
+    if trial.never_moves():
         yield trial.motion_fault("does not move", "does-not-move")
         return
     for names in (("ahead", "back"), ("left", "right"), ("arc",)):
@@ -119,19 +119,21 @@ def _turn(trial: Trial, stretch: Stretch) -> RunFault | None:
 def _arc(trial: Trial, stretch: Stretch) -> RunFault | None:
     leg, steady = stretch.leg, stretch.steady
     length, turn = abs(leg.forward) * steady.seconds, leg.turn * steady.seconds
-    if trial.follows(steady.way, length) and trial.follows(steady.turned, turn, turning=True):
+    if trial.follows(steady.path_length, length) and trial.follows(
+        steady.turned, turn, turning=True
+    ):
         return None
     text = f"commanded to go {abs(leg.forward) * leg.seconds:.2f} m and turn"
     text += f" {math.degrees(leg.turn * leg.seconds):.0f} degrees"
-    if _is_stopped(trial, stretch, steady.way / length):
-        return _wall(text, f"after {stretch.way:.2f} m")
-    text += f", did {stretch.way:.2f} m and {math.degrees(stretch.turned):.0f}"
+    if _is_stopped(trial, stretch, steady.path_length / length):
+        return _wall(text, f"after {stretch.path_length:.2f} m")
+    text += f", did {stretch.path_length:.2f} m and {math.degrees(stretch.turned):.0f}"
     return trial.motion_fault(text, "wrong-arc")
 
 
 def limits(trial: Trial) -> Iterator[RunFault]:
     """Commands beyond the robot's limits are cut down to them."""
-    if not trial.stands():
+    if not trial.never_moves():
         for name in ("fast", "spin"):
             yield from islice(_faults(trial, name), 1)
 
@@ -168,7 +170,7 @@ _LEG_CHECKS: Mapping[str, Callable[[Trial, Stretch], RunFault | None]] = {
 
 def again(trial: Trial) -> Iterator[RunFault]:
     """After Stop and Play it drives again, also where ROS_DOMAIN_ID is another."""
-    if trial.stands():
+    if trial.never_moves():
         return
     # What it does wrong from the first Play on, it does wrong for the same reason.
     before = next((fault for fault in _faults(trial, "ahead") if fault.sure), None)
