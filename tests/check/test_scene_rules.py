@@ -388,7 +388,8 @@ def test_a_dim_or_coloured_light_shines() -> None:
     for light in LIGHTS:
         dim = author(light, "inputs:exposure", "Float", -3.0)
         red = author(light, "inputs:color", "Color3f", Gf.Vec3f(1, 0, 0))
-        assert told_after("04", dim, red) == []
+        glossy = author(light, "inputs:diffuse", "Float", 0.0)
+        assert told_after("04", dim, red, glossy) == []
 
 
 def test_a_missing_observation_camera_is_a_warning() -> None:

@@ -381,6 +381,19 @@ def _world() -> list[Sabotage]:
             several(*(author(light, "inputs:color", "Color3f", Gf.Vec3f(0)) for light in LIGHTS)),
             (LIGHTS[0], "inputs:color"),
         ),
+        # UsdLuxLightAPI: multipliers of what materials scatter and reflect.
+        Sabotage(
+            "lights that no material shows",
+            "04",
+            several(
+                *(
+                    author(light, f"inputs:{share}", "Float", 0.0)
+                    for light in LIGHTS
+                    for share in ("diffuse", "specular")
+                )
+            ),
+            (LIGHTS[0], "inputs:diffuse"),
+        ),
         Sabotage("no physics", "01", remove("/physicsScene"), ("/physicsScene", None)),
         Sabotage("physics off", "01", deactivate("/physicsScene"), ("/physicsScene", None)),
         Sabotage(

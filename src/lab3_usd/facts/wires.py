@@ -15,6 +15,7 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import Node, StageModel, absence_reason, is_acyclic, once_per_stage
 
 Kind = Literal["execution", "data"]
+_NONE: frozenset[str] = frozenset()
 
 
 class Connection(Struct, frozen=True, eq=False):
@@ -104,32 +105,34 @@ def _ends(
     return has_source, is_live, is_compatible, _brings_data(target, port), kind, ports
 
 
-def _followed_type(node: Node, output: str, live: Nodes) -> str:
+def _followed_type(node: Node, output: str, live: Nodes, behind: frozenset[str] = _NONE) -> str:
     """Return the type of an output that follows the inputs of its node, '' for another one.
 
     An array has the type that is set, or its first element's. An output and the only input of its
     node list their types in the same order (Break 3-Vector: a vector gives a number, an array of
-    vectors an array of numbers).
+    vectors an array of numbers). `behind` are the nodes from which the wires were followed to here.
     """
     kind = node.type
     port = None if kind is None else kind.ports.get(output) or kind.listed(output)
     if kind is None or port is None or not port.is_union:
         return ""
     if kind.dynamic is not None:
-        return _array_type(node, kind, kind.dynamic, live)
+        return _array_type(node, kind, kind.dynamic, live, behind)
     if not port.accepts:
         return ""
     inputs = [each for name, each in kind.ports.items() if name.startswith(INPUT) and each.is_union]
     if len(inputs) != 1 or len(inputs[0].accepts) != len(port.accepts):
         return ""
-    fed = _fed_type(node, inputs[0].name, live)
+    fed = _fed_type(node, inputs[0].name, live, behind)
     for number, accepted in enumerate(inputs[0].accepts if fed else ()):
         if without_role(accepted) == without_role(fed):
             return port.accepts[number]
     return ""
 
 
-def _array_type(node: Node, kind: NodeType, dynamic: Dynamic, live: Nodes) -> str:
+def _array_type(
+    node: Node, kind: NodeType, dynamic: Dynamic, live: Nodes, behind: frozenset[str]
+) -> str:
     port = kind.input(dynamic.array)
     if port is None or node.sources(port.name):
         return ""
@@ -138,16 +141,20 @@ def _array_type(node: Node, kind: NodeType, dynamic: Dynamic, live: Nodes) -> st
         return ""
     if value != port.default:
         return str(value)
-    fed = _fed_type(node, f"{INPUT}{dynamic.prefix}0", live)
+    fed = _fed_type(node, f"{INPUT}{dynamic.prefix}0", live, behind)
     return f"{fed}[]" if fed else ""
 
 
-def _fed_type(node: Node, port: str, live: Nodes) -> str:
+def _fed_type(node: Node, port: str, live: Nodes, behind: frozenset[str]) -> str:
     """Return the type of the only output that is wired to an input, '' where it is not known."""
     sources = live_sources(node, port, live)
-    known = sources[0][0].type if len(sources) == 1 else None
-    fed = None if known is None else known.listed(sources[0][1])
-    return "" if fed is None or fed.is_union else fed.ogn_type
+    if len(sources) != 1 or node.path in behind:
+        return ""
+    source, output = sources[0]
+    fed = None if source.type is None else source.type.listed(output)
+    if fed is None or not fed.is_union:
+        return "" if fed is None else fed.ogn_type
+    return _followed_type(source, output, live, behind | {node.path})
 
 
 def why_dead(wire: Connection, stage: StageModel, platform: Platform) -> str | None:

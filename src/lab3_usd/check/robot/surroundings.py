@@ -17,6 +17,7 @@ _ROOM = 1.5  # metres to a side: what is larger around a sensor is a room, or th
 INVISIBLE = {"visibility": "invisible"}
 _HIDDEN = {**INVISIBLE, "purpose": "guide"}
 _INTENSITY, _EXPOSURE, _COLOR = "inputs:intensity", "inputs:exposure", "inputs:color"
+_SHARES = ("inputs:diffuse", "inputs:specular")  # of its light that materials scatter and reflect
 _BRIGHTEST = 50_000.0  # the largest intensity that a schema gives (DistantLight)
 _DARK = 0.01  # intensity below which nothing is seen
 
@@ -110,5 +111,7 @@ def darkened(light: Prim, stage: StageModel) -> tuple[Prim, str] | None:
     color = numbers(light.attributes.get(_COLOR))
     if color and max(color) <= 0:
         return light, _COLOR
+    if all(number(light.attributes.get(name)) == 0 for name in _SHARES):
+        return light, _SHARES[0]
     hiding = hidden_by(light, stage, INVISIBLE)
     return None if hiding is None else (hiding, next(iter(INVISIBLE)))

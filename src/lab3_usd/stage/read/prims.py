@@ -27,7 +27,7 @@ EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
     r"(horizontal|vertical)Aperture(Offset)?|exposure|projection|cameraProjectionType|"
-    r"clippingPlanes|inputs:(intensity|exposure|color)|"
+    r"clippingPlanes|inputs:(intensity|exposure|color|diffuse|specular)|"
     r"kind|node|axis|purpose|xformOpOrder|omniGraphs|material)(:|$)"
 )
 # Prims whose place matters even if they are no rigid bodies, beside the lab's sensors.
