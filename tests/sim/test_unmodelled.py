@@ -148,6 +148,7 @@ HARMLESS: dict[str, Change] = {
         with_api("/World/Crate", "PhysicsRigidBodyAPI"),
         author("/World/Crate", f"{BODY}lockedPosAxis", "Int", 7),
     ),
+    "a mass below 0, which counts as not set": author(BASE, "physics:mass", "Float", -100.0),
     "nothing": void,
 }
 

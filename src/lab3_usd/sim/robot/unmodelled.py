@@ -147,7 +147,8 @@ def _leaning(bodies: list[ScenePrim], robot: Machine) -> Iterator[tuple[str, str
     moments: list[tuple[float, float, ScenePrim]] = []
     total = 0.0
     for body in bodies:
-        mass, centre = number(body.values.get(MASS)) or 0.0, vector(body.values.get(_CENTRE))
+        mass = max(number(body.values.get(MASS)) or 0.0, 0.0)  # one below 0 counts as not set
+        centre = vector(body.values.get(_CENTRE))
         total += mass
         if _CENTRE in body.values and max(map(abs, centre)) < _UNSET:  # else that of its shapes
             x, y, _ = Affine(robot.start.rows).then(robot.rest[body.path]).point(centre)
