@@ -8,11 +8,11 @@ from typing import Any
 from msgspec import Struct, field
 
 from lab3_usd.check.fold import fold
-from lab3_usd.check.hints import with_named_nodes
 from lab3_usd.check.lab_frames import tf_view
 from lab3_usd.check.match.diagnosis import diagnose
 from lab3_usd.check.match.graphs import match_all
 from lab3_usd.check.match.rule_inputs import GraphSubject, JudgedStage, LintSubject, StageSubject
+from lab3_usd.check.message_suffixes import with_named_nodes
 from lab3_usd.check.registry import Rule, import_rules, own_rules, rules_of
 from lab3_usd.check.requirements import (
     frame_requirements,

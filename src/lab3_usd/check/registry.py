@@ -70,7 +70,7 @@ SUPPLIED = ("S",)
 MODULES = {
     "F": ("files",),
     "G": ("graphs", "any_graph"),
-    "N": ("nodes", "writers", "any_graph"),
+    "N": ("nodes", "scene_writers", "any_graph"),
     "P": ("settings", "any_graph"),
     "R": ("targets", "any_graph"),
     "W": ("wires", "any_wire"),

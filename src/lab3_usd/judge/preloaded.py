@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 
 import lab3_usd.check.demands
-import lab3_usd.check.hints
+import lab3_usd.check.message_suffixes
 import lab3_usd.judge.entries
 import lab3_usd.judge.folder
 import lab3_usd.judge.starter

@@ -158,7 +158,7 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
     Example: `make_array.inputs:input0` connected to `constant_left_joint.outputs:value`.
     """
     from lab3_usd.check.demands import with_demand
-    from lab3_usd.check.hints import without_wire
+    from lab3_usd.check.message_suffixes import without_wire
 
     for fault, wire in _faults(subject, "dead"):
         problem = _dead_wire(fault, wire, subject)

@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from functools import lru_cache
 from itertools import chain, count
 
-from lab3_usd.check.hints import note_if_harmless, shown_graph
 from lab3_usd.check.match.diagnosis import absent_nodes, in_another_graph, missing_roles
 from lab3_usd.check.match.rule_inputs import GraphSubject, RobotSubject, StageSubject
+from lab3_usd.check.message_suffixes import note_if_harmless, shown_graph
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, VERSION, edits_at
 from lab3_usd.check.robot.wheels import is_doubtful, second_commanders

@@ -7,7 +7,6 @@ from itertools import combinations
 
 from msgspec.structs import replace
 
-from lab3_usd.check.hints import with_setting
 from lab3_usd.check.lab_topics import role_specs
 from lab3_usd.check.match.conformance import (
     Found,
@@ -16,6 +15,7 @@ from lab3_usd.check.match.conformance import (
     wrong_product,
 )
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
+from lab3_usd.check.message_suffixes import with_setting
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.repairs import edits_at
 from lab3_usd.facts.endpoints import moving_prims

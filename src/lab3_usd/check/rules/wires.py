@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.check.hints import without_wire
 from lab3_usd.check.match.rule_inputs import GraphSubject, WireFault
+from lab3_usd.check.message_suffixes import without_wire
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_at
 from lab3_usd.check.rules.any_wire import connect_hint, source_shown

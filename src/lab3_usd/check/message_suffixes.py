@@ -1,4 +1,4 @@
-"""What messages add to a fault: the node as the editor shows it, and that it is harmless."""
+"""Suffixes of messages: the node as the editor shows it, and that a fault is harmless."""
 
 from __future__ import annotations
 
