@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -482,7 +483,18 @@ def _hunks(edited: EditedLayer, name: str) -> Iterator[TextChange]:
     content = Path(edited.layer.realPath).read_bytes()
     before = lines_of(content.decode())
     after = lines_of(new_bytes(edited, content).decode())
-    matcher = difflib.SequenceMatcher(None, before, after, autojunk=False)
+    # Most of a file stays: only what stands between its first and last changed line is matched.
+    shorter = min(len(before), len(after))
+    head = _equal_count(before, after, shorter)
+    tail = _equal_count(reversed(before), reversed(after), shorter - head)
+    old, new = before[head : len(before) - tail], after[head : len(after) - tail]
+    matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
     for kind, first, last, start, stop in matcher.get_opcodes():
         if kind != "equal":
-            yield TextChange(name, first, last, "".join(after[start:stop]))
+            yield TextChange(name, head + first, head + last, "".join(new[start:stop]))
+
+
+def _equal_count(before: Iterable[str], after: Iterable[str], most: int) -> int:
+    """Return how many of the first lines are equal, at most so many."""
+    pairs = itertools.islice(zip(before, after, strict=False), most)
+    return next((place for place, (old, new) in enumerate(pairs) if old != new), most)
