@@ -181,9 +181,13 @@ def _linted(path: Path, release: str | None, every_port: bool) -> Drawing:  # no
 def _paths(drawing: Drawing, folder: Path, ending: str) -> Iterator[Path]:
     """Yield a file for each picture, all different where case does not count."""
     seen: set[str] = set()
+    last: dict[str, int] = {}  # the number that the last picture of a name got
     for picture in drawing.pictures:
-        name = drawing.stem + re.sub(r"[^\w-]", "_", picture.title)
-        names = (name, *(f"{name}-{number}" for number in range(2, len(drawing.pictures) + 1)))
-        free = next(choice for choice in names if choice.casefold() not in seen)
+        name = free = drawing.stem + re.sub(r"[^\w-]", "_", picture.title)
+        number = last.get(name.casefold(), 1)
+        while free.casefold() in seen:
+            number += 1
+            free = f"{name}-{number}"
+        last[name.casefold()] = number
         seen.add(free.casefold())
         yield folder / f"{free}.{ending}"

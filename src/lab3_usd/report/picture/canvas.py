@@ -164,9 +164,17 @@ def on_canvas(picture: Picture) -> Picture:
     """Return the picture moved to its position on the canvas, with legend and size."""
     corners = [(box.x, box.y) for box in picture.boxes]
     corners += [(box.x + box.w, box.y + box.h) for box in picture.boxes]
-    corners += [point for curve in picture.curves for point in points(curve.path)]
-    xs, ys = zip(*(corners or [(0.0, 0.0)]), strict=True)
-    low, high = (min(xs), min(ys)), (max(xs), max(ys))
+    if corners:
+        low, high = _bounds(corners)
+        # A curve stays among its control points: where boxes enclose these, they enclose it.
+        corners += [
+            point
+            for curve in picture.curves
+            for piece in curve.path
+            if any(not (low[0] <= x <= high[0] and low[1] <= y <= high[1]) for x, y in piece)
+            for point in points([piece])
+        ]
+    low, high = _bounds(corners or [(0.0, 0.0)])
     head = HEAD + REMARK_LINE * len(picture.remarks)
     texts = [text_width(picture.title, TITLE_SIZE, bold=True), text_width(picture.subtitle, 12.0)]
     texts += [ENTRY_TEXT + text_width(remark.text, 12.0, bold=True) for remark in picture.remarks]
@@ -185,6 +193,12 @@ def on_canvas(picture: Picture) -> Picture:
         width=width,
         height=last + LEGEND_LINE,
     )
+
+
+def _bounds(corners: Iterable[Point]) -> tuple[Point, Point]:
+    """Return the lowest and the highest coordinates."""
+    xs, ys = zip(*corners, strict=True)
+    return (min(xs), min(ys)), (max(xs), max(ys))
 
 
 def _moved(curve: Curve, across: float, down: float) -> Curve:

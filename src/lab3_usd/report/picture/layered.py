@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from bisect import bisect_right, insort
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from graphlib import TopologicalSorter
 
 from msgspec import Struct
@@ -311,8 +312,8 @@ def layered(boxes: Sequence[Box], curves: Sequence[Curve]) -> Placed:
     ]
     by_key = {box.key: box for box in boxes}
     links = list(_links(onward, lasts, by_key, rank))
-    columns = ordered(slots, links)
-    grid = _grid(columns, links, by_key, rank)
+    columns, tops = _arranged(slots, links)
+    grid = _grid(columns, links, tops, by_key, rank)
     placed: dict[str, Box] = {}
     for box in boxes:
         left, width = grid.lefts[rank[box.key]], grid.widths[rank[box.key]]
@@ -330,6 +331,30 @@ def layered(boxes: Sequence[Box], curves: Sequence[Curve]) -> Placed:
             path = _forward_path(curve, placed, grid)
         drawn.append(replace(curve, path=path))
     return tuple(placed.values()), tuple(drawn)
+
+
+def _arranged(
+    slots: Sequence[Slot], links: Sequence[WirePiece]
+) -> tuple[Columns, Mapping[SlotKey, float]]:
+    """Return the columns and the top of each slot; graphs that differ in names alone ask once."""
+    number: dict[SlotKey, SlotKey] = {slot.key: (str(place),) for place, slot in enumerate(slots)}
+    columns, tops = _arranged_numbers(
+        tuple(replace(slot, key=number[slot.key]) for slot in slots),
+        tuple(replace(link, left=number[link.left], right=number[link.right]) for link in links),
+    )
+    named = {number[slot.key]: slot for slot in slots}
+    return (
+        tuple(tuple(named[slot.key] for slot in column) for column in columns),
+        {named[key].key: top for key, top in tops.items()},
+    )
+
+
+@lru_cache(maxsize=64)
+def _arranged_numbers(
+    slots: tuple[Slot, ...], links: tuple[WirePiece, ...]
+) -> tuple[Columns, Mapping[SlotKey, float]]:
+    columns = ordered(slots, links)
+    return columns, stacked(columns, links, GAP)
 
 
 def _lane(end: End, column: int) -> SlotKey:
@@ -366,7 +391,11 @@ def _left(
 
 
 def _grid(
-    columns: Columns, links: Sequence[WirePiece], boxes: Mapping[str, Box], rank: Mapping[str, int]
+    columns: Columns,
+    links: Sequence[WirePiece],
+    tops: Mapping[SlotKey, float],
+    boxes: Mapping[str, Box],
+    rank: Mapping[str, int],
 ) -> Grid:
     crowd = [0] * len(columns)
     home = {slot.key: slot.rank for column in columns for slot in column}
@@ -381,7 +410,7 @@ def _grid(
     for width, wires in zip(widths, crowd, strict=True):
         lefts.append(left)
         left += width + min(BETWEEN + PER_WIRE * wires, MOST_BETWEEN)
-    return Grid(tuple(lefts), widths, stacked(columns, links, GAP), rank)
+    return Grid(tuple(lefts), widths, tops, rank)
 
 
 def _forward_path(curve: Curve, boxes: Mapping[str, Box], grid: Grid) -> tuple[Bezier, ...]:
