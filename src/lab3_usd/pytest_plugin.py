@@ -82,7 +82,7 @@ def _use_configuration(config: pytest.Config, paths: list[str]) -> None:
     Raises:
         pytest.UsageError: a configuration or the baseline is wrong.
     """
-    from lab3_usd.check.own_rules import own_rules_removed_on_exit
+    from lab3_usd.check.registry import own_rules_removed_on_exit
     from lab3_usd.commands.shared.baseline import read_baseline
     from lab3_usd.config.settings import config_for, load_config
 

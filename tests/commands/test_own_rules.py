@@ -14,8 +14,8 @@ from invoking import invoke as lab3
 from places import REPOSITORY
 from pxr import Sdf
 
-from lab3_usd.check.own_rules import add_own_rules, own_rules_removed_on_exit
-from lab3_usd.check.registry import all_rules
+from lab3_usd.check.own_rules import add_own_rules
+from lab3_usd.check.registry import all_rules, own_rules_removed_on_exit
 from lab3_usd.errors import UsageError
 from lab3_usd.own_rules import rule_cases
 

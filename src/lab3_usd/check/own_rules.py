@@ -8,12 +8,11 @@ from __future__ import annotations
 import importlib.util
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
-from lab3_usd.check.registry import FAMILIES, Check, Rule, added_by, rule, without_rules
+from lab3_usd.check.registry import FAMILIES, Check, Rule, added_by, rule
 from lab3_usd.check.registry import own_rules as registered
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Severity
@@ -37,16 +36,6 @@ def own_rule(rule_id: str, name: str, severity: Severity = "error") -> Callable[
     if rule_id.rstrip("0123456789") in FAMILIES:
         raise ValueError(f"{rule_id}: its letters are those of a family of this program")
     return rule(rule_id, name, "own", severity)
-
-
-@contextmanager
-def own_rules_removed_on_exit() -> Iterator[None]:
-    """Forget, after the body, the rules of one's own that it added."""
-    before = frozenset(registered())
-    try:
-        yield
-    finally:
-        without_rules(frozenset(registered()) - before)
 
 
 def add_own_rules(sources: Iterable[str]) -> None:

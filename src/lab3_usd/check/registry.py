@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -271,6 +272,16 @@ def twins(rule: Rule) -> list[Rule]:
     return [
         other for other in all_rules().values() if other.check is rule.check and other.id != rule.id
     ]
+
+
+@contextmanager
+def own_rules_removed_on_exit() -> Iterator[None]:
+    """Forget, after the body, the rules of one's own that it added."""
+    before = frozenset(own_rules())
+    try:
+        yield
+    finally:
+        without_rules(frozenset(own_rules()) - before)
 
 
 def families() -> dict[str, str]:

@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.own_rules import ENDING, add_own_rules
 from lab3_usd.check.registry import check_rule_names
 from lab3_usd.config.lookup import find_file, located, read_table
 from lab3_usd.errors import UsageError
@@ -62,6 +61,8 @@ def config_for(paths: Iterable[str], option: str = "--config") -> Config:
     file = next(iter(files), None)
     if file is None:
         return Config()
+    from lab3_usd.check.own_rules import ENDING
+
     programs = [name for name in read_table(file).get("rules", ()) if str(name).endswith(ENDING)]
     if programs:
         raise UsageError(
@@ -126,6 +127,8 @@ def _rules(value: Any, where: str, _folder: Path) -> tuple[str, ...]:
 def _own_rules(value: Any, where: str, folder: Path) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
         raise UsageError(f"{where} is {value!r}, expected a list of Python files and entry points")
+    from lab3_usd.check.own_rules import ENDING, add_own_rules
+
     sources = tuple(
         str(_path(name, where, folder).absolute()) if name.endswith(ENDING) else name
         for name in value

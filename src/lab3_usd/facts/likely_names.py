@@ -10,7 +10,7 @@ from lab3_usd.isaac.platform import Platform
 
 _ALIKE = 0.8
 _NEAR_TYPE = 0.92
-_NUMBER = re.compile(r"\d+")
+_NUMBER = r"\d+"
 
 
 def likely_name(written: str, known: Collection[str]) -> str | None:
@@ -34,7 +34,7 @@ def likely_type(written: str, known: Collection[str]) -> str | None:
     near = _of_like_length(written, known, _NEAR_TYPE)
     if not near:
         return None
-    letters = _NUMBER.sub("", written)  # of any text, which is not kept
+    letters = re.sub(_NUMBER, "", written)  # of any text, which is not kept
     return _near(written, [name for name in near if _letters(name) != letters], _NEAR_TYPE)
 
 
@@ -53,7 +53,7 @@ def is_unregistered(name: str, platform: Platform) -> bool:
 
 @cache
 def _letters(name: str) -> str:
-    return _NUMBER.sub("", name)
+    return re.sub(_NUMBER, "", name)
 
 
 def _of_like_length(written: str, known: Collection[str], least: float) -> list[str]:

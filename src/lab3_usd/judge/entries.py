@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.own_rules import add_own_rules
 from lab3_usd.config.settings import Config, matching
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError, described
@@ -149,6 +148,8 @@ with_kept_starter = lru_cache(maxsize=1)(_with_open_starter)  # for as long as a
 
 
 def _judge_in_process(settings: JudgeSettings, entry: Target) -> Results:
+    from lab3_usd.check.own_rules import add_own_rules
+
     add_own_rules(settings.config.rules)
     return _judge_or_crash(with_kept_starter(settings), entry)
 

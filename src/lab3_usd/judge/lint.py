@@ -12,7 +12,6 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.check.own_rules import add_own_rules
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.config.settings import Config
 from lab3_usd.data import data_folder
@@ -201,6 +200,8 @@ def lint_stages(entries: Sequence[Target], settings: LintSettings, jobs: int) ->
 
 
 def _lint_in_process(settings: LintSettings, entry: Target) -> Results:
+    from lab3_usd.check.own_rules import add_own_rules
+
     add_own_rules(settings.own_rules)
     return _lint(settings, entry)
 

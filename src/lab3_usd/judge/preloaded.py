@@ -6,6 +6,7 @@ import gc
 
 import lab3_usd.check.demands
 import lab3_usd.check.message_suffixes
+import lab3_usd.check.own_rules
 import lab3_usd.judge.entries
 import lab3_usd.judge.folder
 import lab3_usd.judge.starter

@@ -264,10 +264,20 @@ def understands_ansi(stream: TextIO) -> bool:
 
 
 def width() -> int:
-    """Return the columns of the terminal, 100 when there is none."""
-    import shutil
+    """Return the columns that the environment names, else those of the terminal, else 100.
 
-    return shutil.get_terminal_size((100, 24)).columns
+    shutil tells them as well, and takes longer to import than a report to write.
+    """
+    named = os.environ.get("COLUMNS", "")
+    if named.isdecimal() and int(named):
+        return int(named)
+    try:
+        return os.get_terminal_size(sys.stdout.fileno()).columns or _COLUMNS
+    except (OSError, ValueError):  # it is none, is closed, or stands for a file
+        return _COLUMNS
+
+
+_COLUMNS = 100
 
 
 def terminal_width() -> int:
@@ -304,7 +314,7 @@ def with_config(paths: Iterable[str], options: Mapping[str, Any]) -> dict[str, A
     Raises:
         UsageError: the configuration is wrong, or names of rules are.
     """
-    from lab3_usd.check.own_rules import own_rules_removed_on_exit
+    from lab3_usd.check.registry import own_rules_removed_on_exit
     from lab3_usd.config.settings import Config, config_for, load_config
 
     click.get_current_context().with_resource(own_rules_removed_on_exit())
@@ -364,7 +374,7 @@ def use_own_rules(config_file: str | None) -> None:
     """
     if config_file is None:
         return
-    from lab3_usd.check.own_rules import own_rules_removed_on_exit
+    from lab3_usd.check.registry import own_rules_removed_on_exit
     from lab3_usd.config.settings import load_config
 
     click.get_current_context().with_resource(own_rules_removed_on_exit())
