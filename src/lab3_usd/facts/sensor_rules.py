@@ -41,13 +41,15 @@ class Breach(Struct, frozen=True):
 class _Demand(Struct, frozen=True):
     """What a value must be, by which other attributes, and whether one is.
 
-    `otherwise` are the words for what the other attribute must be.
+    The words of a limit come before what is `asked` for. `otherwise` are those for what the other
+    attribute must be.
     """
 
     expected: str
     by: tuple[str, ...]
     is_met: Callable[[Any], bool]
     otherwise: str = ""
+    asked: Any = None
 
 
 class _Place(Struct, frozen=True):
@@ -111,8 +113,8 @@ def _instances(rule: ValueRule, part: SchemaRules, values: SensorValues) -> list
     if name is None:
         return [""]
     start = part.whole(name).partition(INSTANCE)[0]
-    inside = (full[len(start) :] for full in values.attributes if full.startswith(start))
-    return [*dict.fromkeys(rest.partition(":")[0] for rest in inside)]
+    inside = [full[len(start) :] for full in values.attributes if full.startswith(start)]
+    return [*dict.fromkeys([rest.partition(":")[0] for rest in inside])]
 
 
 def _counts(place: _Place) -> bool:
@@ -132,6 +134,8 @@ def _single(place: _Place, wrong: set[str]) -> Iterator[Breach]:
             known = value is not None and not wrong & {name, *demand.by}
             if known and not demand.is_met(value):
                 first, expected = name, demand.expected
+                if demand.asked is not None:
+                    expected = f"{expected} {place.shown(demand.asked)}"
                 if (
                     demand.otherwise
                     and demand.by
@@ -159,7 +163,7 @@ def _demands(place: _Place) -> Iterator[_Demand]:
             limit = max(1, limit) if rule.from_one else limit
             limit = limit + rule.spare if key == "most" and rule.spare else limit
             is_met = partial(_each, holds, limit)
-            yield _Demand(f"{words} {place.shown(asked)}", place.named(asked), is_met, otherwise)
+            yield _Demand(words, place.named(asked), is_met, otherwise, asked)
     if rule.period_of:
         rate = number(place.value(rule.period_of)) or 0.0
         most = int(_NS / rate) if rate > 0 else 0

@@ -155,9 +155,11 @@ def value_type(subject: GraphsSubject) -> Iterator[Problem]:
     """
     for node in subject.nodes():
         for name in node.ports:
-            declared = node.wrong_type(name) if subject.judges_value(node, name) else None
-            port = None if node.type is None else node.type.port(name)
-            if declared is None or port is None:
+            declared = node.wrong_type(name)
+            if declared is None or node.type is None or not subject.judges_value(node, name):
+                continue
+            port = node.type.port(name)
+            if port is None:
                 continue
             title = node_title(node)
             yield Problem(
