@@ -13,7 +13,9 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from hashlib import sha256
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
@@ -93,14 +95,21 @@ def player(scene: Scene) -> Player:
 
 @pytest.fixture(scope="module")
 def fast_dds(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A program of another vendor's DDS, compiled here."""
+    """A program of another vendor's DDS, compiled here and kept until it or the DDS changes."""
     programs = ("fastddsgen", "java", "g++")
     headers = Path("/usr/include/fastrtps")
     if not all(map(shutil.which, programs)) or not headers.is_dir():
         pytest.skip("Fast DDS is not here (Debian: libfastrtps-dev fastddsgen g++)")
+    sources = [PEERS / name for name in ("Ros.idl", "peer.cpp")]
+    made_of = [*(path.read_bytes() for path in (*sources, Path(__file__)))]
+    installed = str((headers / "Domain.h").stat().st_mtime_ns).encode()  # dated as its package
+    digest = sha256(b"".join([*made_of, installed])).hexdigest()
+    kept = REPOSITORY / ".pytest_cache" / f"fast_dds_{digest[:16]}"
+    if kept.exists():
+        return kept
     folder = tmp_path_factory.mktemp("fast_dds")
-    for name in ("Ros.idl", "peer.cpp"):
-        shutil.copy(PEERS / name, folder)
+    for path in sources:
+        shutil.copy(path, folder)
     # One unit parses the headers once, and Java need not optimize what runs for a second.
     made = ("-include", "Ros.cxx", "-include", "RosPubSubTypes.cxx")
     steps: tuple[tuple[str, ...], ...] = (
@@ -119,7 +128,11 @@ def fast_dds(tmp_path_factory: pytest.TempPathFactory) -> Path:
             timeout=PATIENCE,
         )
         assert done.returncode == 0, done.stderr
-    return folder / "peer"
+    kept.parent.mkdir(exist_ok=True)
+    with TemporaryDirectory(dir=kept.parent) as beside:
+        shutil.copy(folder / "peer", beside)
+        (Path(beside) / "peer").replace(kept)
+    return kept
 
 
 def driven_by(program: list[str], player: Player, link: DdsLink) -> dict[str, Any]:
