@@ -900,3 +900,15 @@ def test_an_acceleration_drive_that_is_strong_enough_is_none() -> None:
     ]
     several(*(change for pair in changes for change in pair))(stage)
     assert told(stage, "02") == []
+
+
+def wheels_of_a_missing_asset(stage: Usd.Stage) -> None:
+    """The shape that both wheels refer to is brought by an asset that is not there."""
+    shape = stage.GetRootLayer().GetPrimAtPath(f"{ROBOT}/colliders/wheel")
+    for name in list(shape.nameChildren.keys()):
+        del shape.nameChildren[name]
+    shape.payloadList.Prepend(Sdf.Payload("./gone.usda"))
+
+
+def test_what_a_prim_lacks_those_that_refer_to_it_may_lack() -> None:
+    assert [each.rule for each in found_after("02", wheels_of_a_missing_asset)] == ["F02"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -109,11 +110,12 @@ def find_unresolved(stage: Usd.Stage) -> list[UnresolvedAsset]:
     """Return what composition could not find, in the order of prim and asset.
 
     What a sublayer of the stage itself would bring may be anywhere; one that an asset lacks
-    concerns the prims that refer to the asset.
+    concerns the prims that refer to the asset, as what a prim lacks those that refer to the prim.
     """
     unresolved: set[tuple[str, str, Any, str]] = set()
     lacking: dict[str, set[str]] = {}
-    for error in stage.GetCompositionErrors():
+    errors = stage.GetCompositionErrors()
+    for prim, error in (*((each.rootSite.path, each) for each in errors), *_again(stage, errors)):
         text, name = str(error), type(error).__name__
         assets = re.findall(_ASSET, text)
         if name not in _MISSING or not assets:
@@ -122,7 +124,7 @@ def find_unresolved(stage: Usd.Stage) -> list[UnresolvedAsset]:
         asset = original_asset(_as_written(assets[0], layer))
         if name != _SUBLAYER:
             kind = "payload" if "@ for payload" in text else "reference"
-            unresolved.add((str(error.rootSite.path.GetPrimPath()), asset, kind, layer))
+            unresolved.add((str(prim.GetPrimPath()), asset, kind, layer))
         elif error.rootSite.layerStack.rootLayer == stage.GetRootLayer():
             unresolved.add(("/", asset, "sublayer", layer))
         else:
@@ -130,6 +132,18 @@ def find_unresolved(stage: Usd.Stage) -> list[UnresolvedAsset]:
     for layer, prim in _users(stage, set(lacking)) if lacking else ():
         unresolved |= {(prim, asset, "sublayer of an asset", layer) for asset in lacking[layer]}
     return [UnresolvedAsset(*asset) for asset in sorted(unresolved)]
+
+
+def _again(stage: Usd.Stage, errors: Iterable[Any]) -> Iterator[tuple[Sdf.Path, Any]]:
+    """Yield errors with the prims that have them, where several prims have the same one.
+
+    Composition names the prim in which an asset is missing, also to those that refer to that prim.
+    """
+    counts = Counter(error.rootSite.path for error in errors)
+    if any(count > 1 for count in counts.values()):
+        for prim in stage.Traverse(_EVERYTHING):
+            for error in Usd.Prim.GetPrimIndex(prim).localErrors:
+                yield Usd.Prim.GetPath(prim), error
 
 
 def _users(stage: Usd.Stage, layers: set[str]) -> Iterator[tuple[str, str]]:
