@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.axles import wheel_radius
+from lab3_usd.check.robot.wheel_sizes import anchor, car_sizes, wheel_distance
 from lab3_usd.facts.arrays import array_items, listed
 from lab3_usd.facts.articulations import (
     Command,
@@ -35,8 +36,7 @@ from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Place, Problem, display
 from lab3_usd.model.physics import BODY_API, number
 from lab3_usd.model.prims import Prim, upwards
-from lab3_usd.model.stage import StageModel, UnresolvedAsset
-from lab3_usd.model.transforms import Vector, distance, transform_point
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
 
 
 @rule("K60", "no-articulation", scope="lint")
@@ -277,13 +277,13 @@ def ignored_indices(subject: LintSubject) -> Iterator[Problem]:
 _BODIES = ("physics:body0", "physics:body1")
 
 _RADIUS, _DISTANCE = "inputs:wheelRadius", "inputs:wheelDistance"
-_SPEED = "inputs:linearVelocity"
+_SPEEDS = ("inputs:linearVelocity", "inputs:speed")
 _CLOSE = 0.05  # of the geometry, which a builder rounds
 
 
 @rule("K64", "wheel-size", scope="lint", severity="warning", formerly="wheels-of-another-size")
 def wheel_size(subject: LintSubject) -> Iterator[Problem]:
-    """Wheel radius or distance differ from the robot's, or between wheels.
+    """Wheel radius, distance or wheel base differ from the robot's, or between wheels.
 
     Why: the robot drives faster or slower, or turns more or less, than commanded; odometry that is
     computed from the commands is wrong by the same factor. Wheels of two sizes drive a curve.
@@ -294,10 +294,6 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
     """
     for command, controller, pair in driven_pairs(subject.stage, subject.platform):
-        unit = unit_of(controller, _SPEED, subject.stage, subject.platform)
-        units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
-        is_metric = unit in {None, 1.0}
-        unit_text = "" if is_metric else f", and the velocity comes in units of {unit:g} m"
         radii = [wheel_radius(joint, subject.stage) for joint in pair]
         sizes = {_RADIUS: None if radii[0] != radii[1] else radii[0]}
         one, other = (radius or 0.0 for radius in radii)
@@ -309,21 +305,39 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
                 related=tuple(joint.path for joint in pair),
                 rests_on=command.unknown,
             )
-        sizes[_DISTANCE] = _wheel_distance(*pair, subject.stage)
-        for port, measured in sizes.items():
-            value = number(effective_value(controller, port, subject.live))
-            if not value or not measured:
-                continue
-            if not any(math.isclose(value * size, measured, rel_tol=_CLOSE) for size in units):
-                yield Problem(
-                    controller.path,
-                    f"{port} is {value:g}, the wheels measure {measured:.4g} m{unit_text}",
-                    property=port,
-                    expected=f"{measured / units[0]:.4g}",
-                    actual=f"{value:g}",
-                    related=tuple(joint.path for joint in pair),
-                    rests_on=command.unknown,
-                )
+        sizes[_DISTANCE] = wheel_distance(*pair, subject.stage)
+        yield from _unlike_sizes(command, controller, pair, sizes, subject)
+    for command, controller, wheels in driven_wheels(subject.stage, subject.platform):
+        sizes = car_sizes(wheels, subject.stage)
+        yield from _unlike_sizes(command, controller, wheels, sizes, subject)
+
+
+def _unlike_sizes(
+    command: Command,
+    controller: Node,
+    wheels: tuple[Prim, ...],
+    sizes: Mapping[str, float | None],
+    subject: LintSubject,
+) -> Iterator[Problem]:
+    """Yield the sizes that a controller states, and that are not those that were measured."""
+    ports = (port for port in _SPEEDS if controller.type and controller.type.port(port))
+    unit = unit_of(controller, next(ports, _SPEEDS[0]), subject.stage, subject.platform)
+    units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
+    unit_text = "" if unit in {None, 1.0} else f", and the velocity comes in units of {unit:g} m"
+    for port, measured in sizes.items():
+        value = number(effective_value(controller, port, subject.live))
+        if not value or not measured:
+            continue
+        if not any(math.isclose(value * size, measured, rel_tol=_CLOSE) for size in units):
+            yield Problem(
+                controller.path,
+                f"{port} is {value:g}, the wheels measure {measured:.4g} m{unit_text}",
+                property=port,
+                expected=f"{measured / units[0]:.4g}",
+                actual=f"{value:g}",
+                related=tuple(joint.path for joint in wheels),
+                rests_on=command.unknown,
+            )
 
 
 @rule("K65", "joint-commanded-twice", scope="lint", formerly="joint-of-two-controllers")
@@ -433,7 +447,7 @@ def _are_swapped(
 ) -> bool:
     """Whether names say the second of two words before the first, and no place denies it."""
     says_so = [_word(joint, words) for joint in (first, second)] == [*words][::-1]
-    one, other = (_anchor(joint, stage) for joint in (first, second))
+    one, other = (anchor(joint, stage) for joint in (first, second))
     if one is None or other is None or stage.up_axis != "Z":
         return says_so
     return says_so and one[axis] <= other[axis]
@@ -450,29 +464,3 @@ def _word(joint: Prim, words: Mapping[str, str]) -> str | None:
     parts = re.split(r"[^a-z]+", name)
     found = (w for w, letter in words.items() if w in name or (letter and letter in parts))
     return next(found, None)
-
-
-def _body(joint: Prim, side: int, stage: StageModel) -> Prim | None:
-    paths = joint.relationships.get(_BODIES[side], ())
-    return stage.prim(paths[0]) if paths else None
-
-
-def _anchor(joint: Prim, stage: StageModel) -> Vector | None:
-    """Return where a joint sits on its base, in the base's own axes and in stage units."""
-    base = _body(joint, 0, stage)
-    place = joint.attributes.get("physics:localPos0", (0.0, 0.0, 0.0))
-    if base is None or not isinstance(place, tuple):
-        return None
-    numbers = [float(part) for part in place if isinstance(part, (int, float))]
-    return (numbers[0], numbers[1], numbers[2]) if len(numbers) == len("xyz") else None
-
-
-def _wheel_distance(one: Prim, other: Prim, stage: StageModel) -> float | None:
-    """Return how far two joints sit apart, in metres; None where nothing tells it."""
-    places = []
-    for joint in (one, other):
-        base, place = _body(joint, 0, stage), _anchor(joint, stage)
-        if base is None or base.world is None or place is None:
-            return None
-        places.append(transform_point(place, base.world))
-    return distance(*places) * stage.meters_per_unit

@@ -1,0 +1,67 @@
+"""How large the wheels of a robot are and how far apart they sit, as its bodies and joints tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from lab3_usd.check.robot.axles import wheel_radius
+from lab3_usd.model.physics import BODIES
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import StageModel
+from lab3_usd.model.transforms import Vector, distance, transform_point
+
+_FRONT_RADIUS, _BACK_RADIUS = "inputs:frontWheelRadius", "inputs:backWheelRadius"
+_TRACK, _WHEEL_BASE = "inputs:trackWidth", "inputs:wheelBase"
+_OF_CAR = 4  # wheels
+
+
+def car_sizes(wheels: Sequence[Prim], stage: StageModel) -> dict[str, float | None]:
+    """Return the sizes of a car in metres, by the inputs that state them; none of other robots.
+
+    Its wheels are front left and right, back left and right (ackermann_controller.py:82-84).
+    """
+    if len(wheels) != _OF_CAR:
+        return {}
+    sizes = {}
+    for port, pair in ((_FRONT_RADIUS, wheels[:2]), (_BACK_RADIUS, wheels[2:])):
+        one, other = (wheel_radius(joint, stage) for joint in pair)
+        sizes[port] = one if one == other else None
+    sizes[_TRACK] = wheel_distance(wheels[2], wheels[3], stage)
+    places = [place for joint in wheels if (place := _anchor_in_world(joint, stage)) is not None]
+    if len(places) == _OF_CAR:
+        a, b, c, d = places
+        front, back = (
+            [sum(pair) / 2 for pair in zip(*ends, strict=True)] for ends in ((a, b), (c, d))
+        )
+        sizes[_WHEEL_BASE] = math.dist(front, back) * stage.meters_per_unit
+    return sizes
+
+
+def wheel_distance(one: Prim, other: Prim, stage: StageModel) -> float | None:
+    """Return how far two joints sit apart, in metres; None where nothing tells it."""
+    first, second = _anchor_in_world(one, stage), _anchor_in_world(other, stage)
+    if first is None or second is None:
+        return None
+    return distance(first, second) * stage.meters_per_unit
+
+
+def _base(joint: Prim, stage: StageModel) -> Prim | None:
+    paths = joint.relationships.get(BODIES[0], ())
+    return stage.prim(paths[0]) if paths else None
+
+
+def anchor(joint: Prim, stage: StageModel) -> Vector | None:
+    """Return where a joint sits on its base, in the base's own axes and in stage units."""
+    place = joint.attributes.get("physics:localPos0", (0.0, 0.0, 0.0))
+    if _base(joint, stage) is None or not isinstance(place, tuple):
+        return None
+    numbers = [float(part) for part in place if isinstance(part, (int, float))]
+    return (numbers[0], numbers[1], numbers[2]) if len(numbers) == len("xyz") else None
+
+
+def _anchor_in_world(joint: Prim, stage: StageModel) -> Vector | None:
+    base, place = _base(joint, stage), anchor(joint, stage)
+    if base is None or base.world is None or place is None:
+        return None
+    return transform_point(place, base.world)
