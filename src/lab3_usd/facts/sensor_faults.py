@@ -154,28 +154,33 @@ def _is_finite(value: Any) -> bool:
 
 def _tokens(values: SensorValues, models: SensorModels, wrong: set[str]) -> Iterator[SensorFault]:
     """Yield tokens that the schema does not have, where no rule speaks of them."""
-    judged = {
-        part.whole(name)
-        for part in models.rules.values()
-        for rule in part.rules
-        if rule.among
-        for name in rule.of
-    }
     for name, value in values.written.items():
         said = values.attributes.get(name)
-        tokens = () if said is None or name in wrong | judged else said.tokens
-        if tokens and value not in tokens:
+        tokens = () if said is None or name in wrong else said.tokens
+        if tokens and value not in tokens and not _is_token_judged(name, models):
             expected = " or ".join(tokens)
             message = f"{name} is {display(value)}, expected {expected}"
             yield SensorFault((name,), message, expected, "warning", _SCHEMA)
 
 
+def _is_token_judged(name: str, models: SensorModels) -> bool:
+    """Whether a rule says what the token of an attribute must be."""
+    return any(
+        name in map(part.whole, rule.of)
+        for part in models.rules.values()
+        for rule in part.rules
+        if rule.among
+    )
+
+
 def _unknown_names(values: SensorValues, models: SensorModels) -> Iterator[SensorFault]:
     """Yield attributes that no schema has, and those of an instance that is not applied."""
     spaces = tuple(dict.fromkeys(f"{name.rpartition(':')[0]}:" for name in values.attributes))
-    known = [name for schema in models.schemas.values() for name in schema.attributes]
     for name in values.written:
-        if name in values.attributes or name in known or not name.startswith(spaces):
+        if name in values.attributes or not name.startswith(spaces):
+            continue
+        known = [each for schema in models.schemas.values() for each in schema.attributes]
+        if name in known:
             continue
         instance = next(filter(None, (_instance_in(name, each) for each in known)), "")
         nearest = models.renamed.get(name) or _nearest(name, values.attributes)

@@ -67,7 +67,14 @@ _Parts = tuple[bytes, bytes]
 
 def _parts(lab: Lab) -> _Parts:
     types = pack(lab.platform.types)
-    platform = replace(lab.platform, types=types, base=types, releases=pack(lab.platform.releases))
+    models = lab.platform.sensor_models
+    platform = replace(
+        lab.platform,
+        types=types,
+        base=types,
+        releases=pack(lab.platform.releases),
+        sensor_models=replace(models, schemas=pack(models.schemas)),
+    )
     written = io.BytesIO()
     _LabWriter(written, lab.platform).dump(replace(lab, folder=Path()))
     return pickle.dumps(platform, protocol=5), written.getvalue()
