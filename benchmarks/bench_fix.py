@@ -59,7 +59,7 @@ from fuzzed_edits import fault_of
 from sabotage import Fault
 from starter_once import starter_made_once
 
-from lab3_usd.judge.processes import in_processes
+from lab3_usd.pipeline.processes import in_processes
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import quiet
 

@@ -22,8 +22,8 @@ from pxr import Sdf, Usd
 
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.judge.lint import lint_platform
 from lab3_usd.model.finding import Finding
+from lab3_usd.pipeline.lint import lint_platform
 from lab3_usd.stage.read.reader import read_model
 
 TAGS = {"5.0": "v5.0.0", "5.1": "v5.1.0", "6.0": "v6.0.1"}

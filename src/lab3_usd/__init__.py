@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING, Any  # noqa: E402
 if TYPE_CHECKING:
     from lab3_usd.errors import Lab3Error, SpecError, StageError, UsageError
     from lab3_usd.facts.frames import published_edges
-    from lab3_usd.judge.stage import check_stage
     from lab3_usd.model.finding import Finding, Report, Requirement, Score, StageResult
+    from lab3_usd.pipeline.stage import check_stage
     from lab3_usd.spec.load.loader import load_lab, load_platform
     from lab3_usd.stage.read.reader import read_stage
     from lab3_usd.stage.read.server_assets import assets_at
@@ -48,7 +48,7 @@ _HOMES = {
     "assets_at": "lab3_usd.stage.read.server_assets",
     "build_checkpoint": "lab3_usd.stage.write.builder",
     "build_starter": "lab3_usd.stage.write.starter",
-    "check_stage": "lab3_usd.judge.stage",
+    "check_stage": "lab3_usd.pipeline.stage",
     "load_lab": "lab3_usd.spec.load.loader",
     "load_platform": "lab3_usd.spec.load.loader",
     "published_edges": "lab3_usd.facts.frames",

@@ -25,7 +25,6 @@ from lab3_usd.facts.endpoints import endpoints
 from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.facts.frames import heard_trees
 from lab3_usd.fix.repairing import repair_open_stage
-from lab3_usd.judge.lint import lint_platform
 from lab3_usd.model.changes import (
     ApplySchema,
     ClearValue,
@@ -38,6 +37,7 @@ from lab3_usd.model.changes import (
     repair_by,
 )
 from lab3_usd.model.finding import Problem
+from lab3_usd.pipeline.lint import lint_platform
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.read.reader import read_model
 from lab3_usd.yaml_file import read_yaml, record

@@ -116,7 +116,7 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     if configuration is None:
         return None
     from lab3_usd.config.settings import matching
-    from lab3_usd.judge.stage import checkpoint_of
+    from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.spec.load.loader import load_lab
 
     configured = next(matching(configuration.checkpoints, str(file_path), configuration), None)
@@ -140,8 +140,8 @@ def _as_asked(result: StageResult, option: str, config: pytest.Config) -> StageR
     """Return a result with the findings that the configuration asks for and no baseline knows."""
     from lab3_usd.commands.shared.baseline import without_known
     from lab3_usd.config.settings import selected
-    from lab3_usd.judge.results import with_findings
     from lab3_usd.model.finding import Report
+    from lab3_usd.pipeline.results import with_findings
 
     configuration = _configuration(config, option, Path(result.path))
     if configuration is not None:
@@ -161,7 +161,7 @@ class LintedFile(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """Yield the one test."""
-        from lab3_usd.judge.lint import LintSettings, lint_stage
+        from lab3_usd.pipeline.lint import LintSettings, lint_stage
 
         result = lint_stage(self.path, LintSettings(heeds_ignores=True))
         item = NoFaultsItem.from_parent(self, name="lint")
@@ -174,8 +174,8 @@ class CheckpointFile(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """Yield a test for each requirement, and one for faults that belong to none."""
-        from lab3_usd.judge.entries import JudgeSettings, judge_entry
-        from lab3_usd.judge.results import Target
+        from lab3_usd.pipeline.entries import JudgeSettings, judge_entry
+        from lab3_usd.pipeline.results import Target
 
         configuration = _configuration(self.config, "--lab3", self.path)
         settings = JudgeSettings(heeds_ignores=True)

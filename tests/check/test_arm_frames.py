@@ -10,9 +10,9 @@ from foreign_robots import arm
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import StageResult
 from lab3_usd.new_lab.lab import describe_lab, write_folder
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.contradictions.references import lab_faults
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab, load_platform

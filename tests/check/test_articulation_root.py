@@ -11,7 +11,7 @@ from scene_changes import Change, several, switch, with_api, without_api
 from starters import ROBOT, changed
 
 from lab3_usd import cli
-from lab3_usd.judge.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.stage.write.builder import build_checkpoint
 
 API = "PhysicsArticulationRootAPI"

@@ -15,8 +15,8 @@ from lab3_usd.check.match.rule_inputs import GraphSubject
 from lab3_usd.check.registry import Rule, all_rules, rules_of
 from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.errors import UsageError
-from lab3_usd.judge.stage import check_stage, checkpoint_of
 from lab3_usd.model.finding import Finding, Problem, ordered
+from lab3_usd.pipeline.stage import check_stage, checkpoint_of
 from lab3_usd.stage.write.builder import build_checkpoint
 
 

@@ -22,9 +22,9 @@ from submissions import (
 )
 
 from lab3_usd.check.registry import all_rules
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import ChecklistItem
 from lab3_usd.model.folder import Evidence
+from lab3_usd.pipeline.stage import check_stage
 
 LAST = list(LAB.checkpoints)[-1]
 PEOPLE = {each.text for each in SPEC.checklist if each.person}

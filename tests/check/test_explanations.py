@@ -11,9 +11,9 @@ from msgspec.structs import replace
 from lab3_usd.check.explanations import explaining_finding
 from lab3_usd.check.registry import all_rules
 from lab3_usd.commands.sim import with_dry_run
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.dry_run import Behaviour, Check
 from lab3_usd.model.finding import Finding, Severity
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.behaviour.text import ONLY_SHOWN, render
 
 CLOCK = "/World/ROS_Clock"

@@ -23,7 +23,7 @@ from robot_kinds import fleet
 import lab3_usd
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.judge.lint import lint_platform
+from lab3_usd.pipeline.lint import lint_platform
 from lab3_usd.stage.read.reader import read_model
 
 SOURCE = str(Path(lab3_usd.__file__).parent)

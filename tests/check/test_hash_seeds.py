@@ -17,7 +17,7 @@ from pathlib import Path
 from mini_lab import in_force
 from plain_graphs import doubled, graph_of, judged_model, with_graphs
 from lab3_usd.check.registry import all_rules
-from lab3_usd.judge.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.picture.svg import svg_file

@@ -21,7 +21,7 @@ from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.messages import PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import grade_submission
 from lab3_usd.grade.workers.worker_main import load_setup
-from lab3_usd.judge.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.stage.write.starter import build_starter
 
 DRIVE, CLOCK = "ROS_Drive/differential_controller", "ROS_Clock/ros2_publish_clock"

@@ -14,8 +14,8 @@ from layerings import LAYERINGS, copied, one_text_file, with_relative_paths
 from pxr import Sdf, Usd
 from second_author import MIXED, STYLES, Style, author_lab
 
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import StageResult
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.write.builder import build_checkpoint
 

@@ -11,8 +11,8 @@ from linting import said_by
 from missing_assets import ROVER, rover_of_a_missing_asset
 from pxr import Sdf, Usd
 
-from lab3_usd.judge.lint import lint_stage
 from lab3_usd.model.finding import NodeCoverage, StageResult
+from lab3_usd.pipeline.lint import lint_stage
 
 CLOCK = {"tick": TICK, "clock": ("ros.ROS2PublishClock", {})}
 RUNS = ["tick.tick -> clock.execIn"]

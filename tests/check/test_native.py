@@ -22,8 +22,8 @@ from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import run_family
 from lab3_usd.check.rules.native import OTHER, VALIDATORS, rule_of
 from lab3_usd.errors import UsageError
-from lab3_usd.judge.lint import LintSettings, lint_stage
 from lab3_usd.model.native import FAMILY, NativeError, NativeErrors
+from lab3_usd.pipeline.lint import LintSettings, lint_stage
 from lab3_usd.stage.read.native import native_errors
 
 EXAMPLE = TESTS.parent / "docs" / "examples" / "carter.usda"

@@ -8,7 +8,7 @@ import pytest
 from breaking import correct_stage
 from pxr import Usd
 
-from lab3_usd.judge.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab
 

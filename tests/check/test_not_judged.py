@@ -40,10 +40,10 @@ from scene_stages import built, model_of, told_after
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.check.registry import Rule
 from lab3_usd.check.rule_runs import run_rule
-from lab3_usd.judge.lint import lint_stage
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import NotJudged, Problem, Report, Score, StageResult
 from lab3_usd.model.stage import StageModel, UnresolvedAsset
+from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.options import Options
 from lab3_usd.spec.load.loader import load_lab

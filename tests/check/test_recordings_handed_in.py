@@ -28,7 +28,6 @@ from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import worker_main
 from lab3_usd.grade.workers.messages import PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import grade_submission
-from lab3_usd.judge.folder import FolderSettings, check_folder
 from lab3_usd.model.dry_run import Check
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import (
@@ -39,6 +38,7 @@ from lab3_usd.model.folder import (
     Observation,
     RecordingShown,
 )
+from lab3_usd.pipeline.folder import FolderSettings, check_folder
 from lab3_usd.sim.bag import recording_files
 from lab3_usd.sim.bag import submitted as module
 from lab3_usd.sim.bag.submitted import read_recordings

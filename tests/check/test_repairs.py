@@ -14,8 +14,6 @@ from msgspec.structs import replace
 from pxr import Gf, Usd, UsdGeom
 
 from lab3_usd.grade.workers.submission_grading import _without_repairs
-from lab3_usd.judge.folder import FolderResult
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.changes import (
     Edit,
     MovePrim,
@@ -23,6 +21,8 @@ from lab3_usd.model.changes import (
     RemoveSchema,
 )
 from lab3_usd.model.finding import Submission
+from lab3_usd.pipeline.folder import FolderResult
+from lab3_usd.pipeline.stage import check_stage
 
 CLOCK = "/World/ROS_Clock"
 DRIVE = "/turtlebot3_burger/ROS_Drive"

@@ -11,8 +11,8 @@ from pxr import Usd
 from lab3_usd.check import registry
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
-from lab3_usd.judge.results import score_of
 from lab3_usd.model.finding import Problem
+from lab3_usd.pipeline.results import score_of
 
 BEACON = "/World/Beacon"
 CHECKPOINT = "02"

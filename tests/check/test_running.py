@@ -15,9 +15,9 @@ from lab3_usd.facts.execution_order import (
 )
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.isaac.values import Value
-from lab3_usd.judge.lint import lint_platform
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
+from lab3_usd.pipeline.lint import lint_platform
 
 TICK = "omni.graph.action.OnPlaybackTick"
 STEP = "isaacsim.core.nodes.OnPhysicsStep"

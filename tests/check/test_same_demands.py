@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from two_judges import all_faults
 
 from lab3_usd.check.checker import Judgement, judge
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.stage import StageModel
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.stage.read.opening import kept_open
 from lab3_usd.stage.read.reader import read_model, read_stage

@@ -9,8 +9,8 @@ import pytest
 from breaking import broken, correct_stage, judged, place, the_lab
 from pxr import Sdf, Ts, Usd
 
-from lab3_usd.judge.stage import check_stage
-from lab3_usd.judge.starter import against_starter, open_starter
+from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.starter import against_starter, open_starter
 from lab3_usd.stage.compare.starter import compare_starter
 from lab3_usd.stage.read import opening
 from lab3_usd.stage.read.properties import changes_after_start, hold_start_values

@@ -34,9 +34,9 @@ from lab3_usd.check.registry import rules_of
 from lab3_usd.data import data_folder
 from lab3_usd.deliverables import submission as listing
 from lab3_usd.errors import StageError
-from lab3_usd.judge.deliverables import lone_stage_notes, map_findings
-from lab3_usd.judge.folder import FolderSettings, check_folder, is_submission
 from lab3_usd.model.finding import Report
+from lab3_usd.pipeline.deliverables import lone_stage_notes, map_findings
+from lab3_usd.pipeline.folder import FolderSettings, check_folder, is_submission
 from lab3_usd.report.formats.json_report import report_json
 from lab3_usd.stage.graph_signature import files_read
 

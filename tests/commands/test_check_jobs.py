@@ -28,11 +28,11 @@ from submissions import STARTER, delete, edit, stage_name, write_submission
 from lab3_usd import build_checkpoint, cli
 from lab3_usd.check.registry import all_rules
 from lab3_usd.errors import Lab3Error, UsageError
-from lab3_usd.judge import folder, processes
-from lab3_usd.judge.entries import JudgeSettings, crashed_entry
-from lab3_usd.judge.processes import in_processes
-from lab3_usd.judge.results import Target
 from lab3_usd.model.finding import Report, StageResult
+from lab3_usd.pipeline import folder, processes
+from lab3_usd.pipeline.entries import JudgeSettings, crashed_entry
+from lab3_usd.pipeline.processes import in_processes
+from lab3_usd.pipeline.results import Target
 from lab3_usd.report.formats.registry import FORMATS, render
 from lab3_usd.spec.lab import Lab
 
@@ -168,8 +168,8 @@ def test_a_file_over_which_the_program_fails_costs_no_other_its_result(
 ) -> None:
     odd, others = stages[0], stages[1:]
     module, name = {
-        "check": ("lab3_usd.judge.entries", "check_stage"),
-        "lint": ("lab3_usd.judge.lint", "lint_stage"),
+        "check": ("lab3_usd.pipeline.entries", "check_stage"),
+        "lint": ("lab3_usd.pipeline.lint", "lint_stage"),
     }[command]
     usual = getattr(importlib.import_module(module), name)
 
@@ -265,8 +265,8 @@ def test_a_process_imports_no_rule_anew(stages: list[Path]) -> None:
     """All that judges is imported once, before the processes are forked."""
     script = """
 import sys
-import lab3_usd.judge.preloaded
-from lab3_usd.judge.entries import Target, JudgeSettings, judge_entry
+import lab3_usd.pipeline.preloaded
+from lab3_usd.pipeline.entries import Target, JudgeSettings, judge_entry
 before = {*sys.modules}
 judge_entry(JudgeSettings(checkpoint="05"), Target(sys.argv[1]))
 print(sorted(name for name in {*sys.modules} - before if name.startswith("lab3_usd.check")))

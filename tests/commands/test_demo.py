@@ -10,7 +10,7 @@ from invoking import invoke
 from places import REPOSITORY
 
 from lab3_usd.errors import UsageError
-from lab3_usd.judge.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage
 
 COPY = "mine/Lab3_02_ros_drive.usda"
 CORRECT = "tour/Lab3_02_ros_drive.usda"

@@ -49,7 +49,7 @@ def test_a_failure_is_found_and_told(
     def fail(*_arguments: object) -> None:
         raise KeyError("odd")
 
-    monkeypatch.setattr("lab3_usd.judge.lint.read_ros", fail)
+    monkeypatch.setattr("lab3_usd.pipeline.lint.read_ros", fail)
     monkeypatch.setattr("lab3_usd.check.lint.lint", fail)
     monkeypatch.setattr(sys, "argv", ["odd_values.py", "--match", KNOWN[0]])
     assert odd.main() == 1

@@ -21,9 +21,9 @@ from lab3_usd.commands.shared import options
 from lab3_usd.errors import Lab3Error
 from lab3_usd.files import keep_original
 from lab3_usd.fix.repairing import Fixed, check_result
-from lab3_usd.judge.stage import check_stage
-from lab3_usd.judge.starter import against_starter, open_starter
 from lab3_usd.model.finding import Finding
+from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.starter import against_starter, open_starter
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import open_stage

@@ -14,7 +14,7 @@ from scene_changes import Change, collider, move_prim, refer, several, void, wit
 from second_author import Style
 
 from lab3_usd.fix.repairing import FixOptions, fix_stage
-from lab3_usd.judge.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.write.starter import build_starter
 

@@ -13,7 +13,7 @@ from pxr import Sdf, Usd
 from lab3_usd.errors import StageError
 from lab3_usd.grade.intake.guard import check_layer
 from lab3_usd.grade.intake.submission_copy import Limits
-from lab3_usd.judge.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.assets import blocked_path, find_unresolved, original_asset
 from lab3_usd.stage.read.opening import open_stage

@@ -229,7 +229,7 @@ def test_a_stage_that_is_saved_again_is_read_once(
         raise AssertionError(path)
 
     monkeypatch.setattr("lab3_usd.stage.sandboxed_open.open_layer", noted)
-    monkeypatch.setattr("lab3_usd.judge.folder._digest", unwanted)
+    monkeypatch.setattr("lab3_usd.pipeline.folder._digest", unwanted)
     folder = submission(tmp_path / "jane", "03", "04")
     shutil.copy(folder / "work" / stage("04").name, folder / "work" / stage("05").name)
     found = judged(course, folder, tmp_path)

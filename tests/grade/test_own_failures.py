@@ -51,7 +51,7 @@ def fail(*_arguments: object) -> None:
 
 def search_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let fail what is no rule: findings of 01 are looked for in its text."""
-    monkeypatch.setattr("lab3_usd.judge.stage.located", fail)
+    monkeypatch.setattr("lab3_usd.pipeline.stage.located", fail)
 
 
 def dry_run_fails(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,8 +20,8 @@ from menu_graphs import MENUS, with_menus
 from places import REPOSITORY, TESTS
 from pxr import Sdf, Usd
 
-from lab3_usd.judge.lint import lint_open_stage, lint_stage
-from lab3_usd.judge.stage import check_stage
+from lab3_usd.pipeline.lint import lint_open_stage, lint_stage
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.plugins import findings as adapter
 from lab3_usd.plugins import nvidia
 
@@ -237,6 +237,6 @@ def test_without_a_validator_the_plugin_says_so(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_the_program_imports_no_validator() -> None:
-    code = "import sys, lab3_usd.judge.lint; print([m for m in sys.modules if 'plugins' in m])"
+    code = "import sys, lab3_usd.pipeline.lint; print([m for m in sys.modules if 'plugins' in m])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "lab3_usd.plugins" not in done.stdout

@@ -45,8 +45,8 @@ from report_examples import (
     write_stage,
 )
 
-from lab3_usd.judge.lint import lint_stage
 from lab3_usd.model.finding import Report, Score
+from lab3_usd.pipeline.lint import lint_stage
 from lab3_usd.report.entries import plural, summarize
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html import pictures as html_pictures

@@ -27,9 +27,9 @@ from lab3_usd.errors import UsageError
 from lab3_usd.facts.frame_targets import UnresolvedFrames
 from lab3_usd.facts.frames import Edge
 from lab3_usd.isaac.values import Value
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import AbsentPrim, GraphModel, Node, PortState, StageModel
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.html import model as html_model
 from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.dot import celled, dot

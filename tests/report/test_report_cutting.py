@@ -14,8 +14,6 @@ from pxr import Sdf
 from report_examples import MISSING_WIRE
 
 from lab3_usd.check.registry import all_rules
-from lab3_usd.judge.folder import FolderSettings, check_folder
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import (
     ChecklistItem,
     Crash,
@@ -26,6 +24,8 @@ from lab3_usd.model.finding import (
     StageResult,
     Submission,
 )
+from lab3_usd.pipeline.folder import FolderSettings, check_folder
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.formats.registry import FORMATS, render
 from lab3_usd.report.options import Options
 from lab3_usd.report.safe_text import LONGEST, truncated, truncated_report, truncated_values

@@ -19,9 +19,9 @@ from scene_changes import CAMERA
 
 from lab3_usd.check.explanations import EXPLAINED_BY
 from lab3_usd.check.registry import all_rules
-from lab3_usd.judge.lint import lint_stage
 from lab3_usd.model.dry_run import Affine, about
 from lab3_usd.model.fault import FaultKind
+from lab3_usd.pipeline.lint import lint_stage
 from lab3_usd.sim.execution.drive import Leg, Session, drive_of
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Recording
 from lab3_usd.sim.judge.checks import CHECKS

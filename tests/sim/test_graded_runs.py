@@ -11,7 +11,7 @@ from breaking import Step, broken, the_lab
 from lab3_usd.grade import dry_runs
 from lab3_usd.grade.dry_runs import shown_by, with_dry_runs
 from lab3_usd.grade.scoring import facts_of
-from lab3_usd.judge.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.sim import geometry
 from lab3_usd.sim.judge.topics import expected_of_each
 

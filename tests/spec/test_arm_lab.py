@@ -28,8 +28,8 @@ from workers_here import workers_here
 
 from lab3_usd.commands.sim import _record
 from lab3_usd.errors import UsageError
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import Finding
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab

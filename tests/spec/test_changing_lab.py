@@ -16,7 +16,7 @@ from places import REPOSITORY
 from pxr import Usd
 
 from lab3_usd.errors import SpecError
-from lab3_usd.judge.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.sim.judge.topics import expected_of_each
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab

@@ -19,10 +19,10 @@ from pxr import Sdf, Usd
 
 from lab3_usd.commands.lab import chosen_stages
 from lab3_usd.errors import Lab3Error
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.new_lab.checkpoints import file_names, names_of_stages
 from lab3_usd.new_lab.lab import describe_lab
 from lab3_usd.new_lab.yaml_text import as_typed, document
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.options import tool_version
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab, load_platform

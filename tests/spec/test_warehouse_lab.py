@@ -24,10 +24,10 @@ from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import SpecError
 from lab3_usd.grade.dry_runs import with_dry_runs
 from lab3_usd.grade.scoring import facts_of
-from lab3_usd.judge.stage import check_stage
-from lab3_usd.judge.starter import against_starter, open_starter
 from lab3_usd.model.finding import StageResult
 from lab3_usd.new_lab.lab import describe_lab, write_folder
+from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.starter import against_starter, open_starter
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab, load_platform

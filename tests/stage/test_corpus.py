@@ -9,8 +9,8 @@ import pytest
 from places import SHARED
 
 from lab3_usd.check.registry import all_rules
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import StageResult
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.stage.read.opening import open_stage
 
 CORPUS = SHARED / "corpus"

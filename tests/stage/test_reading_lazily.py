@@ -12,10 +12,10 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.check.checker import judge
 from lab3_usd.check.rules import world
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model import stage as derived
 from lab3_usd.model.prims import Prims
 from lab3_usd.model.stage import StageModel
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read import colliders, opening, prims, reader

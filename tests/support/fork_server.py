@@ -30,7 +30,7 @@ MODULES = (
     "lab3_usd.cli",
     "lab3_usd.check.lint",
     "lab3_usd.grade.workers.worker_main",
-    "lab3_usd.judge.entries",
+    "lab3_usd.pipeline.entries",
     "lab3_usd.stage.sandboxed_open",
 )
 LARGEST = 1 << 17  # bytes of a message
@@ -74,7 +74,7 @@ def serve(asked: socket.socket, place: str) -> None:
 def _warm_up() -> None:
     """Judge a stage, so that what OpenUSD and the rules prepare once is there in each process."""
     from lab3_usd.data import LAB_VARIABLE
-    from lab3_usd.judge.stage import check_stage
+    from lab3_usd.pipeline.stage import check_stage
     from lab3_usd.stage.write.builder import build_checkpoint
 
     os.environ.pop(LAB_VARIABLE, None)  # a process has the environment of whoever asks

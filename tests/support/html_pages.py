@@ -11,8 +11,8 @@ from pathlib import Path
 from pxr import Sdf, Usd
 
 from lab3_usd.check.registry import all_rules
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import Report, Submission
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.formats.registry import render
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.write.builder import build_checkpoint

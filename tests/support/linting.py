@@ -11,7 +11,7 @@ from robot_kinds import KINDS
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
-from lab3_usd.judge.lint import lint_platform
+from lab3_usd.pipeline.lint import lint_platform
 from lab3_usd.stage.read.reader import read_model
 
 

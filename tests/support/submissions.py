@@ -17,13 +17,13 @@ from ros_outputs import good_outputs
 from lab3_usd.data import data_folder
 from lab3_usd.deliverables.nav2 import read_params
 from lab3_usd.deliverables.scripts import nav2_files
-from lab3_usd.judge import deliverables as folder_checks
-from lab3_usd.judge import folder as judge_folder
-from lab3_usd.judge.folder import FolderResult, FolderSettings, check_folder, find_starters
-from lab3_usd.judge.stage import check_stage
-from lab3_usd.judge.starter import Starter, against_starter, open_starter
 from lab3_usd.model.finding import StageResult
 from lab3_usd.model.folder import Agreement, Listing, NavigationSubject
+from lab3_usd.pipeline import deliverables as folder_checks
+from lab3_usd.pipeline import folder as pipeline_folder
+from lab3_usd.pipeline.folder import FolderResult, FolderSettings, check_folder, find_starters
+from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.starter import Starter, against_starter, open_starter
 from lab3_usd.spec.lab import FrameSpec, Lab
 from lab3_usd.spec.load.lab import load_ros, load_submission
 from lab3_usd.spec.load.loader import load_lab
@@ -97,9 +97,9 @@ def checked(folder: Path, **settings: object) -> FolderResult:
     _is_as_built.cache_clear()
     with (
         kept_open(),
-        patch.object(judge_folder, "find_starters", _find_once),
-        patch.object(judge_folder, "check_stage", _check_once),
-        patch.object(judge_folder, "against_starter", _compare_once),
+        patch.object(pipeline_folder, "find_starters", _find_once),
+        patch.object(pipeline_folder, "check_stage", _check_once),
+        patch.object(pipeline_folder, "against_starter", _compare_once),
         patch.object(folder_checks, "_wall_agreements", _agree_once),
         patch.object(folder_checks, "read_params", _read_once),
     ):

@@ -24,10 +24,10 @@ from lab3_usd.grade.gradebook import Rows
 from lab3_usd.grade.workers import pool, worker_main
 from lab3_usd.grade.workers.messages import Json, PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import GradingSetup
-from lab3_usd.judge import folder as judge_folder
-from lab3_usd.judge.stage import check_stage
-from lab3_usd.judge.starter import Starter, against_starter
 from lab3_usd.model.finding import StageResult
+from lab3_usd.pipeline import folder as pipeline_folder
+from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.starter import Starter, against_starter
 from lab3_usd.spec.lab import Lab
 
 TURN = Lock()  # judging changes the working directory
@@ -51,7 +51,7 @@ def workers_here() -> Iterator[None]:
     """Let this process do what workers do."""
     parts = {"start_worker": _start, "ask": _ask, "end_worker": _end}
     judging = {"check_stage": _check_once, "against_starter": _compare_once}
-    with patch.multiple(pool, **parts), patch.multiple(judge_folder, **judging):
+    with patch.multiple(pool, **parts), patch.multiple(pipeline_folder, **judging):
         yield
 
 

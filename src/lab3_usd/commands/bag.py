@@ -61,7 +61,7 @@ def command(
         wants_color,
         width,
     )
-    from lab3_usd.judge.stage import checkpoint_of
+    from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.report.behaviour import text
     from lab3_usd.spec.load.loader import load_lab
 

@@ -97,7 +97,7 @@ def _warn_of_deviations(starter: Path) -> None:
     """
     from msgspec.structs import replace
 
-    from lab3_usd.judge.stage import check_stage
+    from lab3_usd.pipeline.stage import check_stage
     from lab3_usd.spec.load.loader import load_lab
     from lab3_usd.stage.read.opening import open_stage
     from lab3_usd.stage.write.starter import deviations

@@ -25,7 +25,7 @@ from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
     from lab3_usd.commands.shared.judging import Judge
-    from lab3_usd.judge.results import Results, Target
+    from lab3_usd.pipeline.results import Results, Target
 
 
 @click.command("check")
@@ -129,7 +129,7 @@ def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
     from lab3_usd.commands.shared.judging import Judge
     from lab3_usd.commands.shared.options import checkpoint_number
     from lab3_usd.commands.shared.reporting import wants_native
-    from lab3_usd.judge import entries
+    from lab3_usd.pipeline import entries
     from lab3_usd.spec.load.loader import load_lab
 
     number, starter, maps = (options[name] for name in ("checkpoint", "starter", "maps"))

@@ -109,7 +109,7 @@ def checking() -> Diagnosis:
     """Build the last stage of the lab, and check it."""
     begun = time.perf_counter()
     try:
-        from lab3_usd.judge.stage import check_stage
+        from lab3_usd.pipeline.stage import check_stage
         from lab3_usd.spec.lab import STARTER
         from lab3_usd.spec.load.loader import load_lab
         from lab3_usd.stage.write.builder import build_checkpoint

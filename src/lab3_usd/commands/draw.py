@@ -139,7 +139,7 @@ def _of_stage(
     every_port: bool,  # noqa: FBT001
 ) -> Drawing:
     from lab3_usd.check.checker import judge
-    from lab3_usd.judge.stage import checkpoint_of
+    from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.report.pictures.graph_picture import stage_pictures
     from lab3_usd.stage.read.reader import read_stage
 
@@ -167,7 +167,7 @@ def _linted(path: Path, release: str | None, every_port: bool) -> Drawing:  # no
     """Draw a stage with what the linter finds; findings elsewhere than in its graphs are listed."""
     from lab3_usd.check.lint import lint
     from lab3_usd.isaac.releases import BASE
-    from lab3_usd.judge.lint import lint_platform
+    from lab3_usd.pipeline.lint import lint_platform
     from lab3_usd.report.pictures.graph_picture import linted_pictures
     from lab3_usd.stage.read.reader import read_stage
 

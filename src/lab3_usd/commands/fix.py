@@ -37,9 +37,9 @@ from lab3_usd.files import (
 from lab3_usd.fix.repairing import USELESS, Fixed, FixOptions, check_result, fix_linted, fix_stage
 from lab3_usd.installation import command_line
 from lab3_usd.isaac.releases import BASE
-from lab3_usd.judge.entries import JudgeSettings, checkpoint_at
-from lab3_usd.judge.lint import find_stages as find_linted
 from lab3_usd.model.finding import Finding, site_of
+from lab3_usd.pipeline.entries import JudgeSettings, checkpoint_at
+from lab3_usd.pipeline.lint import find_stages as find_linted
 from lab3_usd.report.safe_text import visible
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint

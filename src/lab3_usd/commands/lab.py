@@ -15,10 +15,10 @@ from lab3_usd.data import data_folder, lab_folder, program
 from lab3_usd.errors import EXIT_FOUND, SpecError, UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.grade.lab_schemas import FOLDER, schema_of, schema_texts, with_schema
-from lab3_usd.judge.results import STAGE_ENDINGS
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.new_lab.checkpoints import Step
 from lab3_usd.new_lab.lab import describe_lab, refuse_existing_folder, write_folder
+from lab3_usd.pipeline.results import STAGE_ENDINGS
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.entries import score_text
 from lab3_usd.report.safe_text import printable
 from lab3_usd.sim.dry_run import dry_run
@@ -97,7 +97,7 @@ def _say_faults(lab: Lab, stages: Sequence[Path], *, build: bool = False) -> lis
     if all(fault.severity != "error" for fault in faults):
         faults += scoring_faults(lab)
         if build and (lab.folder / STARTER).is_file():
-            from lab3_usd.judge.described import described_faults
+            from lab3_usd.pipeline.described import described_faults
 
             faults += described_faults(lab)
     for fault in faults:

@@ -70,7 +70,7 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
 
     refuse_unusable(paths, options)
     from lab3_usd.isaac.releases import BASE
-    from lab3_usd.judge.lint import LintSettings, find_stages, lint_platform, lint_stages
+    from lab3_usd.pipeline.lint import LintSettings, find_stages, lint_platform, lint_stages
 
     settings = LintSettings(
         options["release"] or BASE,

@@ -180,7 +180,7 @@ def command(stage: Path, **options: Any) -> None:
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.commands.shared.options import checkpoint_number
-    from lab3_usd.judge.stage import checkpoint_of
+    from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.spec.load.loader import load_lab
 
     use_config(stage, options["assets"])
@@ -210,8 +210,8 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
     behaviour = run.behaviour
     findings: tuple[Finding, ...] = ()
     if any(check.verdict != "ok" for check in behaviour.checks):
-        from lab3_usd.judge.lint import lint_stage
-        from lab3_usd.judge.stage import check_stage
+        from lab3_usd.pipeline.lint import lint_stage
+        from lab3_usd.pipeline.stage import check_stage
 
         # What fails in the dry run, the rules know to explain and to repair.
         judged = check_stage(stage, checkpoint, lab) if checkpoint else lint_stage(stage)
@@ -268,7 +268,7 @@ def with_dry_run(result: StageResult, shown: dict[str, object]) -> StageResult:
     from lab3_usd.check.explanations import ONLY_IN_A_DRY_RUN, explaining_finding
     from lab3_usd.check.registry import all_rules
     from lab3_usd.check.rule_runs import run_rule
-    from lab3_usd.judge.results import unreadable, with_findings
+    from lab3_usd.pipeline.results import unreadable, with_findings
     from lab3_usd.report.behaviour.page import dry_run_summary
     from lab3_usd.sim.dry_run import dry_run
     from lab3_usd.spec.load.loader import load_lab

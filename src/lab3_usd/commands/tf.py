@@ -58,8 +58,8 @@ def command(
         published_transforms,
         trees_of,
     )
-    from lab3_usd.judge.lint import read_ros
-    from lab3_usd.judge.stage import checkpoint_of
+    from lab3_usd.pipeline.lint import read_ros
+    from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.report.entries import coverage_line
     from lab3_usd.report.picture.picture_file import write_picture
     from lab3_usd.report.pictures.tf_picture import published_frames_picture

@@ -51,7 +51,7 @@ def command(
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.facts.endpoints import endpoints
     from lab3_usd.facts.frames import all_edges, all_unresolved_frames
-    from lab3_usd.judge.lint import read_ros
+    from lab3_usd.pipeline.lint import read_ros
     from lab3_usd.report.entries import coverage_line
     from lab3_usd.report.picture.picture_file import write_picture
     from lab3_usd.report.pictures.topic_picture import topics_picture

@@ -20,13 +20,13 @@ from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, unwritten
 from lab3_usd.files import FileState, lines_of, read_state, temporary_beside
 from lab3_usd.fix.text_editor import new_bytes
-from lab3_usd.judge.lint import lint_platform
-from lab3_usd.judge.results import without_noted
-from lab3_usd.judge.stage import checkpoint_of
-from lab3_usd.judge.starter import open_against_starter, open_starter
 from lab3_usd.model.changes import MovePrim, RemovePrim, Repair, Restore, TextChange
 from lab3_usd.model.finding import Finding, Report, Score, Site, StageResult, ordered, site_of
 from lab3_usd.model.prims import is_at_or_below, upwards
+from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.results import without_noted
+from lab3_usd.pipeline.stage import checkpoint_of
+from lab3_usd.pipeline.starter import open_against_starter, open_starter
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.edit.repairs import apply_edit

@@ -14,8 +14,8 @@ from lab3_usd.grade.intake.archives import is_archive
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.messages import PoolSettings
 from lab3_usd.grade.workers.submission_grading import ungraded_report
-from lab3_usd.judge.results import Results, Target
 from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
+from lab3_usd.pipeline.results import Results, Target
 
 
 class _Sent(Finding, frozen=True):

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from lab3_usd.check.rule_runs import RuleResults
-from lab3_usd.judge.lint import lint_open_stage
-from lab3_usd.judge.stage import check_open_stage
 from lab3_usd.model.finding import Finding
+from lab3_usd.pipeline.lint import lint_open_stage
+from lab3_usd.pipeline.stage import check_open_stage
 from lab3_usd.spec.load.loader import load_lab
 
 CRASH = "the program itself failed"

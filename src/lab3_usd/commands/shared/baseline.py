@@ -16,8 +16,8 @@ from lab3_usd.config.settings import chosen
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
-from lab3_usd.judge.results import with_findings
 from lab3_usd.model.finding import Finding, Report
+from lab3_usd.pipeline.results import with_findings
 from lab3_usd.report.entries import fingerprinted, site
 from lab3_usd.report.options import NAME, tool_version
 

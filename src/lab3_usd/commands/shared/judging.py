@@ -27,8 +27,8 @@ from lab3_usd.commands.shared.reporting import (
     without_baseline,
     write_report,
 )
-from lab3_usd.judge.results import Results, Target, with_findings
 from lab3_usd.model.finding import Report, StageResult, Submission
+from lab3_usd.pipeline.results import Results, Target, with_findings
 from lab3_usd.report.formats.registry import module_of
 
 
@@ -68,7 +68,7 @@ def imported_while_opening(*modules: str) -> Iterator[None]:
 
 AFTER_OPENING = (
     "lab3_usd.stage.read.reader",
-    "lab3_usd.judge.results",
+    "lab3_usd.pipeline.results",
     "lab3_usd.stage.text",
 )
 

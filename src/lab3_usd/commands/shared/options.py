@@ -458,7 +458,7 @@ def refuse_page(page: Path | None) -> None:
     Raises:
         UsageError: the page has the ending of a stage.
     """
-    from lab3_usd.judge.results import STAGE_ENDINGS
+    from lab3_usd.pipeline.results import STAGE_ENDINGS
 
     if page is not None and page.suffix.lower() in STAGE_ENDINGS:
         raise UsageError(f"--page {page}: has the ending of a stage; name an .html file")

@@ -14,8 +14,8 @@ from lab3_usd.commands.shared.options import given_words, lab_words, wants_color
 from lab3_usd.config.settings import selected
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
-from lab3_usd.judge.results import STAGE_ENDINGS
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission, family_of
+from lab3_usd.pipeline.results import STAGE_ENDINGS
 from lab3_usd.report.formats.registry import format_named, render
 from lab3_usd.report.options import Options
 from lab3_usd.spec.load.loader import load_lab
@@ -63,7 +63,7 @@ def wants_native(options: Mapping[str, Any]) -> bool:
 
     if not options["native"] and FAMILY not in map(family_of, options["select"]):
         return False
-    from lab3_usd.judge.native import require_native
+    from lab3_usd.pipeline.native import require_native
 
     require_native()
     return True

@@ -16,7 +16,7 @@ from lab3_usd.grade.intake.download_names import ARCHIVE_END, file_owners, is_pl
 from lab3_usd.grade.intake.people import ADDRESS, STUDENT_ID, Person
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import LEFTOVERS
-from lab3_usd.judge.stage import checkpoint_of
+from lab3_usd.pipeline.stage import checkpoint_of
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import after_a_student
 from lab3_usd.yaml_file import refuse_deep

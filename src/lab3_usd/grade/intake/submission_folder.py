@@ -15,8 +15,8 @@ from msgspec import Struct
 from lab3_usd.deliverables.submission import find_stages, folder_named
 from lab3_usd.grade.intake.guard import can_be_read
 from lab3_usd.grade.intake.submission_copy import RefusedFile, SubmissionCopy
-from lab3_usd.judge.folder import is_submission
 from lab3_usd.model.folder import FolderFile
+from lab3_usd.pipeline.folder import is_submission
 from lab3_usd.spec.load.loader import load_lab
 
 _DEEPEST = 6

@@ -47,7 +47,7 @@ from lab3_usd.grade.intake.submission_copy import (
     UnreachedError,
     path_parts,
 )
-from lab3_usd.judge.folder import is_submission
+from lab3_usd.pipeline.folder import is_submission
 
 # A class in one archive holds many submissions.
 _CLASS = Limits(files=200_000, total_size=16 << 30, file_size=1 << 30)

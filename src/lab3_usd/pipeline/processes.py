@@ -23,7 +23,7 @@ _Answer = TypeVar("_Answer")
 # macOS has threads of its own in a process, which a fork breaks; Windows cannot fork.
 _METHOD = "spawn" if sys.platform in {"darwin", "win32"} else "forkserver"
 # Imported once, by the server that all processes are forked from.
-_PRELOADED = "lab3_usd.judge.preloaded"
+_PRELOADED = "lab3_usd.pipeline.preloaded"
 _ENVIRONMENT = {
     # One thread each: others would not live through a fork, and the processors are shared already.
     "PXR_WORK_THREAD_LIMIT": "1",

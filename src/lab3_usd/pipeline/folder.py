@@ -17,18 +17,18 @@ from lab3_usd.check.rule_runs import merge_results, run_family
 from lab3_usd.deliverables.maps import SuppliedMap, opens_all
 from lab3_usd.deliverables.submission import folder_named, list_submission, stage_ending
 from lab3_usd.errors import Lab3Error, StageError, described
-from lab3_usd.judge.deliverables import (
+from lab3_usd.model.finding import Finding, StageResult, Submission, ordered
+from lab3_usd.model.folder import Listing, StarterFile, SubmissionSubject, UnjudgedStage
+from lab3_usd.pipeline.deliverables import (
     FolderContents,
     judge_maps,
     judge_parameters,
     judge_saved_outputs,
     read_saved_outputs,
 )
-from lab3_usd.judge.results import FAILED, crashed, is_stage_file
-from lab3_usd.judge.stage import check_stage
-from lab3_usd.judge.starter import Starter, against_starter, open_starter
-from lab3_usd.model.finding import Finding, StageResult, Submission, ordered
-from lab3_usd.model.folder import Listing, StarterFile, SubmissionSubject, UnjudgedStage
+from lab3_usd.pipeline.results import FAILED, crashed, is_stage_file
+from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.starter import Starter, against_starter, open_starter
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
@@ -182,11 +182,11 @@ def _result(
     if starters.compared is not None:
         result = against_starter(result, starters.compared, lab)
     if settings.native:
-        from lab3_usd.judge.native import with_native
+        from lab3_usd.pipeline.native import with_native
 
         result = with_native(result)
     if settings.heeds_ignores:
-        from lab3_usd.judge.results import scopes_run, without_ignored
+        from lab3_usd.pipeline.results import scopes_run, without_ignored
 
         more = scopes_run(starter=starters.compared, native=settings.native)
         result = without_ignored(result, more)

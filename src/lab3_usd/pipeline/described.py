@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from lab3_usd.judge.lint import LintSettings, lint_stage
-from lab3_usd.judge.stage import check_stage
 from lab3_usd.model.finding import Finding
+from lab3_usd.pipeline.lint import LintSettings, lint_stage
+from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.contradictions.names import LabFault, file_of
 from lab3_usd.spec.lab import SCENE, Checkpoint, Lab
 from lab3_usd.spec.scene import is_within

@@ -20,9 +20,9 @@ from lab3_usd.check.requirements import (
 )
 from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.errors import StageError
-from lab3_usd.judge.results import located, score_of, unreadable
 from lab3_usd.model.changes import Site, repair_by
 from lab3_usd.model.finding import Finding, StageResult, ordered
+from lab3_usd.pipeline.results import located, score_of, unreadable
 from lab3_usd.spec.lab import Lab
 
 _FAMILY = "U"

@@ -18,7 +18,9 @@ from lab3_usd.data import data_folder
 from lab3_usd.errors import Lab3Error, SpecError, StageError, UsageError, described
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import BASE
-from lab3_usd.judge.results import (
+from lab3_usd.model.finding import NodeCoverage, Score, StageResult, ordered
+from lab3_usd.model.stage import Node
+from lab3_usd.pipeline.results import (
     FAILED,
     Results,
     Target,
@@ -28,8 +30,6 @@ from lab3_usd.judge.results import (
     unreadable,
     verdict_of,
 )
-from lab3_usd.model.finding import NodeCoverage, Score, StageResult, ordered
-from lab3_usd.model.stage import Node
 from lab3_usd.spec.load.loader import load_platform
 
 
@@ -77,7 +77,7 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
     settings = settings or LintSettings()
     if not settings.native:
         return _without_ignored(_linted(path, settings.release), settings)
-    from lab3_usd.judge.native import with_native
+    from lab3_usd.pipeline.native import with_native
     from lab3_usd.stage.read.opening import kept_open
 
     with kept_open():
@@ -87,7 +87,7 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
 def _without_ignored(result: StageResult, settings: LintSettings) -> StageResult:
     if not settings.heeds_ignores:
         return result
-    from lab3_usd.judge.results import scopes_run, without_ignored
+    from lab3_usd.pipeline.results import scopes_run, without_ignored
 
     return without_ignored(result, scopes_run(starter=None, native=settings.native))
 
@@ -193,7 +193,7 @@ def lint_stages(entries: Sequence[Target], settings: LintSettings, jobs: int) ->
         with kept_open():
             yield from (_lint(settings, entry) for entry in entries)
         return
-    from lab3_usd.judge.processes import in_processes
+    from lab3_usd.pipeline.processes import in_processes
 
     judge = partial(_lint_in_process, settings)
     yield from in_processes(judge, _crashed, entries, min(jobs, len(entries)))

@@ -8,8 +8,8 @@ from typing import Any
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.data import program
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.judge.results import located, score_of, unreadable, verdict_of
 from lab3_usd.model.finding import StageResult, ordered
+from lab3_usd.pipeline.results import located, score_of, unreadable, verdict_of
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint

@@ -8,9 +8,9 @@ from msgspec.structs import replace
 
 from lab3_usd.check.rule_runs import run_family
 from lab3_usd.errors import StageError
-from lab3_usd.judge.results import located, unreadable, with_findings
 from lab3_usd.model.finding import StageResult
 from lab3_usd.model.native import FAMILY, NativeErrors
+from lab3_usd.pipeline.results import located, unreadable, with_findings
 
 
 def require_native() -> None:

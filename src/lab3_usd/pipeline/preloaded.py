@@ -7,9 +7,9 @@ import gc
 import lab3_usd.check.demands
 import lab3_usd.check.message_suffixes
 import lab3_usd.check.own_rules
-import lab3_usd.judge.entries
-import lab3_usd.judge.folder
-import lab3_usd.judge.starter
+import lab3_usd.pipeline.entries
+import lab3_usd.pipeline.folder
+import lab3_usd.pipeline.starter
 import lab3_usd.stage.compare.starter
 import lab3_usd.stage.read.opening
 import lab3_usd.stage.read.reader

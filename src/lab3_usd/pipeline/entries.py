@@ -13,7 +13,8 @@ from msgspec.structs import replace
 from lab3_usd.config.settings import Config, matching
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError, described
-from lab3_usd.judge.results import (
+from lab3_usd.model.finding import Submission
+from lab3_usd.pipeline.results import (
     ENDED,
     FAILED,
     Results,
@@ -22,13 +23,12 @@ from lab3_usd.judge.results import (
     is_stage_file,
     with_findings,
 )
-from lab3_usd.judge.stage import check_stage, checkpoint_of
-from lab3_usd.model.finding import Submission
+from lab3_usd.pipeline.stage import check_stage, checkpoint_of
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 
 if TYPE_CHECKING:
-    from lab3_usd.judge.starter import Starter
+    from lab3_usd.pipeline.starter import Starter
 
 
 class JudgeSettings(Struct, frozen=True):
@@ -61,7 +61,7 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Target]:
         checkpoint_at(path, settings, lab)
         yield Target(path, is_submission=False)
         return
-    from lab3_usd.judge.folder import is_submission
+    from lab3_usd.pipeline.folder import is_submission
 
     if settings.handed_in or is_submission(Path(path)):
         yield Target(path, is_submission=True)
@@ -129,7 +129,7 @@ def judge_entries(
         opened = _with_open_starter(settings)
         yield from (_judge_or_crash(opened, entry) for entry in entries)
         return
-    from lab3_usd.judge.processes import in_processes
+    from lab3_usd.pipeline.processes import in_processes
 
     judge, crashed = partial(_judge_in_process, settings), partial(crashed_entry, settings)
     yield from in_processes(judge, crashed, entries, min(jobs, len(entries)))
@@ -139,7 +139,7 @@ def _with_open_starter(settings: JudgeSettings) -> JudgeSettings:
     """Open the starter once for all the stages that are compared with it."""
     if not isinstance(settings.starter, Path):
         return settings
-    from lab3_usd.judge.starter import open_starter
+    from lab3_usd.pipeline.starter import open_starter
 
     return replace(settings, starter=open_starter(settings.starter, load_lab()))
 
@@ -167,7 +167,7 @@ def _judge_or_crash(settings: JudgeSettings, entry: Target) -> Results:
 def judge_entry(settings: JudgeSettings, entry: Target) -> Results:
     """Judge a stage or a submission."""
     if entry.is_submission:
-        from lab3_usd.judge.folder import FolderSettings, check_folder
+        from lab3_usd.pipeline.folder import FolderSettings, check_folder
 
         folder = FolderSettings(
             settings.starter,
@@ -186,23 +186,23 @@ def judge_entry(settings: JudgeSettings, entry: Target) -> Results:
     with kept_open():
         result = check_stage(entry.path, checkpoint, lab)
         if settings.starter is not None:
-            from lab3_usd.judge.starter import Starter, against_starter
+            from lab3_usd.pipeline.starter import Starter, against_starter
 
             starter = _with_open_starter(settings).starter
             result = (
                 against_starter(result, starter, lab) if isinstance(starter, Starter) else result
             )
         if settings.native:
-            from lab3_usd.judge.native import with_native
+            from lab3_usd.pipeline.native import with_native
 
             result = with_native(result)
         if settings.heeds_ignores:
-            from lab3_usd.judge.results import scopes_run, without_ignored
+            from lab3_usd.pipeline.results import scopes_run, without_ignored
 
             more = scopes_run(starter=settings.starter, native=settings.native)
             result = without_ignored(result, more)
     if lab.checkpoints[checkpoint].localization:
-        from lab3_usd.judge.deliverables import lone_stage_notes, map_findings
+        from lab3_usd.pipeline.deliverables import lone_stage_notes, map_findings
 
         maps = settings.maps
         about_maps = lone_stage_notes(checkpoint, lab) if maps is None else map_findings(maps, lab)
