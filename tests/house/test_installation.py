@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from lab3_usd import installation
 from lab3_usd.installation import command_line, install_command
 
 REQUIRES = [
@@ -37,7 +36,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def without_pip(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(installation, "find_spec", lambda _: None)
+    monkeypatch.setitem(sys.modules, "pip", None)
 
 
 def test_pip_is_that_of_the_python_that_runs(place: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -29,15 +30,16 @@ from recordings import (
 from report_schema import dry_run_of
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 
-from lab3_usd.commands import bag as module
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import RecordingError, UsageError
 from lab3_usd.model.dry_run import Behaviour, Frame, Topic, Unknown
-from lab3_usd.report.behaviour.text import PASSED_IN_A_RECORDING
-from lab3_usd.sim.bag import judge, reader, recording_files
+from lab3_usd.report.behaviour.text import PASSED_IN_A_RECORDING, render
 from lab3_usd.sim.bag.differences import differences
-from lab3_usd.sim.bag.judge import CHECKS
+from lab3_usd.sim.bag.judge import CHECKS, judge_what_came
+from lab3_usd.sim.bag.recording_files import Bounds, layout_at
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
+from lab3_usd.spec.load.loader import load_lab
 
+LAB = load_lab()
 SECOND = 1_000_000_000  # nanoseconds
 
 
@@ -325,19 +327,29 @@ def test_a_stage_that_cannot_be_read_is_one_line(plain: Path) -> None:
         bag(plain, "--stage", "none.usda")
 
 
-def test_what_comes_after_the_part_that_is_kept_is_no_part_of_the_drive(
-    plain: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    whole = judged(plain)
-    monkeypatch.setattr(reader, "MOST_KEPT", 560)  # ends while the robot is commanded to turn
-    cut = judged(plain)
-    assert cut["verdict"] == "ok"
-    assert "the first 2 s were judged message by message" in bag(plain).stdout
-    assert cut["topics"] == whole["topics"]
-    assert cut["frames"] == whole["frames"]
+def test_what_comes_after_the_part_that_is_kept_is_no_part_of_the_drive(plain: Path) -> None:
+    whole = bounded(plain)
+    cut = bounded(plain, kept=560)  # ends while the robot is commanded to turn
+    assert cut.verdict == "ok"
+    assert "the first 2 s were judged message by message" in render(
+        replace(cut, recording="run"), 100, color=False
+    )
+    assert cut.topics == whole.topics
+    assert cut.frames == whole.frames
 
 
 # ---- recordings that were made, or broken, to stop a reader
+
+
+def bounded(path: Path, **bounds: int) -> Behaviour:
+    """Judge a recording of which less is read than usual."""
+    return judge_what_came(layout_at(path), Bounds(**bounds), LAB, "08")
+
+
+def refused_within(path: Path, **bounds: int) -> str:
+    with pytest.raises(RecordingError) as raised:
+        bounded(path, **bounds)
+    return str(raised.value)
 
 
 def refused(path: Path) -> str:
@@ -393,28 +405,21 @@ def test_very_many_topics_are_one_line(tmp_path: Path) -> None:
     with closing(sqlite3.connect(tmp_path / "run.db3")) as base, base:
         base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type)")
         base.executemany("INSERT INTO topics(name) VALUES(?)", [(f"/{n}",) for n in range(5000)])
-    assert refused(tmp_path) == f"has more than {recording_files.MOST_TOPICS} topics"
+    assert refused(tmp_path) == f"has more than {Bounds().topics} topics"
 
 
-def test_many_topics_of_mcap_are_one_line(plain: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recording_files, "MOST_TOPICS", 3)
-    assert refused(plain) == "has more than 3 topics"
+def test_many_topics_of_mcap_are_one_line(plain: Path) -> None:
+    assert refused_within(plain, topics=3) == "has more than 3 topics"
 
 
-def test_a_message_that_unpacks_to_too_much_is_one_line(
-    plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_message_that_unpacks_to_too_much_is_one_line(plain: Path, tmp_path: Path) -> None:
     folder = rewritten(plain, tmp_path / "Lab3_08_run", packing=CompressionMode.MESSAGE)
-    monkeypatch.setattr(recording_files, "LARGEST_MESSAGE", 100)
-    assert "larger than" in refused(folder)
+    assert "larger than" in refused_within(folder, message=100)
 
 
-def test_a_file_that_unpacks_to_too_much_is_one_line(
-    plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_that_unpacks_to_too_much_is_one_line(plain: Path, tmp_path: Path) -> None:
     folder = rewritten(plain, tmp_path / "Lab3_08_run", packing=CompressionMode.FILE)
-    monkeypatch.setattr(judge, "Bounds", lambda: recording_files.Bounds(file=1000))
-    assert "unpacks to more than" in refused(folder)
+    assert "unpacks to more than" in refused_within(folder, file=1000)
 
 
 def test_a_huge_message_is_counted_and_not_read(plain: Path, tmp_path: Path) -> None:
@@ -442,7 +447,7 @@ def test_names_and_types_that_are_none_are_left_out(tmp_path: Path) -> None:
 def test_without_the_extra_a_line_says_what_to_install(
     plain: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "find_spec", lambda _: None)
+    monkeypatch.setitem(sys.modules, "rosbags", None)
     with pytest.raises(UsageError, match=r"needs the extra sim: .* install"):
         bag(plain)
 

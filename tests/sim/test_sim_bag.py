@@ -6,6 +6,7 @@ import errno
 import json
 import math
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,6 @@ from foreign_robots import car_and_arm
 from invoking import invoke
 from pxr import Gf
 
-from lab3_usd.commands import sim
 from lab3_usd.errors import NoRoomError, UsageError
 from lab3_usd.sim.bag.tape import SentCommand, Tape
 from lab3_usd.sim.execution.drive import Leg
@@ -241,7 +241,7 @@ def test_nothing_is_written_over(bag: Path) -> None:
 def test_without_the_extra_a_line_says_what_to_install(
     bag: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sim, "find_spec", lambda _: None)
+    monkeypatch.setitem(sys.modules, "rosbags", None)
     stage = bag.parent / "Lab3_05.usda"
     with pytest.raises(UsageError, match=r"needs the extra sim: .* install"):
         invoke("sim", stage, "--bag", bag.parent / "other")

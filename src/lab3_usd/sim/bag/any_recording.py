@@ -222,7 +222,7 @@ def _robot_judged(
         if nearest(topic, _trees(kinds)) == robot.transforms
     )
     with opened(layout, bounds) as bag:
-        gathered = gather(bag.messages(), bag.topics, Topics(wanted, static, ""), bounds.listed)
+        gathered = gather(bag.messages(), bag.topics, Topics(wanted, static, ""), bounds)
     return _behaviour(gathered, wanted, robot, robots, first=first)
 
 

@@ -299,7 +299,7 @@ def _read(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -> _Reading
     for name, wanted in asked.items():
         topics = Topics(wanted, static_topics(lab), status, *map_topic(lab, checkpoint))
         with opened(layout, bounds) as bag:
-            readings[name] = topics, gather(bag.messages(), bag.topics, topics, bounds.listed)
+            readings[name] = topics, gather(bag.messages(), bag.topics, topics, bounds)
     return readings
 
 

@@ -11,7 +11,7 @@ from lab3_usd.errors import RecordingError
 from lab3_usd.model.dry_run import Affine, Frame, Place, heading, rotation
 from lab3_usd.model.occupancy import OccupancyMap
 from lab3_usd.sim.bag.decoder import MOST_NAMES, Decoded, decode, has_header, header, is_read
-from lab3_usd.sim.bag.recording_files import Offered, Raw
+from lab3_usd.sim.bag.recording_files import Bounds, Offered, Raw
 from lab3_usd.sim.execution.recording import (
     Message,
     Odometry,
@@ -64,7 +64,6 @@ class Timeline(Struct):
 
 
 DETAIL = 300.0  # seconds of the simulation that are judged message by message
-MOST_KEPT = 60_000  # messages of these
 MOST_TRANSFORMS = 250_000  # in these
 FEW = 5  # frames of one topic that are named
 STRAIGHT = 1e-3  # radians to which a car is steered, up to which it goes straight ahead
@@ -125,6 +124,7 @@ class Gathered(Struct):
     """The summed-up contents of a recording."""
 
     timeline: Timeline
+    most: int  # messages that are judged one by one
     recording: Recording = field(default_factory=Recording)
     tallies: dict[tuple[str, str], Tally] = field(default_factory=dict)
     commands: list[tuple[float, tuple[float, float, float]]] = field(default_factory=list)
@@ -154,7 +154,7 @@ def gather(
     messages: Iterable[Raw],
     offered: Mapping[tuple[str, str], tuple[Offered, ...]],
     topics: Topics,
-    most_listed: int,
+    bounds: Bounds,
 ) -> Gathered:
     """Go through the messages in the order in which they arrived.
 
@@ -162,7 +162,7 @@ def gather(
         RecordingError: they list more transforms and goals than are read.
     """
     timeline = Timeline(any(topic == topics.wanted.clock for topic, _ in offered))
-    gathered = Gathered(timeline)
+    gathered = Gathered(timeline, bounds.kept)
     for key, profiles in offered.items():
         gathered.tallies[key] = Tally(offered=profiles)
     judged, lasting = topics.judged(), topics.lasting()
@@ -173,8 +173,8 @@ def gather(
             topics,
             whole=raw.topic in (judged if gathered.until is None else lasting),
         )
-        if gathered.listed > most_listed:
-            raise RecordingError(f"has more than {most_listed} transforms and goals")
+        if gathered.listed > bounds.listed:
+            raise RecordingError(f"has more than {bounds.listed} transforms and goals")
     gathered.recording.messages.sort(key=lambda message: message.at)
     return gathered
 
@@ -232,13 +232,13 @@ def _keep(gathered: Gathered, message: Message, topics: Topics) -> None:
         gathered.map = data if message.topic == topics.map else gathered.map
         return
     kept = len(gathered.recording.messages)
-    if message.at > DETAIL or kept >= MOST_KEPT or gathered.transforms > MOST_TRANSFORMS:
+    if message.at > DETAIL or kept >= gathered.most or gathered.transforms > MOST_TRANSFORMS:
         gathered.until = min(gathered.until or DETAIL, gathered.timeline.now)
     if message.topic in {wanted.transforms, *topics.static} and isinstance(data, tuple):
         gathered.listed += len(data)
         static = message.topic in topics.static
         inner = _links(gathered, message.transforms, message.at, wanted.root, static=static)
-        if len(gathered.located) < MOST_KEPT:
+        if len(gathered.located) < gathered.most:
             gathered.located += _located(message, topics)
         if not (static or inner):
             return

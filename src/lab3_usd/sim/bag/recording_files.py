@@ -18,19 +18,21 @@ from lab3_usd.errors import RecordingError
 
 PACKED = ".zstd"
 LARGEST_CHUNK = 256_000_000  # bytes
-LARGEST_MESSAGE = 64_000_000
 LARGEST_PROFILE = 20_000  # characters of the QoS of a topic
-MOST_TOPICS = 2000
 _PART = 1 << 20
 
 
 class Bounds(Struct, frozen=True):
-    """The most messages of a recording, transforms and goals in them, and bytes to unpack."""
+    """The most that a recording may hold; sizes are bytes after unpacking."""
 
     messages: int = 20_000_000
-    listed: int = 100_000_000
+    listed: int = 100_000_000  # transforms and goals in the messages
     file: int = 20_000_000_000
     parts: int = 1_000_000_000_000
+    message: int = 64_000_000
+    topics: int = 2000
+    records: int = 100_000  # in the index of an MCAP file: chunks, topics, statistics
+    kept: int = 60_000  # messages that are judged one by one
 
 
 def plain_file(path: Path, stack: ExitStack, most: int) -> Path:
@@ -59,10 +61,11 @@ def _too_large(most: int) -> str:
 
 
 class Unpacker:
-    """Unpacks the parts of one recording, up to so many bytes in all."""
+    """Unpacks the parts of one recording, up to so many bytes in all and in a message."""
 
-    def __init__(self, most: int) -> None:
-        self.most = self.left = most
+    def __init__(self, bounds: Bounds) -> None:
+        self.most = self.left = bounds.parts
+        self.largest = bounds.message
 
     def message(self, data: bytes) -> bytes:
         """Return a message that is compressed by itself.
@@ -70,7 +73,7 @@ class Unpacker:
         Raises:
             RecordingError: it is damaged, or unpacks to too much.
         """
-        return self.zstd(data, LARGEST_MESSAGE)
+        return self.zstd(data, self.largest)
 
     def plain(self, data: bytes) -> bytes:
         """Return what is not packed: an index may name one part again and again."""
@@ -102,8 +105,8 @@ class Unpacker:
 
 
 @contextmanager
-def bound_readers(unpacker: Unpacker, topics: int) -> Iterator[None]:
-    """Limit decompression and the number of QoS profiles.
+def bound_readers(unpacker: Unpacker, files: int, most: int) -> Iterator[None]:
+    """Limit decompression and the number of QoS profiles: `most` topics in each file.
 
     The library has no bounds of its own; what is replaced here is what it looks up by name.
     """
@@ -117,7 +120,7 @@ def bound_readers(unpacker: Unpacker, topics: int) -> Iterator[None]:
         "lz4": lambda data, size: unpacker.lz4(data, min(size, LARGEST_CHUNK)),
     }
     for library in libraries:
-        library.parse_qos = _bound_parser(parse, topics)
+        library.parse_qos = _bound_parser(parse, files, most)
     try:
         yield
     finally:
@@ -126,16 +129,16 @@ def bound_readers(unpacker: Unpacker, topics: int) -> Iterator[None]:
             library.parse_qos = parse
 
 
-def _bound_parser(parse: Callable[[str], Any], most: int) -> Callable[[str], Any]:
-    """Return what parses each text once, and no more than so many times."""
+def _bound_parser(parse: Callable[[str], Any], files: int, most: int) -> Callable[[str], Any]:
+    """Return what parses each text once, and no more than so many times in each file."""
     profiles: dict[str, Any] = {}
     times = 0
 
     def parsed(text: str) -> Any:
         nonlocal times
         times += 1
-        if times > most:
-            raise RecordingError(too_many())
+        if times > most * files:
+            raise RecordingError(too_many(most))
         if text not in profiles:
             profiles[text] = parse(text if len(text) <= LARGEST_PROFILE else "")
         return profiles[text]
@@ -143,12 +146,11 @@ def _bound_parser(parse: Callable[[str], Any], most: int) -> Callable[[str], Any
     return parsed
 
 
-def too_many() -> str:
+def too_many(most: int) -> str:
     """Say that there are more topics than are read."""
-    return f"has more than {MOST_TOPICS} topics"
+    return f"has more than {most} topics"
 
 
-MOST_RECORDS = 100_000  # in the index of an MCAP file: chunks, topics, statistics
 _ODD = set("%?#")
 # A view, virtual table or generated column may take for ever to be read.
 _COMPUTED = """SELECT 1 FROM sqlite_master AS each WHERE type NOT IN ('table', 'index')
@@ -158,7 +160,7 @@ _SUMMARY = slice(9, 17)  # in it, where the index begins
 _HEAD = 9  # bytes of a record: what it is, and its length
 
 
-def screen(path: Path) -> None:
+def screen(path: Path, bounds: Bounds) -> None:
     """Refuse a file that the library should not be given.
 
     Raises:
@@ -166,28 +168,28 @@ def screen(path: Path) -> None:
         OSError: it cannot be read.
     """
     if path.suffix == ".mcap":
-        _check_index(path)
+        _check_index(path, bounds.records)
         return
     if _ODD & set(str(path)):  # which the library hands to SQLite as part of an address
         raise RecordingError(f"{path.name} has %, ? or # in its name or folder; rename it")
-    _check_database(path)
+    _check_database(path, bounds.topics)
 
 
-def _check_index(path: Path) -> None:
+def _check_index(path: Path, most: int) -> None:
     """Count the records of the index, which the library all keeps."""
     size = path.stat().st_size
     with path.open("rb") as file:
         file.seek(max(0, size - _FOOTER))
         at = int.from_bytes(file.read(_FOOTER)[_SUMMARY], "little")
-        for _ in range(MOST_RECORDS):
+        for _ in range(most):
             if not 0 < at <= size - _FOOTER - _HEAD:
                 return
             file.seek(at)
             at += _HEAD + int.from_bytes(file.read(_HEAD)[1:], "little")
-    raise RecordingError(f"{path.name} has an index of more than {MOST_RECORDS} records")
+    raise RecordingError(f"{path.name} has an index of more than {most} records")
 
 
-def _check_database(path: Path) -> None:
+def _check_database(path: Path, most: int) -> None:
     """Refuse a database that is cut off, or has too many topics, before each is read.
 
     Raises:
@@ -205,8 +207,8 @@ def _check_database(path: Path) -> None:
             (count,) = base.execute("SELECT count(*) FROM topics").fetchone()
     except sqlite3.Error as error:
         raise RecordingError(f"{path.name} is damaged or not a recording: {error}") from error
-    if count > MOST_TOPICS:
-        raise RecordingError(too_many())
+    if count > most:
+        raise RecordingError(too_many(most))
 
 
 ENDINGS = (".mcap", ".db3")
@@ -293,15 +295,15 @@ def opened(layout: Layout, bounds: Bounds) -> Iterator[Bag]:
     Raises:
         RecordingError: it is none, damaged, or too large.
     """
-    unpacker, most = Unpacker(bounds.parts), MOST_TOPICS * len(layout.paths)
+    unpacker, files = Unpacker(bounds), len(layout.paths)
     with ExitStack() as stack:
-        stack.enter_context(bound_readers(unpacker, most))
+        stack.enter_context(bound_readers(unpacker, files, bounds.topics))
         plain = [plain_file(path, stack, bounds.file) for path in layout.paths]
-        readers = [_reader(path) for path in plain]
+        readers = [_reader(path, bounds) for path in plain]
         for reader in readers:
             stack.callback(reader.close)
-        if sum(len(reader.connections) for reader in readers) > most:
-            raise RecordingError(too_many())
+        if sum(len(reader.connections) for reader in readers) > bounds.topics * files:
+            raise RecordingError(too_many(bounds.topics))
         yield Bag(tuple(readers), layout.by_message, unpacker, bounds.messages)
 
 
@@ -352,7 +354,7 @@ def _metadata(path: Path) -> dict[str, Any]:
     from ruamel.yaml.error import YAMLError
 
     if path.stat().st_size > LARGEST_METADATA:
-        raise RecordingError(too_many())
+        raise RecordingError(too_many(Bounds().topics))
     try:
         document = YAML(typ="safe").load(path.read_text(encoding="utf-8"))
     except (YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
@@ -363,12 +365,12 @@ def _metadata(path: Path) -> dict[str, Any]:
     return information if isinstance(information, dict) else {}
 
 
-def _reader(path: Path) -> Any:
+def _reader(path: Path, bounds: Bounds) -> Any:
     from rosbags.rosbag2 import Reader
 
     if path.suffix not in ENDINGS:
         raise RecordingError(f"{path.name} is neither .mcap nor .db3")
-    screen(path)
+    screen(path, bounds)
 
     def start() -> Iterator[Any]:
         reader = Reader(path)

@@ -9,15 +9,13 @@ from pathlib import Path, PurePosixPath
 
 from lab3_usd.errors import RecordingError
 from lab3_usd.model.folder import FolderFile, RecordingShown
+from lab3_usd.sim.bag.recording_files import Bounds, layout_of
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.submission import named_checkpoint
 
 MOST = 12  # recordings
 MOST_BYTES = 512_000_000  # of all of them
-MESSAGES = 200_000  # of one
-LISTED = 600_000  # transforms and goals in them
-LARGEST_FILE = 512_000_000  # bytes that one may unpack to
-UNPACKED = 1_000_000_000  # bytes that the parts of one may unpack to
+OF_EACH = Bounds(messages=200_000, listed=600_000, file=512_000_000, parts=1_000_000_000)
 _METADATA = "metadata.yaml"
 
 
@@ -26,12 +24,14 @@ def read_recordings(
     entries: Sequence[FolderFile],
     until: tuple[Lab, str],
     may_open: Callable[[str], str],
+    bounds: Bounds = OF_EACH,
 ) -> tuple[RecordingShown, ...]:
     """Judge each recording by what was recorded, at the checkpoint in its name, or the last.
 
-    `may_open` receives each before it is opened, and returns a reason not to open it.
+    `may_open` receives each before it is opened, and returns a reason not to open it. `bounds` are
+    those of each.
     """
-    return tuple(_recordings_shown(root, entries, until, may_open))
+    return tuple(_recordings_shown(root, entries, until, may_open, bounds))
 
 
 def _recordings_shown(
@@ -39,6 +39,7 @@ def _recordings_shown(
     entries: Sequence[FolderFile],
     until: tuple[Lab, str],
     may_open: Callable[[str], str],
+    bounds: Bounds,
 ) -> Iterator[RecordingShown]:
     room = MOST_BYTES
     for number, files in enumerate(_recordings(entries)):
@@ -55,9 +56,10 @@ def _recordings_shown(
                 yield RecordingShown(name, unread=f"no more than {most}")
                 return
             refused = may_open(name)
-            yield (
-                RecordingShown(name, unread=refused) if refused else _recording(root, files, until)
-            )
+            if refused:
+                yield RecordingShown(name, unread=refused)
+            else:
+                yield _recording(root, files, until, bounds)
 
 
 def _recordings(entries: Sequence[FolderFile]) -> Iterator[list[FolderFile]]:
@@ -74,16 +76,15 @@ def _recordings(entries: Sequence[FolderFile]) -> Iterator[list[FolderFile]]:
             yield from ([file] for file in files)
 
 
-def _recording(root: Path, files: Sequence[FolderFile], until: tuple[Lab, str]) -> RecordingShown:
-    # They need the extra.
-    from lab3_usd.sim.bag.judge import judge_what_came
-    from lab3_usd.sim.bag.recording_files import Bounds, layout_of
+def _recording(
+    root: Path, files: Sequence[FolderFile], until: tuple[Lab, str], bounds: Bounds
+) -> RecordingShown:
+    from lab3_usd.sim.bag.judge import judge_what_came  # needs the extra
 
     lab, last = until
     name = files[0].path
     parts = reversed(PurePosixPath(name).parts)
     known = (named_checkpoint(part, lab.files) for part in parts)
-    bounds = Bounds(MESSAGES, LISTED, LARGEST_FILE, UNPACKED)
     try:
         layout = layout_of([root / file.path for file in files])
         judged = judge_what_came(layout, bounds, lab, next(filter(None, known), last))
