@@ -23,7 +23,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from bench_grade import LAB, MEGABYTE, make_class, starter, watched
 from msgspec import Struct
 
-from lab3_usd.grade import shared_reports
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.report.html.class_page import class_page
 
@@ -50,7 +49,6 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--stages", default=",".join(LAB.checkpoints))
     options = parser.parse_args()
-    shared_reports.MOST_NAMED = 0
     stages = tuple(options.stages.split(","))
     with tempfile.TemporaryDirectory() as name:
         small = measure(Path(name, "small"), max(options.count // 10, 2), stages, options.jobs)
@@ -73,7 +71,9 @@ def measure(folder: Path, count: int, stages: tuple[str, ...], jobs: int) -> Fig
     book = folder / "book"
     with watched() as most:
         started, before = time.perf_counter(), sum(os.times()[:4])
-        rows = grade_class(ClassSettings(folder / "class", starter(), book, jobs=jobs))
+        rows = grade_class(
+            ClassSettings(folder / "class", starter(), book, jobs=jobs, most_named=0)
+        )
         seconds, busy = time.perf_counter() - started, sum(os.times()[:4]) - before
     if {row["status"] for row in rows} != {"graded"}:
         raise RuntimeError("a submission was not graded")

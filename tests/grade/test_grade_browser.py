@@ -12,7 +12,7 @@ from msgspec import to_builtins
 
 from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.scoring import grade
-from lab3_usd.report.html import class_page
+from lab3_usd.report.html.class_page import class_page
 from lab3_usd.spec.load.loader import load_lab
 
 ROWS = [
@@ -95,11 +95,10 @@ def test_everything_can_be_read_without_a_script(chromium: Browser, page: Path) 
 
 
 @pytest.fixture
-def large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def large(tmp_path: Path) -> Path:
     """The page of a class of which three rows are shown at first."""
-    monkeypatch.setattr(class_page, "_MOST", 3)
     path = tmp_path / "index.html"
-    path.write_text(page_of("Lab 3", ITEMS, ROWS), encoding="utf-8")
+    path.write_text("".join(class_page("Lab 3", ITEMS, ROWS, most=3)), encoding="utf-8")
     return path
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from lab3_usd.errors import UsageError
+from lab3_usd.grade.intake.platforms import LARGEST
 from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions, submissions_in
 
 STAGE = "Lab3_05_odometry_tf.usda"
@@ -312,11 +313,11 @@ def test_a_folder_of_submissions_that_cannot_be_read_is_an_error(
         find_submissions(tmp_path)
 
 
-def test_metadata_beyond_the_limit_is_not_read_and_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("lab3_usd.grade.intake.platforms.LARGEST", 10)
-    (tmp_path / "submission_metadata.yml").write_text(METADATA)
+def test_metadata_beyond_the_limit_is_not_read_and_said(tmp_path: Path) -> None:
+    metadata = tmp_path / "submission_metadata.yml"
+    metadata.write_text(METADATA)
+    with metadata.open("a") as file:
+        file.truncate(LARGEST + 1)  # which takes no room on the disk
     handed(tmp_path, "submission_11/work/")
     (line,) = said_of(tmp_path)
     assert "larger than" in line

@@ -31,13 +31,9 @@ def place(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.fixture(autouse=True)
-def _is_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shared_reports, "MOST_NAMED", 4)
-
-
-def graded(place: Path, out: Path, **changes: Any) -> Rows:
-    return graded_here(ClassSettings(place, starter(), out, **changes))
+def graded(place: Path, out: Path, most_named: int = 4, **changes: Any) -> Rows:
+    """Grade a class of five, of whom four at most would have reports of their own."""
+    return graded_here(ClassSettings(place, starter(), out, most_named=most_named, **changes))
 
 
 def folders(out: Path) -> dict[str, set[str]]:
@@ -69,12 +65,9 @@ def test_shared_reports_name_nobody_and_the_page_leads_to_them(place: Path, tmp_
         assert f'<a href="reports/{row["shared"]}/report.html">{row["student"]}</a>' in page
 
 
-def test_a_large_class_has_the_grades_of_a_small_one(
-    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_large_class_has_the_grades_of_a_small_one(place: Path, tmp_path: Path) -> None:
     large = [{**row, "shared": ""} for row in graded(place, tmp_path / "large")]
-    monkeypatch.setattr(shared_reports, "MOST_NAMED", 5)
-    small = [{**row, "shared": ""} for row in graded(place, tmp_path / "small")]
+    small = [{**row, "shared": ""} for row in graded(place, tmp_path / "small", most_named=5)]
     assert large == small
     assert (
         files_below(tmp_path / "large")["grades.csv"]
@@ -95,12 +88,8 @@ def test_a_large_class_goes_on_and_reports_that_nobody_has_are_removed(
     assert len(folders(tmp_path / "book")) == 2
 
 
-def test_a_class_that_grows_leaves_no_reports_behind(
-    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(shared_reports, "MOST_NAMED", 5)
-    graded(place, tmp_path / "book")
-    monkeypatch.setattr(shared_reports, "MOST_NAMED", 4)
+def test_a_class_that_grows_leaves_no_reports_behind(place: Path, tmp_path: Path) -> None:
+    graded(place, tmp_path / "book", most_named=5)
     cut_wire(place / "ana" / "work" / stage("01").name)
     graded(place, tmp_path / "book", resume=True)
     assert set(files_below(tmp_path / "book" / "students" / "ana")) == {"result.json"}

@@ -14,7 +14,6 @@ from msgspec.structs import replace
 from lab3_usd.data import lab_folder, own_lab
 from lab3_usd.deliverables.maps import SuppliedMap, supplied_map
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.grade import shared_reports
 from lab3_usd.grade.adjustments import adjustments_in
 from lab3_usd.grade.gradebook import (
     Rows,
@@ -36,6 +35,7 @@ from lab3_usd.grade.intake.submissions import (
 from lab3_usd.grade.lock import locked
 from lab3_usd.grade.regrade import adjust
 from lab3_usd.grade.rubric import Rubric, load_rubric
+from lab3_usd.grade.shared_reports import MOST_NAMED
 from lab3_usd.grade.workers.messages import Json, PoolSettings, Task, status_of
 from lab3_usd.grade.workers.pool import Runner, run_tasks
 from lab3_usd.grade.workers.sandbox import WALLS
@@ -68,6 +68,7 @@ class ClassSettings(Struct, frozen=True):
     assets: Mapping[str, Path] = {}
     merge_uploads: bool = False
     force: bool = False
+    most_named: int = MOST_NAMED
     runner: Runner = run_tasks
     notify: Callable[[str], None] = lambda _line: None
 
@@ -137,7 +138,7 @@ def _graded(
             own_lab(),
             dict(settings.assets),
             settings.merge_uploads,
-            named=len(submissions) <= shared_reports.MOST_NAMED,
+            named=len(submissions) <= settings.most_named,
             supplied_map=None if settings.maps is None else supplied_map(settings.maps),
         )
         progress(0, len(submissions))

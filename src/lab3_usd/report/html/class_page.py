@@ -18,7 +18,7 @@ STUDENTS, SHARED, REPORT = "students", "reports", "report.html"
 BIN = 10  # per cent
 _HARDEST = 20
 _NAMED = 20  # students of a group that handed in the same
-_MOST = 500  # rows that are shown at first
+MOST = 500  # rows that are shown at first
 _AMBIGUOUS, _LATE, _TO_JUDGE = "ambiguous", "late", "to be judged by you"
 _DRY_RUN = "dry run/"  # what the ids of requirements begin with that a dry run shows to be unmet
 _PIECES = 500  # pieces of text that make a part of the page
@@ -64,9 +64,11 @@ class Rows(Sized, Iterable[Row], Protocol):
 
 
 def class_page(
-    title: str, items: Sequence[Row], rows: Rows, alike: Sequence[Row] = ()
+    title: str, items: Sequence[Row], rows: Rows, alike: Sequence[Row] = (), most: int = MOST
 ) -> Iterator[str]:
     """Yield the parts of the page for the rows of a gradebook, whose order is kept.
+
+    The first `most` rows are shown at first.
 
     It needs no network, and no script for reading: the script only sorts and filters.
     """
@@ -87,7 +89,7 @@ def class_page(
         top_reason=top_reason,
         by_hand=by_hand,
         has_names=any(is_named for _, is_named in known),
-        most=_MOST,
+        most=most,
         summaries=summaries(items, rows),
         statuses=sorted(Counter(row["status"] for row in rows).items()),
         median=statistics.median(percents) if percents else None,
