@@ -118,6 +118,9 @@ def test_no_function_of_lint_takes_more_for_each_robot_where_there_are_more(
         ("fix", "--isolated", "--lint", "--unsafe", "--diff", "STAGE"),
         ("draw", "STAGE", "--lint", "--force", "--out", "FOLDER"),
         ("topics", "-v", "STAGE"),
+        ("diff", "STAGE", "STAGE"),
+        ("lint", "--isolated", "--quiet", "--format", "html", "STAGE"),
+        ("lint", "--isolated", "--quiet", "--format", "sarif", "STAGE"),
     ],
 )
 def test_no_function_of_a_command_takes_more_for_each_robot_where_there_are_more(

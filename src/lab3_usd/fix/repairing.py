@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
-import itertools
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +16,10 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, unwritten
-from lab3_usd.files import FileState, lines_of, read_state, temporary_beside
+from lab3_usd.files import FileState, read_state, temporary_beside
 from lab3_usd.fix.text_editor import new_bytes
-from lab3_usd.model.changes import MovePrim, RemovePrim, Repair, Restore, TextChange
-from lab3_usd.model.finding import Finding, Report, Score, Site, StageResult, ordered, site_of
+from lab3_usd.model.changes import MovePrim, RemovePrim, Repair, Restore
+from lab3_usd.model.finding import Finding, Score, Site, StageResult, ordered, site_of
 from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.pipeline.lint import lint_platform
 from lab3_usd.pipeline.results import without_noted
@@ -30,7 +28,7 @@ from lab3_usd.pipeline.starter import open_against_starter, open_starter
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.edit.repairs import apply_edit
-from lab3_usd.stage.edit.session import EditedLayer, EditSession, is_text
+from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.read.opening import check_file, open_stage, quiet
 from lab3_usd.stage.read.properties import release_start_values
 from lab3_usd.stage.read.reader import read_model
@@ -39,8 +37,6 @@ WORSE = "would make the stage worse"
 USELESS = "does not help"
 _PACKAGE = ".usdz"
 _ROUNDS = 8  # a missing graph needs three: the graph, its connections, what those bring to light
-
-Changes = Mapping[tuple[str, Site], tuple[TextChange, ...]]
 
 
 class Attempt(Struct, frozen=True):
@@ -242,7 +238,7 @@ def _attempt(
                 if not deletes_what_waits(repair, errors, session)
                 and not _restores_what_moves(repair, moves)
             ]
-            _make_edits(session, repairs)
+            make_edits(session, repairs)
             made.update(dict.fromkeys(repairs))
             before_edits, after = after, findings_now() if repairs else after
             if after == before_edits:
@@ -314,7 +310,7 @@ def _restores_what_moves(repair: Repair, moves: Iterable[tuple[str, Repair]]) ->
     )
 
 
-def _make_edits(session: EditSession, repairs: Iterable[Repair]) -> None:
+def make_edits(session: EditSession, repairs: Iterable[Repair]) -> None:
     """Make each edit of some repairs once.
 
     Prims are moved last: the other edits name them where they were found.
@@ -437,64 +433,4 @@ def repair_open_stage(repair: Repair, stage: Any) -> None:
     """Make the edits of a repair in the layers of a stage; no file is written."""
     lab = load_lab()
     checkpoint = checkpoint_of(Path(stage.GetRootLayer().realPath).name, lab) or lab.first
-    _make_edits(EditSession(stage, lab.at(checkpoint), lab.checkpoints[checkpoint]), [repair])
-
-
-@quiet()
-def text_changes(report: Report, lab: Lab, starter: str | None) -> Changes:
-    """Return what the safe repair of each finding changes in text files, each by itself.
-
-    What is restored is taken from the starter, None for the bundled one.
-    """
-    changes: dict[tuple[str, Site], tuple[TextChange, ...]] = {}
-    for result in report.results:
-        repairs = {
-            site_of(finding): finding.fix
-            for finding in result.findings
-            if finding.fix and finding.fix.safe
-        }
-        if not repairs:
-            continue
-        stage = open_stage(Path(result.path))
-        checkpoint = lab.checkpoints[result.checkpoint or lab.first]
-        for site, repair in repairs.items():
-            session = EditSession(stage, lab.at(checkpoint.id), checkpoint, starter=starter)
-            lines = tuple(_lines(session, repair, result.path))
-            if lines:
-                changes[result.path, site] = lines
-    return changes
-
-
-def _lines(session: EditSession, repair: Repair, path: str) -> Iterator[TextChange]:
-    try:
-        for edit in repair.edits:
-            apply_edit(session, edit)
-        root = session.stage.GetRootLayer()
-        for layer in session.edited.values():
-            name = path if layer.layer == root else str(layer.layer.realPath)
-            yield from _hunks(layer, name) if is_text(layer.layer) else ()
-    except StageError:  # the repair cannot be written as text
-        return
-    finally:
-        session.close()
-
-
-def _hunks(edited: EditedLayer, name: str) -> Iterator[TextChange]:
-    content = Path(edited.layer.realPath).read_bytes()
-    before = lines_of(content.decode())
-    after = lines_of(new_bytes(edited, content).decode())
-    # Most of a file stays: only what stands between its first and last changed line is matched.
-    shorter = min(len(before), len(after))
-    head = _equal_count(before, after, shorter)
-    tail = _equal_count(reversed(before), reversed(after), shorter - head)
-    old, new = before[head : len(before) - tail], after[head : len(after) - tail]
-    matcher = difflib.SequenceMatcher(None, old, new, autojunk=False)
-    for kind, first, last, start, stop in matcher.get_opcodes():
-        if kind != "equal":
-            yield TextChange(name, head + first, head + last, "".join(new[start:stop]))
-
-
-def _equal_count(before: Iterable[str], after: Iterable[str], most: int) -> int:
-    """Return how many of the first lines are equal, at most so many."""
-    pairs = itertools.islice(zip(before, after, strict=False), most)
-    return next((place for place, (old, new) in enumerate(pairs) if old != new), most)
+    make_edits(EditSession(stage, lab.at(checkpoint), lab.checkpoints[checkpoint]), [repair])

@@ -47,7 +47,10 @@ class Statement(Struct, frozen=True):
 
 
 class Block(Struct):
-    """A prim, a variant or the layer itself: `body` and `meta` lie between their brackets."""
+    """A prim, a variant or the layer itself: `body` and `meta` lie between their brackets.
+
+    `inner` are the blocks that stand in its body.
+    """
 
     path: str
     start: int = 0
@@ -57,6 +60,7 @@ class Block(Struct):
     body: tuple[int, int] = (0, 0)
     end: int = 0
     statements: list[Statement] = field(default_factory=list)
+    inner: list[Block] = field(default_factory=list)
 
     def of(self, name: str) -> list[Statement]:
         """Return the statements of one property, in the order of the file."""
@@ -93,6 +97,7 @@ def read_blocks(text: str) -> Mapping[str, Block]:
         elif opening:
             inner = _opened(text, block, opening)
             blocks.setdefault(inner.path, inner)
+            block.inner.append(inner)
             opened.append(inner)
             pos = inner.body[0]
         else:

@@ -22,6 +22,19 @@ from lab3_usd.fix.source_tree import (
     read_blocks,
     read_metadata,
 )
+from lab3_usd.fix.splices import (
+    OPAQUE,
+    STEP,
+    Splice,
+    indent_at,
+    indented,
+    insertion,
+    line_rest,
+    line_start,
+    reindented,
+    removal,
+    spliced,
+)
 from lab3_usd.stage.edit.session import (
     EditedLayer,
     child_names,
@@ -33,24 +46,14 @@ from lab3_usd.stage.edit.session import (
     render_tree,
     same_content,
 )
-from lab3_usd.stage.statements import ASSET, BLOCK_COMMENT, LINE_COMMENT, STRING
+from lab3_usd.stage.statements import ASSET
 
 if TYPE_CHECKING:
     from pxr import Sdf
 
 
-STEP = "    "
-_OPAQUE = re.compile(f"{STRING}|{ASSET}|{LINE_COMMENT}|{BLOCK_COMMENT}", re.DOTALL)
 _Source = tuple[str, Block]  # a rendering, and a block of it
 _Parts = tuple[str, str, str]  # words, value, metadata
-
-
-class Splice(NamedTuple):
-    """A text that replaces what is between two offsets."""
-
-    start: int
-    end: int
-    text: str
 
 
 class PrimChange(NamedTuple):
@@ -92,6 +95,19 @@ def new_text(text: str, edited: EditedLayer) -> str:
     before = (layer_from(text) if is_renamed else None) or edited.before
     touched = dict.fromkeys(_moved_path(path, edited.moves) for path in edited.touched)
     return apply_changes(text, _changes(before, edited.layer, touched))
+
+
+def prim_splices(text: str, edited: EditedLayer) -> dict[str, list[Splice]]:
+    """Return what is replaced in the text of a layer of which single prims were kept.
+
+    It is given by prim, of new ones by the highest. Only one property may have been renamed, and
+    nothing else edited then.
+    """
+    if edited.renames:
+        return {path: _renames(text, edited.renames) for path in edited.touched}
+    changes = _changes(edited.before, edited.layer, edited.touched)
+    blocks = read_blocks(text)
+    return {change.path: [*_prim(text, blocks, change)] for change in changes}
 
 
 def _moved_path(path: str, moves: list[tuple[str, str]]) -> str:
@@ -140,7 +156,7 @@ def _moved_text(text: str, path: str, to: str) -> str:
         text = _moved_block(text, path, to)
     # Strings and comments stay, and paths in other files.
     paths = re.compile(
-        rf"(?:{ASSET})<[^>]*>|{_OPAQUE.pattern}|<{re.escape(path)}(?=[>/.])", re.DOTALL
+        rf"(?:{ASSET})<[^>]*>|{OPAQUE.pattern}|<{re.escape(path)}(?=[>/.])", re.DOTALL
     )
     return paths.sub(lambda match: f"<{to}" if match[0].startswith("<") else match[0], text)
 
@@ -152,12 +168,20 @@ def _with_renamed_properties(text: str, renames: Iterable[tuple[str, str, str]])
     for path, name, to in renames:
         if {(path, name), (path, to)} & named:  # which stands in the text only after the others
             text, renamed, named = spliced(text, renamed), [], set()
-        block = read_blocks(text).get(path)
-        for statement in block.of(name) if block else ():
-            start = text.rindex(name, statement.start, statement.head)
-            renamed.append(Splice(start, start + len(name), to))
+        renamed += _renames(text, [(path, name, to)])
         named |= {(path, name), (path, to)}
     return spliced(text, renamed)
+
+
+def _renames(text: str, renames: Iterable[tuple[str, str, str]]) -> list[Splice]:
+    """Return where the text names properties: prim, name, new name."""
+    blocks = read_blocks(text)
+    return [
+        Splice(start := text.rindex(name, statement.start, statement.head), start + len(name), to)
+        for path, name, to in renames
+        if path in blocks
+        for statement in blocks[path].of(name)
+    ]
 
 
 def _moved_block(text: str, path: str, to: str) -> str:
@@ -280,7 +304,7 @@ def _changed_items(text: str, own: Statement, old: str, new: str) -> list[Splice
     Empty where the value is no list with comments, or not the list that is rendered as `old`.
     """
     start, stop = own.value or (0, 0)
-    is_commented = any(piece[0][0] in "#/" for piece in _OPAQUE.finditer(text, start, stop))
+    is_commented = any(piece[0][0] in "#/" for piece in OPAQUE.finditer(text, start, stop))
     spans = list_items(text[start:stop]) if is_commented else None
     before, after = (_items(value) for value in (old, new))
     if not spans or not after or len(before) != len(spans):
@@ -315,7 +339,7 @@ def _items(value: str) -> list[str]:
 def _without_item(text: str, start: int, spans: list[tuple[int, int]], index: int) -> Splice:
     """Take an item out of a list with the comma behind it, the last one with that before it."""
     at, to = start + spans[index][0], start + spans[index][1]
-    rest = text[to:]
+    rest, _ = line_rest(text, to)
     behind = len(rest) - len(rest.lstrip(" \t"))
     if rest[behind:].startswith(","):
         close = to + behind + 1
@@ -384,9 +408,9 @@ def _new_statement(text: str, block: Block, after: Statement | None, new: str) -
         return Splice(pos, pos, f"{new}\n")
     if last:
         return Splice(pos, pos, f"\n{new}\n{indent_at(text, block.start)}")
-    rest = text[pos:].partition("\n")
-    if not rest[0].strip() and rest[1]:
-        pos += len(rest[0]) + 1
+    rest, end = line_rest(text, pos)
+    if not rest.strip() and end:
+        pos += len(rest) + 1
         return Splice(pos, pos, f"{new}\n")
     return Splice(pos, pos, f"\n{new}\n{indent_at(text, block.start)}")
 
@@ -397,79 +421,3 @@ def _indent_in(text: str, block: Block) -> str:
         if not text[line_start(text, statement.start) : statement.start].strip():
             return indent_at(text, statement.start)
     return indent_at(text, block.start) + STEP
-
-
-def spliced(text: str, splices: Iterable[Splice]) -> str:
-    """Return the text with all of these replaced; they do not overlap.
-
-    What is inserted at one place stays in the order given.
-    """
-    line_end = "\r\n" if "\r\n" in text else "\n"
-    numbered = ((splice.start, splice.end, number, splice) for number, splice in enumerate(splices))
-    for *_, splice in sorted(numbered, reverse=True):  # from the end on, so that offsets hold
-        new = splice.text.replace("\n", line_end)
-        text = text[: splice.start] + new + text[splice.end :]
-    return text
-
-
-def insertion(text: str, parent: Block, block: str) -> Splice:
-    """Put the text of a prim at the end of a body."""
-    lines = indented(block, "" if parent.path == ROOT else indent_at(text, parent.start) + STEP)
-    if parent.path == ROOT:
-        gap = "" if text.endswith("\n") else "\n"
-        return Splice(len(text), len(text), f"{gap}\n{lines}\n")
-    close = parent.body[1]
-    line = line_start(text, close)
-    if text[line:close].strip():
-        return Splice(close, close, f"\n{lines}\n{indent_at(text, parent.start)}")
-    gap = "\n" if text[parent.body[0] : line].strip() else ""
-    return Splice(line, line, f"{gap}{lines}\n")
-
-
-def removal(text: str, start: int, stop: int, end: int) -> Splice:
-    """Take out what stands between two offsets, with its lines where nothing else is in them."""
-    line = line_start(text, start)
-    rest = text[stop:].partition("\n")
-    is_block = text[stop - 1] == "}" and stop == end
-    if text[line:start].strip() or rest[0].strip(" \t\r;"):
-        close = max(stop, end) if text[end - 1 : end] == ";" else stop
-        if not (is_block or text[line:start].strip()):  # a comment stands where it stood
-            close += len(text[close:]) - len(text[close:].lstrip(" \t"))
-        return Splice(start, close, "")
-    last = stop + len(rest[0]) + len(rest[1])
-    above = line_start(text, line - 1) if line else 0
-    if is_block and line and not text[above:line].strip():
-        line = above
-    return Splice(line, last, "")
-
-
-def line_start(text: str, pos: int) -> int:
-    """Return where the line of an offset begins."""
-    return text.rfind("\n", 0, max(pos, 0)) + 1
-
-
-def indent_at(text: str, pos: int) -> str:
-    """Return the white space before the first word of a line."""
-    line = text[line_start(text, pos) : pos]
-    return line[: len(line) - len(line.lstrip())]
-
-
-def indented(text: str, indent: str, was: str = "") -> str:
-    """Return a text whose lines stand in by one indent instead of another; strings stay."""
-    kept = {
-        match.start() + index + 1
-        for match in _OPAQUE.finditer(text)
-        for index, letter in enumerate(match[0])
-        if letter == "\n" and match[0][0] in "\"'"
-    }
-    lines, pos = [], 0
-    for line in text.split("\n"):
-        moved = indent + line.removeprefix(was) if line.strip() else line
-        lines.append(line if pos in kept else moved)
-        pos += len(line) + 1
-    return "\n".join(lines)
-
-
-def reindented(text: str, start: int, stop: int, indent: str) -> str:
-    """Return a part of a text as it stands at another depth."""
-    return indented(text[start:stop], indent, indent_at(text, start))

@@ -21,7 +21,7 @@ from lab3_usd.report.options import Options
 from lab3_usd.spec.load.loader import load_lab
 
 if TYPE_CHECKING:
-    from lab3_usd.fix.repairing import Changes
+    from lab3_usd.fix.line_changes import Changes
     from lab3_usd.model.grade import GradeSummary
 
 GRADESCOPE = "gradescope"  # the format with the points of grading
@@ -133,7 +133,7 @@ def rendered(report: Report, options: Mapping[str, Any]) -> str:
         rules = rules_in(load_lab())
     changes: Changes = {}
     if form.changes:
-        from lab3_usd.fix.repairing import text_changes
+        from lab3_usd.fix.line_changes import text_changes
 
         changes = text_changes(report, load_lab(), options.get("starter"))
     to_terminal = options["output"] is None

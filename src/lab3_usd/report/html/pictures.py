@@ -64,6 +64,7 @@ def gallery(
     """
     all_shared = list(_shared_pictures(block, contents))
     targets: dict[str, dict[str, _PictureTarget]] = {}  # of each picture, by the id of the fault
+    faults = {fault.id: fault for fault in block_faults}
     by_prim: dict[str, list[int]] = {}
     for number, fault in enumerate(block_faults):
         by_prim.setdefault(fault.finding.prim, []).append(number)
@@ -86,7 +87,7 @@ def gallery(
         return not targets[shared.id], -shared.stages[-1]
 
     for shared in sorted(all_shared, key=order):
-        text = _svg(shared, targets[shared.id], block_faults)
+        text = _svg(shared, targets[shared.id], faults)
         if len(text) <= characters_left:
             characters_left -= len(text)
             drawn[shared.id] = text
@@ -102,7 +103,7 @@ def gallery(
                 stages=shared.stages,
                 size=(picture.width, picture.height),
                 faults=len(targets[shared.id]),
-                severity=_worst(fault for fault in block_faults if fault.id in targets[shared.id]),
+                severity=_worst(faults[name] for name in targets[shared.id]),
                 svg=drawn.get(shared.id),
                 lines=shared.lines,
             )
@@ -141,12 +142,11 @@ def _shared_pictures(
 def _svg(
     shared: _SharedPicture,
     targets: Mapping[str, _PictureTarget],
-    block_faults: Sequence[ReportedFault],
+    faults: Mapping[str, ReportedFault],
 ) -> str:
     links: dict[str, str] = {}
     for name, target in targets.items():
         links.setdefault(target.id, f"#{name}")
-    faults = {fault.id: fault for fault in block_faults}
     boxes = _boxes_of(shared.picture)
     for fault in map(faults.__getitem__, targets):
         if boxes:

@@ -11,21 +11,25 @@ from pathlib import Path
 from typing import Any
 
 from msgspec import Struct, field
-from pxr import Sdf, Usd
+from pxr import Sdf, Tf, Usd
 
+from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.spec.lab import STARTER, Checkpoint, Lab, articulated_at_roots
 from lab3_usd.stage.write.builder import checkpoint_layer, described_layer
 from lab3_usd.stage.write.starter import robots_articulated_at_root
 
-# The fields of a prim that edits change, beside its specifier and type.
-_FIELDS = ("active", "apiSchemas")
+# The fields of a prim that edits change, beside its specifier.
+_FIELDS = ("typeName", "active", "apiSchemas")
 _OFFSETS = "subLayerOffsets"  # which usd-core cannot hand to Python
 
 
 def layer_from(text: str) -> Sdf.Layer | None:
     """Return the layer that a text holds, None where usd-core cannot read it."""
     layer = Sdf.Layer.CreateAnonymous(".usda")
-    return layer if layer.ImportFromString(text) else None
+    try:
+        return layer if layer.ImportFromString(text) else None
+    except Tf.ErrorException:
+        return None
 
 
 def same_content(before: Sdf.Layer, after: Sdf.Layer) -> bool:
@@ -38,19 +42,33 @@ def same_content(before: Sdf.Layer, after: Sdf.Layer) -> bool:
     return is_alike and _fields(before) == _fields(after)
 
 
+def same_prim(before: Sdf.Layer, after: Sdf.Layer, path: str) -> bool:
+    """Whether two layers say the same of a prim and its properties, whatever is below it."""
+    mine, theirs = (layer.GetPrimAtPath(path) for layer in (before, after))
+    if mine is None or theirs is None:
+        return False
+    said, expected = (
+        {spec.path: _info(spec) for spec in (prim, *prim.properties)} for prim in (mine, theirs)
+    )
+    return said == expected
+
+
 def _fields(layer: Sdf.Layer) -> dict[Sdf.Path, dict[str, str]]:
-    """Return what a layer says of each prim and property, as text: no NaN equals another."""
+    """Return what a layer says of each prim and property."""
     fields: dict[Sdf.Path, dict[str, str]] = {}
 
     def keep(path: Sdf.Path) -> None:
-        if path.IsTargetPath():  # is in a list of its property, and not always a spec of its own
-            return
-        spec = layer.GetObjectAtPath(path)
-        names = spec.ListInfoKeys() if spec else ()
-        fields[path] = {name: str(spec.GetInfo(name)) for name in names if name != _OFFSETS}
+        if not path.IsTargetPath():  # which is in a list, and not always a spec of its own
+            fields[path] = _info(layer.GetObjectAtPath(path))
 
     layer.Traverse(Sdf.Path.absoluteRootPath, keep)
     return fields
+
+
+def _info(spec: Any) -> dict[str, str]:
+    """Return the fields of a prim or property as text: no NaN equals another."""
+    names = spec.ListInfoKeys() if spec else ()
+    return {name: str(spec.GetInfo(name)) for name in names if name != _OFFSETS}
 
 
 def is_text(layer: Sdf.Layer) -> bool:
@@ -78,17 +96,23 @@ def render_prim(layer: Sdf.Layer, path: str) -> str:
             if name not in {"subLayers", _OFFSETS}:
                 rendered.pseudoRoot.SetInfo(name, layer.pseudoRoot.GetInfo(name))
         return str(rendered.ExportToString())
-    source = layer.GetPrimAtPath(path)
-    prim = Sdf.CreatePrimInLayer(rendered, path)
+    _copy_alone(layer, rendered, path)
+    return str(rendered.ExportToString())
+
+
+def _copy_alone(layer: Sdf.Layer, target: Sdf.Layer, path: str) -> None:
+    """Make a prim without those below it what it is in another layer."""
+    source, prim = layer.GetPrimAtPath(path), Sdf.CreatePrimInLayer(target, path)
     prim.specifier = source.specifier
-    if source.typeName:
-        prim.typeName = source.typeName
     for name in _FIELDS:
         if source.HasInfo(name):
             prim.SetInfo(name, source.GetInfo(name))
+        else:
+            prim.ClearInfo(name)
+    for spec in [*prim.properties]:
+        prim.RemoveProperty(spec)
     for spec in source.properties:
-        Sdf.CopySpec(layer, spec.path, rendered, spec.path)
-    return str(rendered.ExportToString())
+        Sdf.CopySpec(layer, spec.path, target, spec.path)
 
 
 def render_tree(layer: Sdf.Layer, path: str) -> str:
@@ -116,24 +140,54 @@ class EditedLayer(Struct, eq=False):
     """A layer with its content before the first edit, and the prims that were edited.
 
     `renames` are the properties that were renamed, as prim, old and new name; `moves` the prims
-    that were moved afterwards. Both are in order.
+    that were moved afterwards. Both are in order. `added` are the highest prims that the layer had
+    not: they are known where `before` holds only what was edited.
     """
 
     layer: Sdf.Layer
     before: Sdf.Layer
     touched: dict[str, None] = field(default_factory=dict)
+    added: list[str] = field(default_factory=list)
     renames: list[tuple[str, str, str]] = field(default_factory=list)
     moves: list[tuple[str, str]] = field(default_factory=list)
 
+    def keep_prim(self, path: str) -> None:
+        """Keep what the layer says of one prim before it is edited."""
+        if path in self.touched or any(is_at_or_below(path, top) for top in self.added):
+            return
+        missing = [above for above in upwards(path) if not has_prim(self.layer, above)]
+        self.added += missing[-1:]
+        there = missing[-1].rpartition("/")[0] if missing else path
+        if there and not has_prim(self.before, there):
+            Sdf.CreatePrimInLayer(self.before, there)
+        if not missing:
+            _copy_alone(self.layer, self.before, path)
+
+    def put_back(self) -> None:
+        """Make each prim what it was before it was edited."""
+        with Sdf.ChangeBlock():
+            for path in self.touched:
+                if not any(is_at_or_below(path, top) for top in self.added):
+                    _copy_alone(self.before, self.layer, path)
+            for path in self.added:
+                spec = self.layer.GetPrimAtPath(path)
+                if spec is not None:
+                    del (spec.nameParent or self.layer.pseudoRoot).nameChildren[spec.name]
+
 
 class EditSession(Struct, eq=False):
-    """An open stage under repair; with `root_only` no layer but the root is edited."""
+    """An open stage under repair; with `root_only` no layer but the root is edited.
+
+    With `by_prim`, of each layer only the prims that are edited are kept and put back: the edits
+    change a prim and its properties, and add none that has more than that.
+    """
 
     stage: Usd.Stage
     lab: Lab
     checkpoint: Checkpoint
     root_only: bool = False
     starter: str | None = None
+    by_prim: bool = False
     edited: dict[str, EditedLayer] = field(default_factory=dict)
     _reference: list[Usd.Stage] = field(default_factory=list)
 
@@ -178,13 +232,17 @@ class EditSession(Struct, eq=False):
 
     def touch(self, layer: Sdf.Layer, path: str) -> None:
         """Remember that a prim is about to be edited in a layer."""
-        self.begin(layer).touched[path] = None
+        edited = self.begin(layer)
+        if self.by_prim:
+            edited.keep_prim(path)
+        edited.touched[path] = None
 
     def begin(self, layer: Sdf.Layer) -> EditedLayer:
         """Keep the content of a layer before its first edit."""
         if layer.identifier not in self.edited:
             before = Sdf.Layer.CreateAnonymous(".usda")
-            before.TransferContent(layer)
+            if not self.by_prim:
+                before.TransferContent(layer)
             self.edited[layer.identifier] = EditedLayer(layer, before)
         return self.edited[layer.identifier]
 
@@ -241,5 +299,8 @@ class EditSession(Struct, eq=False):
 
     def close(self) -> None:
         """Restore the content of every layer."""
-        for layer in self.edited.values():
-            layer.layer.TransferContent(layer.before)
+        for edited in self.edited.values():
+            if self.by_prim:
+                edited.put_back()
+            else:
+                edited.layer.TransferContent(edited.before)
