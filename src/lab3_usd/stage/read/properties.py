@@ -256,12 +256,12 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
 
     def sources(self) -> tuple[str, ...]:
         """Return the properties that an attribute is connected to."""
+        specs = self.specs
+        if self.is_plain and len(specs) == 1 and type(specs[0]) is Sdf.AttributeSpec:
+            paths = Sdf.Spec.GetInfo(specs[0], _SOURCES).ApplyOperations([])
+            return tuple(map(str, paths)) if paths else ()
         if not self._is_authored(_SOURCES):
             return ()
-        if self.is_plain and len(self.specs) == 1:
-            wires = Sdf.Spec.GetInfo(self.specs[0], _SOURCES)
-            if wires.isExplicit:
-                return tuple(map(str, wires.explicitItems))
         attribute = Usd.Prim.GetAttribute(self.prim, self.name)
         return tuple(map(str, Usd.Attribute.GetConnections(attribute)))
 

@@ -147,6 +147,7 @@ class _Scan:
         self.instances: list[str] = []
         self.overridden: list[str] = []
         self._namespaces: dict[str, tuple[str, ...]] = {"/": ()}
+        self._types: dict[str, tuple[str, NodeType | None, Mapping[str, OtherName]]] = {}
 
     def run(self) -> None:
         """Look at every prim; at those that the application made for itself only for scripts."""
@@ -238,8 +239,8 @@ class _Scan:
         names = properties.names()
         written = _text(properties[_NODE_TYPE].value())
         own = _text(properties[_NAMESPACE].value()) if _NAMESPACE in names else ""
-        type_name, version = self._platform.type_name(written), properties[_VERSION].value()
-        kind, others = self._platform.types.get(type_name), self._platform.other_ports(type_name)
+        version = properties[_VERSION].value()
+        type_name, kind, others = self._types.get(written) or self._type(written)
         ports = read_ports(properties, kind, others)
         if not type_name and not ports:
             return  # a leftover, which is no node
@@ -263,15 +264,21 @@ class _Scan:
             )
         )
 
+    def _type(self, written: str) -> tuple[str, NodeType | None, Mapping[str, OtherName]]:
+        """Return what a file's `node:type` means: a name, its type, and other names of its ports."""
+        name = self._platform.type_name(written)
+        known = name, self._platform.types.get(name), self._platform.other_ports(name)
+        self._types[written] = known
+        return known
+
     def _note_absent(self, prim: Usd.Prim, graph: str) -> None:
         """Keep a prim that looks like a node and is none: its own graph may miss it."""
-        platform, properties = self._platform, AuthoredProperties(prim)
+        properties = AuthoredProperties(prim)
         type_name = _text(properties[_NODE_TYPE].value())
-        others = platform.other_ports(platform.type_name(type_name))
-        ports = read_ports(properties, platform.get(type_name), others)
+        ports = read_ports(properties, *self._type(type_name)[1:])
         if not (ports or type_name):
             return
-        reason = f"of {prim.GetTypeName() or 'no type'}, not {platform.graph.node_type}"
+        reason = f"of {prim.GetTypeName() or 'no type'}, not {self._platform.graph.node_type}"
         if not prim.IsActive():
             reason = DEACTIVATED
         elif not is_in_scene(prim, self._hidden):
@@ -378,9 +385,11 @@ def read_ports(
     ports = {}
     names = properties.names()
     for written in names:
-        name = others[written].name if written in others else written
-        if name != written and name in names:
-            continue  # the file has the port under its own name, too
+        name = written
+        if written in others:
+            name = others[written].name
+            if name in names:
+                continue  # the file has the port under its own name, too
         if name.startswith(OUTPUT):
             ports[name] = _output(name)
         elif name.startswith(INPUT):
