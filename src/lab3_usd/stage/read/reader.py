@@ -265,7 +265,7 @@ class _Scan:
         )
 
     def _type(self, written: str) -> tuple[str, NodeType | None, Mapping[str, OtherName]]:
-        """Return what a file's `node:type` means: a name, its type, and other names of its ports."""
+        """Return what `node:type` means: a name, its type, and other names of its ports."""
         name = self._platform.type_name(written)
         known = name, self._platform.types.get(name), self._platform.other_ports(name)
         self._types[written] = known
