@@ -12,7 +12,15 @@ from msgspec.structs import force_setattr
 
 from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.values import Value, are_alike
-from lab3_usd.model.prims import Colliders, NameFilter, Prim, Prims, is_at_or_below, of_any_name
+from lab3_usd.model.prims import (
+    Colliders,
+    NameFilter,
+    Prim,
+    Prims,
+    is_at_or_below,
+    of_any_name,
+    upwards,
+)
 
 NOISE = 1e-6  # relative; the GUI writes float noise into doubles
 
@@ -245,7 +253,7 @@ class StageModel(Struct, frozen=True, eq=False):
     Two models are the same only when they are one. `derived` holds what was worked out from this
     one (`once_per_stage`), so that it goes when the model goes. `judged` holds what was worked out
     for rules, their inputs, and so the model, and how often those used the checkpoint. `instances`
-    are the paths of the prims that are instances, `products` the render products that nodes name,
+    are the paths of the outermost instances, `products` the render products that nodes name,
     by path. `overridden` are prims that look like nodes, which the stage only overrides; they are
     read where an asset is missing.
     """
@@ -261,7 +269,7 @@ class StageModel(Struct, frozen=True, eq=False):
     colliders: Colliders = field(default_factory=Colliders)
     muted: tuple[MutedSublayer, ...] = ()
     default_prim: str = ""
-    instances: tuple[str, ...] = ()
+    instances: frozenset[str] = frozenset()
     overridden: tuple[str, ...] = ()
     scripts: tuple[Script, ...] = ()
     moving: tuple[AnimatedAttribute, ...] = ()
@@ -324,7 +332,7 @@ class StageModel(Struct, frozen=True, eq=False):
 
     def instance_above(self, path: str) -> str | None:
         """Return the instance that a prim is or belongs to, None where it belongs to none."""
-        return next((top for top in self.instances if is_at_or_below(path, top)), None)
+        return next((above for above in upwards(path) if above in self.instances), None)
 
     def unresolved_above(self, path: str) -> UnresolvedAsset | None:
         """Return the missing asset that could hold the prim at `path`, None where none could."""

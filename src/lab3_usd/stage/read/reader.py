@@ -93,7 +93,7 @@ def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
         colliders=StageColliders(prims, reader),
         muted=tuple(find_muted(stage)),
         default_prim=_path_of(stage.GetDefaultPrim()),
-        instances=tuple(scan.instances),
+        instances=frozenset(scan.instances),
         overridden=tuple(scan.overridden),
         scripts=tuple(scan.scripts),
         moving=changes_after_start(stage),
@@ -144,7 +144,7 @@ class _Scan:
         self.nodes: dict[str, list[Node]] = {"": []}
         self.absent: dict[str, list[AbsentPrim]] = {"": []}
         self.scripts: list[Script] = []
-        self.instances: list[str] = []
+        self.instances: set[str] = set()
         self.overridden: list[str] = []
         self._namespaces: dict[str, tuple[str, ...]] = {"/": ()}
         self._types: dict[str, tuple[str, NodeType | None, Mapping[str, OtherName]]] = {}
@@ -156,8 +156,8 @@ class _Scan:
             if not top.IsAbstract():  # classes are judged where they are inherited
                 self._tree(top, is_ignored=form.ignores(str(top.GetPath())))
         if self._stage.GetPrototypes():
-            everything = Usd.PrimRange(self._stage.GetPseudoRoot(), EVERYTHING)
-            self.instances += (str(prim.GetPath()) for prim in everything if prim.IsInstance())
+            outside = Usd.PrimRange(self._stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate)
+            self.instances |= {str(prim.GetPath()) for prim in outside if prim.IsInstance()}
 
     def settle_names(self) -> None:
         """Let wires leave from ports by their own names, and note what a file calls the others.
