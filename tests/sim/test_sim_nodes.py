@@ -376,7 +376,7 @@ def test_odometry_is_the_way_since_play_in_the_frame_of_the_start(stage: World) 
     assert odometry.compute(stage)
     assert odometry.enabled == ["execOut"]
     machine.y, machine.yaw, machine.velocity = 2.0, math.pi, (0.3, 0.0, 0.5)
-    stage.machines._now.clear()
+    machine.now = None
     odometry.compute(stage)
     assert odometry.outputs["position"] == pytest.approx((2.0, 0.0, 0.0))
     assert odometry.outputs["orientation"] == pytest.approx((0.0, 0.0, HALF, HALF))
@@ -427,7 +427,7 @@ def test_a_raw_transform_is_as_given_and_once_if_static() -> None:
             publish.compute(here)
         assert len(here.network.sent) == count
         said = Transform("odom", "base_link", (1.0, 2.0, 0.0), (HALF, 0.0, 0.0, HALF))
-        assert here.network.sent[0].data == (said,)
+        assert here.network.sent[0].transforms == (said,)
 
 
 def test_tf2_takes_a_slash_off_before_the_frames_of_a_transform() -> None:
@@ -493,7 +493,7 @@ def test_a_transform_publisher_decides_once_where_from() -> None:
     publish.values.update(arrays)
     publish.compute(here)
     publish.compute(here)
-    assert here.network.sent[0].data == (
+    assert here.network.sent[0].transforms == (
         Transform("a", "b", (1.0, 0.0, 0.0), (HALF, 0.0, 0.0, HALF)),
     )
     publish.values["childFrames"] = ("b", "c")
@@ -505,9 +505,21 @@ def test_a_transform_publisher_with_targets_of_its_own(stage: World) -> None:
     publish = node(f"{ROS}ROS2PublishTransformTree", targetPrims=f"{ROBOT}/base_scan")
     publish.compute(stage)
     publish.compute(stage)
-    said = stage.network.sent[0].data[0]
+    said = stage.network.sent[0].transforms[0]
     assert (said.parent, said.child) == ("world", "base_scan")
     assert said.translation == pytest.approx((1.768, 0.0, 0.182))
+
+
+def test_a_transform_is_that_of_its_moment_whenever_one_looks_at_it(stage: World) -> None:
+    publish = node(f"{ROS}ROS2PublishTransformTree", targetPrims=f"{ROBOT}/base_scan")
+    for _ in range(2):
+        publish.compute(stage)
+    machine = stage.machines.articulation(ROBOT)
+    assert machine is not None
+    machine.x, machine.now = 5.0, None
+    publish.compute(stage)
+    before, after = (message.transforms[0].translation[0] for message in stage.network.sent)
+    assert after - before == pytest.approx(5.0)
 
 
 JOINED = [
@@ -536,7 +548,7 @@ def test_a_transform_publisher_expands_articulations_only_and_leaves_out_own_par
     publish = node(name, parentPrim=ROBOT + parent, targetPrims=ROBOT + target)
     publish.compute(stage)
     publish.compute(stage)
-    sent = stage.network.sent[0].data
+    sent = stage.network.sent[0].transforms
     assert sorted((each.parent, each.child) for each in sent) == sorted(known)
 
 
@@ -548,7 +560,7 @@ def test_a_frame_name_that_is_taken_becomes_the_path(stage: World) -> None:
     publish.compute(stage)
     publish.compute(stage)
     known = ["base_link", "turtlebot3_burger_base_scan"]
-    assert [each.child for each in stage.network.sent[0].data] == known
+    assert [each.child for each in stage.network.sent[0].transforms] == known
 
 
 @pytest.mark.parametrize(

@@ -391,9 +391,7 @@ def apart(trial: Trial) -> Iterator[RunFault]:
     for message in trial.recording.messages:
         if message.type == TRANSFORMS and not (message.static or message.session):
             edges = on.setdefault(message.topic, {})
-            edges.update(
-                {(frame.parent, frame.child): message.node for frame in message.transforms}
-            )
+            edges.update(dict.fromkeys(message.frames, message.node))
     own = on.pop(trial.wanted.transforms, {})
     base = next((edge for edge in own if edge[1] == trial.wanted.base), None)
     for topic, edges in on.items():
@@ -437,9 +435,9 @@ def _moving_messages(trial: Trial) -> list[Message]:
     with_frame: dict[str, list[Message]] = {}
     up: dict[str, str] = {}
     for message in messages:
-        for transform in message.transforms:
-            with_frame.setdefault(transform.child, []).append(message)
-            up[transform.child] = transform.parent
+        for parent, child in message.frames:
+            with_frame.setdefault(child, []).append(message)
+            up[child] = parent
     frame, found = trial.wanted.base, messages
     for _ in up:
         sent = with_frame.get(frame, [])

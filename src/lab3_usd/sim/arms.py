@@ -375,8 +375,8 @@ def _with_frames(trial: Trial, scene: Scene, machine: Machine) -> Trial:
             continue
         if not concerns(trial, message.node, machine):
             continue
-        if names & {transform.child for transform in message.transforms}:
-            up = {frame.child: frame.parent for frame in message.transforms}
+        up = {child: parent for parent, child in message.frames}
+        if names & up.keys():
             top = next(iter(up))
             for _ in up:
                 top = up.get(top, top)

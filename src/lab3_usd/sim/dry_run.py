@@ -201,8 +201,8 @@ def _frames(trial: Trial) -> Iterator[Frame]:
     """Yield each transform once, as tf2 takes it, in the order in which they are sent."""
     seen: dict[Frame, None] = {}
     for message in trial.recording.messages:
-        for transform in message.transforms if message.away is None else ():
-            seen.setdefault(Frame(transform.parent, transform.child, message.static))
+        for frames in message.frames if message.away is None else ():
+            seen.setdefault(Frame(*frames, message.static))
     yield from seen
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache, lru_cache
-from typing import overload
 
 from msgspec import Struct, field
 
@@ -59,33 +58,6 @@ def sweep(beam: Beam, segments: tuple[Segment, ...]) -> tuple[float, ...]:
                 if across > 0 and near <= area / across < ranges[ray]:
                     ranges[ray] = area / across
     return tuple(distance if distance <= beam.far else NOTHING for distance in ranges)
-
-
-class Ranges(Sequence[float]):
-    """The ranges of a scan, which are not computed before one looks at them."""
-
-    def __init__(self, count: int, measure: Callable[[], tuple[float, ...]]) -> None:
-        self._count = count
-        self._measure = measure
-        self._known: tuple[float, ...] | None = None
-
-    def __len__(self) -> int:
-        return self._count
-
-    @overload
-    def __getitem__(self, at: int) -> float: ...
-    @overload
-    def __getitem__(self, at: slice) -> tuple[float, ...]: ...
-    def __getitem__(self, at: int | slice) -> float | tuple[float, ...]:
-        return self._all()[at]
-
-    def __iter__(self) -> Iterator[float]:
-        return iter(self._all())
-
-    def _all(self) -> tuple[float, ...]:
-        if self._known is None:
-            self._known = self._measure()
-        return self._known
 
 
 def _touched(beam: Beam, segment: Segment) -> tuple[range, float, float, float]:
@@ -152,17 +124,18 @@ class Surroundings(Struct):
 
     def seen(self, sensor: str, machines: Machines) -> Callable[[], tuple[Segment, ...]]:
         """Return what gives all that is around a sensor as it stands now, whenever it is called."""
-        at, places = machines.place(sensor), machines.places()
-        machine = machines.member.get(machines.body_of(sensor))
+        spot, postures = machines.spot(sensor), machines.postures()
+        posture = spot.posture()
         carried = self.carried(sensor, machines)
-        others = [body for body in self.moving if machines.member[body] is not machine]
 
         def segments() -> tuple[Segment, ...]:
+            at = spot.place(posture)
             back = at.inverse()
             shapes = [
                 shape
-                for body in others
-                for shape in _straddling(self.moving[body], back.then(places[body]))
+                for body, surfaces in self.moving.items()
+                if (other := machines.spot(body)).machine is not spot.machine
+                for shape in _straddling(surfaces, back.then(other.place(postures[other.base])))
             ]
             beside = joined(sections(shapes, 0.0)) if shapes else []
             return (*self.around(at), *carried, *beside)
@@ -172,8 +145,8 @@ class Surroundings(Struct):
     def carried(self, sensor: str, machines: Machines) -> list[Segment]:
         """Return what the plane of a sensor cuts out of the machine that carries it."""
         if sensor not in self.own:
-            machine = machines.member.get(machines.body_of(sensor))
-            back = machines.inverse(sensor)
+            spot = machines.spot(sensor)
+            machine, back = spot.machine, spot.back(spot.posture())
             surface: list[Triangle] = []
             for body in machine.rest if machine is not None else ():
                 place = back.then(machines.place(body))

@@ -73,7 +73,7 @@ def own_view(robot: Robot, robots: Sequence[Robot], played: Trial, scene: Scene)
     base = named or (frame_name(scene.prims[robot.body]) if robot.body else "")
     root = first.frame if first is not None else ""
     tf = [m for m in messages if m.type == TRANSFORMS and not m.static]
-    has_base = (m.topic for m in tf if any(frame.child == base for frame in m.transforms))
+    has_base = (m.topic for m in tf if any(child == base for _, child in m.frames))
     topics = {message.node: message.topic for message in messages}
     wanted = replace(
         played.wanted,
@@ -83,15 +83,15 @@ def own_view(robot: Robot, robots: Sequence[Robot], played: Trial, scene: Scene)
         base=base,
     )
     heard = build_tree(
-        SentTransform(frame.parent, frame.child, m.node)
+        SentTransform(*frames, m.node)
         for m in tf
-        for frame in m.transforms
+        for frames in m.frames
         if m.topic == wanted.transforms
     )
     root = root or next(reversed(heard.above(base)), base)
     below = [
         replace(m, data=tuple(frame for frame in m.transforms if frame.child != root))
-        if m.type == TRANSFORMS
+        if any(child == root for _, child in m.frames)
         else m
         for m in messages
     ]

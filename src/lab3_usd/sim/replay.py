@@ -82,8 +82,7 @@ def _heard_frames(trial: Trial) -> Iterator[HeardFrame]:
     seen: dict[HeardFrame, None] = {}
     for message in trial.recording.messages:
         domain = domain_of(message, trial)
-        for transform in message.transforms if not message.session else ():
-            names = transform.parent, transform.child
+        for names in message.frames if not message.session else ():
             seen.setdefault(HeardFrame(*names, message.static, message.node, message.topic, domain))
     for transform, node in trial.recording.static:
         if not any(frame.child == transform.child for frame in seen):

@@ -297,7 +297,7 @@ def _watched(
     """Return a robot with the body by which it is watched: that of odometry, of TF, or its base."""
     world, nodes = player.world, player.program.nodes
     prims, sent = world.scene.prims, world.network.sent
-    frames = {transform.child for message in sent for transform in message.transforms}
+    frames = {child for message in sent for _, child in message.frames}
     body = next((body for body in machine.rest if frame_name(prims[body]) in frames), machine.base)
     body = machine.base if robot.kind == JOINTS else body
     publisher = ""

@@ -14,6 +14,7 @@ from lab3_usd.sim.execution.program import Program, compile_graphs, depending
 from lab3_usd.sim.execution.recording import (
     Held,
     JointStates,
+    Later,
     Message,
     Points,
     Pose,
@@ -25,7 +26,7 @@ from lab3_usd.sim.execution.recording import (
 from lab3_usd.sim.execution.world import RosEndpoint, Standing, Twist, World, Writer, send, world_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
 from lab3_usd.sim.judge.expectations import SIZE, Expected, Trial
-from lab3_usd.sim.lidar import Beam, Ranges, sweep
+from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.nodes.sensors import UNSEEN
 from lab3_usd.sim.nodes.transforms import OPTICAL
 from lab3_usd.sim.robot.machine import Machine
@@ -98,7 +99,7 @@ def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
         seen_by.step,
         seen_by.near,
         seen_by.far,
-        Ranges(beam.count, measure),
+        Later(beam.count, measure),
         in_metres(at, unit),
         1.0 / writer.turns if writer.turns else 0.0,
         sensor=writer.product.sensor,

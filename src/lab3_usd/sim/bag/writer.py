@@ -36,6 +36,7 @@ from lab3_usd.sim.execution.recording import (
     Scan,
     Steering,
     Transform,
+    Transforms,
     View,
 )
 
@@ -58,7 +59,7 @@ def _new(name: str, *values: Any) -> object:
 
 def serialized(message: Message) -> bytes | None:
     """Return a message in CDR, None for what a dry run does not know: pixels and points."""
-    data = message.data
+    data = message.data.each() if isinstance(message.data, Transforms) else message.data
     made: object = None
     if isinstance(data, Odometry):
         made = _odometry(message, data)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType
 from lab3_usd.model.dry_run import SceneNode
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import Vector
+from lab3_usd.sim.execution.recording import Later
 
 if TYPE_CHECKING:
     from lab3_usd.sim.execution.world import World
@@ -129,7 +130,8 @@ class NodeInstance(Struct):
         if source.pulled and source.computed != world.frame and not source.busy:
             source.computed = world.frame
             source.compute(world)
-        return source.outputs.get(port)
+        value = source.outputs.get(port)
+        return value.all() if type(value) is Later else value
 
     def number(self, name: str, world: World) -> float:
         """Return the number that reaches an input, 0 where none does."""
@@ -166,6 +168,12 @@ class NodeInstance(Struct):
             if not isinstance(each, tuple) or len(each) != size or not are_numbers(each):
                 return ()
         return value
+
+    def vectors_later(self, name: str, world: World, size: int) -> Sequence[tuple[float, ...]]:
+        """Return the same; what comes from an output of this name need not be computed yet."""
+        source, port = self.wires.get(name) or (self, "")
+        value = source.outputs.get(name) if port == name and not source.pulled else None
+        return value if isinstance(value, Later) else self.vectors(name, world, size)
 
     def vector(self, name: str, world: World) -> Vector:
         """Return the three numbers that reach an input, zeros where they do not."""

@@ -3,14 +3,46 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
+from typing import Any, TypeVar, overload
 
 from msgspec import Struct, field
 
 from lab3_usd.model.dry_run import Affine, Quaternion
 from lab3_usd.model.joint_drives import JointCommand
 from lab3_usd.model.transforms import Vector
+
+T = TypeVar("T")
+
+
+class Later(Sequence[T]):
+    """An array of so many elements, which are not computed before one looks at them."""
+
+    def __init__(self, count: int, make: Callable[[], tuple[T, ...]]) -> None:
+        self._count = count
+        self._make = make
+        self._known: tuple[T, ...] | None = None
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, at: int) -> T: ...
+    @overload
+    def __getitem__(self, at: slice) -> tuple[T, ...]: ...
+    def __getitem__(self, at: int | slice) -> T | tuple[T, ...]:
+        return self.all()[at]
+
+    def __iter__(self) -> Iterator[T]:
+        return iter(self.all())
+
+    def all(self) -> tuple[T, ...]:
+        """Return the elements."""
+        if self._known is None:
+            self._known = self._make()
+            del self._make  # and what it needs
+        return self._known
 
 
 class Transform(Struct, frozen=True):
@@ -20,6 +52,18 @@ class Transform(Struct, frozen=True):
     child: str
     translation: Vector
     rotation: Quaternion
+
+
+class Transforms(Struct, frozen=True):
+    """The transforms of a TF message: which frames, and their translations and rotations."""
+
+    frames: tuple[tuple[str, str], ...]
+    poses: Sequence[tuple[Vector, Quaternion]]
+
+    def each(self) -> tuple[Transform, ...]:
+        """Return the transforms."""
+        pairs = zip(self.frames, self.poses, strict=True)
+        return tuple(Transform(*frames, *pose) for frames, pose in pairs)
 
 
 class Odometry(Struct, frozen=True):
@@ -122,15 +166,31 @@ class Message(Struct):
     @property
     def transforms(self) -> tuple[Transform, ...]:
         """The transforms of a TF message, as tf2 takes them."""
-        return tuple(map(_taken, self.data)) if isinstance(self.data, tuple) else ()
+        data = self.data.each() if isinstance(self.data, Transforms) else self.data
+        return tuple(map(_taken, data)) if isinstance(data, tuple) else ()
+
+    @property
+    def frames(self) -> tuple[tuple[str, str], ...]:
+        """The frames of its transforms, parent and child, as tf2 takes them."""
+        data = self.data
+        if isinstance(data, Transforms):
+            return _names_taken(data.frames)
+        if not isinstance(data, tuple):
+            return ()
+        return tuple((each.parent, each.child) for each in self.transforms)
 
 
 def _taken(transform: Transform) -> Transform:
     """Take a slash off before the frames (geometry2, humble: tf2/src/buffer_core.cpp)."""
     if not transform.parent.startswith("/") and not transform.child.startswith("/"):
         return transform
-    parent, child = transform.parent.removeprefix("/"), transform.child.removeprefix("/")
+    ((parent, child),) = _names_taken(((transform.parent, transform.child),))
     return Transform(parent, child, transform.translation, transform.rotation)
+
+
+@lru_cache(maxsize=1024)
+def _names_taken(frames: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], ...]:
+    return tuple((p.removeprefix("/"), c.removeprefix("/")) for p, c in frames)
 
 
 class Pose(Struct, frozen=True):
@@ -163,27 +223,31 @@ class Held(Struct, frozen=True):
 
 
 class Tree(Struct):
-    """The transforms of TF messages by their children, each with the number of its message."""
+    """TF messages, and by the child of each transform the numbers of its messages."""
 
     times: list[float] = field(default_factory=list)  # of the messages, none before another
+    messages: list[Message] = field(default_factory=list)
     numbers: dict[str, list[int]] = field(default_factory=dict)
-    transforms: dict[str, list[Transform]] = field(default_factory=dict)
 
     def add(self, message: Message) -> None:
         """Add the transforms of the next message."""
-        for transform in message.transforms:
-            self.numbers.setdefault(transform.child, []).append(len(self.times))
-            self.transforms.setdefault(transform.child, []).append(transform)
+        number = len(self.times)
+        for _, child in message.frames:
+            self.numbers.setdefault(child, []).append(number)
         if self.numbers:
             self.times.append(max([message.at, *self.times[-1:]]))
+            self.messages.append(message)
 
     def at(self, time: float) -> dict[str, Transform]:
         """Return the last transform of each frame at a time, at least those that came first."""
         sent = max(bisect_right(self.times, time), 1)
         counts = {child: bisect_left(numbers, sent) for child, numbers in self.numbers.items()}
-        return {
-            child: self.transforms[child][count - 1] for child, count in counts.items() if count
+        last = {child: self.numbers[child][count - 1] for child, count in counts.items() if count}
+        by_child = {
+            number: {each.child: each for each in self.messages[number].transforms}
+            for number in dict.fromkeys(last.values())
         }
+        return {child: by_child[number][child] for child, number in last.items()}
 
 
 class Recording(Struct):

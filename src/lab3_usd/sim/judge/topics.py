@@ -353,8 +353,8 @@ def heard_transforms(trial: Trial, session: int) -> dict[SentTransform, float]:
     """Return the transforms of the tree, with the last time of each; of static ones for ever."""
     last: dict[SentTransform, float] = {}
     for message in trial.recording.topic(trial.wanted.transforms, session):
-        for transform in message.transforms:
-            last[SentTransform(transform.parent, transform.child, message.node)] = message.at
+        for frames in message.frames:
+            last[SentTransform(*frames, message.node)] = message.at
     for transform, node in trial.recording.static:
         last[SentTransform(transform.parent, transform.child, node)] = math.inf
     return last

@@ -5,19 +5,20 @@ All lines are those of PoseTree.h in core.includes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 
 from msgspec import Struct
 
-from lab3_usd.model.dry_run import HERE, Affine, Quaternion, Scene, ScenePrim
+from lab3_usd.model.dry_run import Affine, Quaternion, Scene, ScenePrim
 from lab3_usd.model.physics import EXCLUDED
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.execution.node_instance import NodeInstance, computes
-from lab3_usd.sim.execution.recording import Message, Transform
+from lab3_usd.sim.execution.recording import Later, Message, Transforms
 from lab3_usd.sim.execution.world import RosEndpoint, World, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
-from lab3_usd.sim.robot.machine import Machine
+from lab3_usd.sim.robot.machine import Machine, Posture
+from lab3_usd.sim.robot.machines import Spot
 
 ROOT, BODY, ROBOT = "PhysicsArticulationRootAPI", "PhysicsRigidBodyAPI", "IsaacRobotAPI"
 LINK, JOINT = "IsaacLinkAPI", "IsaacJointAPI"
@@ -29,34 +30,45 @@ _WORLD = "world"
 
 
 class Pair(Struct, frozen=True):
-    """A transform: names, and the prims that stand for them ('' is the world)."""
+    """A transform: names, and the prims that stand for them."""
 
     parent: str
     child: str
-    parent_prim: str
-    child_prim: str
+    above: Spot
+    below: Spot
     camera: bool
 
-    def pose(self, world: World) -> Affine:
+    def pose(self, stood: Mapping[str, Posture]) -> Affine:
         """Return where the child stands in its parent's frame, in stage units."""
-        child: Affine = world.machines.place(self.child_prim)
+        child = self.below.place(stood.get(self.below.base))
         child = child.then(OPTICAL) if self.camera else child
-        back: Affine = world.machines.inverse(self.parent_prim)
-        return back.then(child)
-
-    def turn(self, world: World) -> Quaternion:
-        """Return how the child is turned in its parent's frame."""
-        return self.pose(world).quaternion()
+        return self.above.back(stood.get(self.above.base)).then(child)
 
 
-class Tree(Struct, frozen=True):
+class Tree(Struct, frozen=True, dict=True):
     """The transforms of a node, in order."""
 
     pairs: tuple[Pair, ...]
 
+    @cached_property
+    def frames(self) -> tuple[tuple[str, str], ...]:
+        """The names of parents and children."""
+        return tuple((pair.parent, pair.child) for pair in self.pairs)
+
+    @cached_property
+    def _machines(self) -> tuple[Machine, ...]:
+        spots = (spot for pair in self.pairs for spot in (pair.above, pair.below))
+        return tuple({spot.base: spot.machine for spot in spots if spot.machine}.values())
+
+    def now(self) -> Later[Affine]:
+        """Return where the children stand now in the frames of their parents, in stage units."""
+        stood = {machine.base: machine.posture() for machine in self._machines}
+        return Later(len(self.pairs), lambda: tuple(pair.pose(stood) for pair in self.pairs))
+
     @classmethod
-    def of(cls, scene: Scene, parent: str, targets: Sequence[str]) -> Tree:
+    def of(cls, world: World, parent: str, targets: Sequence[str]) -> Tree:
         """Expand the targets; of a prim that is found twice the last parent counts."""
+        scene, spot = world.scene, world.machines.spot
         members: list[ScenePrim] = []
         parents: dict[str, str] = {}
         for target in targets:
@@ -76,8 +88,8 @@ class Tree(Struct, frozen=True):
             return Pair(
                 by_path[above] if is_frame else top,
                 name,
-                above if is_frame else top_prim,
-                prim.path,
+                spot(above if is_frame else top_prim),
+                spot(prim.path),
                 prim.type == "Camera",
             )
 
@@ -170,8 +182,8 @@ def pose_tree(world: World, parent: str, targets: Sequence[str]) -> Tree:
             pair = Pair(
                 named(above or parent),
                 named(path),
-                above or parent,
-                path,
+                world.machines.spot(above or parent),
+                world.machines.spot(path),
                 prim.type == "Camera",
             )
             if above or pair.parent != pair.child or BODY not in prims[path].apis:  # :280, :324
@@ -201,21 +213,14 @@ def publish_raw_transform(node: NodeInstance, world: World) -> bool:
     if endpoint is None:
         return False
     if not ready:
-        for name in ("parentFrameId", "childFrameId"):
-            node.memory[name] = node.text(name, world)
+        names = (node.text(name, world) for name in ("parentFrameId", "childFrameId"))
+        node.memory["frames"] = (tuple(names),)
         return True
-    transform = Transform(
-        node.memory["parentFrameId"],
-        node.memory["childFrameId"],
-        node.vector("translation", world),
-        wxyz(node, "rotation", world),
-    )
-    return _send_tree(node, world, endpoint, (transform,))
+    pose = node.vector("translation", world), wxyz(node, "rotation", world)
+    return _send_tree(node, world, endpoint, Transforms(node.memory["frames"], (pose,)))
 
 
-def _send_tree(
-    node: NodeInstance, world: World, endpoint: RosEndpoint, tree: tuple[Transform, ...]
-) -> bool:
+def _send_tree(node: NodeInstance, world: World, endpoint: RosEndpoint, tree: Transforms) -> bool:
     static = node.flag("staticPublisher", world)
     if static and node.memory.get("sent"):
         return False
@@ -231,19 +236,18 @@ def compute_transform_tree(node: NodeInstance, world: World) -> bool:
     tree: Tree | None = node.memory.get("tree")
     if tree is None:
         parents, targets = node.targets("parentPrim"), node.targets("targetPrims")
-        tree = node.memory["tree"] = Tree.of(world.scene, parents[0] if parents else "", targets)
-        pairs = tree.pairs
-        node.memory["names"] = tuple(p.parent for p in pairs), tuple(p.child for p in pairs)
+        tree = node.memory["tree"] = Tree.of(world, parents[0] if parents else "", targets)
+        node.memory["names"] = tuple(zip(*tree.frames, strict=True))
     if not tree.pairs:
         node.memory.clear()
         return node.fails("none of its target prims exists", "no-target-prim")
-    poses = [pair.pose(world) for pair in tree.pairs]
+    poses, count = tree.now(), len(tree.pairs)
     parents, children = node.memory["names"]
     node.outputs.update(
         parentFrames=parents,
         childFrames=children,
-        translations=tuple(pose.origin for pose in poses),
-        orientations=tuple(xyzw(pose) for pose in poses),
+        translations=Later(count, lambda: tuple(pose.origin for pose in poses)),
+        orientations=Later(count, lambda: tuple(xyzw(pose) for pose in poses)),
     )
     return node.goes_on()
 
@@ -265,26 +269,37 @@ def publish_transform_tree(node: NodeInstance, world: World) -> bool:
     if memory["endpoint"] is None:
         memory.clear()
         return False
-    if "tree" in memory:
-        transforms = tuple(
-            Transform(pair.parent, pair.child, _metres(pair.pose(world), world), pair.turn(world))
-            for pair in memory["tree"].pairs
-        )
-        return _send_tree(node, world, memory["endpoint"], transforms)
-    arrays: list[tuple[Any, ...]] = [
-        *(node.items(name, world) for name in ("parentFrames", "childFrames")),
-        *(node.vectors(name, world, k) for name, k in (("translations", 3), ("orientations", 4))),
-    ]
-    if not arrays[0] or len({len(array) for array in arrays}) > 1:
-        return node.fails("its four arrays have different lengths", "unequal-frame-arrays")
-    transforms = tuple(
-        Transform(str(parent), str(child), _metres(Affine(HERE.rows, at), world), (q[3], *q[:3]))
-        for parent, child, at, q in zip(*arrays, strict=True)
-    )
-    return _send_tree(node, world, memory["endpoint"], transforms)
-
-
-def _metres(place: Affine, world: World) -> Vector:
     unit = world.scene.meters_per_unit
-    x, y, z = place.origin
+    if "tree" in memory:
+        tree: Tree = memory["tree"]
+        placed = tree.now()
+        poses = Later(
+            len(placed), lambda: tuple((_metres(p.origin, unit), p.quaternion()) for p in placed)
+        )
+        return _send_tree(node, world, memory["endpoint"], Transforms(tree.frames, poses))
+    parents, children = (node.items(name, world) for name in ("parentFrames", "childFrames"))
+    places, turns = (
+        node.vectors_later(name, world, size)
+        for name, size in (("translations", 3), ("orientations", 4))
+    )
+    count = len(parents)
+    if not count == len(children) == len(places) == len(turns) or not count:
+        return node.fails("its four arrays have different lengths", "unequal-frame-arrays")
+    if memory.get("named") != (parents, children):
+        memory["named"] = parents, children
+        memory["frames"] = tuple(zip(map(str, parents), map(str, children), strict=True))
+    poses = Later(
+        count,
+        lambda: tuple((_metres(p, unit), _w_first(q)) for p, q in zip(places, turns, strict=True)),
+    )
+    return _send_tree(node, world, memory["endpoint"], Transforms(memory["frames"], poses))
+
+
+def _w_first(quaternion: Sequence[float]) -> Quaternion:
+    x, y, z, w = quaternion
+    return (w, x, y, z)
+
+
+def _metres(at: Sequence[float], unit: float) -> Vector:
+    x, y, z = at
     return (x * unit, y * unit, z * unit)

@@ -7,7 +7,8 @@ free hinge that touches the ground; it rolls without slipping in its plane.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -152,6 +153,31 @@ def solution(wheels: Sequence[Wheel]) -> list[tuple[float, float, float]]:
 GRAVITY = 9.81
 
 
+class Posture(Struct, eq=False, dict=True):
+    """How a machine stands at a moment: the place of its base, and how far its joints have moved.
+
+    `place` is x, y, drop and yaw from its start, `positions` are by the body that hangs on a joint.
+    """
+
+    machine: Machine
+    place: tuple[float, float, float, float]
+    positions: dict[str, float]
+    known: dict[str, Affine] = field(default_factory=dict)  # where prims are
+    backs: dict[str, Affine] = field(default_factory=dict)  # the ways into their frames
+
+    @cached_property
+    def base(self) -> Affine:
+        """Where its base is."""
+        start, (x, y, drop, yaw) = self.machine.start, self.place
+        turned = Affine(about(AXES[2], yaw)).then(Affine(start.rows)).rows
+        u, v, w = start.origin
+        return Affine(turned, (u + x, v + y, w + drop))
+
+    def offset(self, body: str) -> Affine:
+        """Return where a body is in the frame of the base."""
+        return self.machine.offset(body, self.positions)
+
+
 class Machine(Struct):
     """Bodies that hang together: `rest` is where each stands in the base's frame."""
 
@@ -184,6 +210,7 @@ class Machine(Struct):
     walls: list[Segment] = field(default_factory=list)
     steps: dict[str, tuple[Affine, Affine]] = field(default_factory=dict)  # as kept by `_step`
     firm: dict[str, Affine] = field(default_factory=dict)  # the bodies that never move in the base
+    now: Posture | None = None  # as it stands, once somebody asked
 
     def link_of(self, joint: Joint) -> str:
         """Return the body that hangs on a joint."""
@@ -198,6 +225,7 @@ class Machine(Struct):
         """Go back to where playing starts."""
         self.x = self.y = self.yaw = self.fall = self.clearance = 0.0
         self.drop, self.velocity, self.blocked = self.home, (0.0, 0.0, 0.0), False
+        self.now = None
         for joint in self.joints.values():
             joint.reset()
 
@@ -215,15 +243,23 @@ class Machine(Struct):
             )
         )
 
+    def posture(self) -> Posture:
+        """Return how it stands now; what moves later does not change it."""
+        if self.now is None:
+            positions = {}
+            for body, joint in self.parents.items():
+                if joint.position:
+                    positions[body] = joint.position
+            place = (self.x, self.y, self.drop, self.yaw)
+            self.now = Posture(self, place, positions)
+        return self.now
+
     def pose(self) -> Affine:
         """Return where the base is now."""
-        spin = about(AXES[2], self.yaw)
-        x, y, z = self.start.origin
-        turned = Affine(spin).then(Affine(self.start.rows)).rows
-        return Affine(turned, (x + self.x, y + self.y, z + self.drop))
+        return self.posture().base
 
-    def offset(self, body: str) -> Affine:
-        """Return where a body is in the base's frame, the joints above it turned as they are."""
+    def offset(self, body: str, positions: Mapping[str, float]) -> Affine:
+        """Return where a body is in the base's frame, the joints above it turned as given."""
         joint = self.parents.get(body)
         if joint is None:
             return self.rest[body]
@@ -232,14 +268,15 @@ class Machine(Struct):
         inner = 1 if joint.bodies[1] == body else 0
         parent = joint.bodies[1 - inner]
         own, back = self._step(body, parent, joint.frames[inner])
-        if joint.position:
-            way = joint.position if inner else -joint.position
+        position = positions.get(body)
+        if position:
+            way = position if inner else -position
             moved = Affine(about(joint.axis, way))
             if joint.kind == SLIDER:
                 x, y, z = joint.axis
                 moved = Affine(AXES, (x * way, y * way, z * way))
             own = own.then(joint.frames[inner]).then(moved).then(back)
-        offset = self.offset(parent).then(own)
+        offset = self.offset(parent, positions).then(own)
         if joint.kind == FIXED and (parent == self.base or parent in self.firm):
             self.firm[body] = offset
         return offset
@@ -254,6 +291,10 @@ class Machine(Struct):
 
     def step(self, dt: float) -> None:
         """Move on by a step."""
+        self._move_on(dt)
+        self.now = None
+
+    def _move_on(self, dt: float) -> None:
         if not self.grounded:
             if not self.held:
                 self.fall += GRAVITY * dt
@@ -286,7 +327,7 @@ class Machine(Struct):
     def _steered(self, wheel: Wheel) -> Wheel:
         """Return a wheel as it stands with what it hangs on turned as it is."""
         start = Affine(self.start.rows)
-        moved = self.offset(wheel.carrier).then(self.rest[wheel.carrier].inverse())
+        moved = self.posture().offset(wheel.carrier).then(self.rest[wheel.carrier].inverse())
         moved = start.then(moved).then(start.inverse())
         x, y, _ = moved.point((*wheel.contact, 0.0))
         u, v, _ = moved.turn((*wheel.along, 0.0))

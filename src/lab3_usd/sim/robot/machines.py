@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import HERE, Affine, Scene
@@ -24,6 +26,7 @@ from lab3_usd.sim.robot.machine import (
     HINGE,
     Joint,
     Machine,
+    Posture,
     Wheel,
     solution,
 )
@@ -38,6 +41,52 @@ PROMPT = 2.0  # metres a second squared, from which on a drive is taken to be at
 SOON = 0.02  # seconds
 _SLIDES = 1e-4  # sideways for each unit that a wheel rolls, from which on it slides
 STILL = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+class Spot(Struct, frozen=True, dict=True):
+    """A prim, and where it is in the frame of the body that it goes with, or in the world."""
+
+    path: str
+    body: str
+    machine: Machine | None
+    local: Affine
+
+    @property
+    def base(self) -> str:
+        """The base of what it goes with; '' for the world."""
+        return "" if self.machine is None else self.machine.base
+
+    def posture(self) -> Posture | None:
+        """Return how what it goes with stands now; None where it goes with nothing."""
+        return None if self.machine is None else self.machine.posture()
+
+    def place(self, posture: Posture | None) -> Affine:
+        """Return where it is when what it goes with stands so."""
+        if posture is None:
+            return self.local
+        known = posture.known.get(self.path)
+        if known is None:
+            known = posture.known[self.path] = self._place(posture)
+        return known
+
+    def _place(self, posture: Posture) -> Affine:
+        if self.path == posture.machine.base:
+            return posture.base
+        offset = posture.offset(self.body)
+        return posture.base.then(offset if self.path == self.body else offset.then(self.local))
+
+    def back(self, posture: Posture | None) -> Affine:
+        """Return the way from the world into its frame when what it goes with stands so."""
+        if posture is None:
+            return self._back
+        known = posture.backs.get(self.path)
+        if known is None:
+            known = posture.backs[self.path] = self.place(posture).inverse()
+        return known
+
+    @cached_property
+    def _back(self) -> Affine:
+        return self.local.inverse()
 
 
 class Machines:
@@ -55,11 +104,8 @@ class Machines:
         }
         self.machines = self._bodies.machines()
         self.member = {body: machine for machine in self.machines for body in machine.rest}
-        self._local: dict[str, tuple[str, Affine]] = {}
-        self._now: dict[str, Affine] = {}
-        self._back: dict[str, Affine] = {}
-        self._places: dict[str, Affine] | None = None
-        self._still: dict[str, dict[str, Affine]] = {}  # of machines at rest, by their bases
+        self._spots: dict[str, Spot] = {}
+        self._postures: dict[str, Posture] | None = None
         self._awake: dict[str, Machine] = {}  # those that may move, by their bases
         self._articulations: dict[str, Machine | None] = {}
         for machine in self.machines:
@@ -68,10 +114,7 @@ class Machines:
 
     def reset(self) -> None:
         """Put everything where playing starts."""
-        self._now.clear()
-        self._back.clear()
-        self._places = None
-        self._still.clear()
+        self._postures = None
         for machine in self.machines:
             machine.reset()
             self.wake(machine)
@@ -125,47 +168,26 @@ class Machines:
 
     def place(self, path: str) -> Affine:
         """Return where a prim is now, without scale; '' is the world."""
-        now = self._now.get(path)
-        if now is None:
-            now = self._now[path] = self._place(path)
-        return now
+        spot = self.spot(path)
+        return spot.place(spot.posture())
 
-    def inverse(self, path: str) -> Affine:
-        """Return the way from the world into the frame of a prim."""
-        back = self._back.get(path)
-        if back is None:
-            back = self._back[path] = self.place(path).inverse()
-        return back
-
-    def places(self) -> Mapping[str, Affine]:
-        """Return where each body is now; what moves later does not change it."""
-        if self._places is None:
-            self._places = {}
-            for machine in self.machines:
-                still = self._still.get(machine.base)
-                if still is None:
-                    still = {body: self.place(body) for body in machine.rest}
-                    if machine.is_at_rest:
-                        self._still[machine.base] = still
-                self._places |= still
-        return self._places
-
-    def _place(self, path: str) -> Affine:
-        if path not in self._local:
+    def spot(self, path: str) -> Spot:
+        """Return what a prim goes with; '' is the world."""
+        spot = self._spots.get(path)
+        if spot is None:
             body = self.body_of(path)
             prim = self.scene.prims.get(path)
-            world = prim.world.rigid() if prim is not None else HERE
+            local = prim.world.rigid() if prim is not None else HERE
             if body:
-                world = self.bodies[body].world.rigid().inverse().then(world)
-            self._local[path] = (body, world)
-        body, local = self._local[path]
-        if not body:
-            return local
-        machine = self.member[body]
-        if path == machine.base:
-            return machine.pose()
-        offset = machine.offset(body)
-        return self.place(machine.base).then(offset if path == body else offset.then(local))
+                local = self.bodies[body].world.rigid().inverse().then(local)
+            spot = self._spots[path] = Spot(path, body, self.member.get(body), local)
+        return spot
+
+    def postures(self) -> Mapping[str, Posture]:
+        """Return how each machine stands now, by its base; what moves later does not change it."""
+        if self._postures is None:
+            self._postures = {machine.base: machine.posture() for machine in self.machines}
+        return self._postures
 
     def velocity(self, path: str) -> tuple[Vector, Vector]:
         """Return how fast a body moves and turns, in the world."""
@@ -183,15 +205,12 @@ class Machines:
 
     def step(self, dt: float) -> None:
         """Move everything on."""
-        self._now.clear()
-        self._back.clear()
-        self._places = None
         for base, machine in [*self._awake.items()]:
             if machine.is_at_rest or (machine.grounded and not machine.joints):
                 del self._awake[base]
             else:
-                self._still.pop(base, None)
                 machine.step(dt)
+                self._postures = None
 
     def _set_down(self, machine: Machine) -> None:
         """Let a machine fall on the ground below it, and see which wheels touch."""
