@@ -27,8 +27,7 @@ from grade_files import LAB, stage, starter
 
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
-from lab3_usd.grade.workers import worker_process
-from lab3_usd.grade.workers.messages import FAILED_OVER_IT, PoolSettings, Task, status_of
+from lab3_usd.grade.workers.messages import FAILED_OVER_IT, PROGRAM, PoolSettings, Task, status_of
 from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.stage.write.builder import BuildOptions, build_files
 
@@ -37,7 +36,7 @@ SECONDS = 20.0
 ODD_SECONDS = 8.0  # many of them hang
 ODD = """
 import sys
-sys.path[:0] = {path!r}
+sys.path[:0] = sys.argv[1:]
 import json, os, random, signal, threading, time
 from lab3_usd.grade.workers import worker_main as worker
 judge, channels, dice, out = worker.answer, worker._channels, random.Random(os.getpid()), []
@@ -48,7 +47,7 @@ def remembered():
     return tasks, answers
 
 def forever():
-    for number in set(signal.Signals) - {{signal.SIGKILL, signal.SIGSTOP}}:
+    for number in set(signal.Signals) - {signal.SIGKILL, signal.SIGSTOP}:
         signal.signal(number, signal.SIG_IGN)
     time.sleep(600)
 
@@ -66,7 +65,7 @@ WAYS = [
     forever,
     lambda: (os.close(out[0]), forever()),
     lambda: write(b"x" * 65536, 10**9),
-    lambda: write(json.dumps({{"open": "x"}}).encode() + bytes([10]), 10**9),
+    lambda: write(json.dumps({"open": "x"}).encode() + bytes([10]), 10**9),
     lambda: write(b"nonsense" + bytes([10]), 1),
     soon,
 ]
@@ -93,13 +92,12 @@ def main() -> int:
     parser.add_argument("--odd", type=float, default=0.0)
     options = parser.parse_args()
     seconds = ODD_SECONDS if options.odd else SECONDS
-    if options.odd:
-        worker_process._MAIN = ODD.replace("SHARE", repr(options.odd))  # noqa: SLF001 - ours
+    program = odd_program(options.odd) if options.odd else PROGRAM
     counts: Counter[str] = Counter()
     started = time.monotonic()
     for first in range(0, options.count, BATCH):
         size = min(BATCH, options.count - first)
-        counts += fuzz(size, options.seed + first, options.jobs, options.keep, seconds)
+        counts += fuzz(size, options.seed + first, options.jobs, options.keep, seconds, program)
         print(f"{counts.total()} inputs, {time.monotonic() - started:.0f} s: {shown(counts)}")
     if counts.total() != options.count:
         print(f"only {counts.total()} of {options.count} inputs were answered")
@@ -111,15 +109,27 @@ def shown(counts: Counter[str]) -> str:
     return ", ".join(f"{count} {name}" for name, count in counts.most_common())
 
 
+def odd_program(share: float) -> str:
+    """Return the program of a worker that misbehaves in this share of its tasks."""
+    return ODD.replace("SHARE", repr(share))
+
+
 def fuzz(
-    count: int, seed: int, jobs: int = 2, keep: Path | None = None, seconds: float = SECONDS
+    count: int,
+    seed: int,
+    jobs: int = 2,
+    keep: Path | None = None,
+    seconds: float = SECONDS,
+    program: str = PROGRAM,
 ) -> Counter[str]:
     """Judge `count` inputs, and return how many there were of each kind of answer."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         made = generate(inputs(*real_files(folder / "real")), count, seed)
         write_inputs(folder / "inputs", made)
-        settings = PoolSettings(starter(), None, Limits(seconds=seconds), (folder,), jobs)
+        settings = PoolSettings(
+            starter(), None, Limits(seconds=seconds), (folder,), jobs, program=program
+        )
         tasks = [
             Task(place.name, place.name, (Source(place),))
             for place in sorted((folder / "inputs").iterdir())

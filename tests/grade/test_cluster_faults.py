@@ -65,16 +65,23 @@ machine.make_scratch = full
 """
 # What judges there is killed at each stage that it opens, as by a system without memory.
 WITHOUT_MEMORY = """
-from lab3_usd.grade.workers import worker_process
-worker_process._MAIN = worker_process._MAIN.replace("worker_main.main()", '''
-import os, signal
+from msgspec.structs import replace
+from lab3_usd.grade.workers import pool
+start_worker = pool.start_worker
+program = '''
+import os, signal, sys
+sys.path[:0] = sys.argv[1:]
+from lab3_usd.grade.workers import worker_main
 from lab3_usd.grade.workers import submission_grading
 def killed(_folder, settings):
     settings.may_open.args[0].announce("work/stage.usda")
     os.kill(os.getpid(), signal.SIGKILL)
 submission_grading.check_folder = killed
 worker_main.main()
-''')
+'''
+pool.start_worker = lambda settings, stopped: start_worker(
+    replace(settings, program=program), stopped
+)
 """
 
 

@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from golden import assert_golden_text
 from html_pages import in_lines
 from invoking import invoke
 from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
+from msgspec.structs import replace
 from pxr import Sdf
 from workers_here import graded_here, workers_here
 
@@ -29,7 +30,7 @@ from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of
 from lab3_usd.grade.gradebook import Rows
 from lab3_usd.grade.rubric import load_rubric
-from lab3_usd.grade.workers.messages import Task
+from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task
 from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.report.options import tool_version
 from lab3_usd.spec.load.loader import load_lab
@@ -583,24 +584,27 @@ def test_a_cluster_is_asked_where_one_is_named(place: Path, tmp_path: Path) -> N
 # A worker of a system that has no Landlock and refuses namespaces.
 OPEN = """
 import sys
-sys.path[:0] = {path!r}
+sys.path[:0] = sys.argv[1:]
 from lab3_usd.grade.workers import worker_main as worker
 worker.fence_files = lambda *arguments: False
 give_up = worker.give_up_privileges
-worker.give_up_privileges = lambda: give_up() | {{"network": False}}
+worker.give_up_privileges = lambda: give_up() | {"network": False}
 worker.main()
 """
 
 
 def test_a_system_without_walls_is_said_once_and_in_the_gradebook(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.workers.worker_process._MAIN", OPEN)
+    def run_open(tasks: Iterable[Task], pool: PoolSettings) -> Iterator[Answer]:
+        return run_tasks(tasks, replace(pool, program=OPEN))
+
     for name in ("jane", "john"):
         submission(tmp_path / "class" / name, "00")
     said: list[str] = []
     out = tmp_path / "book"
-    grade_class(ClassSettings(tmp_path / "class", starter(), out, notify=said.append))
+    settings = ClassSettings(tmp_path / "class", starter(), out, notify=said.append)
+    grade_class(replace(settings, runner=run_open))
     (line_,) = [line for line in said if "wall" in line]
     assert "files (Landlock" in line_
     assert "network (" in line_

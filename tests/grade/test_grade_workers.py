@@ -11,6 +11,7 @@ import tarfile
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from pathlib import Path
@@ -24,7 +25,7 @@ from pxr import Sdf, Tf
 from waiting import eventually
 
 from lab3_usd.grade.awake import AwakeClock
-from lab3_usd.grade.intake import scratch, submission_copy
+from lab3_usd.grade.intake import scratch
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 from lab3_usd.grade.workers import pool, worker_process
@@ -132,19 +133,19 @@ for line in sys.stdin:
     time.sleep(600)
 """
 STUDENT = Limits(seconds=0.6, answer_size=MEGABYTE)
-
-
-def impatient(patched: pytest.MonkeyPatch) -> None:
-    """Wait for workers that hang by the clock only five times as long as they may compute."""
-    patched.setattr(submission_copy, "_TIMES_BY_CLOCK", 5.0)
-    patched.setattr(submission_copy, "_LEAST_BY_CLOCK", 0.0)
+# For workers that hang: by the clock only five times as long as they may compute.
+IMPATIENT = replace(STUDENT, all_times=3.0, clock_times=5.0, clock_least=0.0)
 
 
 @pytest.fixture
-def odd(monkeypatch: pytest.MonkeyPatch) -> PoolSettings:
+def odd() -> PoolSettings:
     """Settings whose workers are odd."""
-    monkeypatch.setattr(worker_process, "_MAIN", ODD.replace("{", "{{").replace("}", "}}"))
-    return PoolSettings(None, None, STUDENT)
+    return PoolSettings(None, None, STUDENT, program=ODD)
+
+
+@pytest.fixture
+def impatient(odd: PoolSettings) -> PoolSettings:
+    return replace(odd, limits=IMPATIENT)
 
 
 @pytest.fixture
@@ -196,15 +197,12 @@ ENDS = {
 @pytest.fixture(scope="module")
 def ends() -> dict[str, Future[WorkerDiedError]]:
     """The ends of workers that are waited for side by side."""
-    with pytest.MonkeyPatch.context() as patched, ThreadPoolExecutor(5) as threads:
-        patched.setattr(worker_process, "_MAIN", ODD.replace("{", "{{").replace("}", "}}"))
-        patched.setattr(submission_copy, "_TIMES_AS_LONG", 3)
-        impatient(patched)
+    with ThreadPoolExecutor(5) as threads:
         return {student: threads.submit(end_of, student) for student in ENDS}
 
 
 def end_of(student: str) -> WorkerDiedError:
-    worker = start_worker(PoolSettings(None, None, STUDENT))
+    worker = start_worker(PoolSettings(None, None, IMPATIENT, program=ODD))
     try:
         with pytest.raises(WorkerDiedError) as died:
             ask(worker, task(student), never_stopped)
@@ -229,21 +227,14 @@ def test_how_a_worker_ended_and_over_which_file_is_known(
         ("computes on", "ran out of time (1.8 s of processor time for all files)"),
     ],
 )
-def test_processor_time_is_counted_for_a_file_and_for_all(
-    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch, student: str, how: str
-) -> None:
-    del odd
-    monkeypatch.setattr(submission_copy, "_TIMES_AS_LONG", 3)
+def test_processor_time_is_counted_for_a_file_and_for_all(student: str, how: str) -> None:
     died = end_of(student)
     assert (died.how, died.file, died.external) == (how, "second.usda", False)
 
 
-def test_progress_without_end_is_ended_by_the_clock(
-    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    impatient(monkeypatch)
-    monkeypatch.setattr(submission_copy, "_TIMES_AS_LONG", 0.001)
-    worker = start_worker(replace(odd, limits=Limits(seconds=100)))
+def test_progress_without_end_is_ended_by_the_clock(odd: PoolSettings) -> None:
+    limits = replace(IMPATIENT, seconds=100, all_times=0.001)
+    worker = start_worker(replace(odd, limits=limits))
     try:
         with pytest.raises(WorkerDiedError) as died:
             ask(worker, task("busy"), never_stopped)
@@ -252,10 +243,8 @@ def test_progress_without_end_is_ended_by_the_clock(
     assert died.value.how == "ran out of time (0.5 s by the clock for all files)"
 
 
-def test_what_a_worker_left_running_goes_with_it(
-    worker: Worker, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    impatient(monkeypatch)
+def test_what_a_worker_left_running_goes_with_it(impatient: PoolSettings) -> None:
+    worker = start_worker(impatient)
     with pytest.raises(WorkerDiedError):
         ask(worker, task("parts"), never_stopped)
     end_worker(worker)
@@ -274,10 +263,9 @@ def group_exists(number: int) -> bool:
     "before", ["well, then dies", "well, then talks", "well, then closes", "well, then hangs"]
 )
 def test_the_next_submission_is_judged_by_another_worker(
-    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch, before: str
+    impatient: PoolSettings, before: str
 ) -> None:
-    impatient(monkeypatch)
-    answers = [answer for _, answer in run_tasks(map(task, ["well", before, "well"]), odd)]
+    answers = [answer for _, answer in run_tasks(map(task, ["well", before, "well"]), impatient)]
     assert [answer["status"] for answer in answers] == ["graded"] * 3
     assert answers[2]["by"] not in {0, answers[1]["by"]}
     assert answers[2]["broken"] == {}
@@ -315,22 +303,16 @@ def test_a_file_at_which_a_worker_ended_is_read_once_more(
     assert ended["broken"] == {"second.usda": end}
 
 
-def test_workers_that_never_begin_are_the_tools_fault(
-    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    silent = worker_process._MAIN.replace("for line in sys.stdin:", "for line in []:")
-    monkeypatch.setattr(worker_process, "_MAIN", silent)
-    ((_, answer),) = run_tasks([task("well")], odd)
+def test_workers_that_never_begin_are_the_tools_fault(odd: PoolSettings) -> None:
+    silent = ODD.replace("for line in sys.stdin:", "for line in []:")
+    ((_, answer),) = run_tasks([task("well")], replace(odd, program=silent))
     assert status_of(answer["failed"]) == "tool failed"
 
 
-def test_a_worker_that_does_not_read_is_not_waited_for(
-    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    impatient(monkeypatch)
+def test_a_worker_that_does_not_read_is_not_waited_for(impatient: PoolSettings) -> None:
     broken = {"x" * 1000 + str(number): "y" for number in range(300)}  # more than a pipe holds
     sent = Task("well", "well", (), broken=broken)
-    answers = [answer for _, answer in run_tasks([task("well, then hangs"), sent], odd)]
+    answers = [answer for _, answer in run_tasks([task("well, then hangs"), sent], impatient)]
     assert [answer["status"] for answer in answers] == ["graded"] * 2
 
 
@@ -342,8 +324,8 @@ from lab3_usd.grade.workers.messages import PoolSettings, Task
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.worker_process import WorkerDiedError
 large = bytearray(b"x") * (200 << 20)
-worker_process._MAIN = Path(sys.argv[1]).read_text()
-settings = PoolSettings(None, None, Limits(seconds=20, memory=100 << 20))
+program = Path(sys.argv[1]).read_text()
+settings = PoolSettings(None, None, Limits(seconds=20, memory=100 << 20), program=program)
 worker = worker_process.start_worker(settings)
 try:
     worker_process.ask(worker, Task(sys.argv[2], "", ()), worker_process.never_stopped)
@@ -365,7 +347,7 @@ def test_the_memory_of_whoever_started_a_worker_is_not_its_own(
         '    if student == "eats":\n        x = bytearray(b"x") * (300 << 20)\n        os.abort()\n'
     )
     code = ODD.replace('    if student == "crashes":', eats + '    if student == "crashes":')
-    odd.write_text(code.replace("{", "{{").replace("}", "}}"))
+    odd.write_text(code)
     done = subprocess.run(
         [sys.executable, "-c", LARGE_PARENT, str(odd), student],
         capture_output=True,
@@ -415,8 +397,7 @@ def test_a_submission_that_ends_every_worker_is_given_up(odd: PoolSettings) -> N
 @pytest.mark.parametrize("jobs", [1, 3])
 def test_all_others_are_judged_while_some_end_their_workers(odd: PoolSettings, jobs: int) -> None:
     students = ["well"] * 4 + ["crashes", "early"] + ["well"] * 4
-    settings = PoolSettings(None, None, odd.limits, jobs=jobs)
-    answers = list(run_tasks(map(task, students), settings))
+    answers = list(run_tasks(map(task, students), replace(odd, jobs=jobs)))
     assert sorted(found.student for found, _ in answers) == sorted(students)
     assert sum(answer.get("status") == "graded" for _, answer in answers) == 9
 
@@ -426,12 +407,12 @@ def test_one_worker_judges_many_submissions(odd: PoolSettings) -> None:
     assert len({answer["by"] for answer in answers}) == 1
 
 
-def test_a_worker_is_replaced_after_many_submissions(
-    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("lab3_usd.grade.workers.pool._TASKS_OF_A_WORKER", 2)
-    answers = [answer for _, answer in run_tasks(map(task, ["well"] * 4), odd)]
-    assert len({answer["by"] for answer in answers}) == 2
+def test_a_worker_is_replaced_after_many_submissions(odd: PoolSettings) -> None:
+    many = ["well"] * (pool.TASKS_OF_A_WORKER + 1)
+    answers = [answer for _, answer in run_tasks(map(task, many), odd)]
+    assert sorted(Counter(answer["by"] for answer in answers).values()) == [
+        1, pool.TASKS_OF_A_WORKER,
+    ]  # fmt: skip
 
 
 def test_a_run_that_is_given_up_ends_its_workers(odd: PoolSettings) -> None:
@@ -446,20 +427,17 @@ def test_a_run_that_is_given_up_ends_its_workers(odd: PoolSettings) -> None:
 RUN = """
 import signal, sys, time
 from pathlib import Path
-from lab3_usd.grade.workers import worker_process
 from lab3_usd.grade.workers.messages import PoolSettings, Task
-from lab3_usd.grade.intake import submission_copy
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.pool import run_tasks
 # Whoever started the tests may ignore signals, which is inherited.
 signal.signal(signal.SIGHUP, signal.SIG_IGN if sys.argv[1] == "ignored" else signal.SIG_DFL)
 signal.signal(signal.SIGTERM, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
-worker_process._MAIN = Path(sys.argv[2]).read_text()
 tasks = [Task(name, name, ()) for name in ("well", "hangs")]
 seconds = 0.2 if sys.argv[1] == "ignored" else 60
-submission_copy._LEAST_BY_CLOCK = 0
-settings = PoolSettings(None, None, Limits(seconds=seconds))
+limits, program = Limits(seconds=seconds, clock_least=0), Path(sys.argv[2]).read_text()
+settings = PoolSettings(None, None, limits, program=program)
 for task, _ in run_tasks(tasks, settings):
     print(task.student, flush=True)
     # A signal that comes just before a long sleep is handled only after it.
@@ -471,7 +449,7 @@ for task, _ in run_tasks(tasks, settings):
 def running(temporary: Path, where: str) -> subprocess.Popen[bytes]:
     """Start a run in a process of its own, and wait for its first answer."""
     odd = temporary.parent / "odd.py"
-    odd.write_text(ODD.replace("{", "{{").replace("}", "}}"))
+    odd.write_text(ODD)
     process = forking.Popen(
         [sys.executable, "-c", RUN, where, str(odd)],
         stdout=subprocess.PIPE,
@@ -488,15 +466,14 @@ JUDGED = """
 import pickle
 import sys
 from pathlib import Path
-from lab3_usd.grade.workers import worker_process
 from lab3_usd.grade.workers.machine import judge_here
 from lab3_usd.grade.workers.messages import PoolSettings, Task, encode
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.grade.workers.shipment import Shipment
 from lab3_usd.report.options import tool_version
-worker_process._MAIN = Path(sys.argv[2]).read_text()
-task, settings = Task(sys.argv[3], "", ()), PoolSettings(None, None, Limits(seconds=1))
+task, program = Task(sys.argv[3], "", ()), Path(sys.argv[2]).read_text()
+settings = PoolSettings(None, None, Limits(seconds=1), program=program)
 if sys.argv[1] == "cluster":
     shipment = pickle.dumps(Shipment((("a", b""),), "a", None, (), settings))
     print(judge_here(tool_version(), b"", shipment, encode(task)))
@@ -512,7 +489,7 @@ def test_a_pause_of_the_run_takes_no_points(
     tmp_path: Path, temporary: Path, stopped: str, how: str
 ) -> None:
     odd = tmp_path / "odd.py"
-    odd.write_text(ODD.replace("{", "{{").replace("}", "}}"))
+    odd.write_text(ODD)
     command = [sys.executable, "-c", JUDGED, how, str(odd), f"waits in {tmp_path}"]
     process = forking.Popen(
         command, stdout=subprocess.PIPE, env={**os.environ, "TMPDIR": str(temporary)}
@@ -538,11 +515,10 @@ def test_time_that_nobody_was_awake_for_does_not_count(monkeypatch: pytest.Monke
 
 
 def test_a_file_at_which_a_worker_stood_still_is_read_once_more(
-    odd: PoolSettings, temporary: Path, monkeypatch: pytest.MonkeyPatch
+    impatient: PoolSettings, temporary: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    impatient(monkeypatch)
     monkeypatch.setattr(tempfile, "tempdir", str(temporary))
-    ((_, well),) = judged_in_turn(odd, "hangs once")
+    ((_, well),) = judged_in_turn(impatient, "hangs once")
     assert (well["status"], well["broken"]) == ("graded", {})
 
 
@@ -564,12 +540,17 @@ def test_a_run_that_is_told_to_end_leaves_nothing_behind(
 GRADED = """
 import signal, sys
 from pathlib import Path
+from msgspec.structs import replace
 from lab3_usd.__main__ import start
-from lab3_usd.grade.workers import worker_process
+from lab3_usd.grade.workers import pool
+from lab3_usd.grade.workers.worker_process import start_worker
 for name in ("SIGHUP", "SIGTERM"):
     signal.signal(getattr(signal, name), signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
-worker_process._MAIN = Path(sys.argv[1]).read_text()
+program = Path(sys.argv[1]).read_text()
+pool.start_worker = lambda settings, stopped: start_worker(
+    replace(settings, program=program), stopped
+)
 sys.argv = ["lab3", "grade", *sys.argv[2:]]
 start()
 """
@@ -583,7 +564,7 @@ def test_a_signal_that_ends_grading_gives_the_status_that_shells_show(
     odd = tmp_path / "odd.py"
     says = f'    if student == "hangs":\n        open("{tmp_path}/hanging", "w").close()\n'
     code = ODD.replace('    while student == "hangs":', says + '    while student == "hangs":')
-    odd.write_text(code.replace("{", "{{").replace("}", "}}"))
+    odd.write_text(code)
     given = [tmp_path / "class", "--starter", starter(), "--output", tmp_path / "out"]
     process = forking.Popen(
         [sys.executable, "-c", GRADED, str(odd), *map(str, given)],
@@ -655,12 +636,10 @@ def test_what_a_killed_run_left_is_removed_by_the_next(
     assert list(temporary.iterdir()) == []
 
 
-def test_a_worker_that_does_not_start_is_an_error_that_says_why(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(worker_process, "_MAIN", "raise SystemExit('no such module')")
+def test_a_worker_that_does_not_start_is_an_error_that_says_why(odd: PoolSettings) -> None:
+    settings = replace(odd, program="raise SystemExit('no such module')")
     with pytest.raises(WorkerError, match="no such module"):
-        list(run_tasks(map(task, ["well"]), PoolSettings(None, None, STUDENT)))
+        list(run_tasks(map(task, ["well"]), settings))
 
 
 @pytest.mark.parametrize(
@@ -725,14 +704,13 @@ def test_the_environment_of_a_worker_holds_no_plugin_path_and_no_secret(
 WRITES = """
 import json, sys
 sys.stdin.readline()
-print(json.dumps({{"confined": {{"caches": sys.dont_write_bytecode}}}}), flush=True)
+print(json.dumps({"confined": {"caches": sys.dont_write_bytecode}}), flush=True)
 sys.stdin.readline()
 """
 
 
-def test_a_worker_writes_no_cache_beside_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker_process, "_MAIN", WRITES)
-    made = start_worker(PoolSettings(None, None, STUDENT))
+def test_a_worker_writes_no_cache_beside_the_program(odd: PoolSettings) -> None:
+    made = start_worker(replace(odd, program=WRITES))
     end_worker(made)
     assert made.confined == {"caches": True}
 
@@ -761,7 +739,7 @@ def test_a_real_worker_judges_and_leaves_nothing_behind(tmp_path: Path) -> None:
 # Reads, instead of judging, a file of the student at work and that of another one.
 CURIOUS = """
 import sys
-sys.path[:0] = {path!r}
+sys.path[:0] = sys.argv[1:]
 from lab3_usd.grade.workers import worker_main
 def read(path):
     try:
@@ -770,20 +748,17 @@ def read(path):
         return "refused"
 def look(setup, task, scratch, announce):
     own = task.sources[0].path
-    return {{name: read(own.parent / name / "file") for name in ("ann", "ben")}}
+    return {name: read(own.parent / name / "file") for name in ("ann", "ben")}
 worker_main.grade_submission = look
 worker_main.main()
 """
 
 
-def test_a_worker_reads_its_own_submission_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_reads_its_own_submission_alone(tmp_path: Path) -> None:
     for student in ("ann", "ben"):
         (tmp_path / "class" / student).mkdir(parents=True)
         (tmp_path / "class" / student / "file").write_text("read")
-    monkeypatch.setattr(worker_process, "_MAIN", CURIOUS)
-    made = start_worker(settings_for(tmp_path / "class"))
+    made = start_worker(replace(settings_for(tmp_path / "class"), program=CURIOUS))
     try:
         if not made.confined["files"]:
             pytest.skip("this kernel has no Landlock")

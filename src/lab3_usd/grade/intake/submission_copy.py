@@ -22,8 +22,6 @@ from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
 
 MEGABYTE = 1024 * 1024
-_TIMES_AS_LONG = 10  # a submission has more than one file
-_TIMES_BY_CLOCK, _LEAST_BY_CLOCK = 10.0, 60.0  # on a busy machine
 
 
 class TooLargeError(Lab3Error):
@@ -51,7 +49,8 @@ class Limits(Struct, frozen=True):
     """Limits of one submission.
 
     `seconds` of processor time without progress end the judging of a file, `all_seconds` that of
-    the submission: no other work on the machine changes them. `by_clock` ends what hangs. `memory`
+    the submission: no other work on the machine changes them. `by_clock` ends what hangs, after
+    `clock_times` as long, which on a busy machine is at least `clock_least` seconds. `memory`
     is in bytes beyond what a worker needs to begin with, `answer_size` what a worker may answer,
     reports included. Files beyond `file_size` bytes are not opened; `ratio` is how many times
     larger a packed file may become, `nesting` how deep prims and values may lie in one another.
@@ -67,21 +66,22 @@ class Limits(Struct, frozen=True):
     nesting: int = 200
     prims: int = 100_000
     answer_size: int = 64 * MEGABYTE
+    all_times: float = 10.0  # a submission has more than one file
+    clock_times: float = 10.0
+    clock_least: float = 60.0
 
     @property
     def all_seconds(self) -> float:
         """Processor time that a submission may take; fetching it takes as long by the clock."""
-        return _TIMES_AS_LONG * self.seconds
+        return self.all_times * self.seconds
 
-    @staticmethod
-    def by_clock(seconds: float) -> float:
+    def by_clock(self, seconds: float) -> float:
         """Return how long work of so much processor time may take; pauses do not count."""
-        return max(_TIMES_BY_CLOCK * seconds, _LEAST_BY_CLOCK)
+        return max(self.clock_times * seconds, self.clock_least)
 
-    @staticmethod
-    def as_processor_time(seconds: float) -> float:
+    def as_processor_time(self, seconds: float) -> float:
         """Return what seconds by the clock are counted as, in which a worker stood still."""
-        return seconds / _TIMES_BY_CLOCK
+        return seconds / self.clock_times
 
     def check_count(self, files: int) -> None:
         """Raise TooLargeError where a submission holds more files than it may."""

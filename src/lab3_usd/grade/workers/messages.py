@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Struct
 
-from lab3_usd.data import program
+from lab3_usd.data import program as program_name
 from lab3_usd.deliverables.maps import SuppliedMap
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
@@ -30,6 +30,13 @@ _STATUSES = {
     TOOL_FAILED: "tool failed",
 }
 _Message = TypeVar("_Message", bound=Struct)
+# What a worker process runs: its arguments are where it finds the modules of the one that asks.
+PROGRAM = """
+import sys
+sys.path[:0] = sys.argv[1:]
+from lab3_usd.grade.workers import worker_main
+worker_main.main()
+"""
 
 
 class PoolSettings(Struct, frozen=True):
@@ -39,7 +46,7 @@ class PoolSettings(Struct, frozen=True):
     one, `assets` the folders in which the grader has what lies at these addresses. With `merge`,
     what the last upload of a student lacks comes from the ones before. With `with_report`, an
     answer holds the report as data too. Without `named`, reports do not name the student. `typed`
-    is the name by which the program was started.
+    is the name by which the program was started, `program` what a worker runs.
     """
 
     starter: Path | None
@@ -53,7 +60,8 @@ class PoolSettings(Struct, frozen=True):
     with_report: bool = False
     named: bool = True
     supplied_map: SuppliedMap | None = None
-    typed: str = msgspec.field(default_factory=program)
+    typed: str = msgspec.field(default_factory=program_name)
+    program: str = PROGRAM
 
 
 class Task(Struct, frozen=True):

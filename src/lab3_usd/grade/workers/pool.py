@@ -42,7 +42,7 @@ from lab3_usd.grade.workers.worker_process import (
 )
 
 _MOST_BROKEN = 12  # files that end a worker, after which the rest is not tried
-_TASKS_OF_A_WORKER = 250  # usd-core keeps some memory until its process ends
+TASKS_OF_A_WORKER = 250  # usd-core keeps some memory until its process ends
 
 
 @dataclass(slots=True)
@@ -78,7 +78,7 @@ class WorkerSlot:
         finally:
             shutil.rmtree(folder, ignore_errors=True)
         self.judged += 1
-        if self.judged % _TASKS_OF_A_WORKER == 0:
+        if self.judged % TASKS_OF_A_WORKER == 0:
             self.stop()
         return answer
 

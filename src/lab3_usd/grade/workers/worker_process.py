@@ -241,12 +241,12 @@ class Turn:
 
     def go_on(self) -> None:
         """End a worker that goes on for too long by the clock, whatever progress it makes."""
-        most = Limits.by_clock(self.whole)
+        most = self.worker.limits.by_clock(self.whole)
         if self.clock.seconds() > most:
             self._stand_still(f"{most:g} s by the clock for all files", most)
 
     def _stand_still(self, what: str, seconds: float) -> NoReturn:
-        self.spent = max(self.spent, Limits.as_processor_time(seconds))
+        self.spent = max(self.spent, self.worker.limits.as_processor_time(seconds))
         self.fail(f"{OUT_OF_TIME} ({what})", external=True)
 
     def _decoded(self, kind: type[_Message], line: bytes | str | None) -> _Message:
@@ -282,12 +282,6 @@ def out_of_all_time(limits: Limits) -> str:
 _START_SECONDS = 120.0
 # `-I` keeps the working directory, which holds untrusted files, off the path of modules.
 # `-B`: a worker writes to its own folder alone, so that no cache is written beside the program.
-_MAIN = """
-import sys
-sys.path[:0] = {path!r}
-from lab3_usd.grade.workers import worker_main
-worker_main.main()
-"""
 _KEPT_VARIABLES = ("PATH", "LANG", "LC_ALL", "LD_LIBRARY_PATH", "SYSTEMROOT", "TZ")
 
 
@@ -313,7 +307,7 @@ def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never_sto
         package,
         *(name for name in sys.path if name and name != package and Path(name).is_dir()),
     ]
-    command = [sys.executable, "-I", "-B", "-c", _MAIN.format(path=path)]
+    command = [sys.executable, "-I", "-B", "-c", settings.program, *path]
     log = scratch / "stderr.txt"
     with log.open("wb") as errors:
         process = subprocess.Popen(  # noqa: S603 - our own module
