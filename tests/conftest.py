@@ -18,6 +18,7 @@ import forking
 import pytest
 from _pytest.runner import runtestprotocol
 from browser import Browser, started
+from own_rules import registered_for_a_while
 from parsed_once import yaml_parsed_once
 from places import REPOSITORY, SHARED
 from platform_once import platform_assembled_once
@@ -110,6 +111,13 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 @pytest.fixture(scope="session", autouse=True)
 def _made_once() -> Iterator[None]:
     with yaml_parsed_once(), platform_assembled_once(), starter_made_once():
+        yield
+
+
+@pytest.fixture
+def own_rules() -> Iterator[None]:
+    """Let a test add rules of its own."""
+    with registered_for_a_while():
         yield
 
 

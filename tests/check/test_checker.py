@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from breaking import STEPS, broken, correct_stage, judged, place, the_lab
 from msgspec.structs import replace
+from own_rules import add_failing_rule
 from pxr import Usd
 
-from lab3_usd.check import checker
-from lab3_usd.check.match.rule_inputs import GraphSubject
-from lab3_usd.check.registry import Rule, all_rules, rules_of
+from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Finding, Problem, ordered
@@ -158,22 +156,9 @@ def test_a_text_stage_says_the_line_of_the_fault_and_a_binary_one_none(tmp_path:
 # A rule that fails itself.
 
 
-def _raises(subject: GraphSubject) -> Iterator[Problem]:
-    yield Problem(subject.spec.path, "said before the crash")
-    raise KeyError("no such thing")
-
-
-def test_a_rule_that_crashes_is_never_a_pass(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    crashing = Rule("W99", "crashing", "warning", "graph", _raises)
-    usual = rules_of
-
-    def with_crash(scope: str, *families: str) -> list[Rule]:
-        found = usual(scope, *families)  # type: ignore[arg-type]
-        return [crashing, *found] if scope == "graph" else found
-
-    monkeypatch.setattr(checker, "rules_of", with_crash)
+@pytest.mark.usefixtures("own_rules")
+def test_a_rule_that_crashes_is_never_a_pass(tmp_path: Path) -> None:
+    add_failing_rule("W99", "graph", KeyError, "no such thing")
     path = saved(correct_stage("01"), tmp_path / "Lab3_01.usda")
     result = check_stage(path)
     assert [(crash.rule, crash.error) for crash in result.crashes] == [

@@ -8,7 +8,6 @@ import pytest
 from breaking import correct_stage, judged
 from pxr import Usd
 
-from lab3_usd.check import registry
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.model.finding import Problem
@@ -16,17 +15,6 @@ from lab3_usd.pipeline.results import score_of
 
 BEACON = "/World/Beacon"
 CHECKPOINT = "02"
-
-
-@pytest.fixture
-def own_rules(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Let a test add rules of its own."""
-    monkeypatch.setattr(registry, "_RULES", dict(registry._RULES))
-    registry._in_order.cache_clear()
-    registry.scene_demands.cache_clear()
-    yield
-    registry._in_order.cache_clear()
-    registry.scene_demands.cache_clear()
 
 
 def with_beacon() -> Usd.Stage:

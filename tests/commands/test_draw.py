@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pytest
 from invoking import invoke
 from linting import broken_robot
+from own_rules import add_failing_rule
 from places import REPOSITORY
 from pxr import Sdf, Usd
 
 from lab3_usd import cli
-from lab3_usd.check import checker
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.model.finding import Crash
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.write.builder import build_checkpoint
 
@@ -229,18 +228,14 @@ def test_unused_ports_can_be_drawn(tmp_path: Path) -> None:
     assert "qosProfile" not in text_of(draw("ROS_Clock", "-o", tmp_path, "--force"))
 
 
+@pytest.mark.usefixtures("own_rules")
 def test_a_rule_that_fails_is_said_and_the_pictures_are_written(
-    clock: Usd.Stage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    clock: Usd.Stage, tmp_path: Path
 ) -> None:
-    judgement = checker.Judgement((), (), (Crash("W01", "KeyError: 'x'"),))
-
-    def crash(*_: Any) -> checker.Judgement:
-        return judgement
-
-    monkeypatch.setattr(checker, "judge", crash)
+    add_failing_rule("W99", "graph", KeyError, "x")
     result = draw(clock.GetRootLayer().realPath, "-o", tmp_path / "out")
     assert result.exit_code == cli.EXIT_CRASH
-    assert result.stderr == "lab3: rule W01 failed: KeyError: 'x'\n"
+    assert result.stderr == "lab3: rule W99 failed: KeyError: 'x'\n"
     assert Path(result.stdout.strip()).exists()
 
 

@@ -20,10 +20,9 @@ from typing import Any
 import pytest
 from mini_lab import cut_wire, stage, starter, submission
 from msgspec.structs import replace
+from own_rules import add_failing_rule
 from pxr import Sdf, Usd
 
-from lab3_usd.check.registry import Rule
-from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.grade.intake.scratch import make_scratch
@@ -42,7 +41,6 @@ from lab3_usd.grade.workers.messages import (
 from lab3_usd.grade.workers.shipment import packed, unpacked
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
 from lab3_usd.grade.workers.worker_process import Worker
-from lab3_usd.model.finding import Crash
 from lab3_usd.model.stage import StageModel
 from lab3_usd.report.options import tool_version
 from lab3_usd.stage.sandboxed_open import FileBounds, files_of, open_layer
@@ -173,27 +171,20 @@ def test_a_submission_without_stages_is_empty_and_says_why(
     assert "link that leads out" in found["reason"]
 
 
-def every_rule_fails(monkeypatch: pytest.MonkeyPatch, error: str) -> None:
-    def fail(found: Rule, *_: object) -> RuleResults:
-        return RuleResults(crashes=(Crash(found.id, error),))
-
-    monkeypatch.setattr("lab3_usd.check.checker.run_rule", fail)
-
-
-def test_a_rule_that_fails_is_a_crash_over_its_file(
-    course: GradingSetup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    every_rule_fails(monkeypatch, "KeyError: 'x'")
+@pytest.mark.usefixtures("own_rules")
+def test_a_rule_that_fails_is_a_crash_over_its_file(course: GradingSetup, tmp_path: Path) -> None:
+    add_failing_rule("S99", "stage", KeyError, "x")
     found = judged(course, submission(tmp_path / "jane", "00"), tmp_path)
     assert found["status"] == "crashed"
     assert found["crashes"]
-    assert re.match(rf"work/{stage('00').name}: rule \w+ failed \(KeyError: 'x'\)", found["reason"])
+    assert re.match(rf"work/{stage('00').name}: rule S99 failed \(KeyError: 'x'\)", found["reason"])
 
 
+@pytest.mark.usefixtures("own_rules")
 def test_a_rule_that_lacks_memory_is_not_the_tools_fault(
-    course: GradingSetup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    course: GradingSetup, tmp_path: Path
 ) -> None:
-    every_rule_fails(monkeypatch, "MemoryError: ")
+    add_failing_rule("S99", "stage", MemoryError)
     with pytest.raises(MemoryError):
         judged(course, submission(tmp_path / "jane", "00"), tmp_path)
 

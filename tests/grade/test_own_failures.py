@@ -11,38 +11,26 @@ import pytest
 from invoking import invoke
 from mini_lab import cut_wire, stage, starter, submission
 from msgspec.structs import replace
+from own_rules import add_failing_rule
 from workers_here import workers_here
 
-from lab3_usd.check import checker
-from lab3_usd.check.match.rule_inputs import GraphSubject
-from lab3_usd.check.registry import Rule, rules_of
 from lab3_usd.grade import dry_runs
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import worker_main
 from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
-from lab3_usd.model.finding import Problem
 
 CLOCK = f"work/{stage('01').name}"
 SETTINGS = PoolSettings(None, None, Limits())
 
 
-def rule_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+pytestmark = pytest.mark.usefixtures("own_rules")
+
+
+def rule_fails(_: pytest.MonkeyPatch) -> None:
     """Let a rule about graphs fail: there are some in 01 and none in 00."""
-
-    def check(_subject: GraphSubject) -> Iterator[Problem]:
-        raise KeyError("odd")
-        yield
-
-    usual = rules_of
-
-    def with_failing(scope: str, *families: str) -> list[Rule]:
-        found = usual(scope, *families)  # type: ignore[arg-type]
-        failing = Rule("W99", "failing", "warning", "graph", check)
-        return [*found, failing] if scope == "graph" else [*found]
-
-    monkeypatch.setattr(checker, "rules_of", with_failing)
+    add_failing_rule("W99", "graph", KeyError, "odd")
 
 
 def fail(*_arguments: object) -> None:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 from invoking import invoke
+from own_rules import add_failing_rule
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.check.checker import judge
-from lab3_usd.check.rules import world
 from lab3_usd.model import stage as derived
 from lab3_usd.model.prims import Prims
 from lab3_usd.model.stage import StageModel
@@ -172,16 +172,12 @@ def test_damage_that_shows_while_a_rule_reads_is_told_of_the_file(
     assert [finding.rule for finding in result.findings] == ["F01"]
 
 
-def test_a_rule_that_fails_of_itself_is_still_a_crash(
-    built: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def failing(_: StageModel) -> None:
-        raise ValueError
-
-    monkeypatch.setattr(world, "lights", failing)
+@pytest.mark.usefixtures("own_rules")
+def test_a_rule_that_fails_of_itself_is_still_a_crash(built: Path) -> None:
+    add_failing_rule("S99", "stage", ValueError)
     result = check_stage(built)
     assert result.verdict == "fail"
-    assert [crash.rule for crash in result.crashes] == ["S14"]
+    assert [crash.rule for crash in result.crashes] == ["S99"]
 
 
 def rocks(depth: int, times: int = 1) -> Usd.Stage:

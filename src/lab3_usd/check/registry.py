@@ -260,6 +260,8 @@ def without_rules(names: Iterable[str]) -> None:
     """Forget rules."""
     for name in names:
         del _RULES[name]
+    _in_order.cache_clear()
+    scene_demands.cache_clear()
 
 
 def holds_without_lab(rule: Rule) -> bool:

@@ -1,0 +1,28 @@
+"""Rules of a test's own, in the registry for as long as the test takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from lab3_usd.check.registry import _RULES, Scope, rule, without_rules
+from lab3_usd.model.finding import Problem
+
+
+@contextmanager
+def registered_for_a_while() -> Iterator[None]:
+    """Forget the rules that others than this program register meanwhile."""
+    usual = set(_RULES)
+    yield
+    made_by = {name: _RULES[name].check.__module__ for name in set(_RULES) - usual}
+    without_rules(name for name, module in made_by.items() if not module.startswith("lab3_usd"))
+
+
+def add_failing_rule(rule_id: str, scope: Scope, error: type[Exception], *said: str) -> None:
+    """Register a rule that fails by itself, once it has yielded a problem."""
+
+    @rule(rule_id, "failing", scope=scope)
+    def failing(_subject: object) -> Iterator[Problem]:
+        """Nothing is wrong."""
+        yield Problem("/", "said before the failure")
+        raise error(*said)
