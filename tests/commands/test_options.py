@@ -34,7 +34,7 @@ def test_rules_are_completed_behind_the_last_comma_with_their_names() -> None:
     assert {item.value[:6] for item in items} == {"K01,W0"}
 
 
-@pytest.mark.parametrize("wrong", ["W1", "Y", "missing-wires", "W011"])
+@pytest.mark.parametrize("wrong", ["W1", "YY", "missing-wires", "W011"])
 def test_a_rule_that_does_not_exist_is_refused_and_hides_nothing(wrong: str) -> None:
     with pytest.raises(UsageError, match=f"'{wrong.upper()}'"):
         split_rules([f"P01,{wrong}"])

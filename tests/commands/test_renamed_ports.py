@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+import yaml
 from invoking import invoke
 from pxr import Sdf
 
@@ -19,8 +20,10 @@ from lab3_usd.stage.write.builder import build_checkpoint
 CLOCK = "isaacsim.ros2.bridge.ROS2PublishClock"
 PUBLISHER = "/World/ROS_Clock/ros2_publish_clock"
 TIME = "isaacsim.core.nodes.IsaacReadSimulationTime"
-LINE = f'ports: {{"{CLOCK}.inputs:topicName": {{"6.3": "inputs:topic"}}, '
-LINE += f'"{TIME}.outputs:simulationTime": {{"6.3": "outputs:seconds"}}}}'
+PORTS = {
+    f"{CLOCK}.inputs:topicName": {"6.3": "inputs:topic"},
+    f"{TIME}.outputs:simulationTime": {"6.3": "outputs:seconds"},
+}
 
 
 @pytest.fixture
@@ -41,9 +44,9 @@ def _with_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Isaac Sim's data with one line more."""
     graphs = Path(shutil.copytree(data_folder("graphs"), tmp_path / "graphs"))
     renames = graphs / "isaac" / "renames.yaml"
-    text = renames.read_text()
-    assert "\nports: {}\n" in text
-    renames.write_text(text.replace("\nports: {}\n", f"\n{LINE}\n"))
+    table = yaml.safe_load(renames.read_text())
+    table["ports"] |= PORTS
+    renames.write_text(yaml.safe_dump(table))
 
     def folder(name: str) -> Path:
         return graphs if name == "graphs" else data_folder(name)
