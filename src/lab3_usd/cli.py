@@ -59,7 +59,7 @@ class LazyGroup(click.Group):
         del ctx
         for users, commands in GROUPS.items():
             with formatter.section(f"Commands for {users}"):
-                formatter.write_dl(list(commands.items()))
+                formatter.write_dl([(name, text) for name, (text, *_) in commands.items()])
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Show examples."""
