@@ -108,14 +108,11 @@ def test_the_module_is_the_command() -> None:
 def test_an_error_of_ours_is_one_line_and_status_2(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def fail(**_: object) -> None:
-        raise cli.Lab3Error("no such stage")
-
-    monkeypatch.setattr(cli.lab3, "main", fail)
+    monkeypatch.setattr(sys, "argv", ["lab3", "tf", "none.usda"])
     with pytest.raises(SystemExit) as stopped:
         cli.main()
     assert stopped.value.code == cli.EXIT_USAGE
-    assert capsys.readouterr().err == "lab3: no such stage\n"
+    assert capsys.readouterr().err == "lab3: none.usda: there is no such file\n"
 
 
 @pytest.mark.parametrize("name", list(cli.COMMANDS))

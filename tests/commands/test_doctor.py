@@ -5,16 +5,16 @@ from __future__ import annotations
 import shutil
 import sys
 from importlib import metadata
+from pathlib import Path
 
 import pytest
 from invoking import invoke
+from mini_lab import copied
 
 from lab3_usd.commands import doctor
 from lab3_usd.commands.doctor import Diagnosis
-from lab3_usd.errors import StageError
-from lab3_usd.grade.workers import worker_process
+from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.installation import install_command
-from lab3_usd.stage.write import builder
 
 
 @pytest.mark.usefixtures("forked_workers")
@@ -45,23 +45,22 @@ def test_files_that_are_not_installed_are_no_fault(monkeypatch: pytest.MonkeyPat
     assert doctor.dependencies().state == "missing"
 
 
-def test_stages_that_cannot_be_built_are_bad(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_: object) -> None:
-        raise StageError("no room")
-
-    monkeypatch.setattr(builder, "build_checkpoint", fail)
+def test_stages_that_cannot_be_built_are_bad(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (copied(tmp_path / "lab") / "checkpoints.yaml").write_text("title: [")
+    monkeypatch.setenv(LAB_VARIABLE, str(tmp_path / "lab"))
     found = doctor.checking()
     assert found.state == "bad"
-    assert "no room" in found.text
+    assert "checkpoints.yaml" in found.text
 
 
-@pytest.mark.usefixtures("forked_workers")
-def test_a_missing_extra_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "EXTRAS", {"png": ("no-such-package", "pictures")})
-    result = invoke("doctor")
-    assert result.exit_code == 0
-    head = "missing  png        pictures"
-    assert f"{head}\n{' ' * 20}{install_command('png')}\n" in result.stdout
+def test_a_missing_extra_is_named_with_what_installs_it() -> None:
+    found = doctor.extra("png", "no-such-package", "pictures")  # noqa: S610 - not Django
+    assert found.state == "missing"
+    head, command = doctor.lines_of(found)
+    assert head.split() == ["missing", "png", "pictures"]
+    assert command == " " * 20 + install_command("png")
 
 
 def test_lines_fit_the_terminal_but_for_commands(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -95,15 +94,8 @@ def test_a_browser_is_looked_for_where_the_system_brings_none(
 @pytest.mark.parametrize(
     ("held", "state"), [({"files": True}, "ok"), ({"files": False, "limits": True}, "missing")]
 )
-def test_walls_that_are_not_there_are_named(
-    monkeypatch: pytest.MonkeyPatch, held: dict[str, bool], state: str
-) -> None:
-    class FakeWorker:
-        confined = held
-
-    monkeypatch.setattr(worker_process, "start_worker", lambda _: FakeWorker)
-    monkeypatch.setattr(worker_process, "end_worker", lambda _: None)
-    found = doctor.sandbox()
+def test_walls_that_are_not_there_are_named(held: dict[str, bool], state: str) -> None:
+    found = doctor.walls(held)
     assert found.state == state
     assert "files" in found.text
 

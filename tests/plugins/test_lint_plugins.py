@@ -141,14 +141,10 @@ def test_what_could_not_be_judged_is_a_finding() -> None:
     assert "./gone.usda" in adapter.text_of(found[0])
 
 
-def test_a_crash_is_a_finding_and_ends_no_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(_: Any) -> None:
-        raise KeyError("no stage")
-
-    monkeypatch.setattr(adapter, "lint_open_stage", broken)
-    (found,) = adapter.findings_of(None)
+def test_a_crash_is_a_finding_and_ends_no_run() -> None:
+    (found,) = adapter.findings_of(None)  # which is no stage
     assert (found.severity, found.prim) == ("error", "/")
-    assert "KeyError" in adapter.text_of(found)
+    assert "Error" in adapter.text_of(found)
 
 
 @pytest.mark.parametrize("decorator", ["register_rule", "registerRule"])

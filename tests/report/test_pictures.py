@@ -891,18 +891,16 @@ def test_of_two_findings_at_one_port_the_graver_is_told_first() -> None:
 
 
 def test_copies_of_a_stage_for_later_checkpoints_share_its_pictures(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
 ) -> None:
     files = [stage_file(number) for number in ("05", "06", "07", "08")]
     for path in files:
         shutil.copy(stage_file("05"), tmp_path / path.name)
-    drawn: list[str] = []
-    draw = html_model.stage_pictures
-    monkeypatch.setattr(html_model, "stage_pictures", lambda *on: drawn.append("") or draw(*on))
     digests = {path.name: "the same" for path in files}
     with opening_within(FileBounds(tmp_path.resolve(), lambda _path: None, digests=digests)):
         results = [check_stage(tmp_path / path.name) for path in files]
         contents = [html_model.read_content(result, LAB) for result in results]
-    assert len(drawn) == 2  # localization adds a frame to the tree
-    assert contents[0].pictures == contents[1].pictures != contents[2].pictures
-    assert contents[2].pictures == contents[3].pictures
+    drawn = [contents[number].pictures for number in range(4)]
+    assert drawn[0] is drawn[1]
+    assert drawn[1] != drawn[2]  # localization adds a frame to the tree
+    assert drawn[2] is drawn[3]

@@ -105,17 +105,12 @@ def test_the_stages_after_the_last_graph_are_played_once_where_they_are_equal(
     assert with_dry_runs(facts_of(results, {}), the_lab(), {}).stages == facts.stages
 
 
-def test_the_room_is_cut_once_for_all_that_is_played_in_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    cut: list[float] = []
-    sections = geometry.sections
-    monkeypatch.setattr(geometry, "sections", lambda *on: cut.append(on[1]) or sections(*on))
+def test_the_room_is_made_once_for_all_that_is_played_in_it(tmp_path: Path) -> None:
     geometry._placed.cache_clear()
     lab, counts = the_lab(), []
     for number in ("04", "05"):
         broken(number, RADIUS).GetRootLayer().Export(str(tmp_path / FILES[number]))
         shown_by(tmp_path / FILES[number], lab, expected_of_each(lab, lab.checkpoints[number]))
-        counts.append(len(cut))
+        counts.append(geometry._placed.cache_info().misses)
     assert counts[0] > 30
     assert counts[1] - counts[0] < 10  # of the robot

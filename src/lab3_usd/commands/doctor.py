@@ -8,7 +8,7 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib import metadata
 from pathlib import Path
 from typing import Literal
@@ -153,15 +153,21 @@ def sandbox() -> Diagnosis:
     try:
         from lab3_usd.grade.intake.submission_copy import Limits
         from lab3_usd.grade.workers.messages import PoolSettings
-        from lab3_usd.grade.workers.sandbox import WALLS
         from lab3_usd.grade.workers.worker_process import end_worker, start_worker
 
         worker = start_worker(PoolSettings(None, None, Limits()))
     except Exception as error:  # noqa: BLE001 - whatever fails is the answer
         return Diagnosis("sandbox", "bad", f"{type(error).__name__}: {error}")
     end_worker(worker)
-    held = sorted(name for name, is_held in worker.confined.items() if is_held)
-    absent = [f"{name} ({WALLS[name]})" for name in sorted({*worker.confined} - {*held})]
+    return walls(worker.confined)
+
+
+def walls(confined: Mapping[str, bool]) -> Diagnosis:
+    """Say which walls there are around a worker, by their names."""
+    from lab3_usd.grade.workers.sandbox import WALLS
+
+    held = sorted(name for name, is_held in confined.items() if is_held)
+    absent = [f"{name} ({WALLS[name]})" for name in sorted({*confined} - {*held})]
     if absent:
         return Diagnosis(
             "sandbox", "missing", f"{program()} grade does without: {', '.join(absent)}"
