@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 from itertools import chain
 from pathlib import Path
 
@@ -35,11 +36,16 @@ class GraphPair(Struct, frozen=True):
     nodes: tuple[tuple[Node | None, Node | None], ...]
 
 
-class StagePairs(Struct, frozen=True):
+class StagePairs(Struct, frozen=True, dict=True):
     """The graphs of two stages in pairs, and the new paths of what has another path now."""
 
     graphs: tuple[GraphPair, ...]
     paths: Mapping[str, str]
+
+    @cached_property
+    def is_unmoved(self) -> bool:
+        """Whether everything has the path that it had."""
+        return all(before == after for before, after in self.paths.items())
 
     def path(self, before: str) -> str:
         """Return the path in the second stage of what has this path in the first."""
@@ -181,6 +187,9 @@ def _attributes(before: GraphModel, after: GraphModel, form: GraphForm) -> Itera
 def _node_changes(was: Node | None, now: Node | None, pairs: StagePairs) -> Iterator[StageChange]:
     if was is not None and now is not None:
         yield from _itself(was, now, pairs)
+        is_same = was.type is now.type and was.version == now.version and was.ports == now.ports
+        if is_same and pairs.is_unmoved:  # as of most nodes
+            return
         for name in _inputs(was, now):
             yield from _input(was, now, name, pairs)
     elif was is not None:

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import pytest
 from pxr import Sdf, Usd
 
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.compare import pairs
 from lab3_usd.stage.compare.pairs import (
     GonePrim,
     NewPrim,
     PairedPrim,
+    PrimRecord,
     Scope,
     compare_prims,
     raw_differences,
+    read_record,
     read_records,
 )
+from lab3_usd.stage.compare.scenes import scene_changes
 
 EVERYTHING = Scope()
 
@@ -104,3 +110,32 @@ def test_a_property_that_only_the_second_stage_writes_is_new() -> None:
         ("value", "number", None, 1.0, True),
         ("value", "size", 2.0, 2.0, True),
     ]
+
+
+def rooms(*sizes: float) -> Usd.Stage:
+    """Instances of two rooms, each with a box; the sizes of the boxes."""
+    stage = Usd.Stage.CreateInMemory()
+    for number, size in enumerate(sizes):
+        box = stage.DefinePrim(f"/Rooms/Room{number}/Box", "Cube")
+        box.CreateAttribute("size", Sdf.ValueTypeNames.Double).Set(size)
+        for place in range(3):
+            prim = stage.DefinePrim(f"/House/Room{number}_{place}", "Xform")
+            prim.GetReferences().AddInternalReference(f"/Rooms/Room{number}")
+            prim.SetInstanceable(True)  # noqa: FBT003 - it takes no keyword
+    stage.GetPrimAtPath("/Rooms").SetSpecifier(Sdf.SpecifierClass)
+    return stage
+
+
+def test_instances_of_equal_prototypes_are_compared_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    read: list[str] = []
+
+    def counted(prim: Usd.Prim) -> PrimRecord:
+        read.append(str(prim.GetPath()))
+        return read_record(prim)
+
+    monkeypatch.setattr(pairs, "read_record", counted)
+    changes = scene_changes(rooms(1.0, 1.0), rooms(1.0, 2.0), load_lab(), str)
+    assert [(change.path, change.property, change.now) for change in changes] == [
+        (f"/House/Room1_{place}/Box", "size", "2") for place in range(3)
+    ]
+    assert [path for path in read if "Room0" in path and "Box" in path] == ["/House/Room0_0/Box"]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from fnmatch import fnmatchcase
+from functools import cached_property
 from typing import Any, Literal, TypeAlias
 from weakref import WeakKeyDictionary
 
@@ -18,10 +19,11 @@ PRESENT = Usd.TraverseInstanceProxies()
 Signature = tuple[str, str]
 
 
-class PrimRecord(Struct, frozen=True, eq=False):
+class PrimRecord(Struct, frozen=True, eq=False, dict=True):
     """A prim of the first stage: its type, schemas and attributes in the order of `names`.
 
-    One starter is compared with the stages of a whole class, so it is read once.
+    One starter is compared with the stages of a whole class, so it is read once, and what is below
+    a prim when that is first asked for.
     """
 
     prim: Usd.Prim
@@ -32,7 +34,11 @@ class PrimRecord(Struct, frozen=True, eq=False):
     names: list[str]
     values: Mapping[str, Any]
     targets: Mapping[str, list[Sdf.Path]]
-    children: tuple[PrimRecord, ...]
+
+    @cached_property
+    def children(self) -> tuple[PrimRecord, ...]:
+        """The prims below this one."""
+        return tuple(map(read_record, self.prim.GetFilteredChildren(PRESENT)))
 
 
 class Scope(Struct, frozen=True):
@@ -87,23 +93,15 @@ class RawDifference(Struct, frozen=True, eq=False):
 _RECORDS: WeakKeyDictionary[Usd.Stage, PrimRecord] = WeakKeyDictionary()
 
 
-def read_record_alone(prim: Usd.Prim) -> PrimRecord:
-    """Return what one prim is and holds, without those below it."""
-    return _record(prim, ())
-
-
 def read_records(stage: Usd.Stage) -> PrimRecord:
-    """Return the root of a stage with every prim below it, read once for as long as it is open."""
+    """Return the root of a stage, of which every prim is read once for as long as it is open."""
     if stage not in _RECORDS:
-        _RECORDS[stage] = _read_record(stage.GetPseudoRoot())
+        _RECORDS[stage] = read_record(stage.GetPseudoRoot())
     return _RECORDS[stage]
 
 
-def _read_record(prim: Usd.Prim) -> PrimRecord:
-    return _record(prim, tuple(map(_read_record, prim.GetFilteredChildren(PRESENT))))
-
-
-def _record(prim: Usd.Prim, children: tuple[PrimRecord, ...]) -> PrimRecord:
+def read_record(prim: Usd.Prim) -> PrimRecord:
+    """Return what a prim is and holds."""
     attributes, relationships = prim.GetAuthoredAttributes(), prim.GetAuthoredRelationships()
     return PrimRecord(
         prim,
@@ -114,15 +112,19 @@ def _record(prim: Usd.Prim, children: tuple[PrimRecord, ...]) -> PrimRecord:
         prim.GetAuthoredPropertyNames(),
         {attribute.GetName(): attribute.Get() for attribute in attributes},
         {relationship.GetName(): targets_of(relationship) for relationship in relationships},
-        children,
     )
 
 
-def compare_prims(was: PrimRecord, now: Usd.Prim, scope: Scope) -> Iterator[ComparedPrim]:
+def compare_prims(
+    was: PrimRecord,
+    now: Usd.Prim,
+    scope: Scope,
+    is_alike: Callable[[PairedPrim], bool] = lambda _: False,
+) -> Iterator[ComparedPrim]:
     """Yield every prim below `was` and `now`: in pairs by their names, or as gone or new.
 
     Below a pair, what is gone or new comes first, then the pairs, each with all below it. A prim
-    that is gone or new stands for all below it.
+    that is gone or new stands for all below it, and so does a pair that `is_alike`.
     """
     twins = children_in_scope(now, scope)
     is_filtered = was.path == _ROOT or bool(scope.types)
@@ -146,7 +148,8 @@ def compare_prims(was: PrimRecord, now: Usd.Prim, scope: Scope) -> Iterator[Comp
         yield NewPrim(twin)
     for pair in pairs:
         yield pair
-        yield from compare_prims(pair.was, pair.now, scope)
+        if not is_alike(pair):
+            yield from compare_prims(pair.was, pair.now, scope, is_alike)
 
 
 def children_in_scope(prim: Usd.Prim, scope: Scope) -> dict[str, Usd.Prim]:

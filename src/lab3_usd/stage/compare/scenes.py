@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from msgspec import Struct
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from lab3_usd.model.changes import ChangeKind, Part, StageChange
 from lab3_usd.spec.lab import Lab
@@ -22,7 +22,7 @@ from lab3_usd.stage.compare.pairs import (
     compare_prims,
     is_aside,
     raw_differences,
-    read_record_alone,
+    read_record,
     read_records,
     signature,
 )
@@ -85,9 +85,25 @@ def scene_changes(
     terms = _Terms(scope, lab.scene, path, never)
     gone: list[PrimRecord] = []
     new: dict[Signature, list[Usd.Prim]] = {}
+    equal: dict[tuple[Sdf.Path, Sdf.Path], bool] = {}  # the prototypes of instances
+
+    def is_alike(pair: PairedPrim) -> bool:
+        """Whether the prims are instances, at one place, of prototypes that hold the same."""
+        was, now = pair.was.prim, pair.now
+        is_instance = Usd.Prim.IsInstance(was) and Usd.Prim.IsInstance(now)
+        if not is_instance or was.GetPath() != now.GetPath():
+            return False
+        prototypes = (was.GetPrototype().GetPath(), now.GetPrototype().GetPath())
+        if prototypes not in equal:
+            below = compare_prims(pair.was, now, scope, is_alike)
+            equal[prototypes] = not any(
+                not isinstance(prim, PairedPrim) or any(raw_differences(prim.was, prim.now))
+                for prim in below
+            )
+        return equal[prototypes]
 
     def changes_below(was: PrimRecord, now: Usd.Prim) -> Iterator[StageChange]:
-        for prim in compare_prims(was, now, scope):
+        for prim in compare_prims(was, now, scope, is_alike):
             if isinstance(prim, PairedPrim):
                 yield from _prim_changes(prim.was, prim.now, terms)
             elif isinstance(prim, GonePrim):
@@ -128,7 +144,7 @@ def _over_changes(before: Usd.Stage, after: Usd.Stage, terms: _Terms) -> Iterato
             if was.IsActive() != now.IsActive():
                 active = (str(over.IsActive()).lower() for over in (was, now))
                 yield StageChange(part, "changed", path, "active", *active)
-            yield from _prim_changes(read_record_alone(was), now, terms)
+            yield from _prim_changes(read_record(was), now, terms)
         elif was is not None and not after.GetPrimAtPath(path) and _stands(above, after):
             yield StageChange(part, "removed", path, was=_over_text(was))
         elif now is not None and not before.GetPrimAtPath(path) and _stands(above, before):
