@@ -250,16 +250,18 @@ def test_hardly_anything_of_a_submission_is_left_for_the_garbage_collector(
 # -- serving
 
 
-def test_a_worker_serves_tasks_until_there_are_no_more(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("limit_resources", "limit_time", "give_up_privileges", "fence_files"):
-        monkeypatch.setattr(worker_main, name, lambda *_arguments: {})
+def prepared() -> worker_main.Prepared:
+    """What a worker judges with that gave up nothing: this process goes on."""
+    return worker_main.Prepared(worker_main.load_setup(SETTINGS), [], [], {"files": False})
+
+
+def test_a_worker_serves_tasks_until_there_are_no_more(tmp_path: Path) -> None:
     (tmp_path / "scratch").mkdir()
     jane = Task("jane", "jane", (Source(submission(tmp_path / "jane", "00")),))
     answers = io.BytesIO()
     line = encode(Assignment(7, jane, 200.0))
-    worker_main._serve(Start(tmp_path / "scratch", SETTINGS), io.BytesIO(line), answers)
+    start = Start(tmp_path / "scratch", SETTINGS)
+    worker_main._serve(start, prepared(), io.BytesIO(line), answers)
     said = [json.loads(line) for line in answers.getvalue().splitlines()]
     assert [list(line)[1] for line in said] == ["peak", "open", "open", "done"]
     assert [line.get("turn") for line in said] == [None, 7, 7, 7]
@@ -268,45 +270,16 @@ def test_a_worker_serves_tasks_until_there_are_no_more(
     assert list((tmp_path / "scratch").iterdir()) == []
 
 
-def test_an_answer_that_would_be_too_long_is_a_status(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("limit_resources", "limit_time", "give_up_privileges", "fence_files"):
-        monkeypatch.setattr(worker_main, name, lambda *_arguments: {})
-    long = {"reports": {"a": "x" * 60_000}}
-    monkeypatch.setattr(worker_main, "answer", lambda *_arguments: long)
-    start = Start(tmp_path, replace(SETTINGS, limits=Limits(answer_size=100_000)))
+def test_an_answer_that_would_be_too_long_is_a_status(tmp_path: Path) -> None:
+    (tmp_path / "scratch").mkdir()
+    jane = Task("jane", "jane", (Source(submission(tmp_path / "jane", "00")),))
+    settings = replace(SETTINGS, limits=Limits(answer_size=10_000))
     answers = io.BytesIO()
-    line = encode(Assignment(7, Task("jane", "jane", ()), 200.0))
-    worker_main._serve(start, io.BytesIO(line), answers)
+    line = encode(Assignment(7, jane, 200.0))
+    start = Start(tmp_path / "scratch", settings)
+    worker_main._serve(start, prepared(), io.BytesIO(line), answers)
     done = json.loads(answers.getvalue().splitlines()[-1])["done"]
     assert status_of(done["failed"]) == "too large"
-
-
-def test_a_worker_keeps_its_answers_apart_from_what_is_printed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    task_end, task_start = os.pipe()
-    answer_end, answer_start = os.pipe()
-    saved = os.dup(0), os.dup(1)
-    os.write(task_start, encode(Start(Path("/scratch"), SETTINGS)))
-    os.close(task_start)
-    monkeypatch.setattr(
-        worker_main, "_serve", lambda start, _tasks, out: out.write(bytes(start.scratch))
-    )
-    try:
-        os.dup2(task_end, 0)
-        os.dup2(answer_start, 1)
-        worker_main.main()
-        os.write(1, b"printed")
-    finally:
-        for handle, number in zip(saved, (0, 1), strict=True):
-            os.dup2(handle, number)
-            os.close(handle)
-        os.close(task_end)
-        os.close(answer_start)
-    with os.fdopen(answer_end, "rb") as answers:
-        assert answers.read() == b"/scratch"
 
 
 @pytest.mark.parametrize(
@@ -357,23 +330,17 @@ class Kernel:
         return call
 
 
-@pytest.fixture
-def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
-    made = Kernel()
-    monkeypatch.setattr(sandbox, "_libc", lambda: made)
-    return made
-
-
-def test_network_and_privileges_are_given_up_in_this_order(kernel: Kernel) -> None:
-    assert sandbox.give_up_privileges() == {"privileges": True, "network": True}
+def test_network_and_privileges_are_given_up_in_this_order() -> None:
+    kernel = Kernel()
+    assert sandbox.give_up_privileges(kernel) == {"privileges": True, "network": True}
     assert kernel.asked == [f"unshare_{0x40000000}", "prctl_1", "prctl_38", "capset"]
 
 
-def test_without_permission_a_namespace_of_users_is_tried(kernel: Kernel) -> None:
-    kernel.answers = {f"unshare_{0x40000000}": -1}
-    assert sandbox.give_up_privileges()["network"] is True
-    kernel.answers = {f"unshare_{kind}": -1 for kind in (0x40000000, 0x50000000)}
-    assert sandbox.give_up_privileges()["network"] is False
+def test_without_permission_a_namespace_of_users_is_tried() -> None:
+    kernel = Kernel(**{f"unshare_{0x40000000}": -1})
+    assert sandbox.give_up_privileges(kernel)["network"] is True
+    kernel = Kernel(**{f"unshare_{kind}": -1 for kind in (0x40000000, 0x50000000)})
+    assert sandbox.give_up_privileges(kernel)["network"] is False
 
 
 @pytest.mark.parametrize("uid", [0, 1000])
@@ -388,22 +355,19 @@ def test_capabilities_are_given_up_but_to_read_where_root_grades(
             given.append(sets)
             return 0
 
-    monkeypatch.setattr(sandbox, "_libc", Library)
     monkeypatch.setattr(os, "geteuid", lambda: uid)
-    assert sandbox._no_capabilities()
+    assert sandbox._no_capabilities(Library())
     assert struct.unpack("<6I", given[0])[:2] == ((4, 4) if uid == 0 else (0, 0))
 
 
-def test_another_platform_gives_up_nothing_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sandbox.sys, "platform", "win32")
-    assert sandbox._libc() is None
-    assert sandbox.give_up_privileges() == {"privileges": False, "network": False}
-    assert not sandbox._no_capabilities()
+def test_another_platform_gives_up_nothing_and_says_so() -> None:
+    assert sandbox.give_up_privileges(None) == {"privileges": False, "network": False}
+    assert not sandbox._no_capabilities(None)
 
 
 @pytest.mark.parametrize(("version", "truncates", "network"), [(1, 0, 0), (3, 1, 0), (4, 1, 1)])
 def test_the_rules_of_the_kernel_follow_its_version(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: int, truncates: int, network: int
+    tmp_path: Path, version: int, truncates: int, network: int
 ) -> None:
     rulesets: list[bytes] = []
     rules: list[int] = []
@@ -423,9 +387,9 @@ def test_the_rules_of_the_kernel_follow_its_version(
                 rules.append(struct.unpack("<Qi", arguments[2])[0])
             return 0
 
-    monkeypatch.setattr(sandbox, "_libc", Library)
     (tmp_path / "file").touch()
-    assert sandbox.fence_files([tmp_path, tmp_path / "file", tmp_path / "gone"], [tmp_path])
+    readable = [tmp_path, tmp_path / "file", tmp_path / "gone"]
+    assert sandbox.fence_files(readable, [tmp_path], Library())
     handled = struct.unpack_from("<Q", rulesets[0])[0]
     assert handled >> 14 == truncates
     assert len(rulesets[0]) == (16 if network else 8)
@@ -436,19 +400,17 @@ def test_the_rules_of_the_kernel_follow_its_version(
 
 
 @pytest.mark.parametrize("answers", [{"syscall_444": 0}, {"syscall_444": -1}])
-def test_a_kernel_without_landlock_fences_nothing(kernel: Kernel, answers: dict[str, int]) -> None:
-    kernel.answers = answers
-    assert not sandbox.fence_files([], [])
+def test_a_kernel_without_landlock_fences_nothing(answers: dict[str, int]) -> None:
+    assert not sandbox.fence_files([], [], Kernel(**answers))
 
 
-def test_a_kernel_that_makes_no_ruleset_fences_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kernel_that_makes_no_ruleset_fences_nothing() -> None:
     class Library:
         def syscall(self, number: int, attributes: bytes | None, *rest: Any) -> int:
             del number, rest
             return 4 if attributes is None else -1
 
-    monkeypatch.setattr(sandbox, "_libc", Library)
-    assert not sandbox.fence_files([], [])
+    assert not sandbox.fence_files([], [], Library())
 
 
 def test_limits_are_set_within_those_that_hold_already(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -459,9 +421,9 @@ def test_limits_are_set_within_those_that_hold_already(monkeypatch: pytest.Monke
         resource, "getrlimit", lambda name: (0, hard.get(name, resource.RLIM_INFINITY))
     )
     monkeypatch.setattr(resource, "setrlimit", given.__setitem__)
-    monkeypatch.setattr(sandbox, "_address_space", lambda: 1000)
-    assert sandbox.limit_resources(Limits(memory=500))
-    assert given[resource.RLIMIT_AS] == (1500, 1500)
+    used = sandbox._address_space()
+    assert sandbox.limit_resources(Limits(memory=1 << 40))
+    assert given[resource.RLIMIT_AS][0] - used == pytest.approx(1 << 40, rel=0.01)
     assert given[resource.RLIMIT_NOFILE] == (100, 100)
     assert given[resource.RLIMIT_CORE] == (0, 0)
 
@@ -493,7 +455,7 @@ def test_the_address_space_is_known_where_the_platform_tells_it(
 def test_the_library_of_linux_is_a_library() -> None:
     if sandbox.sys.platform != "linux":
         pytest.skip("not on Linux")
-    assert isinstance(sandbox._libc(), ctypes.CDLL)
+    assert isinstance(sandbox.LIBC, ctypes.CDLL)
 
 
 # -- a machine of a cluster

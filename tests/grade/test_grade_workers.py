@@ -736,7 +736,7 @@ def test_a_real_worker_judges_and_leaves_nothing_behind(tmp_path: Path) -> None:
     assert not made.scratch.exists()
 
 
-# Reads, instead of judging, a file of the student at work and that of another one.
+# Prints, and reads, instead of judging, a file of the student at work and that of another one.
 CURIOUS = """
 import sys
 sys.path[:0] = sys.argv[1:]
@@ -747,6 +747,7 @@ def read(path):
     except PermissionError:
         return "refused"
 def look(setup, task, scratch, announce):
+    print("x", file=sys.__stdout__, flush=True)
     own = task.sources[0].path
     return {name: read(own.parent / name / "file") for name in ("ann", "ben")}
 worker_main.grade_submission = look
@@ -754,7 +755,9 @@ worker_main.main()
 """
 
 
-def test_a_worker_reads_its_own_submission_alone(tmp_path: Path) -> None:
+def test_a_worker_reads_its_own_submission_alone_and_what_it_prints_is_no_answer(
+    tmp_path: Path,
+) -> None:
     for student in ("ann", "ben"):
         (tmp_path / "class" / student).mkdir(parents=True)
         (tmp_path / "class" / student / "file").write_text("read")

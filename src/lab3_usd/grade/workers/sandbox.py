@@ -10,6 +10,7 @@ import struct
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from lab3_usd.grade.intake.submission_copy import Limits
 
@@ -89,29 +90,26 @@ def _address_space() -> int:
     return int(pages) * os.sysconf("SC_PAGE_SIZE")
 
 
-def give_up_privileges() -> dict[str, bool]:
+# The C library, None where it is not that of Linux, which alone gives up what is asked here.
+LIBC = ctypes.CDLL(None, use_errno=True) if sys.platform == "linux" else None
+
+
+def give_up_privileges(libc: Any = LIBC) -> dict[str, bool]:
     """Give up the network, and what privileges there are or could be; say which of it worked."""
-    network = _no_network()
-    libc = _libc()
+    network = _no_network(libc)
     dies_with_parent = (
         libc is not None and libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0) == 0
     )
-    given_up = dies_with_parent and _no_new_privileges() and _no_capabilities()
+    given_up = dies_with_parent and _no_new_privileges(libc) and _no_capabilities(libc)
     return {"privileges": given_up, "network": network}
 
 
-def _libc() -> ctypes.CDLL | None:
-    return ctypes.CDLL(None, use_errno=True) if sys.platform == "linux" else None
-
-
-def _no_new_privileges() -> bool:
-    libc = _libc()
+def _no_new_privileges(libc: Any) -> bool:
     return libc is not None and libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0
 
 
-def _no_capabilities() -> bool:
+def _no_capabilities(libc: Any) -> bool:
     """Give up every capability, where root runs this, but to read what students own."""
-    libc = _libc()
     if libc is None:
         return False
     kept = _CAP_DAC_READ_SEARCH if os.geteuid() == 0 else 0
@@ -121,22 +119,20 @@ def _no_capabilities() -> bool:
     return done == 0
 
 
-def _no_network() -> bool:
+def _no_network(libc: Any) -> bool:
     """Move into a network of one's own, in which there is nothing; as root or as a user."""
-    libc = _libc()
     if libc is None:
         return False
     kinds = (_CLONE_NEWNET, _CLONE_NEWUSER | _CLONE_NEWNET)
     return any(libc.unshare(kind) == 0 for kind in kinds)
 
 
-def fence_files(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
+def fence_files(readable: Iterable[Path], writable: Iterable[Path], libc: Any = LIBC) -> bool:
     """Let this thread read below `readable` and write below `writable` only, by Landlock.
 
     So do the threads and processes that it starts from then on; they can be confined closer.
     Returns whether the kernel can do that and does.
     """
-    libc = _libc()
     if libc is None:
         return False
     version = libc.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _VERSION_FLAG)
@@ -154,13 +150,15 @@ def fence_files(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
             _allow(libc, ruleset, path, (_READ | _READ_FOLDER | _EXECUTE) & handled)
         for path in writable:
             _allow(libc, ruleset, path, handled & ~_MAKE_DEVICES)
-        restricted: int = libc.syscall(_RESTRICT_SELF, ruleset, 0) if _no_new_privileges() else -1
+        restricted: int = (
+            libc.syscall(_RESTRICT_SELF, ruleset, 0) if _no_new_privileges(libc) else -1
+        )
         return restricted == 0
     finally:
         os.close(ruleset)
 
 
-def _allow(libc: ctypes.CDLL, ruleset: int, path: Path, rights: int) -> None:
+def _allow(libc: Any, ruleset: int, path: Path, rights: int) -> None:
     with contextlib.suppress(OSError):
         handle = os.open(path, getattr(os, "O_PATH", os.O_RDONLY))
         try:

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 from lab3_usd.data import data_folder, lab_folder
 from lab3_usd.errors import is_no_room
@@ -68,7 +68,7 @@ def main() -> None:
         start = decode(tasks.readline(), Start)
         sys.argv = [start.settings.typed]
         with assets_at(start.settings.assets):
-            _serve(start, tasks, answers)
+            _serve(start, _confined(start), tasks, answers)
 
 
 def _channels() -> tuple[BinaryIO, BinaryIO]:
@@ -82,26 +82,45 @@ def _channels() -> tuple[BinaryIO, BinaryIO]:
     return tasks, answers
 
 
-def _serve(start: Start, tasks: BinaryIO, answers: BinaryIO) -> None:
+class Prepared(NamedTuple):
+    """What every submission is judged with, the folders that it may read and write, and the walls.
+
+    `walls` says of each whether it is there.
+    """
+
+    setup: GradingSetup
+    readable: list[Path]
+    writable: list[Path]
+    walls: dict[str, bool]
+
+
+def _confined(start: Start) -> Prepared:
+    """Load what is judged with, and put up the walls around this process."""
+    settings = start.settings
+    walls = give_up_privileges()
+    setup = load_setup(settings)
+    walls["limits"] = limit_resources(settings.limits)
+    # The folders of modules and data are still read while submissions are judged.
+    ours = [lab_folder(), *map(data_folder, _OURS)]
+    python = [sys.prefix, sys.base_prefix, sys.exec_prefix, *filter(None, sys.path)]
+    given = (*setup.allowed, *setup.supplied, *python, *_NEEDED)
+    readable, writable = [*ours, *map(Path, given)], [start.scratch.resolve(), Path(os.devnull)]
+    walls["files"] = fence_files([*settings.readable, *readable], writable)
+    return Prepared(setup, readable, writable, walls)
+
+
+def _serve(start: Start, prepared: Prepared, tasks: BinaryIO, answers: BinaryIO) -> None:
     def send(line: bytes) -> None:
         answers.write(line)
         answers.flush()
 
     settings, scratch = start.settings, start.scratch.resolve()
-    confined = give_up_privileges()
-    setup = load_setup(settings)
-    confined["limits"] = limit_resources(settings.limits)
-    # The folders of modules and data are still read while submissions are judged.
-    ours = [lab_folder(), *map(data_folder, _OURS)]
-    python = [sys.prefix, sys.base_prefix, sys.exec_prefix, *filter(None, sys.path)]
-    given = (*setup.allowed, *setup.supplied, *python, *_NEEDED)
-    readable, writable = [*ours, *map(Path, given)], [scratch, Path(os.devnull)]
-    confined["files"] = fence_files([*settings.readable, *readable], writable)
-    send(encode(Ready(confined, _most_memory())))
+    setup, readable, writable, walls = prepared
+    send(encode(Ready(walls, _most_memory())))
     for line in tasks:
         assignment = decode(line, Assignment)
         judge = partial(_judge, assignment, setup, scratch, send)
-        if confined["files"]:
+        if walls["files"]:
             paths = [source.path for source in assignment.task.sources]
             own = [path for path in paths if not path.is_symlink()]  # which are not followed
             done = _fenced(judge, [*own, *readable], writable)
