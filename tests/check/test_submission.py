@@ -155,7 +155,8 @@ def test_a_bare_folder_of_stages_that_is_handed_in_lacks_the_rest(folder: Path) 
 
 
 def test_in_the_middle_of_the_lab_nothing_is_missing(folder: Path) -> None:
-    for name in ("01", "03", "04", "05", "06", "07", "08"):
+    missing = tuple(number for number in LAB.checkpoints if number not in {"00", "02"})
+    for name in missing:
         (folder / stage_name(name)).unlink()
     for name in ("maps", "results", "assets"):
         shutil.rmtree(folder / name)
@@ -170,7 +171,7 @@ def test_in_the_middle_of_the_lab_nothing_is_missing(folder: Path) -> None:
         "E01",
     }
     assert (faults(result), notes(result)) == ([], [])
-    assert result.submission.to_come == ("01", "03", "04", "05", "06", "07", "08")
+    assert result.submission.to_come == missing
     assert result.submission.checklist == checked(folder, handed_in=True).submission.checklist
 
 

@@ -36,7 +36,9 @@ Pairs = list[tuple[Sdf.PrimSpec, Sdf.PrimSpec]]
 def layer(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Sdf.Layer:
     """The last checkpoint, read back from its file: once as text, once as binary."""
     lab = load_lab()
-    plan = plan_files(lab, tmp_path_factory.mktemp(request.param), ["08"], request.param)
+    plan = plan_files(
+        lab, tmp_path_factory.mktemp(request.param), [*lab.checkpoints][-1:], request.param
+    )
     (file,) = build_files(lab, None, plan, BuildOptions(request.param))
     return Sdf.Layer.OpenAsAnonymous(str(file))
 
