@@ -40,7 +40,8 @@ from lab3_usd.stage.read.scene import read_scene
 CHECKPOINT = "05"
 LIDAR_GRAPH = "ROS_Lidar2D"
 ASKED = {"with scan": 20.0, "without scan": 30.0}  # times real time
-FLEETS = {10: 10.0, 100: 100.0}  # seconds of the processor, by the number of robots
+FLEETS = (10, 100)  # robots
+EACH = 1.0  # seconds of the processor that a robot may take
 KILOBYTES = 1024
 
 
@@ -96,8 +97,8 @@ def main() -> int:
             f" ({ASKED[name]:.0f} asked), {share:.0%} of it judging"
         )
         short += times < ASKED[name]
-    fleets = {options.robots: FLEETS[10]} if options.robots else FLEETS
-    for count, asked in fleets.items():
+    for count in (options.robots,) if options.robots else FLEETS:
+        asked = count * EACH
         robots = read_scene(fleet(count), load_platform())
         start = time.process_time()
         played = play_any(robots, load_platform(), None)

@@ -24,7 +24,11 @@ import lab3_usd
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.sim.execution.drive import Leg, Session
+from lab3_usd.sim.robots import expected_of
+from lab3_usd.sim.timeline import record
 from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.scene import read_scene
 
 SOURCE = str(Path(lab3_usd.__file__).parent)
 FEW = 3
@@ -110,6 +114,19 @@ def test_no_function_of_lint_takes_more_for_each_robot_where_there_are_more(
     make: Callable[[int], Usd.Stage],
 ) -> None:
     assert not grown(lambda count: linted(make(count)))
+
+
+def test_no_function_of_a_dry_run_takes_more_for_each_robot_where_there_are_more() -> None:
+    """What one play takes, whose robots are all driven over the same ground at the same time."""
+    platform = lint_platform()
+
+    def run(count: int) -> None:
+        scene = read_scene(fleet(count), platform)
+        record(
+            scene, platform, (Session((Leg("ahead", 0.2, (0.2, 0.0, 0.0)),)),), expected_of(None)
+        )
+
+    assert not grown(run)
 
 
 @pytest.mark.parametrize(

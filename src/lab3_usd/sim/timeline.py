@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import gc
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
@@ -291,9 +293,22 @@ def played(
 ) -> Player:
     """Play the sessions, and return who has."""
     player = player_of(scene, platform, wanted, standing)
-    for session in drive:
-        player.play(session)
+    with uncollected():
+        for session in drive:
+            player.play(session)
     return player
+
+
+@contextmanager
+def uncollected() -> Iterator[None]:
+    """Look for no garbage: what a play records stays, and it would be searched again and again."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
 
 
 def trial_of(player: Player, drive: Sequence[Session], wanted: Expected) -> Trial:

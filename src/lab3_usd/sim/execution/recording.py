@@ -19,6 +19,8 @@ T = TypeVar("T")
 class Later(Sequence[T]):
     """An array of so many elements, which are not computed before one looks at them."""
 
+    __slots__ = ("_count", "_known", "_make")
+
     def __init__(self, count: int, make: Callable[[], tuple[T, ...]]) -> None:
         self._count = count
         self._make = make
