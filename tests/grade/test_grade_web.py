@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import sys
 from collections.abc import Iterator
 from http import HTTPStatus
 from pathlib import Path
+from subprocess import CompletedProcess
 
-import forking
 import pytest
-from fork_server import FORKED_WORKERS
+from in_process import lab3
 from mini_lab import cut_wire, files_below, stage, starter, submission
 from msgspec.structs import replace
 from web_server import WebServer, served
@@ -55,17 +53,9 @@ def graded(place: Path | str, out: Path) -> Rows:
     return graded_here(ClassSettings(place, starter(), out))
 
 
-def lab3_grade(place: str, out: Path) -> forking.CompletedProcess[str]:
-    command = [sys.executable, "-m", "lab3_usd", "grade", place]
-    options = ["--starter", str(starter()), "--output", str(out)]
-    forking.preload("fsspec.implementations.http")
-    return forking.run(
-        [*command, *options],
-        capture_output=True,
-        text=True,
-        check=False,
-        env={**os.environ, **FORKED_WORKERS},
-    )
+def lab3_grade(place: str, out: Path) -> CompletedProcess[str]:
+    with workers_here():
+        return lab3("grade", place, "--starter", starter(), "--output", out)
 
 
 @pytest.mark.parametrize("end", ["", "/"])
