@@ -122,7 +122,7 @@ def _edges(messages: list[Message]) -> dict[tuple[str, str], tuple[float, ...]]:
     """Return the last of each transform, with its rotation as w >= 0, and its lag."""
     found = {}
     for message in messages:
-        for each in message.data:
+        for each in message.data.each():
             q = each.rotation
             sign = -1.0 if q[0] < 0 else 1.0
             turned = tuple(sign * x for x in q)
