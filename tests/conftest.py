@@ -1,4 +1,7 @@
-"""What several test modules share."""
+"""What several test modules share.
+
+The program is imported where it is used: the process that hands out tests needs none of it.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +14,15 @@ import tempfile
 from collections.abc import Generator, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
-import forking
 import pytest
 from _pytest.runner import runtestprotocol
-from browser import Browser, started
-from own_rules import registered_for_a_while
-from parsed_once import yaml_parsed_once
 from places import REPOSITORY, SHARED
-from platform_once import platform_assembled_once
-from starter_once import starter_made_once
 
-from lab3_usd.grade.workers import worker_process
+if TYPE_CHECKING:
+    from browser import Browser
 
 MEMORY = Path("/dev/shm")  # noqa: S108 - a file system, not a file in it
 ROOM = 4_000_000_000  # bytes, many times what the tests leave there at any time
@@ -85,15 +83,15 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
     class ByFile(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            file = super()._split_scope(nodeid)
-            return "pages" if _has_pages(REPOSITORY / file) else file
+            file = nodeid.partition("::")[0]
+            return "pages" if _has_pages(file) else file
 
     return ByFile(config, log) if config.getvalue("dist") == "loadfile" else None
 
 
 @cache
-def _has_pages(file: Path) -> bool:
-    return "chromium: Browser" in file.read_text(encoding="utf-8")
+def _has_pages(file: str) -> bool:
+    return "chromium: Browser" in (REPOSITORY / file).read_text(encoding="utf-8")
 
 
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
@@ -110,6 +108,10 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 @pytest.fixture(scope="session", autouse=True)
 def _made_once() -> Iterator[None]:
+    from parsed_once import yaml_parsed_once
+    from platform_once import platform_assembled_once
+    from starter_once import starter_made_once
+
     with yaml_parsed_once(), platform_assembled_once(), starter_made_once():
         yield
 
@@ -117,6 +119,8 @@ def _made_once() -> Iterator[None]:
 @pytest.fixture
 def own_rules() -> Iterator[None]:
     """Let a test add rules of its own."""
+    from own_rules import registered_for_a_while
+
     with registered_for_a_while():
         yield
 
@@ -138,6 +142,8 @@ def shared() -> Path:
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Browser]:
     """One browser for all tests of pages."""
+    from browser import started
+
     with started() as running:
         yield running
 
@@ -145,5 +151,9 @@ def chromium() -> Iterator[Browser]:
 @pytest.fixture(scope="module")
 def forked_workers() -> Iterator[None]:
     """Workers of grading that are processes as ever, but need no Python to start."""
+    import forking
+
+    from lab3_usd.grade.workers import worker_process
+
     with patch.object(worker_process, "subprocess", forking):
         yield
