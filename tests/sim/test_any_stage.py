@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
-from any_stages import BRIEFLY, bad, by_name, played
+from any_stages import BRIEFLY, FIXED, bad, by_name, played
 from breaking import correct_stage
 from foreign_robots import (
     add_api,
@@ -54,7 +54,7 @@ def walled_rover() -> Usd.Stage:
 
 
 def test_a_rover_is_judged_by_its_own_topics(tmp_path: Path) -> None:
-    found = played(walled_rover(), tmp_path)
+    found = played(walled_rover(), tmp_path, drive=FIXED)
     assert {name: check.verdict for name, check in by_name(found).items()} == dict.fromkeys(
         ["graphs", "topics", "stamps", "clock", "tree", *MOVED], "ok"
     )
@@ -114,7 +114,7 @@ def test_a_controller_that_fails_beside_one_that_moves_the_robot_is_named(tmp_pa
     write_node(stage, f"{DRIVE}/again", "core.IsaacArticulationController", move)
     for wire in ("tick.tick -> again.execIn", "drive.velocityCommand -> again.velocityCommand"):
         connect(stage, DRIVE, *wire.split(" -> "))
-    found = played(stage, tmp_path, drive=BRIEFLY)
+    found = played(stage, tmp_path)
     assert bad(found) == {"graphs"}
     assert by_name(found)["graphs"].prim == f"{DRIVE}/again"
 
@@ -122,13 +122,13 @@ def test_a_controller_that_fails_beside_one_that_moves_the_robot_is_named(tmp_pa
 def test_a_radius_that_is_not_that_of_the_wheels_is_said(tmp_path: Path) -> None:
     stage = rover()
     set_value(stage, f"{DRIVE}/drive.inputs:wheelRadius", 8.0)
-    found = played(stage, tmp_path)
+    found = played(stage, tmp_path, drive=FIXED)
     assert found.verdict == "ok"
     assert any(
         "wheels measure 0.1 m" in remark and "1.25 times" in remark for remark in found.sizes
     )
     set_value(stage, f"{DRIVE}/drive.inputs:wheelRadius", 5.0)
-    assert bad(played(stage, tmp_path)) == {"follows", "again"}
+    assert bad(played(stage, tmp_path, drive=FIXED)) == {"follows", "again"}
 
 
 def in_metres(stage: Usd.Stage) -> None:
@@ -150,20 +150,20 @@ def test_the_sizes_of_a_controller_are_in_the_unit_of_its_commands(
 ) -> None:
     stage = rover()
     change(stage)
-    found = played(stage, tmp_path)
+    found = played(stage, tmp_path, drive=FIXED)
     assert bad(found) == set()
     assert not any("wheels measure" in remark for remark in found.sizes)
 
 
 def test_a_stage_of_the_lab_under_another_name_is_all_right(tmp_path: Path) -> None:
-    found = played(correct_stage("05"), tmp_path)
+    found = played(correct_stage("05"), tmp_path, drive=FIXED)
     assert (found.verdict, bad(found)) == ("ok", set())
 
 
 def test_transforms_that_stand_still_do_not_go_with_the_robot(tmp_path: Path) -> None:
     stage = rover()
     stage.GetAttributeAtPath("/World/Odometry/transform.inputs:translation").ClearConnections()
-    assert bad(played(stage, tmp_path, drive=BRIEFLY)) == {"moving frames"}
+    assert bad(played(stage, tmp_path)) == {"moving frames"}
 
 
 def test_a_scan_in_the_frame_of_a_wheel_goes_through_walls(tmp_path: Path) -> None:
@@ -172,13 +172,13 @@ def test_a_scan_in_the_frame_of_a_wheel_goes_through_walls(tmp_path: Path) -> No
     joint = stage.GetPrimAtPath(f"{ROBOT}/left_wheel_joint")
     joint.GetAttribute("physics:localPos0").Set((0, 60, 0))
     set_value(stage, "/World/Lidar/helper.inputs:frameId", "left_wheel")
-    assert "scan" in bad(played(stage, tmp_path, drive=BRIEFLY))
+    assert "scan" in bad(played(stage, tmp_path))
 
 
 def test_a_publisher_that_nothing_drives_is_named(tmp_path: Path) -> None:
     stage = rover()
     stage.GetAttributeAtPath("/World/Clock/clock.inputs:execIn").ClearConnections()
-    found = by_name(played(stage, tmp_path, drive=BRIEFLY))
+    found = by_name(played(stage, tmp_path))
     assert (found["topics"].kind, found["topics"].prim) == ("not-executed", "/World/Clock/clock")
     assert "clock" not in found
 
@@ -195,7 +195,7 @@ def test_a_profile_with_a_misspelt_word_opens_nothing(tmp_path: Path, node: str,
     )
     port = stage.GetPrimAtPath(node).CreateAttribute("inputs:qosProfile", Sdf.ValueTypeNames.String)
     port.Set(profile)
-    check = by_name(played(stage, tmp_path, drive=BRIEFLY))["topics"]
+    check = by_name(played(stage, tmp_path))["topics"]
     assert (check.verdict, check.message) == ("bad", f"{node} {says}")
     assert (check.prim, check.kind) == (node, "invalid-qos-profile")
 
@@ -204,7 +204,7 @@ def test_a_stamp_that_stands_still_is_wrong(tmp_path: Path) -> None:
     stage = rover()
     stamp = stage.GetAttributeAtPath("/World/Odometry/odometry.inputs:timeStamp")
     stamp.SetConnections(["/World/Odometry/tick.outputs:deltaSeconds"])
-    check = by_name(played(stage, tmp_path, drive=BRIEFLY))["stamps"]
+    check = by_name(played(stage, tmp_path))["stamps"]
     assert (check.verdict, check.kind) == ("bad", "stamp-not-advancing")
     assert check.text == "the stamps of /odom do not advance: 0.02 s"
     assert check.prim == "/World/Odometry/odometry"
@@ -215,7 +215,7 @@ def test_stamps_may_be_those_of_another_clock(tmp_path: Path) -> None:
     write_node(stage, "/World/Odometry/system", "core.IsaacReadSystemTime", {})
     stamp = stage.GetAttributeAtPath("/World/Odometry/odometry.inputs:timeStamp")
     stamp.SetConnections(["/World/Odometry/system.outputs:systemTime"])
-    assert by_name(played(stage, tmp_path, drive=BRIEFLY))["stamps"].verdict == "ok"
+    assert by_name(played(stage, tmp_path))["stamps"].verdict == "ok"
 
 
 def test_rules_are_those_of_lint(tmp_path: Path) -> None:
@@ -245,7 +245,7 @@ def test_robots_in_two_domains_are_each_driven_by_their_own_commands(tmp_path: P
         if prim.GetName() == "context" and prim.GetPath().HasPrefix("/B"):
             prim.CreateAttribute("inputs:domain_id", Sdf.ValueTypeNames.UChar).Set(5)
             prim.CreateAttribute("inputs:useDomainIDEnvVar", Sdf.ValueTypeNames.Bool).Set(False)  # noqa: FBT003
-    found = played(stage, tmp_path, drive=BRIEFLY)
+    found = played(stage, tmp_path)
     assert [(robot.prim, robot.domain) for robot in found.robots] == [
         ("/A/Rover/chassis", 0),
         ("/B/Rover/chassis", 5),
@@ -259,11 +259,7 @@ def test_robots_in_two_domains_are_each_driven_by_their_own_commands(tmp_path: P
     assert {topic.domain for topic in found.topics if topic.name == "/odom"} == {0, 5}
     set_value(stage, "/B/Drive/left.inputs:value", "right_wheel_joint")
     set_value(stage, "/B/Drive/right.inputs:value", "left_wheel_joint")
-    wrong = [
-        check.of
-        for check in played(stage, tmp_path, drive=BRIEFLY).checks
-        if check.verdict == "bad"
-    ]
+    wrong = [check.of for check in played(stage, tmp_path).checks if check.verdict == "bad"]
     assert wrong == ["/B/Rover/chassis"]
 
 
@@ -287,7 +283,7 @@ def frames_of(found: Behaviour) -> dict[str, str]:
 
 def test_the_transforms_of_one_robot_are_not_held_against_another(tmp_path: Path) -> None:
     stage = two_rovers()
-    found = played(stage, tmp_path, drive=BRIEFLY)
+    found = played(stage, tmp_path)
     assert [robot.prim for robot in found.robots] == [f"{ROBOT}/chassis", f"{ROBOT}2/chassis"]
     assert bad(found) == set()
     assert frames_of(found) == {f"{ROBOT}/chassis": "ok"}
@@ -298,7 +294,7 @@ def test_of_several_robots_one_is_held_against_its_transforms(tmp_path: Path) ->
     transform = stage.GetPrimAtPath("/World/Odometry/transform")
     for port in ("translation", "rotation"):
         transform.GetAttribute(f"inputs:{port}").ClearConnections()
-    found = played(stage, tmp_path, drive=BRIEFLY)
+    found = played(stage, tmp_path)
     assert frames_of(found) == {f"{ROBOT}/chassis": "bad"}
 
 
@@ -322,7 +318,7 @@ def two_drives(*, domain: int = 0) -> Usd.Stage:
 def test_two_graphs_that_drive_one_robot_are_a_fault_of_the_stage(
     tmp_path: Path, domain: int, other: str
 ) -> None:
-    found = played(two_drives(domain=domain), tmp_path, drive=BRIEFLY)
+    found = played(two_drives(domain=domain), tmp_path)
     check = by_name(found)["commands"]
     assert (check.verdict, check.kind) == ("bad", "several-commands")
     assert f"{DRIVE}/twist (/cmd_vel in domain 0)" in check.message
@@ -336,7 +332,7 @@ def test_two_graphs_that_drive_one_robot_are_a_fault_of_the_stage(
 def test_a_topic_that_moves_no_robot_is_no_topic_of_commands(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="moves no robot"):
         played(two_drives(), tmp_path, "/nowhere")
-    found = played(two_drives(), tmp_path, "/cmd_vel", drive=BRIEFLY)
+    found = played(two_drives(), tmp_path, "/cmd_vel")
     assert [robot.topic for robot in found.robots] == ["/cmd_vel"]
     assert by_name(found)["commands"].verdict == "bad"
 
@@ -361,7 +357,7 @@ def test_a_robot_that_drives_by_one_topic_and_turns_by_another_follows_neither(
     stage.GetAttributeAtPath(f"{DRIVE}/drive.inputs:angularVelocity").SetConnections(
         [f"{DRIVE}/turning.outputs:z"]
     )
-    found = played(stage, tmp_path, drive=BRIEFLY)
+    found = played(stage, tmp_path)
     follows = {check.of: check.text for check in found.checks if check.name == "follows"}
     assert "degrees left, turned 0.0" in follows[f"{ROBOT}/chassis on /cmd_vel"]
     assert "commanded to go 0.15 m, went 0.00" in follows[f"{ROBOT}/chassis on /joy_vel"]
@@ -390,10 +386,10 @@ def warehouse() -> Usd.Stage:
 
 def test_missing_assets_silence_only_what_depends_on_them(tmp_path: Path) -> None:
     stage = warehouse()
-    found = played(stage, tmp_path, drive=BRIEFLY)
+    found = played(stage, tmp_path)
     assert (found.verdict, len(found.not_simulated)) == ("ok", 3)
     swap_wheels(stage)
-    assert bad(played(stage, tmp_path, drive=BRIEFLY)) == {"follows"}
+    assert bad(played(stage, tmp_path)) == {"follows"}
 
 
 def test_a_robot_of_an_asset_that_is_missing_is_not_judged(tmp_path: Path) -> None:
@@ -407,7 +403,7 @@ def test_a_robot_of_an_asset_that_is_missing_is_not_judged(tmp_path: Path) -> No
 
 def test_four_wheels_drive(tmp_path: Path) -> None:
     stage = four_wheels()
-    found = played(stage, tmp_path)
+    found = played(stage, tmp_path, drive=FIXED)
     assert found.verdict == "ok"
     assert any("slide in a turn" in remark for remark in found.remarks)
     ahead = next(leg for leg in found.legs if leg.name == "ahead")
@@ -508,7 +504,7 @@ def test_a_robot_on_rollers_goes_as_far_as_the_wheels_of_its_controller(tmp_path
     radius = stage.GetAttributeAtPath("/World/Drive/holonomic.inputs:wheelRadius")
     radius.ClearConnections()
     radius.Set([0.05] * 4)
-    check = by_name(played(stage, tmp_path))["follows"]
+    check = by_name(played(stage, tmp_path, drive=FIXED))["follows"]
     assert (check.verdict, check.kind) == ("bad", "wrong-distance")
     assert "went 0.21 m ahead" in check.message
     assert "would do 0.11 m" in check.message
@@ -546,7 +542,7 @@ def test_what_a_camera_cannot_show_here_is_a_row_and_no_fault(
     stage = rover()
     helper = stage.GetPrimAtPath("/World/Camera/helper")
     helper.CreateAttribute("inputs:type", Sdf.ValueTypeNames.Token).Set(kind)
-    found = played(stage, tmp_path, drive=BRIEFLY)
+    found = played(stage, tmp_path)
     assert bad(found) == set()
     assert message in {topic.type for topic in found.topics}
     assert f"what camera type {kind} shows" in {each.reason for each in found.not_simulated}
@@ -568,7 +564,7 @@ def on_physics_steps(stage: Usd.Stage, rate: int) -> None:
 def test_a_graph_on_physics_steps_runs_at_each(tmp_path: Path, rate: int) -> None:
     stage = rover()
     on_physics_steps(stage, rate)
-    found = played(stage, tmp_path, drive=BRIEFLY)
+    found = played(stage, tmp_path)
     clock = next(topic for topic in found.topics if topic.name == "/clock")
     assert clock.hz == pytest.approx(rate, rel=0.02)
     assert bad(found) == set()
@@ -580,7 +576,7 @@ def test_a_profile_from_a_node_is_that_of_the_publisher(tmp_path: Path) -> None:
     odometry = stage.GetPrimAtPath("/World/Odometry/odometry")
     port = odometry.CreateAttribute("inputs:qosProfile", Sdf.ValueTypeNames.String)
     port.SetConnections(["/World/Odometry/qos.outputs:qosProfile"])
-    found = played(stage, tmp_path, drive=BRIEFLY)
+    found = played(stage, tmp_path)
     assert (bad(found), found.not_simulated) == (set(), ())
     assert "/odom" in {topic.name for topic in found.topics}
 
@@ -638,7 +634,7 @@ def test_a_robot_at_rest_moves_once_it_is_commanded() -> None:
 
 
 def test_plays_of_robots_start_where_the_robots_stand(tmp_path: Path) -> None:
-    found = played(fleet(3), tmp_path, drive=BRIEFLY)
+    found = played(fleet(3), tmp_path)
     assert (len(found.robots), bad(found)) == (3, set())
     (driven,) = {leg.driven for leg in found.legs if leg.name.endswith("ahead")}
     assert driven == pytest.approx((0.15, 0.0), rel=0.05)
@@ -653,7 +649,7 @@ def test_what_a_robot_publishes_is_its_own(tmp_path: Path) -> None:
         if prim:
             kind = Sdf.ValueTypeNames.String
             prim.CreateAttribute("inputs:nodeNamespace", kind).Set("other")
-    found = by_name(played(stage, tmp_path, drive=BRIEFLY))["topics"]
+    found = by_name(played(stage, tmp_path))["topics"]
     assert (found.verdict, found.kind) == ("bad", "wrong-topic")
     assert (
         f"/other/odom shows {ROBOT}/chassis, which is no part of {ROBOT}2/chassis" in found.message
@@ -662,14 +658,14 @@ def test_what_a_robot_publishes_is_its_own(tmp_path: Path) -> None:
         for target in prim.GetRelationships():
             paths = [str(path).replace(ROBOT, f"{ROBOT}2") for path in target.GetTargets()]
             target.SetTargets(paths)
-    assert by_name(played(stage, tmp_path, drive=BRIEFLY))["topics"].verdict == "ok"
+    assert by_name(played(stage, tmp_path))["topics"].verdict == "ok"
 
 
 def test_a_clock_in_a_namespace_is_none(tmp_path: Path) -> None:
     stage = rover()
     node = stage.GetPrimAtPath("/World/Clock/clock")
     node.CreateAttribute("inputs:nodeNamespace", Sdf.ValueTypeNames.String).Set("alpha")
-    check = by_name(played(stage, tmp_path, drive=BRIEFLY))["clock"]
+    check = by_name(played(stage, tmp_path))["clock"]
     assert (check.verdict, check.kind, check.prim) == ("bad", "wrong-topic", "/World/Clock/clock")
     assert "the clock is on /alpha/clock" in check.message
 
@@ -687,7 +683,7 @@ def test_a_wheel_whose_angle_is_missing_gets_no_command(tmp_path: Path) -> None:
 def test_a_robot_is_not_at_fault_for_where_another_one_listens(tmp_path: Path) -> None:
     stage = two_rovers()
     swap_wheels(stage)
-    found = played(stage, tmp_path, drive=BRIEFLY)
+    found = played(stage, tmp_path)
     (check,) = (check for check in found.checks if check.name == "follows" and check.message)
     assert (check.kind, check.of) == ("wrong-turn", f"{ROBOT}/chassis")
     assert not check.prim.startswith(f"{DRIVE}2/")
@@ -697,4 +693,4 @@ def test_a_helper_that_is_switched_off_is_no_fault(tmp_path: Path) -> None:
     stage = rover()
     helper = stage.GetPrimAtPath("/World/Lidar/helper")
     helper.CreateAttribute("inputs:enabled", Sdf.ValueTypeNames.Bool).Set(False)  # noqa: FBT003
-    assert bad(played(stage, tmp_path, drive=BRIEFLY)) == set()
+    assert bad(played(stage, tmp_path)) == set()

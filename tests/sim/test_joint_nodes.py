@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from any_stages import BRIEFLY, bad, by_name, played
+from any_stages import bad, by_name, played
 from foreign_robots import (
     CONTEXT,
     TICK,
@@ -478,7 +478,7 @@ def test_the_arm_on_a_base_is_commanded_beside_it(tmp_path: Path) -> None:
             "command.jointNames -> controller.jointNames",
         ],
     )
-    found = played(stage, tmp_path, drive=BRIEFLY)
+    found = played(stage, tmp_path)
     assert bad(found) == set()
     assert [robot.topic for robot in found.robots] == ["/cmd_vel", "/joint_command"]
     joints = next(check for check in found.checks if check.name == "joints")
@@ -486,7 +486,7 @@ def test_the_arm_on_a_base_is_commanded_beside_it(tmp_path: Path) -> None:
     assert any("left_wheel_joint (another controller names it)" in text for text in found.remarks)
     lower = stage.GetPrimAtPath(f"{root}/lower_joint")
     UsdPhysics.DriveAPI(lower, "angular").GetStiffnessAttr().Set(0.0)
-    assert bad(played(stage, tmp_path, drive=BRIEFLY)) == {"joints", "again"}
+    assert bad(played(stage, tmp_path)) == {"joints", "again"}
 
 
 def test_an_arm_whose_states_come_as_commands_hears_itself(tmp_path: Path) -> None:

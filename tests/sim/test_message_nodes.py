@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
-from any_stages import BRIEFLY, by_name, played
+from any_stages import by_name, played
 from foreign_robots import arm, connect, rover, write_node
 from lone_nodes import node
 from pxr import Sdf
@@ -106,7 +106,7 @@ def test_a_message_that_cannot_exist_is_not_sent(
     values = {"messagePackage": package, "messageSubfolder": folder, "messageName": name}
     write_node(stage, "/World/Clock/any", "ros.ROS2Publisher", values)
     connect(stage, "/World/Clock", "tick.tick", "any.execIn")
-    check = by_name(played(stage, tmp_path, drive=BRIEFLY))["topics"]
+    check = by_name(played(stage, tmp_path))["topics"]
     assert (check.verdict, check.prim) == ("bad", "/World/Clock/any")
     assert reason in check.cause
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from any_stages import BRIEFLY, played
+from any_stages import played
 from linting import broken_robot, linted, said_by
 from places import TESTS
 from robot_kinds import KINDS
@@ -26,7 +26,7 @@ ROBOTS, FAULTS = table("robots.yaml"), table("robot_faults.yaml")
 
 @cache
 def played_robot(name: str, folder: Path) -> Behaviour:
-    return played(KINDS[name](), folder, drive=BRIEFLY)
+    return played(KINDS[name](), folder)
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ def test_lint_finds_a_fault_at_its_place(name: str) -> None:
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_dry_run_shows_a_fault(name: str, tmp_path: Path) -> None:
     seed = FAULTS[name]
-    found = played(broken_robot(seed["robot"], seed["break"]), tmp_path, drive=BRIEFLY)
+    found = played(broken_robot(seed["robot"], seed["break"]), tmp_path)
     assert {check.name for check in found.checks if check.verdict == "bad"} == set(seed["sim"])
 
 
@@ -110,5 +110,5 @@ def test_another_robot_may_be_shown_beside_the_own_one_in_a_domain(tmp_path: Pat
         {"set": ["/World/beta_ROS/odometry_alpha.inputs:topicName", "alpha/odom"]},
         {"connect": ["/World/beta_ROS/odometry_alpha.inputs:position", f"{also}.outputs:position"]},
     ]
-    found = played(broken_robot("two robots in two domains", steps), tmp_path, drive=BRIEFLY)
+    found = played(broken_robot("two robots in two domains", steps), tmp_path)
     assert [check.text for check in found.checks if check.name == "topics"] == [""]

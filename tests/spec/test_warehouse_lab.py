@@ -280,9 +280,9 @@ def test_no_node_may_place_the_odometry_of_either_robot(
     assert ("T07", graph) in [(rule, prim) for rule, prim, _ in errors(result)]
 
 
-def played(path: Path) -> dict[tuple[str, str], dict[str, Any]]:
+def played(path: Path, *words: str) -> dict[tuple[str, str], dict[str, Any]]:
     """The checks of a dry run, by robot ('' for the whole stage) and name."""
-    shown = json.loads(run("sim", path, "--format", "json").stdout)
+    shown = json.loads(run("sim", path, "--format", "json", *words).stdout)
     return {(check.get("of", ""), check["name"]): check for check in shown["checks"]}
 
 
@@ -296,6 +296,7 @@ def test_each_robot_is_driven_by_its_own_commands_and_judged_by_its_own_limits(b
     assert ("", "tree") in checks
 
 
+BRIEF = ("--drive", "0.15,0,2 0,0.8,1.5 0,0,1")
 PLAYED = [
     ("slower", f"{R2}/DriveR2/controller.inputs:maxLinearSpeed", 0.2, ("r2", "limits")),
     ("slower", f"{R1}/DriveR1/controller.inputs:maxLinearSpeed", 0.6, ("r1", "limits")),
@@ -309,7 +310,8 @@ PLAYED = [
 def test_a_fault_of_one_robot_is_shown_by_its_own_checks(
     built: Path, tmp_path: Path, what: str, path: str, value: Any, expected: tuple[str, str]
 ) -> None:
-    checks = played(changed(built, tmp_path, 5, put(path, value)))
+    drive = () if expected[1] == "limits" else BRIEF  # which stays below all limits
+    checks = played(changed(built, tmp_path, 5, put(path, value)), *drive)
     bad = {key for key, check in checks.items() if check["verdict"] == "bad"}
     assert expected in bad, what
     assert {of for of, _ in bad} <= {expected[0], ""}
@@ -317,7 +319,6 @@ def test_a_fault_of_one_robot_is_shown_by_its_own_checks(
 
 
 WIDE = put(f"{R2}/DriveR2/controller.inputs:wheelDistance", 0.6)  # r2 turns more than commanded
-BRIEF = ("--drive", "0.15,0,2 0,0.8,1.5 0,0,1")
 
 
 def recorded(stage: Path, folder: Path) -> dict[tuple[str, str], str]:
