@@ -12,7 +12,7 @@ from benchmark import load_benchmark
 from own_rules import add_failing_rule
 
 LIDAR = "/turtlebot3_burger/base_scan/Lidar2D"
-SAMPLE = 3
+SAMPLE = 1
 # Which failed once.
 KNOWN = (
     f"05: {LIDAR}/ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:type = point_cloud",
@@ -40,7 +40,7 @@ def test_what_failed_once_does_not_fail_again(odd: ModuleType, tmp_path: Path, n
 @pytest.mark.parametrize("number", range(SAMPLE))
 def test_no_command_fails_over_a_sample(odd: ModuleType, tmp_path: Path, number: int) -> None:
     cases = [*odd.cases()]
-    case = cases[number * len(cases) // SAMPLE]
+    case = cases[(2 * number + 1) * len(cases) // (2 * SAMPLE)]
     assert [*odd.failures(case, tmp_path)] == []
 
 
