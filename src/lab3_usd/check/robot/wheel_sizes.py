@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from lab3_usd.check.robot.axles import wheel_radius
 from lab3_usd.model.physics import BODIES
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import StageModel
+from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import Vector, distance, transform_point
 
 _FRONT_RADIUS, _BACK_RADIUS = "inputs:frontWheelRadius", "inputs:backWheelRadius"
@@ -27,7 +27,7 @@ def car_sizes(wheels: Sequence[Prim], stage: StageModel) -> dict[str, float | No
     for port, pair in ((_FRONT_RADIUS, wheels[:2]), (_BACK_RADIUS, wheels[2:])):
         one, other = (wheel_radius(joint, stage) for joint in pair)
         sizes[port] = one if one == other else None
-    sizes[_TRACK] = wheel_distance(wheels[2], wheels[3], stage)
+    sizes[_TRACK] = wheel_distance(stage, wheels[2], wheels[3])
     places = [place for joint in wheels if (place := _anchor_in_world(joint, stage)) is not None]
     if len(places) == _OF_CAR:
         a, b, c, d = places
@@ -38,7 +38,8 @@ def car_sizes(wheels: Sequence[Prim], stage: StageModel) -> dict[str, float | No
     return sizes
 
 
-def wheel_distance(one: Prim, other: Prim, stage: StageModel) -> float | None:
+@once_per_stage
+def wheel_distance(stage: StageModel, one: Prim, other: Prim) -> float | None:
     """Return how far two joints sit apart, in metres; None where nothing tells it."""
     first, second = _anchor_in_world(one, stage), _anchor_in_world(other, stage)
     if first is None or second is None:

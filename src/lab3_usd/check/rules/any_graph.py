@@ -260,7 +260,8 @@ def limit_needs_time_step(subject: GraphsSubject) -> Iterator[Problem]:
     Example: `inputs:maxAcceleration = 2` while `inputs:dt` is not connected.
     """
     live = live_nodes(subject.stage, subject.platform)
-    for node in subject.nodes():
+    limited = (node for node in subject.nodes() if node.type and node.type.step_limits)
+    for node in limited:
         values = dict(stopping_limits(live, node))
         for port in values or unknown_limits(live, node):
             from lab3_usd.check.missing_wires import step_wire  # which few stages need

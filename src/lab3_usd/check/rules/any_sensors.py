@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import ModelSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.facts.execution_order import live_nodes, run_states, sensor_of
+from lab3_usd.facts.execution_order import live_nodes, nodes_of, run_states, sensor_of
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.finding import Problem
@@ -27,8 +27,9 @@ def unequal_lidars(subject: ModelSubject) -> Iterator[Problem]:
     """
     stage, platform = subject.stage, subject.platform
     live, running = live_nodes(stage, platform), run_states(stage, platform)
+    readers = nodes_of(lambda kind: kind.type in platform.sensors, stage, platform)
     first: dict[tuple[str, str], tuple[str, float]] = {}
-    for node in (node for node in live.values() if node.path in running):
+    for node in (node for node in readers if node.path in running):
         asked = platform.sensors.get(node.type.type) if node.type is not None else None
         path = sensor_of(node, live) or ""
         prim = stage.prim(path)

@@ -9,17 +9,22 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.domains import are_surely_one, domain_of
 from lab3_usd.facts.endpoints import namespace_of, resolve
-from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.execution_order import effective_value, nodes_of
 from lab3_usd.facts.wires import connections
 from lab3_usd.isaac.messages import NAMED, why_no_message, why_no_service
+from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import Node
 
 
+def _names_message(kind: NodeType) -> bool:
+    """Whether nodes of a type name their message or service."""
+    return all(name in kind.ports for name in NAMED)
+
+
 def _named(node: Node, subject: LintSubject) -> tuple[str, str, str] | None:
     """Return package, folder and name of the message or service of a node, None for none."""
-    kind = node.type
-    if kind is None or any(name not in kind.ports for name in NAMED):
+    if node.type is None or not _names_message(node.type):
         return None
     package, folder, name = (str(effective_value(node, n, subject.live) or "") for n in NAMED)
     return (package, folder, name) if package and folder and name else None
@@ -36,7 +41,7 @@ def unknown_message(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:messageName = "Float32.msg"`, or the package `geometry_msg`.
     """
-    for node in subject.live.values():
+    for node in nodes_of(_names_message, subject.stage, subject.platform):
         named = _named(node, subject)
         if named is None or node.type is None:
             continue
@@ -63,8 +68,7 @@ def service_types(subject: LintSubject) -> Iterator[Problem]:
     """
     types = {
         node.path: (node, "/".join(named))
-        for node in subject.live.values()
-        if node.type is not None and node.type.role == "service"
+        for node in nodes_of(lambda kind: kind.role == "service", subject.stage, subject.platform)
         for named in [_named(node, subject)]
         if named is not None
     }

@@ -36,7 +36,7 @@ from lab3_usd.model.physics import (
     working_joints_at,
 )
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import StageModel, UnresolvedAsset
+from lab3_usd.model.stage import StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.model.transforms import decompose, dot, rotate_vector
 
 _VELOCITY = "inputs:velocityCommand"
@@ -46,8 +46,10 @@ _FLAT = 1.8  # widths of a wheel by its radius, from which on nothing tells its 
 _WHEEL_SPEEDS = "speeds of wheels"
 
 
-def _wheel_commands(subject: LintSubject) -> Iterator[tuple[Command, list[Prim]]]:
-    """Yield the commands that a controller of wheels computes, with the joints of the wheels."""
+@once_per_stage
+def _wheel_commands(subject: LintSubject) -> tuple[tuple[Command, tuple[Prim, ...]], ...]:
+    """Return the commands that a controller of wheels computes, with the joints of the wheels."""
+    found = []
     for command in commands(subject.stage, subject.platform):
         given = (
             quantity_of(command.node, _VELOCITY, subject.stage, subject.platform)
@@ -55,7 +57,9 @@ def _wheel_commands(subject: LintSubject) -> Iterator[tuple[Command, list[Prim]]
             else None
         )
         if given is not None and given.name == _WHEEL_SPEEDS and subject.runs(command.node.path):
-            yield command, commanded_joints(command, _VELOCITY, subject.stage, subject.platform)
+            wheels = commanded_joints(command, _VELOCITY, subject.stage, subject.platform)
+            found.append((command, tuple(wheels)))
+    return tuple(found)
 
 
 @rule("K81", "robot-tied-to-world", scope="lint", severity="warning")
@@ -71,7 +75,7 @@ def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
     """
     tied: set[str] = set()
     for command, wheels in _wheel_commands(subject):
-        robot = _joined_bodies(wheels, subject.stage)
+        robot = _joined_bodies(subject.stage, wheels)
         for joint in working_joints_at(robot, subject.stage):
             sides = bodies(joint)
             is_tie = joint.type == FIXED and any(
@@ -88,7 +92,8 @@ def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
                 )
 
 
-def _joined_bodies(wheels: list[Prim], stage: StageModel) -> set[str]:
+@once_per_stage
+def _joined_bodies(stage: StageModel, wheels: tuple[Prim, ...]) -> frozenset[str]:
     """Return the bodies of wheel joints, and all that further joints tie to them."""
     ahead = [path for joint in wheels for path in ends(joint)]
     joined = set(ahead)
@@ -97,7 +102,7 @@ def _joined_bodies(wheels: list[Prim], stage: StageModel) -> set[str]:
         new = {path for path in tied - joined if not _is_world(path, stage)}
         joined |= new
         ahead += new
-    return joined
+    return frozenset(joined)
 
 
 def _is_world(path: str, stage: StageModel) -> bool:
@@ -152,7 +157,7 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
                     related=(command.node.path,),
                     rests_on=subject.stage.unknown_below(wheel),
                 )
-        for base in sorted(_fixed_to(_bases(wheels, subject.stage), subject.stage)):
+        for base in sorted(_fixed_to(_bases(subject.stage, wheels), subject.stage)):
             body = _body(base, subject.stage)
             if body is None or body.path in judged:
                 continue
@@ -167,12 +172,12 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
                 )
 
 
-def _without_shape(wheels: list[Prim], stage: StageModel) -> list[str]:
+def _without_shape(wheels: tuple[Prim, ...], stage: StageModel) -> list[str]:
     """Return the wheels that touch nothing, nor does what they carry."""
     bodies_of = (_wheel(joint, wheels, stage) for joint in wheels)
     moved = dict.fromkeys(path for path in bodies_of if path is not None and stage.prim(path))
     bare = [path for path in moved if not stage.colliders.below(path)]
-    fixed = _bases(wheels, stage) if bare else set()
+    fixed = _bases(stage, wheels) if bare else frozenset()
     return [
         path
         for path in bare
@@ -184,7 +189,7 @@ def _without_shape(wheels: list[Prim], stage: StageModel) -> list[str]:
     ]
 
 
-def _fixed_to(bodies_of_base: set[str], stage: StageModel) -> set[str]:
+def _fixed_to(bodies_of_base: frozenset[str], stage: StageModel) -> set[str]:
     """Return these bodies, and those that fixed joints hold to them."""
     ahead = [*bodies_of_base]
     found = set(ahead)
@@ -205,7 +210,7 @@ def _stops(body: Prim) -> Iterator[tuple[str, str]]:
 
 
 def _obstacles(
-    joint: Prim, wheels: list[Prim], stage: StageModel
+    joint: Prim, wheels: tuple[Prim, ...], stage: StageModel
 ) -> Iterator[tuple[str, str | None, str]]:
     """Yield the reasons that keep a wheel from turning: prim, property, message."""
     if is_switched_off(joint, JOINT_ENABLED):
@@ -228,25 +233,26 @@ def _obstacles(
     for other in working_joints_at([wheel], stage):
         if other.type == FIXED:
             held = next((path for path in bodies(other) if path != wheel), "")
-            if not held or held in _bases(wheels, stage):
+            if not held or held in _bases(stage, wheels):
                 yield other.path, None, f"ties {wheel} to {held or 'the world'}"
 
 
-def _bases(wheels: list[Prim], stage: StageModel) -> set[str]:
+@once_per_stage
+def _bases(stage: StageModel, wheels: tuple[Prim, ...]) -> frozenset[str]:
     """Return the bodies that wheels hang on: those of several wheels, or of more joints."""
     counts = Counter(path for joint in wheels for path in set(ends(joint)))
-    shared = {path for path, count in counts.items() if count > 1}
+    shared = frozenset(path for path, count in counts.items() if count > 1)
     if shared:
         return shared
     ties = {path: len(working_joints_at([path], stage)) for path in counts}
     most = max(ties.values(), default=0)
     tied = [path for path, count in ties.items() if count == most]
-    return {*tied} if len(tied) == 1 else set()
+    return frozenset(tied if len(tied) == 1 else ())
 
 
-def _wheel(joint: Prim, wheels: list[Prim], stage: StageModel) -> str | None:
+def _wheel(joint: Prim, wheels: tuple[Prim, ...], stage: StageModel) -> str | None:
     """Return the body that a joint turns as a wheel, None where both ends may be the base."""
-    bases = _bases(wheels, stage)
+    bases = _bases(stage, wheels)
     moved = [path for path in ends(joint) if path not in bases]
     return moved[0] if len(moved) == 1 and len(ends(joint)) == len(BODIES) else None
 
@@ -329,7 +335,7 @@ def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
                     rests_on=subject.stage.unknown(joint.path),
                 )
     for command, controller, pair in driven_pairs(subject.stage, subject.platform):
-        bases = _bases(list(pair), subject.stage)
+        bases = _bases(subject.stage, pair)
         sides = [next((i for i, path in enumerate(bodies(j)) if path in bases), None) for j in pair]
         axes = [
             None if side is None else joint_axis(joint, side)
@@ -353,7 +359,7 @@ def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-def _is_across(joint: Prim, wheels: list[Prim], stage: StageModel) -> bool:
+def _is_across(joint: Prim, wheels: tuple[Prim, ...], stage: StageModel) -> bool:
     """Whether a joint turns a flat wheel about another axis than the wheel's own."""
     wheel = stage.prim(_wheel(joint, wheels, stage) or "")
     disc = None if wheel is None else disc_of(wheel, stage)

@@ -305,11 +305,11 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
                 related=tuple(joint.path for joint in pair),
                 rests_on=command.unknown,
             )
-        sizes[_DISTANCE] = wheel_distance(*pair, subject.stage)
+        sizes[_DISTANCE] = wheel_distance(subject.stage, *pair)
         yield from _unlike_sizes(command, controller, pair, sizes, subject)
     for command, controller, wheels in driven_wheels(subject.stage, subject.platform):
-        sizes = car_sizes(wheels, subject.stage)
-        yield from _unlike_sizes(command, controller, wheels, sizes, subject)
+        if of_car := car_sizes(wheels, subject.stage):
+            yield from _unlike_sizes(command, controller, wheels, of_car, subject)
 
 
 def _unlike_sizes(

@@ -16,7 +16,7 @@ from lab3_usd.facts.endpoints import (
     endpoints,
     running_endpoints,
 )
-from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.execution_order import effective_value, nodes_of
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.written_names import refused_namespaces, written_frames, written_topics
 from lab3_usd.isaac.node_types import NodeType
@@ -105,7 +105,7 @@ def unknown_token(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:type = "depth_image"` on a ROS2 Camera Helper, which offers `depth`.
     """
-    for node in subject.live.values():
+    for node in nodes_of(_offers_choices, subject.stage, subject.platform):
         for name in node.ports:
             port = None if node.type is None else node.type.port(name)
             if port is None or not port.allowed:
@@ -129,6 +129,11 @@ def unknown_token(subject: LintSubject) -> Iterator[Problem]:
                     if moved is None
                     else _becoming(node, moved),
                 )
+
+
+def _offers_choices(kind: NodeType) -> bool:
+    """Whether an input of a type takes some values only, or one of those that it grows may."""
+    return bool(kind.grows) or any(port.allowed for port in kind.ports.values())
 
 
 def _other_type(node: Node, kind: str, subject: LintSubject) -> NodeType | None:

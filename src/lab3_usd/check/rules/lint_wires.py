@@ -8,6 +8,7 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.articulations import commands, leaves_joints
 from lab3_usd.facts.clocks import STAMP
+from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.quantities import quantity_of
 from lab3_usd.facts.stalled_nodes import has_side_effects, is_nothing, needs_of
 from lab3_usd.facts.wires import (
@@ -134,7 +135,11 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `linear.y` is connected to `inputs:linearVelocity` of a Differential Controller.
     """
-    for node in subject.live.values():
+    known, needs = subject.platform.quantities, subject.platform.needs
+    meant = nodes_of(
+        lambda kind: kind.type in known or kind.type in needs, subject.stage, subject.platform
+    )
+    for node in meant:
         for port, quantities in _quantities(node, subject).items():
             given = quantity_of(node, port, subject.stage, subject.platform)
             if given is not None and given.name not in quantities:
