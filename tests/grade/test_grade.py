@@ -24,8 +24,8 @@ from msgspec.structs import replace
 from pxr import Sdf
 from workers_here import graded_here, workers_here
 
+from lab3_usd import cli
 from lab3_usd.commands import grade as grade_command
-from lab3_usd.commands.shared.progress import Rate, line, progress_line
 from lab3_usd.errors import Lab3Error, StageError, UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of
 from lab3_usd.grade.gradebook import Rows
@@ -524,34 +524,7 @@ def test_who_is_late_by_a_number_that_two_claim_is_late(tmp_path: Path) -> None:
     }
 
 
-@pytest.mark.parametrize(
-    ("done", "total", "seconds", "expected"),
-    [
-        (0, 10, 0.0, f"grading [{'-' * 30}] 0/10"),
-        (5, 10, 2.0, f"grading [{'#' * 15}{'-' * 15}] 5/10  2.5/s  2 s left"),
-        (1, 1000, 1.0, f"grading [{'-' * 30}] 1/1000  1.0/s  16 min 39 s left"),
-        (10, 10, 4.0, f"grading [{'#' * 30}] 10/10  2.5/s  0 s left"),
-    ],
-)
-def test_progress_says_how_far_how_fast_and_how_long(
-    done: int, total: int, seconds: float, expected: str
-) -> None:
-    assert line(done, total, seconds) == expected
-
-
-def test_progress_is_one_line_that_ends_when_all_is_done(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    rate = Rate(sys.stdout)
-    for done in range(4):
-        rate.show(done, 3)
-    said = capsys.readouterr().out
-    assert said.count("\n") == 1
-    assert said.endswith("0 s left\n")
-    assert "3/3" in said
-
-
-def test_progress_is_shown_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_progress_is_shown_on_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class Terminal(io.StringIO):
         def isatty(self) -> bool:
             return True
@@ -559,11 +532,11 @@ def test_progress_is_shown_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -
     terminal = Terminal()
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys, "stderr", terminal)
-    progress_line()(1, 1)
+    (tmp_path / "class" / "nobody").mkdir(parents=True)
+    asked = [str(tmp_path / "class"), "--starter", str(starter()), "-o", str(tmp_path / "book")]
+    with pytest.raises(SystemExit, match="0"):
+        cli.lab3(["grade", *asked])
     assert "1/1" in terminal.getvalue()
-    monkeypatch.setattr(sys, "stderr", io.StringIO())
-    progress_line()(1, 1)
-    assert sys.stderr.getvalue() == ""  # type: ignore[attr-defined]  # it is in memory
 
 
 def test_there_are_as_many_workers_as_processors(monkeypatch: pytest.MonkeyPatch) -> None:

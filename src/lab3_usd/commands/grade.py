@@ -7,6 +7,7 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +19,8 @@ from lab3_usd.commands.shared.options import (
     echo_folded,
     given_words,
     lab_words,
+    understands_ansi,
 )
-from lab3_usd.commands.shared.progress import progress_line
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
 
@@ -341,18 +342,24 @@ def _grade(submissions: str, options: dict[str, Any]) -> None:
 
 def _graded_or_continued(settings: ClassSettings) -> Rows:
     """Grade a class; if the user or the system ends it, say how to continue."""
-    draw, numbers = progress_line(), [0, 0]
+    done = total = 0
+    bar: Any = None
 
-    def show(done: int, total: int) -> None:
-        numbers[:] = done, total
-        draw(done, total)
+    def show(now: int, of: int) -> None:
+        nonlocal bar, done, total
+        done, total = now, of
+        if bar is None and understands_ansi(sys.stderr):
+            bar = click.progressbar(length=of, label="grading", show_pos=True, file=sys.stderr)
+            ending.enter_context(bar)
+        if bar is not None:
+            bar.update(now - bar.pos)
 
     try:
-        from lab3_usd.grade.class_run import grade_class
+        with ExitStack() as ending:
+            from lab3_usd.grade.class_run import grade_class
 
-        return grade_class(settings, show)
+            return grade_class(settings, show)
     except KeyboardInterrupt:
-        done, total = numbers
         far = f"{done} of {total} done" if total else "nothing is graded yet"
         _notify(f"{far}; continue with: {_command_to_continue(settings.submissions)}")
         raise
