@@ -133,8 +133,8 @@ def read_pgm(path: Path) -> Grid:
     return Grid(width, height, bytes(grey))
 
 
-def read_map(path: Path, *, given: bool = True) -> OccupancyMap:
-    """Read a map as map_server loads it (nav2_map_server, humble: map_io.cpp:114-282).
+def _read_whole(path: Path) -> tuple[dict[str, object], str, Grid]:
+    """Return the values of a map file, the name of its image, and its cells.
 
     Raises:
         MapError: it cannot be read, or is larger than a scan is compared with.
@@ -146,6 +146,16 @@ def read_map(path: Path, *, given: bool = True) -> OccupancyMap:
     grid = read_pgm(path.parent / image)
     if grid.width * grid.height > _MOST_COMPARED:
         raise MapError(f"{path}: {grid.width} x {grid.height} cells are too many")
+    return values, image, grid
+
+
+def read_map(path: Path, *, given: bool = True) -> OccupancyMap:
+    """Read a map as map_server loads it (nav2_map_server, humble: map_io.cpp:114-282).
+
+    Raises:
+        MapError: it cannot be read, or is larger than a scan is compared with.
+    """
+    values, _, grid = _read_whole(path)
     try:
         resolution, threshold = float(values["resolution"]), float(values["occupied_thresh"])  # type: ignore[arg-type]
         x, y, turn = map(float, values["origin"])  # type: ignore[call-overload]
@@ -181,13 +191,7 @@ def supplied_map(path: Path) -> SuppliedMap:
     file = find_map(path, facts) if path.is_dir() else path
     if not file.is_file():
         raise MapError(f"{file}: there is no such file")
-    values, fault = _read(file)
-    image = values.get("image") if values is not None else None
-    if values is None or not isinstance(image, str):
-        raise MapError(f"{file} {fault or 'names no image'}")
-    grid = read_pgm(file.parent / image)
-    if grid.width * grid.height > _MOST_COMPARED:
-        raise MapError(f"{file}: {grid.width} x {grid.height} cells are too many")
+    values, image, grid = _read_whole(file)
     known = {
         "mode": facts.mode,
         **{name: value for name, value in values.items() if name in MapFacts.__struct_fields__},
