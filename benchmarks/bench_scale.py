@@ -101,19 +101,11 @@ def rovers(count: int, target: Path) -> Path:
 
 def pairs(count: int, target: Path) -> Path:
     """Write a rover with that many pairs of graphs: a clock, and a drive for the robot."""
-    from foreign_robots import rover
+    import robot_kinds
     from pxr import Sdf
 
-    source = rover().GetRootLayer()
     layer = Sdf.Layer.CreateNew(str(target))
-    layer.TransferContent(source)
-    for graph in ("Clock", "Drive", "Odometry", "Lidar", "Camera"):
-        del layer.GetPrimAtPath("/World").nameChildren[graph]
-    for number in range(count):
-        space = Sdf.CreatePrimInLayer(layer, f"/World/P{number}")
-        space.specifier, space.typeName = Sdf.SpecifierDef, "Scope"
-        for graph in ("Clock", "Drive"):
-            Sdf.CopySpec(source, f"/World/{graph}", layer, f"{space.path}/{graph}")
+    layer.TransferContent(robot_kinds.pairs(count))
     return _in_namespaces(layer)
 
 

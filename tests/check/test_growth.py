@@ -15,10 +15,9 @@ from types import CodeType, FrameType
 from typing import Any
 
 import pytest
-from foreign_robots import rover
 from in_process import lab3
 from pxr import Sdf, Usd
-from robot_kinds import fleet
+from robot_kinds import fleet, pairs
 
 import lab3_usd
 from lab3_usd.check.lint import lint
@@ -59,19 +58,11 @@ def counted() -> Iterator[Steps]:
 
 def drives(count: int) -> Usd.Stage:
     """One robot, with many graphs that drive it and as many clocks, each in a namespace."""
-    source = rover().GetRootLayer()
-    layer = Sdf.Layer.CreateAnonymous(".usda")
-    layer.TransferContent(source)
-    for graph in ("Clock", "Drive", "Odometry", "Lidar", "Camera"):
-        del layer.GetPrimAtPath("/World").nameChildren[graph]
+    layer = pairs(count)
     for number in range(count):
-        space = Sdf.CreatePrimInLayer(layer, f"/World/P{number}")
-        space.specifier, space.typeName = Sdf.SpecifierDef, "Scope"
-        for graph in ("Clock", "Drive"):
-            Sdf.CopySpec(source, f"/World/{graph}", layer, f"{space.path}/{graph}")
-        Sdf.AttributeSpec(
-            space, "isaac:namespace", Sdf.ValueTypeNames.String
-        ).default = f"p{number}"
+        space = layer.GetPrimAtPath(f"/World/P{number}")
+        namespace = Sdf.AttributeSpec(space, "isaac:namespace", Sdf.ValueTypeNames.String)
+        namespace.default = f"p{number}"
     return Usd.Stage.Open(layer)
 
 

@@ -349,6 +349,21 @@ def fleet(count: int) -> Usd.Stage:
     return _fleet({f"robot_{number}": 3.0 * number for number in range(count)})
 
 
+def pairs(count: int) -> Sdf.Layer:
+    """One rover with many pairs of graphs, a clock and a drive, each pair below a scope."""
+    source = rover().GetRootLayer()
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.TransferContent(source)
+    for graph in ("Clock", "Drive", "Odometry", "Lidar", "Camera"):
+        del layer.GetPrimAtPath("/World").nameChildren[graph]
+    for number in range(count):
+        space = Sdf.CreatePrimInLayer(layer, f"/World/P{number}")
+        space.specifier, space.typeName = Sdf.SpecifierDef, "Scope"
+        for graph in ("Clock", "Drive"):
+            Sdf.CopySpec(source, f"/World/{graph}", layer, f"{space.path}/{graph}")
+    return layer
+
+
 def _fleet(places: Mapping[str, float]) -> Usd.Stage:
     stage = empty_stage("Z", 1.0)
     write_clock(stage)
