@@ -17,6 +17,7 @@ from web_server import WebServer, served
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.workers.cluster import cluster_runner
+from lab3_usd.grade.workers.scheduler import Patience
 from lab3_usd.grade.workers.worker_process import WorkerError
 
 pytest.importorskip("distributed", reason="Dask is not installed")
@@ -146,15 +147,14 @@ def test_a_scheduler_needs_no_lab3(place: Path, alone: dict[str, bytes], tmp_pat
 
 
 def test_a_cluster_in_which_nobody_can_judge_is_one_error_that_says_why(
-    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    place: Path, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("lab3_usd.grade.workers.dispatch._SECONDS_TO_RETURN", 0.5)
     with (
         cluster_of(0, tmp_path / "temporary") as cluster,
         machine(cluster.scheduler_address, tmp_path / "0", WITHOUT_LAB3) as bare,
         pytest.raises(WorkerError) as raised,
     ):
-        graded_on(cluster, place, tmp_path / "book")
+        graded_on(cluster, place, tmp_path / "book", patience=Patience(to_return=0.5))
     assert f"no worker of the cluster can judge ({bare.address}: lab3-usd is" in str(raised.value)
     assert len(str(raised.value).splitlines()) == 1
     assert not list((tmp_path / "book").glob("students/*"))

@@ -19,6 +19,7 @@ from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.workers.cluster import cluster_runner
 from lab3_usd.grade.workers.dispatch import Dispatch
 from lab3_usd.grade.workers.pool import run_tasks
+from lab3_usd.grade.workers.scheduler import Patience
 from lab3_usd.grade.workers.worker_process import WorkerError
 
 pytestmark = [
@@ -67,20 +68,14 @@ def test_a_cluster_that_loses_a_machine_gives_the_same_gradebook(
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_without_workers_is_an_error_that_says_what_to_start(
-    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    place: Path, tmp_path: Path
 ) -> None:
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed")
-    wait = distributed.Client.wait_for_workers  # which are not there, however long one waits
-    monkeypatch.setattr(
-        distributed.Client,
-        "wait_for_workers",
-        lambda client, number, timeout: wait(client, number, min(timeout, 0.3)),
-    )
+    pytest.importorskip("distributed", reason="Dask is not installed")
     with (
         cluster_of(0, tmp_path / "temporary") as empty,
         pytest.raises(UsageError, match=r"no worker; start one with `dask worker tcp://"),
     ):
-        graded_on(empty, place, tmp_path / "book")
+        graded_on(empty, place, tmp_path / "book", patience=Patience(to_find=0.3))
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -112,7 +107,6 @@ def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
 ) -> None:
     # The machine may have answered once more before it is killed; the others are never sent.
     monkeypatch.setattr("lab3_usd.grade.workers.dispatch._PER_THREAD", 1)
-    monkeypatch.setattr("lab3_usd.grade.workers.dispatch._SECONDS_TO_RETURN", 0.5)
     with (
         cluster_of(1, tmp_path / "temporary") as lone,
         pytest.raises(WorkerError, match=r"have gone; start others, .* --resume"),
@@ -121,6 +115,7 @@ def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
             lone,
             place,
             tmp_path / "book",
+            patience=Patience(to_return=0.5),
             progress=lambda done, _total: lone.machines[0].process.kill() if done == 1 else None,
         )
     graded = list((tmp_path / "book" / "students").iterdir())
@@ -202,12 +197,9 @@ def test_submissions_by_address_are_judged_without_a_cluster(
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_a_cluster_that_is_not_there_is_an_error(
-    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cluster_that_is_not_there_is_an_error(place: Path, tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="Dask is not installed")
-    monkeypatch.setattr("lab3_usd.grade.workers.scheduler.SECONDS_TO_CONNECT", 0.3)
-    runner = cluster_runner("tcp://127.0.0.1:1")
+    runner = cluster_runner("tcp://127.0.0.1:1", patience=Patience(to_connect=0.3))
     with pytest.raises(UsageError, match="no Dask scheduler"):
         grade_class(ClassSettings(place, starter(), tmp_path / "book", runner=runner))
     gc.collect()  # what Dask leaves of a client that never was is its own affair

@@ -23,6 +23,7 @@ from mini_lab import MINI, files_below, starter
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.workers.cluster import cluster_runner
+from lab3_usd.grade.workers.scheduler import PATIENCE, Patience
 
 
 class Cluster(NamedTuple):
@@ -68,9 +69,14 @@ def local_cluster(workers: int, temporary: Path, **options: Any) -> Iterator[Any
 
 
 def graded_on(
-    cluster: Any, place: Path | str, out: Path, notify: Any = print, **changes: Any
+    cluster: Any,
+    place: Path | str,
+    out: Path,
+    notify: Any = print,
+    patience: Patience = PATIENCE,
+    **changes: Any,
 ) -> dict[str, bytes]:
-    runner = cluster_runner(cluster.scheduler_address, notify)
+    runner = cluster_runner(cluster.scheduler_address, notify, patience=patience)
     grade_class(ClassSettings(place, starter(), out, runner=runner), **changes)
     return files_below(out)
 

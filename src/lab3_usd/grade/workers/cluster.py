@@ -12,7 +12,7 @@ from typing import Any
 from lab3_usd.grade.workers.dispatch import Dispatch
 from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task
 from lab3_usd.grade.workers.pool import Runner
-from lab3_usd.grade.workers.scheduler import connected
+from lab3_usd.grade.workers.scheduler import PATIENCE, Patience, connected
 from lab3_usd.grade.workers.shipment import packed
 
 _RETRIES = 5
@@ -24,19 +24,21 @@ def cluster_runner(
     notify: Callable[[str], None] = lambda _line: None,
     *,
     insecure: bool = False,
+    patience: Patience = PATIENCE,
 ) -> Runner:
     """Return what runs tasks on the Dask cluster at `address` in place of `pool.run_tasks`.
 
     `notify` receives a line for each machine that is taken out of the run, and where others may
     reach the cluster. With `insecure`, its scheduler may be public without TLS.
     """
-    return partial(run_on_cluster, address, notify, insecure)
+    return partial(run_on_cluster, address, notify, insecure, patience)
 
 
 def run_on_cluster(
     address: str,
     notify: Callable[[str], None],
     insecure: bool,  # noqa: FBT001 - of a partial
+    patience: Patience,
     tasks: Iterable[Task],
     settings: PoolSettings,
 ) -> Generator[Answer]:
@@ -47,10 +49,12 @@ def run_on_cluster(
             everybody reaches it.
         WorkerError: all workers have gone, or none of them can judge.
     """
-    with connected(address, notify, insecure=insecure) as client:
+    with connected(address, notify, insecure=insecure, patience=patience) as client:
         data = pickle.dumps(packed(settings))
         digest = hashlib.sha256(data).digest()
-        dispatch = Dispatch(client, address, lambda: _sent(client, data), digest, notify)
+        dispatch = Dispatch(
+            client, address, lambda: _sent(client, data), digest, notify, patience.to_return
+        )
         yield from dispatch.answers(tasks)
 
 

@@ -23,6 +23,7 @@ from lab3_usd.grade.workers.messages import (
     encode,
 )
 from lab3_usd.grade.workers.pool import interrupted_by_signals
+from lab3_usd.grade.workers.scheduler import PATIENCE
 from lab3_usd.grade.workers.worker_process import WorkerError
 from lab3_usd.report.options import tool_version
 
@@ -31,7 +32,6 @@ _MOST_FAULTS = 3  # tasks in a row that others judged, after which a machine get
 _MOST_TRIES = 3  # machines that a task is given to
 _MOST_LOSSES = 5  # machines that may go away with a task
 _POLL_INTERVAL = 0.2  # seconds
-_SECONDS_TO_RETURN = 20.0  # for one machine, after all have gone
 _SECONDS_TO_ANSWER = 20.0  # for the scheduler
 _RESUME = "continue with --resume, which keeps what is graded"
 _OVER = ("finished", "error", "cancelled", "lost")
@@ -84,6 +84,7 @@ class Dispatch:
         send: Callable[[], Any],
         digest: bytes,
         notify: Callable[[str], None],
+        to_return: float = PATIENCE.to_return,
     ) -> None:
         """Begin without tasks; `send` puts what every machine needs into the cluster."""
         self._client = client
@@ -92,6 +93,7 @@ class Dispatch:
         self._shipment = send()
         self._digest = digest
         self._notify = notify
+        self._to_return = to_return
         self._machines: dict[str, ClusterMachine] = {}
         self._flying: dict[Any, TaskAttempt] = {}
         self._again: deque[TaskAttempt] = deque()
@@ -152,7 +154,7 @@ class Dispatch:
             self._alone_since = None
         elif self._alone_since is None:
             self._alone_since = now
-        elif now - self._alone_since > _SECONDS_TO_RETURN:
+        elif now - self._alone_since > self._to_return:
             raise WorkerError(self._nobody())
 
     def _gone(self) -> str:

@@ -12,19 +12,35 @@ from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlsplit
 
+from msgspec import Struct
+
 from lab3_usd.errors import UsageError
 from lab3_usd.installation import install_command
 
-SECONDS_TO_CONNECT = 20
 _WITH_TLS = ("tls", "wss")
 _GUIDE = "see docs/cluster.md"
 _CERTIFICATES = ("ca-file", "client.cert", "client.key")
 _LOGGERS = ("distributed", "tornado", "asyncio")
 
 
+class Patience(Struct, frozen=True):
+    """Seconds to wait for a scheduler, for a worker, and for one to return after all have gone."""
+
+    to_connect: float = 20.0
+    to_find: float = 20.0
+    to_return: float = 20.0
+
+
+PATIENCE = Patience()
+
+
 @contextmanager
 def connected(
-    address: str, notify: Callable[[str], None], *, insecure: bool = False
+    address: str,
+    notify: Callable[[str], None],
+    *,
+    insecure: bool = False,
+    patience: Patience = PATIENCE,
 ) -> Iterator[Any]:
     """Yield a client of the scheduler at an address, which has a worker.
 
@@ -45,7 +61,7 @@ def connected(
     with _quiet():
         try:
             client = distributed.Client(
-                address, timeout=SECONDS_TO_CONNECT, security=_security(address, distributed)
+                address, timeout=patience.to_connect, security=_security(address, distributed)
             )
         except (OSError, ValueError) as error:
             lines = str(error).splitlines() or [type(error).__name__]
@@ -56,16 +72,16 @@ def connected(
             own = str(client.scheduler_info()["address"])
             if own != address:
                 _refuse_exposed(own, notify, insecure=insecure)
-            _await_worker(client, address)
+            _await_worker(client, address, patience.to_find)
             with client.as_current():  # Dask may be in use by somebody else in this process
                 yield client
         finally:
             client.close()
 
 
-def _await_worker(client: Any, address: str) -> None:
+def _await_worker(client: Any, address: str, seconds: float) -> None:
     try:
-        client.wait_for_workers(1, timeout=SECONDS_TO_CONNECT)
+        client.wait_for_workers(1, timeout=seconds)
     except (TimeoutError, asyncio.TimeoutError) as error:  # not the same before Python 3.11
         raise UsageError(
             f"{address}: the cluster has no worker; start one with `dask worker {address}`"
