@@ -13,6 +13,7 @@ from pathlib import Path
 import click
 import forking
 import pytest
+from fork_server import FORKED_WORKERS
 from grade_files import starter, submission
 from invoking import invoke as lab3
 from places import REPOSITORY
@@ -212,6 +213,7 @@ def test_a_disk_that_is_full_has_one_exit_status(tmp_path: Path, words: list[str
     done = forking.run(
         [sys.executable, "-c", FULL, *words],
         cwd=tmp_path,
+        env={**os.environ, **FORKED_WORKERS},
         capture_output=True,
         text=True,
         check=False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +12,7 @@ from threading import Thread
 import forking
 import pytest
 from clusters import WITHOUT_LAB3, cluster_of, graded_on, machine, scheduler
+from fork_server import FORKED_WORKERS
 from mini_lab import cut_wire, files_below, stage, starter, submission
 from waiting import eventually
 from web_server import WebServer, served
@@ -279,6 +281,7 @@ def held(*arguments):
     return judge(*arguments)
 machine.judge_here = held
 """
+    environment = {**os.environ, **FORKED_WORKERS}
     with (
         scheduler(tmp_path / "s") as running,
         machine(running.address, tmp_path / "m", hold),
@@ -286,6 +289,7 @@ machine.judge_here = held
             [*command, "--cluster", running.address],
             stdout=forking.PIPE,
             stderr=forking.PIPE,
+            env=environment,
             text=True,
         ) as grading,
     ):
@@ -298,5 +302,5 @@ machine.judge_here = held
         "again, and continue with --resume, which keeps what is graded\n"
     )
     assert list(book.glob("students/*/result.json"))
-    forking.run([*command, "--resume"], check=True, stdout=forking.DEVNULL)
+    forking.run([*command, "--resume"], check=True, stdout=forking.DEVNULL, env=environment)
     assert files_below(book) == alone

@@ -461,6 +461,7 @@ def test_the_library_of_linux_is_a_library() -> None:
 # -- a machine of a cluster
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_a_machine_keeps_a_worker_for_each_of_a_few_shipments(tmp_path: Path) -> None:
     submission(tmp_path / "jane", "00")
     shipment = pickle.dumps(packed(PoolSettings(starter(), None, Limits(), (tmp_path,))))
