@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from any_stages import BRIEFLY, FIXED
 from breaking import Step, broken, correct_stage, the_lab
 from click.testing import Result
 from dry_runs import EXPECTED
@@ -38,24 +39,19 @@ def saved(stage: Usd.Stage, folder: Path, name: str = "Lab3_05_odometry_tf.usda"
     return path
 
 
-def sim(path: Path, *arguments: str) -> Result:
-    return invoke("sim", path, *arguments)
+def sim(path: Path, *arguments: str, drive: str | None = BRIEFLY) -> Result:
+    return invoke("sim", path, *(("--drive", drive) if drive else ()), *arguments)
 
 
 def check(path: Path, *arguments: str) -> Result:
     return invoke("check", path, *arguments)
 
 
-def behaviour(path: Path, *arguments: str) -> dict[str, Any]:
-    done = sim(path, "--format", "json", *arguments)
+def behaviour(path: Path, *arguments: str, drive: str | None = BRIEFLY) -> dict[str, Any]:
+    done = sim(path, "--format", "json", *arguments, drive=drive)
     document = dry_run_of(done.stdout)
     assert done.exit_code == EXITS[document["verdict"]]
     return document
-
-
-def briefly(path: Path, *arguments: str) -> dict[str, Any]:
-    """What is told of a short drive, where it is of no importance how it drives."""
-    return behaviour(path, "--drive", "0.15,0,1 0,0.8,0.5", *arguments)
 
 
 def bad(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -64,11 +60,11 @@ def bad(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 def test_a_right_stage_is_all_right(tmp_path: Path) -> None:
     path = saved(correct_stage("05"), tmp_path)
-    done = sim(path)
+    done = sim(path, drive=FIXED)
     assert done.exit_code == 0
     assert "not Isaac Sim" in done.stdout.splitlines()[0]
     assert "14 checks: 14 ok, 0 bad" in done.stdout
-    found = behaviour(path)
+    found = behaviour(path, drive=FIXED)
     assert found["verdict"] == "ok"
     assert {each["name"]: each["type"] for each in found["topics"]} == EXPECTED.types
     rates = {each["name"]: each["hz"] for each in found["topics"]}
@@ -100,7 +96,7 @@ def test_an_early_stage_is_asked_for_what_it_has(
     tmp_path: Path, checkpoint: str, checks: list[str]
 ) -> None:
     path = saved(correct_stage(checkpoint), tmp_path, f"Lab3_{checkpoint}.usda")
-    found = behaviour(path)
+    found = behaviour(path, drive=FIXED)
     assert [each["name"] for each in found["checks"]] == checks
     assert found["verdict"] == "ok"
 
@@ -123,7 +119,7 @@ def test_a_later_stage_that_lost_its_graphs_is_not_too_early(tmp_path: Path) -> 
 
 def test_no_check_is_ok_of_what_did_not_happen(tmp_path: Path) -> None:
     stage = broken("05", [{"set": ["ROS_Drive/ros2_subscribe_twist.inputs:topicName", "/x"]}])
-    found = behaviour(saved(stage, tmp_path))
+    found = behaviour(saved(stage, tmp_path), drive=FIXED)
     unjudged = [each["name"] for each in found["checks"] if each["verdict"] == "not judged"]
     assert unjudged == ["rest", "limits", "odometry", "moving frames", "mounted", "again"]
     assert (found["verdict"], found["missing"]) == ("bad", "")
@@ -227,13 +223,15 @@ def test_a_fault_names_the_node_behind_it(
     tmp_path: Path, step: Step, check: str, prim: str, rule: str
 ) -> None:
     path = saved(broken("05", [step]), tmp_path)
-    found = bad(briefly(path))[check]
+    found = bad(behaviour(path))[check]
     assert (found["prim"], found["rule"]) == (prim, rule)
 
 
 def test_a_fault_that_another_domain_shows_names_the_node_behind_it(tmp_path: Path) -> None:
     step: Step = {"set": ["ROS_Clock/ros2_context.inputs:useDomainIDEnvVar", True]}
-    found = bad(behaviour(saved(broken("01", [step]), tmp_path, "Lab3_01.usda")))["topics"]
+    found = bad(behaviour(saved(broken("01", [step]), tmp_path, "Lab3_01.usda"), drive=FIXED))[
+        "topics"
+    ]
     assert (found["prim"], found["rule"]) == (f"{CLOCK}/ros2_publish_clock", "P01")
 
 
@@ -266,7 +264,7 @@ def test_a_wheel_that_is_left_out_of_the_articulation_is_not_known_to_its_contro
 def test_without_gravity_nothing_holds_the_robot(tmp_path: Path, name: str, value: object) -> None:
     stage = correct_stage("02")
     put("/physicsScene", f"physics:{name}", value)(stage)
-    found = bad(briefly(saved(stage, tmp_path, "Lab3_02.usda")))["follows"]
+    found = bad(behaviour(saved(stage, tmp_path, "Lab3_02.usda")))["follows"]
     assert found["rule"] == "S15"
 
 
@@ -282,7 +280,7 @@ def test_without_gravity_nothing_holds_the_robot(tmp_path: Path, name: str, valu
 def test_gravity_is_told_in_several_ways(tmp_path: Path, name: str, value: object) -> None:
     stage = correct_stage("02")
     put("/physicsScene", f"physics:{name}", value)(stage)
-    assert briefly(saved(stage, tmp_path, "Lab3_02.usda"))["verdict"] == "ok"
+    assert behaviour(saved(stage, tmp_path, "Lab3_02.usda"))["verdict"] == "ok"
 
 
 def test_every_check_is_put_into_words() -> None:
@@ -370,7 +368,7 @@ def test_a_node_that_is_not_known_hides_no_fault_and_makes_none(tmp_path: Path) 
     node = stage.DefinePrim(f"{CLOCK}/mine", "OmniGraphNode")
     node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set("my.Node")
     path = saved(stage, tmp_path)
-    found = briefly(path)
+    found = behaviour(path)
     assert found["not_simulated"] == [{"prim": f"{CLOCK}/mine", "reason": "node type my.Node"}]
     assert [*bad(found)] == ["topics"]
     done = sim(path, "--drive", "0.15,0,0.2")
@@ -386,7 +384,7 @@ def test_a_lidar_whose_asset_is_missing_is_assumed_and_said(tmp_path: Path) -> N
             lidar.RemoveProperty(name)
     lidar.ClearMetadata("apiSchemas")
     lidar.GetReferences().AddReference("https://nowhere.invalid/Rotary_2D.usda")
-    found = briefly(saved(stage, tmp_path))
+    found = behaviour(saved(stage, tmp_path))
     assert found["verdict"] == "ok"
     assert "is assumed" in found["not_simulated"][0]["reason"]
     assert "/scan" in {each["name"] for each in found["topics"]}
@@ -455,7 +453,7 @@ def test_odd_values_end_in_a_verdict(
 def test_a_limit_that_is_no_number_limits_nothing(tmp_path: Path) -> None:
     step: Step = {"set": ["ROS_Drive/differential_controller.inputs:maxLinearSpeed", math.nan]}
     path = saved(broken("02", [step]), tmp_path, "Lab3_02.usda")
-    assert [*bad(behaviour(path))] == ["limits"]
+    assert [*bad(behaviour(path, drive=FIXED))] == ["limits"]
 
 
 def test_a_value_of_another_type_counts_for_nothing(tmp_path: Path) -> None:
@@ -494,7 +492,7 @@ def test_a_value_of_another_precision_is_read(tmp_path: Path) -> None:
 def test_a_unit_that_is_none_is_a_metre(tmp_path: Path, unit: float) -> None:
     stage = correct_stage("02")
     stage.SetMetadata("metersPerUnit", unit)
-    assert briefly(saved(stage, tmp_path, "Lab3_02.usda"))["verdict"] == "ok"
+    assert behaviour(saved(stage, tmp_path, "Lab3_02.usda"))["verdict"] == "ok"
 
 
 def test_the_benchmark_of_dry_runs_prints_both_figures(repository: Path) -> None:
