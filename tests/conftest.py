@@ -42,7 +42,7 @@ def pytest_configure() -> None:
     os.environ["HYPOTHESIS_NO_PLUGINS"] = "1"  # that of trio, which selenium brings, loads trio
     import hypothesis
 
-    hypothesis.settings.register_profile("untimed", deadline=None, max_examples=50)
+    hypothesis.settings.register_profile("untimed", deadline=None, max_examples=30)
     hypothesis.settings.load_profile("untimed")
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
