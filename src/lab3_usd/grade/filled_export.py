@@ -16,7 +16,7 @@ from lab3_usd.files import write_whole
 from lab3_usd.grade.gradebook import record_decisions
 from lab3_usd.grade.intake.people import MOODLE_NUMBER, id_key, name_keys
 from lab3_usd.grade.lock import locked
-from lab3_usd.grade.matching import Match, Matching, Submission, matched
+from lab3_usd.grade.matching import GradedSubmission, Match, Matching, matched
 from lab3_usd.grade.rosters import PLATFORMS, Roster, RosterRow, number_in, read_roster
 from lab3_usd.grade.text_table import TextTable, filled, read_table
 from lab3_usd.report.safe_text import FORMULA_STARTS, printable, visible
@@ -94,7 +94,7 @@ def fill_export(
             another maximum; a submission in the map does not exist; the gradebook is too old.
     """
     try:
-        submissions = msgspec.convert(book["students"], tuple[Submission, ...])
+        submissions = msgspec.convert(book["students"], tuple[GradedSubmission, ...])
         points = float(book["points"])
     except (msgspec.ValidationError, KeyError, TypeError, ValueError) as error:
         raise UsageError(
@@ -170,7 +170,7 @@ def _cells(decision: Decision) -> tuple[str, str, str, str]:
 
 def _decided(
     matching: Matching,
-    submissions: Iterable[Submission],
+    submissions: Iterable[GradedSubmission],
     roster: Roster,
     factor: float,
     reasons: Mapping[str, tuple[str, ...]] | None,
@@ -204,7 +204,7 @@ def _decided(
 
 
 def _decision(
-    match: Match, submission: Submission | None, roster: Roster, factor: float
+    match: Match, submission: GradedSubmission | None, roster: Roster, factor: float
 ) -> Decision:
     row = match.row
     before = row.points.strip()
@@ -228,7 +228,7 @@ def _decision(
     return Decision(outcome, row.label, called, before, after, match.remark)
 
 
-def _called(submission: Submission) -> str:
+def _called(submission: GradedSubmission) -> str:
     """Return how a person finds a submission in the gradebook."""
     if submission.name in {"", submission.student}:
         return submission.student
@@ -254,7 +254,7 @@ def _comments(
 
 
 def _mapped_rows(
-    path: Path, submissions: Sequence[Submission], roster: Roster
+    path: Path, submissions: Sequence[GradedSubmission], roster: Roster
 ) -> dict[str, list[RosterRow]]:
     """Return the rows that somebody gave for each submission, by student.
 
@@ -288,7 +288,7 @@ def _mapped_rows(
     return rows
 
 
-def _by_name(submissions: Iterable[Submission]) -> dict[str, set[str]]:
+def _by_name(submissions: Iterable[GradedSubmission]) -> dict[str, set[str]]:
     """Return the students whose submission may be meant by a name."""
     names: defaultdict[str, set[str]] = defaultdict(set)
     for submission in submissions:
@@ -331,7 +331,7 @@ def _ids_of(row: RosterRow) -> set[str]:
 
 
 def _github_pairs(
-    table: TextTable, columns: Sequence[int], submissions: Iterable[Submission]
+    table: TextTable, columns: Sequence[int], submissions: Iterable[GradedSubmission]
 ) -> list[tuple[str, str]]:
     """Return submission and identifier for the clones of an assignment: `lab3-octocat`.
 

@@ -31,7 +31,7 @@ _WHAT_FOLDERS_ARE_CALLED = (LOGIN, ADDRESS, BLACKBOARD_USER)
 _MOST_NAMED = 5
 
 
-class Submission(Struct, frozen=True):
+class GradedSubmission(Struct, frozen=True):
     """What grades.json says of a submission: whose it is, and what it earned."""
 
     student: str
@@ -77,7 +77,7 @@ class Matching(Struct, frozen=True):
 
 
 def matched(
-    submissions: Iterable[Submission],
+    submissions: Iterable[GradedSubmission],
     roster: Roster,
     mapped: Mapping[str, Sequence[RosterRow]] = {},
 ) -> Matching:
@@ -164,7 +164,7 @@ def _indexed(rows: Iterable[RosterRow]) -> _Index:
     return index
 
 
-def _claims(submission: Submission, index: _Index, platform: str) -> Iterator[Claim]:
+def _claims(submission: GradedSubmission, index: _Index, platform: str) -> Iterator[Claim]:
     """Yield a claim for each person that a submission may be of."""
     student = submission.student
     if submission.may_be:
@@ -250,7 +250,7 @@ def _claim_by_folder(called: str, index: _Index) -> Claim:
     return Claim(called, tuple({row.line: row for row in named}.values()))
 
 
-def _uncertain_claim(submission: Submission, index: _Index) -> Claim:
+def _uncertain_claim(submission: GradedSubmission, index: _Index) -> Claim:
     """Return the claim of a file whose name can be read in several ways.
 
     It is certain where one reading alone has the id and the name of a row.

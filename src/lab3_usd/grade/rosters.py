@@ -28,7 +28,7 @@ from lab3_usd.grade.intake.people import (
 from lab3_usd.grade.text_table import TextTable, read_table
 
 
-class Platform(Struct, frozen=True):
+class ExportFormat(Struct, frozen=True):
     """The columns of a platform's export by their headings.
 
     `ids` hold ids of a kind, `names` make up a name: the first of these sets of columns that the
@@ -46,13 +46,13 @@ class Platform(Struct, frozen=True):
     pending: tuple[str, ...] = ()
 
 
-PLATFORMS: Mapping[str, Platform] = {
-    "canvas": Platform(
+PLATFORMS: Mapping[str, ExportFormat] = {
+    "canvas": ExportFormat(
         ids={"ID": CANVAS_USER, "SIS User ID": STUDENT_ID, "SIS Login ID": LOGIN},
         names=(("Student",), ("FirstName", "LastName")),
         points=r"(?P<title>.+) \(\d+\)",
     ),
-    "moodle": Platform(
+    "moodle": ExportFormat(
         ids={
             "Identifier": MOODLE_NUMBER,
             "ID number": STUDENT_ID,
@@ -64,12 +64,12 @@ PLATFORMS: Mapping[str, Platform] = {
         group="Group",
         comment="Feedback comments",
     ),
-    "brightspace": Platform(
+    "brightspace": ExportFormat(
         ids={"OrgDefinedId": STUDENT_ID, "Username": LOGIN, "Email": ADDRESS},
         names=(("First Name", "Last Name"),),
         points=r"(?P<title>.+) Points Grade(?: <(?:.*?MaxPoints:(?P<maximum>[\d.,]+))?.*>)?",
     ),
-    "blackboard": Platform(
+    "blackboard": ExportFormat(
         ids={"Username": BLACKBOARD_USER, "Student ID": STUDENT_ID},
         names=(("First Name", "Last Name"),),
         points=r"(?P<title>.+?) *\[Total Pts: (?P<maximum>[\d.,]+) Score\](?: ?\|(?P<number>\d+))?",
@@ -166,7 +166,7 @@ def read_roster(
 
 
 def _points_column(
-    platform: Platform, table: TextTable, path: Path, wanted: str
+    platform: ExportFormat, table: TextTable, path: Path, wanted: str
 ) -> tuple[int, float]:
     """Return the column of the assignment of a title or heading, and its maximum."""
     known = {heading.casefold() for heading in (*platform.ids, *sum(platform.names, ()))}
@@ -271,7 +271,7 @@ def _identifier(cell: str) -> tuple[str, str]:
 
 
 def _people(
-    platform: Platform, table: TextTable, places: Mapping[str, int], points: int
+    platform: ExportFormat, table: TextTable, places: Mapping[str, int], points: int
 ) -> Iterator[RosterRow]:
     """Yield the people of an export; rows about the assignments name nobody."""
     columns = {kind: places.get(heading.casefold()) for heading, kind in platform.ids.items()}

@@ -224,7 +224,7 @@ class Held(Struct, frozen=True):
     kind: JointCommand = "position"
 
 
-class Tree(Struct):
+class TransformMessages(Struct):
     """TF messages, and by the child of each transform the numbers of its messages."""
 
     times: list[float] = field(default_factory=list)  # of the messages, none before another
@@ -272,7 +272,7 @@ class Recording(Struct):
     static: tuple[tuple[Transform, str], ...] = ()
 
     _sorted: dict[tuple[str, int | None], list[Message]] = field(default_factory=dict)
-    _trees: dict[tuple[str, int], Tree] = field(default_factory=dict)
+    _trees: dict[tuple[str, int], TransformMessages] = field(default_factory=dict)
 
     def forget_messages(self) -> None:
         """Drop what was sent, once it is judged: of many plays it fills the memory."""
@@ -289,11 +289,11 @@ class Recording(Struct):
                     self._sorted.setdefault((message.topic, None), []).append(message)
         return self._sorted.get((name, session), [])
 
-    def tree(self, topic: str, session: int) -> Tree:
+    def tree(self, topic: str, session: int) -> TransformMessages:
         """Return the transforms that were sent on a topic in a session."""
         key = (topic, session)
         if key not in self._trees:
-            self._trees[key] = Tree()
+            self._trees[key] = TransformMessages()
             for message in self.topic(*key):
                 self._trees[key].add(message)
         return self._trees[key]

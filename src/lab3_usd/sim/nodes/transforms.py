@@ -45,7 +45,7 @@ class Pair(Struct, frozen=True):
         return self.above.back(stood.get(self.above.base)).then(child)
 
 
-class Tree(Struct, frozen=True, dict=True):
+class NodeTransforms(Struct, frozen=True, dict=True):
     """The transforms of a node, in order."""
 
     pairs: tuple[Pair, ...]
@@ -66,7 +66,7 @@ class Tree(Struct, frozen=True, dict=True):
         return Later(len(self.pairs), lambda: tuple(pair.pose(stood) for pair in self.pairs))
 
     @classmethod
-    def of(cls, world: World, parent: str, targets: Sequence[str]) -> Tree:
+    def of(cls, world: World, parent: str, targets: Sequence[str]) -> NodeTransforms:
         """Expand the targets; of a prim that is found twice the last parent counts."""
         scene, spot = world.scene, world.machines.spot
         members: list[ScenePrim] = []
@@ -160,7 +160,7 @@ def _names(prims: Sequence[ScenePrim]) -> list[str]:
     return names
 
 
-def pose_tree(world: World, parent: str, targets: Sequence[str]) -> Tree:
+def pose_tree(world: World, parent: str, targets: Sequence[str]) -> NodeTransforms:
     """Expand the targets: an articulation stands for its links, all else for itself (:177-357)."""
     pairs: list[Pair] = []
     prims, names = world.scene.prims, dict[str, str]()
@@ -188,7 +188,7 @@ def pose_tree(world: World, parent: str, targets: Sequence[str]) -> Tree:
             )
             if above or pair.parent != pair.child or BODY not in prims[path].apis:  # :280, :324
                 pairs.append(pair)
-    return Tree(tuple(pairs))
+    return NodeTransforms(tuple(pairs))
 
 
 def _links(machine: Machine) -> dict[str, str]:
@@ -233,10 +233,12 @@ def _send_tree(node: NodeInstance, world: World, endpoint: RosEndpoint, tree: Tr
 @computes("IsaacComputeTransformTree")
 def compute_transform_tree(node: NodeInstance, world: World) -> bool:
     """CN/nodes/OgnIsaacComputeTransformTree.cpp."""
-    tree: Tree | None = node.memory.get("tree")
+    tree: NodeTransforms | None = node.memory.get("tree")
     if tree is None:
         parents, targets = node.targets("parentPrim"), node.targets("targetPrims")
-        tree = node.memory["tree"] = Tree.of(world, parents[0] if parents else "", targets)
+        tree = node.memory["tree"] = NodeTransforms.of(
+            world, parents[0] if parents else "", targets
+        )
         node.memory["names"] = tuple(zip(*tree.frames, strict=True))
     if not tree.pairs:
         node.memory.clear()
@@ -271,7 +273,7 @@ def publish_transform_tree(node: NodeInstance, world: World) -> bool:
         return False
     unit = world.scene.meters_per_unit
     if "tree" in memory:
-        tree: Tree = memory["tree"]
+        tree: NodeTransforms = memory["tree"]
         placed = tree.now()
         poses = Later(
             len(placed), lambda: tuple((_metres(p.origin, unit), p.quaternion()) for p in placed)
