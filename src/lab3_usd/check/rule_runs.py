@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct
@@ -85,9 +86,10 @@ def _problems(rule: Rule, subject: Any) -> Iterator[Problem]:
 
 
 def problems_of(rule: Rule, subject: Any) -> Iterator[Problem]:
-    """Yield what a rule finds; one about robots looks at each robot of a stage."""
-    for seen in subject.robots if rule.scope == "robot" else (subject,):
-        yield from rule.check(seen)
+    """Return what a rule finds; one about robots looks at each robot of a stage."""
+    if rule.scope == "robot":
+        return chain.from_iterable(map(rule.check, subject.robots))
+    return rule.check(subject)
 
 
 def merge_results(results: Iterable[RuleResults]) -> RuleResults:

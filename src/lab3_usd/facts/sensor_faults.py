@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from re import escape, fullmatch
 from typing import Any
 
@@ -26,6 +27,7 @@ _KINDS: Mapping[str, type] = {
     **dict.fromkeys(("string", "token"), str),
 }
 _SCHEMA = "the schema"
+_MOST_KNOWN = 1000  # sensors whose faults are kept for further stages
 _LONG = 1000  # entries of a list that is not compared with those of other sensors
 
 
@@ -59,20 +61,23 @@ def faults_of(prim: Prim, platform: Platform, stage: StageModel) -> tuple[Sensor
 
 @once_per_stage
 def _faults_at(stage: StageModel, platform: Platform, path: str) -> tuple[SensorFault, ...]:
-    prim, known = stage.prims[path], _known_faults(stage, platform)
+    prim = stage.prims[path]
     values = values_of(prim, platform, stage)
     if any(isinstance(value, tuple) and len(value) > _LONG for value in values.written.values()):
         return sensor_faults(platform, values)
-    # Many robots are alike. A missing asset may be above one of them.
-    key = (prim.type, prim.apis, stage.unknown(path), repr([*values.written.items()]))
+    known = _known_faults(platform)
+    # Many robots are alike, and many stages. A missing asset may be above one of them.
+    key = (prim.type, prim.apis, stage.unknown(path) is None, repr([*values.written.items()]))
     if key not in known:
+        if len(known) >= _MOST_KNOWN:
+            known.clear()
         known[key] = sensor_faults(platform, values)
     return known[key]
 
 
-@once_per_stage
+@lru_cache(maxsize=4)
 def _known_faults(
-    _stage: StageModel, _platform: Platform
+    _platform: Platform,
 ) -> dict[tuple[object, ...], tuple[SensorFault, ...]]:
     """Keep what is wrong with the values of sensors, by their schemas and values."""
     return {}

@@ -72,7 +72,7 @@ def service_types(subject: LintSubject) -> Iterator[Problem]:
         for named in [_named(node, subject)]
         if named is not None
     }
-    for wire in connections(subject.stage, subject.platform):
+    for wire in connections(subject.stage, subject.platform) if types else ():
         kind = wire.node.type
         if wire.source is None or kind is None or wire.port not in kind.ports or kind.services:
             continue  # a response has no name: it gets its server
