@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from msgspec import Struct
 
@@ -25,13 +26,18 @@ class OccupancyMap(Struct, frozen=True):
 
     def cell(self, x: float, y: float) -> Cell:
         """Return the cell of a point of the map's frame; it may lie outside."""
+        return self.cells()(x, y)
+
+    def cells(self) -> Callable[[float, float], Cell]:
+        """Return what gives the cells of many points."""
         left, bottom, turn = self.origin
-        c, s = math.cos(turn), math.sin(turn)
-        x, y = x - left, y - bottom
-        return (
-            math.floor((c * x + s * y) / self.resolution),
-            math.floor((c * y - s * x) / self.resolution),
-        )
+        c, s, size, floor = math.cos(turn), math.sin(turn), self.resolution, math.floor
+
+        def cell(x: float, y: float) -> Cell:
+            x, y = x - left, y - bottom
+            return floor((c * x + s * y) / size), floor((c * y - s * x) / size)
+
+        return cell
 
     def point(self, column: float, row: float) -> tuple[float, float]:
         """Return the place of a corner of cells in the map's frame."""

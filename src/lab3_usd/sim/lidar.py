@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache, lru_cache
+from functools import lru_cache
 
 from msgspec import Struct, field
 
@@ -35,7 +35,7 @@ class Beam(Struct, frozen=True):
     far: float
 
 
-@cache
+@lru_cache(maxsize=16)
 def directions(start: float, step: float, count: int) -> tuple[list[float], list[float]]:
     """Return cosines and sines of the directions of a beam."""
     angles = [start + number * step for number in range(count)]

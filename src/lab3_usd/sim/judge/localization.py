@@ -17,6 +17,7 @@ from lab3_usd.model.occupancy import Cell, MapFit, OccupancyMap
 from lab3_usd.sim.execution.recording import Scan
 from lab3_usd.sim.geometry import distance
 from lab3_usd.sim.judge.expectations import RunFault, Trial, in_root
+from lab3_usd.sim.lidar import directions
 
 _DRAWN = 1500  # points of a scan
 _CORNERS = 800  # cells that points lie in, by which a map is shifted
@@ -32,10 +33,12 @@ Located = Sequence[tuple[float, Affine]]  # where the map has the root of TF, fr
 class Ray(NamedTuple):
     """A ray that returned: its end and its middle in the root of TF, and its length."""
 
-    at: float
     end: tuple[float, float, float]
     middle: tuple[float, float, float]
     length: float
+
+
+Rays = Sequence[tuple[float, Sequence[Ray]]]  # of each scan, with when it came
 
 
 def fit(trial: Trial) -> MapFit | None:
@@ -66,7 +69,7 @@ def _is_met(found: MapFit, trial: Trial) -> bool:
     return found.near >= met and found.through <= 1.0 - met
 
 
-def _rays(trial: Trial) -> Iterator[Ray]:
+def _rays(trial: Trial) -> Iterator[tuple[float, Sequence[Ray]]]:
     for message in trial.recording.topic(trial.wanted.scan, 0):
         scan = message.data
         if not isinstance(scan, Scan) or not scan.whole:
@@ -74,41 +77,46 @@ def _rays(trial: Trial) -> Iterator[Ray]:
         place = in_root(trial, message)
         if place is None:
             continue
-        for number, length in enumerate(scan.ranges):
+        beam = directions(scan.angle_min, scan.angle_increment, len(scan.ranges))
+        rays = []
+        for length, cosine, sine in zip(scan.ranges, *beam, strict=True):
             if length > 0:
-                angle = scan.angle_min + number * scan.angle_increment
-                x, y = length * math.cos(angle), length * math.sin(angle)
-                end, middle = place.point((x, y, 0.0)), place.point((x / 2, y / 2, 0.0))
-                yield Ray(message.at, end, middle, length)
+                x, y = length * cosine, length * sine
+                ends = place.point((x, y, 0.0)), place.point((x / 2, y / 2, 0.0))
+                rays.append(Ray(*ends, length))
+        if rays:
+            yield message.at, rays
 
 
-def _in_map(rays: Sequence[Ray], located: Located) -> Iterator[tuple[Ray, Affine]]:
+def _in_map(scans: Rays, located: Located) -> Iterator[tuple[Sequence[Ray], Affine]]:
     """Yield the rays from when the map has the root of TF, with where it has it then."""
     ahead = -1
-    for ray in rays:
-        while ahead + 1 < len(located) and located[ahead + 1][0] <= ray.at:
+    for at, rays in scans:
+        while ahead + 1 < len(located) and located[ahead + 1][0] <= at:
             ahead += 1
         if ahead >= 0:
-            yield ray, located[ahead][1]
+            yield rays, located[ahead][1]
 
 
-def _fit(
-    rays: Sequence[Ray], grid: OccupancyMap, near: frozenset[Cell], located: Located
-) -> MapFit:
+def _fit(scans: Rays, grid: OccupancyMap, near: frozenset[Cell], located: Located) -> MapFit:
     ends, met, through = [], 0, 0
-    for ray, place in _in_map(rays, located):
-        x, y, _ = place.point(ray.end)
-        u, v, _ = place.point(ray.middle)
-        is_behind = ray.length > _SHORT * grid.resolution and grid.cell(u, v) in grid.walls
-        is_met = grid.cell(x, y) in near
-        met, through = met + is_met, through + is_behind
-        ends.append((x, y, is_met))
+    least, walls, cell = _SHORT * grid.resolution, grid.walls, grid.cells()
+    for rays, place in _in_map(scans, located):
+        (a, b, c), (d, e, f), _ = place.rows
+        u, v, _ = place.origin
+        for (x, y, z), (p, q, r), length in rays:
+            right, up = a * x + b * y + c * z + u, d * x + e * y + f * z + v
+            is_met = cell(right, up) in near
+            met += is_met
+            ends.append((right, up, is_met))
+            if length > least:
+                through += cell(a * p + b * q + c * r + u, d * p + e * q + f * r + v) in walls
     count = len(ends)
     drawn = tuple(ends[:: max(1, count // _DRAWN)])
     return MapFit(grid, count, met / max(1, count), through / max(1, count), drawn)
 
 
-def _shifted(best: MapFit, rays: Sequence[Ray], near: frozenset[Cell], located: Located) -> MapFit:
+def _shifted(best: MapFit, scans: Rays, near: frozenset[Cell], located: Located) -> MapFit:
     """Return a fit with the shift of the map by which most points lie at walls.
 
     Each pair of a point and a wall is a vote for the shift that brings the two together.
@@ -118,7 +126,8 @@ def _shifted(best: MapFit, rays: Sequence[Ray], near: frozenset[Cell], located: 
         return best
     points = Counter(
         grid.cell(x, y)
-        for x, y, _ in (place.point(ray.end) for ray, place in _in_map(rays, located))
+        for rays, place in _in_map(scans, located)
+        for x, y, _ in (place.point(ray.end) for ray in rays)
     )
     corners = points.most_common(_CORNERS)
     # A shift is counted as one number, as there are millions of them.
