@@ -16,7 +16,7 @@ from graphlib import TopologicalSorter
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.report.picture.model import Bezier, Box, Curve, End, Point, port_point
+from lab3_usd.report.picture.model import Bezier, Box, Curve, End, Point, port_height
 from lab3_usd.report.picture.routing import around, through
 
 Edge = tuple[str, str]
@@ -283,6 +283,15 @@ BULGE = 26.0
 Placed = tuple[tuple[Box, ...], tuple[Curve, ...]]
 
 
+class Wire(Struct, frozen=True):
+    """A wire between boxes that are named by their numbers; heights are from the top of each."""
+
+    source: End
+    leaving: float
+    target: str
+    arriving: float
+
+
 class Grid(Struct, frozen=True):
     """The columns: left edge and width of each, and the top of each slot."""
 
@@ -292,69 +301,75 @@ class Grid(Struct, frozen=True):
     rank: Mapping[str, int]
 
 
+Size = tuple[float, float]
+Place = tuple[float, float, float]  # left, top, and the width of the column
+
+
 def layered(boxes: Sequence[Box], curves: Sequence[Curve]) -> Placed:
     """Return the boxes at their places and the curves with their paths; the highest is at 0."""
-    keys = [box.key for box in boxes]
-    edges = [(curve.source.key, curve.target.key) for curve in curves]
+    number = {box.key: str(place) for place, box in enumerate(boxes)}
+    by_key = {box.key: box for box in boxes}
+    wires = (
+        Wire(
+            End(number[curve.source.key], curve.source.port),
+            port_height(by_key[curve.source.key], curve.source.port),
+            number[curve.target.key],
+            port_height(by_key[curve.target.key], curve.target.port),
+        )
+        for curve in curves
+    )
+    places, paths = _layout(tuple((box.w, box.h) for box in boxes), tuple(wires))
+    return (
+        tuple(
+            replace(box, x=left, y=top, w=width)
+            for box, (left, top, width) in zip(boxes, places, strict=True)
+        ),
+        tuple(replace(curve, path=path) for curve, path in zip(curves, paths, strict=True)),
+    )
+
+
+@lru_cache(maxsize=64)  # graphs that differ in names alone are laid out once
+def _layout(
+    sizes: tuple[Size, ...], wires: tuple[Wire, ...]
+) -> tuple[tuple[Place, ...], tuple[tuple[Bezier, ...], ...]]:
+    """Return the places of boxes of these sizes, and the paths of the wires."""
+    by_key = {str(place): size for place, size in enumerate(sizes)}
+    keys = [*by_key]
+    edges = [(wire.source.key, wire.target) for wire in wires]
     against = backward(keys, edges)
     forward = [edge for place, edge in enumerate(edges) if place not in against]
     rank = ranks(keys, forward)
-    onward = [curve for place, curve in enumerate(curves) if place not in against]
+    onward = [wire for place, wire in enumerate(wires) if place not in against]
     lasts: dict[End, int] = {}  # the column of the farthest box that each output feeds
-    for curve in onward:
-        column = rank[curve.target.key]
-        lasts[curve.source] = max(column, lasts.get(curve.source, column))
-    slots = [Slot((box.key,), rank[box.key], box.h) for box in boxes]
+    heights: dict[End, float] = {}
+    for wire in onward:
+        column = rank[wire.target]
+        lasts[wire.source] = max(column, lasts.get(wire.source, column))
+        heights[wire.source] = wire.leaving
+    slots = [Slot((key,), rank[key], height) for key, (_, height) in by_key.items()]
     slots += [
         Slot(_lane(end, column), column, LANE, lane=True)
         for end, last in lasts.items()
         for column in range(rank[end.key] + 1, last)
     ]
-    by_key = {box.key: box for box in boxes}
-    links = list(_links(onward, lasts, by_key, rank))
-    columns, tops = _arranged(slots, links)
-    grid = _grid(columns, links, tops, by_key, rank)
-    placed: dict[str, Box] = {}
-    for box in boxes:
-        left, width = grid.lefts[rank[box.key]], grid.widths[rank[box.key]]
-        placed[box.key] = replace(box, x=left, y=grid.tops[(box.key,)], w=width)
-    # The height below everything at which each output's wires run backward.
-    lowest = max((box.y + box.h for box in placed.values()), default=0.0)
-    lowest = max([lowest, *grid.tops.values()])
-    returning = dict.fromkeys(curves[place].source for place in sorted(against))
-    lanes = {end: lowest + BELOW + LANE * number for number, end in enumerate(returning)}
-    drawn = []
-    for place, curve in enumerate(curves):
-        if place in against:
-            path = around(*_ends(curve, placed), lanes[curve.source], BULGE)
-        else:
-            path = _forward_path(curve, placed, grid)
-        drawn.append(replace(curve, path=path))
-    return tuple(placed.values()), tuple(drawn)
-
-
-def _arranged(
-    slots: Sequence[Slot], links: Sequence[WirePiece]
-) -> tuple[Columns, Mapping[SlotKey, float]]:
-    """Return the columns and the top of each slot; graphs that differ in names alone ask once."""
-    number: dict[SlotKey, SlotKey] = {slot.key: (str(place),) for place, slot in enumerate(slots)}
-    columns, tops = _arranged_numbers(
-        tuple(replace(slot, key=number[slot.key]) for slot in slots),
-        tuple(replace(link, left=number[link.left], right=number[link.right]) for link in links),
-    )
-    named = {number[slot.key]: slot for slot in slots}
-    return (
-        tuple(tuple(named[slot.key] for slot in column) for column in columns),
-        {named[key].key: top for key, top in tops.items()},
-    )
-
-
-@lru_cache(maxsize=64)
-def _arranged_numbers(
-    slots: tuple[Slot, ...], links: tuple[WirePiece, ...]
-) -> tuple[Columns, Mapping[SlotKey, float]]:
+    links = list(_links(onward, lasts, heights, rank))
     columns = ordered(slots, links)
-    return columns, stacked(columns, links, GAP)
+    grid = _grid(columns, links, stacked(columns, links, GAP), by_key, rank)
+    placed: dict[str, Place] = {
+        key: (grid.lefts[rank[key]], grid.tops[(key,)], grid.widths[rank[key]]) for key in keys
+    }
+    # The height below everything at which each output's wires run backward.
+    lowest = max((placed[key][1] + by_key[key][1] for key in keys), default=0.0)
+    lowest = max([lowest, *grid.tops.values()])
+    returning = dict.fromkeys(wires[place].source for place in sorted(against))
+    lanes = {end: lowest + BELOW + LANE * number for number, end in enumerate(returning)}
+    paths = [
+        around(*_ends(wire, placed), lanes[wire.source], BULGE)
+        if place in against
+        else _forward_path(wire, placed, grid)
+        for place, wire in enumerate(wires)
+    ]
+    return tuple(placed.values()), tuple(paths)
 
 
 def _lane(end: End, column: int) -> SlotKey:
@@ -362,39 +377,30 @@ def _lane(end: End, column: int) -> SlotKey:
 
 
 def _links(
-    curves: Sequence[Curve],
+    wires: Sequence[Wire],
     lasts: Mapping[End, int],
-    boxes: Mapping[str, Box],
+    heights: Mapping[End, float],
     rank: Mapping[str, int],
 ) -> Iterator[WirePiece]:
     """Yield the pieces of wire between neighbouring columns; lanes of one output are shared."""
+
+    def left(end: End, column: int) -> tuple[SlotKey, float]:
+        if column == rank[end.key]:
+            return (end.key,), heights[end]
+        return _lane(end, column), LANE / 2
+
     for end, last in lasts.items():
         for column in range(rank[end.key] + 1, last):
-            yield WirePiece(*_left(end, column - 1, boxes, rank), _lane(end, column), LANE / 2)
-    for curve in curves:
-        column = rank[curve.target.key]
-        arrival = port_point(
-            replace(boxes[curve.target.key], y=0.0), curve.target.port, leaving=False
-        )
-        yield WirePiece(
-            *_left(curve.source, column - 1, boxes, rank), (curve.target.key,), arrival[1]
-        )
-
-
-def _left(
-    end: End, column: int, boxes: Mapping[str, Box], rank: Mapping[str, int]
-) -> tuple[SlotKey, float]:
-    if column == rank[end.key]:
-        departure = port_point(replace(boxes[end.key], y=0.0), end.port, leaving=True)
-        return (end.key,), departure[1]
-    return _lane(end, column), LANE / 2
+            yield WirePiece(*left(end, column - 1), _lane(end, column), LANE / 2)
+    for wire in wires:
+        yield WirePiece(*left(wire.source, rank[wire.target] - 1), (wire.target,), wire.arriving)
 
 
 def _grid(
     columns: Columns,
     links: Sequence[WirePiece],
     tops: Mapping[SlotKey, float],
-    boxes: Mapping[str, Box],
+    sizes: Mapping[str, Size],
     rank: Mapping[str, int],
 ) -> Grid:
     crowd = [0] * len(columns)
@@ -402,7 +408,7 @@ def _grid(
     for link in links:
         crowd[home[link.left]] += 1
     widths = tuple(
-        max((boxes[slot.key[0]].w for slot in column if not slot.lane), default=0.0)
+        max((sizes[slot.key[0]][0] for slot in column if not slot.lane), default=0.0)
         for column in columns
     )
     lefts = []
@@ -413,19 +419,18 @@ def _grid(
     return Grid(tuple(lefts), widths, tops, rank)
 
 
-def _forward_path(curve: Curve, boxes: Mapping[str, Box], grid: Grid) -> tuple[Bezier, ...]:
+def _forward_path(wire: Wire, placed: Mapping[str, Place], grid: Grid) -> tuple[Bezier, ...]:
     """Return the way rightward: from column to column, and along its lane through each."""
-    start, end = _ends(curve, boxes)
+    start, end = _ends(wire, placed)
     way: list[Point] = [start]
-    for column in range(grid.rank[curve.source.key] + 1, grid.rank[curve.target.key]):
-        height = grid.tops[_lane(curve.source, column)] + LANE / 2
+    for column in range(grid.rank[wire.source.key] + 1, grid.rank[wire.target]):
+        height = grid.tops[_lane(wire.source, column)] + LANE / 2
         left = grid.lefts[column]
         way += [(left, height), (left + grid.widths[column], height)]
     return through([*way, end])
 
 
-def _ends(curve: Curve, boxes: Mapping[str, Box]) -> tuple[Point, Point]:
-    return (
-        port_point(boxes[curve.source.key], curve.source.port, leaving=True),
-        port_point(boxes[curve.target.key], curve.target.port, leaving=False),
-    )
+def _ends(wire: Wire, placed: Mapping[str, Place]) -> tuple[Point, Point]:
+    left, top, width = placed[wire.source.key]
+    to_left, to_top, _ = placed[wire.target]
+    return (left + width, top + wire.leaving), (to_left, to_top + wire.arriving)

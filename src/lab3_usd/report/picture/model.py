@@ -27,7 +27,7 @@ STATES: tuple[State, ...] = ("ok", "wrong", "missing", "extra", "warned")
 HEADER = 44.0  # height of a box's coloured header, which holds title and subtitle
 
 
-class Row(Struct, frozen=True):
+class Row(Struct, frozen=True, gc=False):
     """One port of a box: its name, its value where that matters, and how it was judged.
 
     `value` and `expected` are the lines to show, `note` is the tooltip.
@@ -48,7 +48,7 @@ class Row(Struct, frozen=True):
     y: float = 0.0
 
 
-class Box(Struct, frozen=True):
+class Box(Struct, frozen=True, gc=False):
     """A node or frame. `key` is its prim path, or the path a missing one would have.
 
     `more` is the line with the number of ports that are not drawn. `at` is the position in the
@@ -80,21 +80,25 @@ class Box(Struct, frozen=True):
     def frame(self) -> State:
         """How its border is drawn: after the box, else after the gravest row that no wire shows."""
         states = {row.state for row in self.rows if not row.wired} if self.state == "ok" else set()
-        return next((state for state in ("wrong", "warned") if state in states), self.state)
+        return "wrong" if "wrong" in states else "warned" if "warned" in states else self.state
 
     def row(self, port: str) -> Row | None:
         """Return the row of this port, None where it is not drawn."""
-        return next((row for row in self.rows if row.port == port), None)
+        for rows in (self.inputs, self.outputs, self.settings):
+            for row in rows:
+                if row.port == port:
+                    return row
+        return None
 
 
-class End(Struct, frozen=True):
+class End(Struct, frozen=True, gc=False):
     """One end of a curve: a box and one of its ports."""
 
     key: str
     port: str
 
 
-class Curve(Struct, frozen=True):
+class Curve(Struct, frozen=True, gc=False):
     """A wire, drawn as Bezier curves that follow each other; dashed where it carries execution."""
 
     source: End
@@ -154,9 +158,13 @@ def state_word(state: State, kind: Kind = "graph") -> str:
 
 def port_point(box: Box, port: str, *, leaving: bool) -> Point:
     """Return where a wire leaves from (right edge) or arrives at (left edge) this port."""
+    return (box.x + box.w if leaving else box.x, box.y + port_height(box, port))
+
+
+def port_height(box: Box, port: str) -> float:
+    """Return how far below the top of a box its wires to and from this port end."""
     row = box.row(port)
-    y = box.y + (HEADER / 2 if row is None else row.y)
-    return (box.x + box.w if leaving else box.x, y)
+    return HEADER / 2 if row is None else row.y
 
 
 def is_port(prop: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from html import escape
 from typing import Literal
 
@@ -25,6 +26,8 @@ from lab3_usd.report.picture.model import (
     STATES,
     Bezier,
     Box,
+    Family,
+    LegendEntry,
     Picture,
     Row,
     State,
@@ -128,6 +131,7 @@ RULES = """\
 """
 
 
+@lru_cache(maxsize=len(THEMES))
 def stylesheet(theme: Theme = "auto") -> str:
     """Return the rules for pictures; `auto` follows the reader's system, the others do not."""
     if theme != "auto":
@@ -168,7 +172,7 @@ class ElementIds(Struct, frozen=True):
         name = port_id(prim, prop)
         if self.links is not None and name not in self.links:
             return ""
-        return f' id="{markup(self.prefix + name)}"'
+        return f' id="{markup(self.prefix)}{name}"'
 
     def linked(self, content: str, prim: str, prop: str | None = None) -> str:
         """Return the part as a link where there is one for its id."""
@@ -233,40 +237,58 @@ CORNER = 8.0
 BASELINE = 4.0  # from the middle of a line of 12 px to its baseline
 
 
+KEPT = 4096  # parts of pictures that are alike in the graphs of a stage
+
+
 def box_svg(box: Box, ids: ElementIds) -> str:
     """Return the group of one box."""
     ghost = " ghost" if box.state == "missing" else ""
-    header = "".join(_header(box))
+    header = _header((box.x, box.y, box.w, box.h), box.title, box.subtitle, box.family, box.state)
     head = ids.linked(f"<g{ids.id(box.key)}>{note(box.note)}{header}</g>", box.key)
     rows = "".join(_row(box, row, ids) for row in box.rows)
-    more = text(box.more, box.x + PAD, box.y + box.h - 14, "m") if box.more else ""
-    separator = ""
-    if box.settings and (box.inputs or box.outputs):
-        y = box.y + box.settings[0].y - ROW / 2 - 4
-        right = number(box.w - 2 * PAD)
-        separator = f'<path class="rule" d="M{number(box.x + PAD)} {number(y)}h{right}"/>'
-    frame = rect(box.x, box.y, (box.w, box.h), f"b{_kind(box.frame)}", CORNER)
+    top = box.settings[0].y if box.settings and (box.inputs or box.outputs) else None
+    frame, separator, more = _frame((box.x, box.y, box.w, box.h), box.frame, top, box.more)
     return f'<g class="n{ghost}">{frame}{head}{separator}{rows}{more}</g>'
 
 
-def _header(box: Box) -> Iterator[str]:
-    if box.state != "missing":
-        yield f'<path class="f-{box.family}" d="{_header_path(box)}"/>'
-    yield text(box.title, box.x + PAD, box.y + (19 if box.subtitle else 27), "t")
-    if box.subtitle:
-        yield text(box.subtitle, box.x + PAD, box.y + 35, "u")
-    if box.state != "ok":
-        yield mark(box.x + box.w - 16, box.y + 16, box.state)
+Area = tuple[float, float, float, float]  # left, top, width, height
 
 
-def _header_path(box: Box) -> str:
+@lru_cache(maxsize=KEPT)
+def _frame(area: Area, state: State, settings: float | None, more: str) -> tuple[str, str, str]:
+    """Return the frame of a box, the line above its settings, and the line below its rows."""
+    x, y, width, height = area
+    separator = ""
+    if settings is not None:
+        line = number(y + settings - ROW / 2 - 4)
+        separator = f'<path class="rule" d="M{number(x + PAD)} {line}h{number(width - 2 * PAD)}"/>'
+    last = text(more, x + PAD, y + height - 14, "m") if more else ""
+    return rect(x, y, (width, height), f"b{_kind(state)}", CORNER), separator, last
+
+
+@lru_cache(maxsize=KEPT)
+def _header(area: Area, title: str, subtitle: str, family: Family, state: State) -> str:
+    x, y, width, _ = area
+    parts = []
+    if state != "missing":
+        parts.append(f'<path class="f-{family}" d="{_header_path(area)}"/>')
+    parts.append(text(title, x + PAD, y + (19 if subtitle else 27), "t"))
+    if subtitle:
+        parts.append(text(subtitle, x + PAD, y + 35, "u"))
+    if state != "ok":
+        parts.append(mark(x + width - 16, y + 16, state))
+    return "".join(parts)
+
+
+def _header_path(area: Area) -> str:
     """Return the header inside the border; its lower corners are round where nothing is below."""
     # Half a pixel inside, so that the border stays whole.
-    left, top = number(box.x + 0.5), number(box.y + CORNER)
-    width, radius = box.w - 1, CORNER - 0.5
+    x, y, width, height = area
+    left, top = number(x + 0.5), number(y + CORNER)
+    width, radius = width - 1, CORNER - 0.5
     upper = f"M{left} {top}a{radius:g} {radius:g} 0 0 1 {radius:g}-{radius:g}"
     upper += f"h{number(width - 2 * radius)}a{radius:g} {radius:g} 0 0 1 {radius:g} {radius:g}"
-    if box.h > HEADER:
+    if height > HEADER:
         return f"{upper}v{number(HEADER - CORNER)}H{left}z"
     lower = f"v{number(HEADER - 2 * CORNER)}a{radius:g} {radius:g} 0 0 1-{radius:g} {radius:g}"
     lower += f"h-{number(width - 2 * radius)}a{radius:g} {radius:g} 0 0 1-{radius:g}-{radius:g}z"
@@ -274,31 +296,47 @@ def _header_path(box: Box) -> str:
 
 
 def _row(box: Box, row: Row, ids: ElementIds) -> str:
-    content = "".join(_texts(box, row))
-    for side, x in (("in", box.x), ("out", box.x + box.w)):
-        if row.side in {side, "both"}:
-            content += port(x, box.y + row.y, execution=row.execution, wired=row.wired)
     place = ids.id(box.key, row.port)
     if not place and row.state == "ok":
         # Nobody asks for this row by its id: a page of many pictures stays small.
+        content = _row_content(row, box.x, box.y, box.w)
         return f"<g>{note(row.note)}{content}</g>" if row.note else content
     # The area that lights up; rows of ports share a line, each has its half.
     left, width = box.x + 1, box.w - 2
-    if row not in box.settings and box.inputs and box.outputs:
+    if box.inputs and box.outputs and row not in box.settings:
         width /= 2
         left += width if row in box.outputs else 0.0
-    area = rect(left, box.y + row.y - ROW / 2, (width, row_height(row)), "hit")
-    group = f'<g class="r{_kind(row.state)}"{place}>{note(row.note)}{area}{content}</g>'
-    return ids.linked(group, box.key, row.port)
+    start, end = _row_around(row, (box.x, box.y, box.w), left, width)
+    return ids.linked(f"{start}{place}{end}", box.key, row.port)
 
 
-def _texts(box: Box, row: Row) -> Iterator[str]:
-    y = box.y + row.y + BASELINE
-    right = box.x + box.w - PAD
+@lru_cache(maxsize=KEPT)
+def _row_around(
+    row: Row, place: tuple[float, float, float], left: float, width: float
+) -> tuple[str, str]:
+    """Return the group of a row before and after its id; `place` is its box: left, top, width."""
+    area = rect(left, place[1] + row.y - ROW / 2, (width, row_height(row)), "hit")
+    content = f"{note(row.note)}{area}{_row_content(row, *place)}"
+    return f'<g class="r{_kind(row.state)}"', f">{content}</g>"
+
+
+@lru_cache(maxsize=KEPT)
+def _row_content(row: Row, x: float, y: float, width: float) -> str:
+    """Return the texts and ports of a row in a box that stands there."""
+    content = "".join(_texts(row, x, y, width))
+    for side, edge in (("in", x), ("out", x + width)):
+        if row.side in {side, "both"}:
+            content += port(edge, y + row.y, execution=row.execution, wired=row.wired)
+    return content
+
+
+def _texts(row: Row, x: float, y: float, width: float) -> Iterator[str]:
+    y += row.y + BASELINE
+    right = x + width - PAD
     if row.side == "out" and not row.value:
         yield text(row.label, right, y, "e")
     else:
-        yield text(row.label, box.x + PAD, y)
+        yield text(row.label, x + PAD, y)
     style = "v m" if row.muted and row.state == "ok" else "v"
     for line in row.value:
         yield text(line, right, y, style)
@@ -360,7 +398,7 @@ def _element(picture: Picture, ids: ElementIds, style: str) -> str:
         *wires,
         *(box_svg(box, ids) for box in picture.boxes),
         *_marks(picture),
-        *_legend(picture),
+        *_legend(picture.legend, picture.width),
         "</svg>",
     ]
     return "\n".join(part for part in parts if part)
@@ -387,6 +425,7 @@ def _marks(picture: Picture) -> Iterator[str]:
             yield mark(*place, curve.state)
 
 
+@lru_cache(maxsize=KEPT)
 def path_data(path: tuple[Bezier, ...]) -> str:
     """Return the curves of a path, which follow each other, as SVG path data."""
     start = path[0][0]
@@ -399,16 +438,18 @@ def path_data(path: tuple[Bezier, ...]) -> str:
     return "".join(data)
 
 
-def _legend(picture: Picture) -> Iterator[str]:
-    y = picture.legend[0].y - LEGEND_LINE
-    yield f'<path class="rule" d="M{number(MARGIN)} {number(y)}H{number(picture.width - MARGIN)}"/>'
-    for entry in picture.legend:
+@lru_cache(maxsize=64)
+def _legend(legend: tuple[LegendEntry, ...], width: float) -> tuple[str, ...]:
+    y = legend[0].y - LEGEND_LINE
+    parts = [f'<path class="rule" d="M{number(MARGIN)} {number(y)}H{number(width - MARGIN)}"/>']
+    for entry in legend:
         if entry.kind in {"data", "execution"}:
             dashes = " x" if entry.kind == "execution" else ""
-            yield f'<path class="w{dashes}" d="M{number(entry.x)} {number(entry.y)}h22"/>'
+            parts.append(f'<path class="w{dashes}" d="M{number(entry.x)} {number(entry.y)}h22"/>')
         elif entry.kind in FAMILIES:
-            yield rect(entry.x + 4, entry.y - 7, (14, 14), f"f-{FAMILIES[entry.kind]}", 3)
+            parts.append(rect(entry.x + 4, entry.y - 7, (14, 14), f"f-{FAMILIES[entry.kind]}", 3))
         else:
             state = next(state for state in STATES if state == entry.kind)
-            yield mark(entry.x + 11, entry.y, state)
-        yield text(entry.text, entry.x + ENTRY_TEXT, entry.y + 4, "h2")
+            parts.append(mark(entry.x + 11, entry.y, state))
+        parts.append(text(entry.text, entry.x + ENTRY_TEXT, entry.y + 4, "h2"))
+    return tuple(parts)

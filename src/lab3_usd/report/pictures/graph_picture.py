@@ -196,7 +196,8 @@ def graph_picture(
     boxes += outside_boxes(graph, boxes, curves)
     boxes = list(position_missing(boxes, curves, spec_positions, frozenset(node_roles.nodes)))
     placed = laid_out(tuple(boxes), tuple(curves))
-    subtitle = _counts_text(path, boxes, curves)
+    is_linted = kind == "lint"
+    subtitle = _counts_text(path, boxes, curves, LINT_WORDS if is_linted else STATE_WORDS)
     # A line per finding on the graph itself; missing nodes are drawn instead.
     remarks = [
         Remark(STATE_OF[finding.severity], clip_end(finding.message, MOST_LETTERS))
@@ -210,7 +211,8 @@ def graph_picture(
             subtitle,
             *placed,
             path=path,
-            judged=spec is not None or bool(findings),
+            judged=is_linted or spec is not None or bool(findings),
+            kind=kind,
             remarks=tuple(remarks[:MOST_REMARKS]),
         )
     )
@@ -353,9 +355,7 @@ def linted_pictures(
     for graph in stage.graphs:
         if graph.active and not platform.graph.ignores(graph.path):
             here = inside.get(graph.path, ())
-            picture = graph_picture(None, None, graph, here, every_port=every_port, kind="lint")
-            subtitle = _counts_text(graph.path, picture.boxes, picture.curves, LINT_WORDS)
-            yield on_canvas(replace(picture, kind="lint", judged=True, subtitle=subtitle))
+            yield graph_picture(None, None, graph, here, every_port=every_port, kind="lint")
     yield from _published_trees(platform, stage)
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 
 from msgspec import Struct, field
-from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import Roles
 from lab3_usd.isaac.node_types import INPUT, NodeType, Port
@@ -42,20 +41,24 @@ class SiteFindings(Struct, frozen=True, dict=True):
 
         Properties that are no ports (a node's type) count for the node.
         """
-        findings = self._findings(prim, prop)
-        severities = {finding.severity for finding in findings}
+        found = self._findings(prim, prop)
+        if not found:  # as at most sites
+            return "ok"
+        severities = {finding.severity for finding in found}
         if "error" in severities:
             return "wrong"
         return "warned" if "warning" in severities else "ok"
 
     def note(self, prim: str, prop: str | None = None) -> str:
         """Return the messages at the site, one per line."""
-        return "\n".join(finding.message for finding in self._findings(prim, prop))
+        found = self._findings(prim, prop)
+        return "\n".join([finding.message for finding in found]) if found else ""
 
-    def _findings(self, prim: str, prop: str | None) -> list[Finding]:
-        sites: list[str | None] = [prop]
-        if prop is None:
-            sites += sorted(self._properties(prim) - self.ports(prim))
+    def _findings(self, prim: str, prop: str | None) -> Sequence[Finding]:
+        properties = self._properties(prim) if prop is None else ()
+        if not properties:
+            return self.at.get((prim, prop), ())
+        sites = (None, *sorted(name for name in properties if not is_port(name)))
         return [finding for site in sites for finding in self.at.get((prim, site), ())]
 
     def _properties(self, prim: str) -> frozenset[str]:
@@ -178,25 +181,33 @@ class BoxSubject(Struct, frozen=True):
         return port if port is not None or self.spec is None else self.spec.type.port(name)
 
 
-def rows(subject: BoxSubject) -> Iterator[Row]:
-    """Yield a row for every port, in the order of the type; not all of them need be drawn."""
-    for name in _port_names(subject):
+def _rows(subject: BoxSubject, names: Iterable[str], *, is_missing: bool) -> Iterator[Row]:
+    """Yield a row for every port that is drawn; the box says for all its rows that it is missing.
+
+    A port without a value, a wire and a fault is drawn where every one is asked for.
+    """
+    for name in names:
         port = subject.port(name)
         state = subject.findings.state(subject.key, name)
         wire = subject.arriving.get(name, "ok")
         if (state, wire) in {("wrong", "missing"), ("warned", "extra")} or state == "ok":
             state = wire
         value, muted = _value(subject, name, port)
+        is_wired = name in subject.arriving or name in subject.leaving
+        is_execution = port is not None and port.is_execution
+        shown = "ok" if is_missing else state
+        if not (value or is_wired or is_execution or shown != "ok" or subject.every_port):
+            continue
         expected = subject.findings.expected(subject.key, name) if state != "ok" and value else None
         yield Row(
             port=name,
             label=clip_end(short(name), MOST_LABEL),
             side=_side(subject, name, port),
-            execution=port is not None and port.is_execution,
-            wired=name in subject.arriving or name in subject.leaving,
+            execution=is_execution,
+            wired=is_wired,
             value=value,
             expected=() if expected is None else (clip_end(_unquoted(expected), MOST_LABEL),),
-            state=state,
+            state=shown,
             note=subject.findings.note(subject.key, name) or _whole_value(subject, name),
             muted=muted,
         )
@@ -243,8 +254,8 @@ def _value(subject: BoxSubject, name: str, port: Port | None) -> tuple[tuple[str
         return (("not set",) if required else ()), True
     if name in subject.arriving and not required:
         return (), False
-    is_faulty = subject.findings.state(subject.key, name) != "ok"
-    matters = required or subject.every_port or is_faulty or not is_default
+    matters = required or subject.every_port or not is_default
+    matters = matters or subject.findings.state(subject.key, name) != "ok"
     return (value_line(value) if matters else ()), is_default
 
 
@@ -322,16 +333,11 @@ def ends(curves: Sequence[Curve]) -> tuple[dict[End, State], dict[End, State]]:
 
 def node_box(subject: BoxSubject, state: State) -> Box:
     """Return the box of a node, sized but not placed."""
-    all_rows = list(rows(subject))
-    if state == "missing":  # the box says for all its rows that it is
-        all_rows = [replace(row, state="ok") for row in all_rows]
-    settings = tuple(row for row in all_rows if row.value)
-    ports = [
-        row
-        for row in all_rows
-        if not row.value and (row.wired or row.execution or row.state != "ok" or subject.every_port)
-    ]
-    hidden = len(all_rows) - len(settings) - len(ports)
+    names = _port_names(subject)
+    rows = [*_rows(subject, names, is_missing=state == "missing")]
+    settings = tuple(row for row in rows if row.value)
+    ports = [row for row in rows if not row.value]
+    hidden = len(names) - len(rows)
     position = None if subject.spec is None else subject.spec.at
     box = Box(
         key=subject.key,
