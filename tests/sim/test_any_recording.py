@@ -17,6 +17,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.sim.bag.any_recording import RecordedRobot, robots_in
 
 ARM = 5  # the domain of the arm
+DRIVE = "0.15,0,2 0,0.8,1.5 0,0,1"
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recordings")
     for name, stage in (("rover", rover()), ("both", car_and_arm(ARM))):
         stage.GetRootLayer().Export(str(folder / f"{name}.usda"))
-        invoke("sim", folder / f"{name}.usda", "--bag", folder / name)
+        invoke("sim", folder / f"{name}.usda", "--drive", DRIVE, "--bag", folder / name)
     return folder
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import quick_yaml
+from any_stages import BRIEFLY
 from breaking import the_lab
 from foreign_robots import rover
 from invoking import invoke
@@ -26,10 +27,10 @@ def lab(repository: Path, tmp_path: Path) -> Path:
     return folder
 
 
-def verdicts(lab: Path) -> dict[str, str]:
+def verdicts(lab: Path, *words: str) -> dict[str, str]:
     """Build the last stage of a lab and play it."""
     (stage,) = invoke("--lab", lab, "build", "--only", "7", "--out", lab / "out").stdout.split()
-    played = json.loads(invoke("--lab", lab, "sim", stage, "--format", "json").stdout)
+    played = json.loads(invoke("--lab", lab, "sim", stage, "--format", "json", *words).stdout)
     return {check["name"]: check["verdict"] for check in played["checks"]}
 
 
@@ -41,7 +42,7 @@ def test_frames_of_odometry_come_from_its_graph(lab: Path) -> None:
     loaded = load_lab(lab)
     wanted = expected_at(loaded, loaded.checkpoints["7"])
     assert (wanted.root, wanted.base) == ("odom", "chassis")
-    assert set(verdicts(lab).values()) == {"ok"}
+    assert set(verdicts(lab, "--drive", BRIEFLY).values()) == {"ok"}
 
 
 def test_without_odometry_the_tree_and_the_robot_name_the_frames() -> None:
@@ -81,7 +82,7 @@ def test_the_drive_stays_below_the_limits_of_the_robot_and_shows_them(
     drive = lab / "Drive.yaml"
     written = "maxAngularSpeed: 2.0, maxLinearSpeed: 0.5"
     drive.write_text(drive.read_text().replace(written, limits))
-    assert set(verdicts(lab).values()) == {"ok"}
+    assert set(verdicts(lab, "--drive", BRIEFLY).values()) == {"ok"}
 
 
 def test_limits_of_a_lab_in_centimetres_are_turned_into_metres(tmp_path: Path) -> None:
@@ -98,7 +99,9 @@ def test_limits_of_a_lab_in_centimetres_are_turned_into_metres(tmp_path: Path) -
 def test_a_robot_turns_about_the_point_between_its_wheels(lab: Path) -> None:
     starter, ahead = lab / "starter.yaml", r"[0.1, \1, 0.03]"
     starter.write_text(re.sub(r"\[0\.0, (-?0\.05625), 0\.03\]", ahead, starter.read_text()))
-    assert verdicts(lab)["follows"] == "bad"  # by a lab that has the wheels below its base
+    assert (
+        verdicts(lab, "--drive", BRIEFLY)["follows"] == "bad"
+    )  # by a lab that has the wheels below its base
     stage = next((lab / "out").iterdir())
     described = invoke("lab", "new", lab / "new", "--from", stage)
     assert "sim ok" in described.output, described.output

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
+from any_stages import BRIEFLY
 from invoking import invoke
 from mini_lab import files_below
 from places import REPOSITORY
@@ -76,7 +77,7 @@ def _said(lab: Path, stages: list[Path], folder: Path) -> Iterator[tuple[str, st
     for command in ("tf", "topics", "fix"):
         yield command, ran(command, last)
     yield "sim", ran("sim", last, "--page", folder / "sim.html")
-    yield "sim --format json", ran("sim", "--format", "json", last)
+    yield "sim --format json", ran("sim", "--drive", BRIEFLY, "--format", "json", last)
     ran("draw", last, "--out", folder / "pictures")
     ran("collect", "-o", folder / "collect.sh")
     yield "diff", ran("diff", stages[0], last)
