@@ -9,6 +9,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import forking
 import pytest
@@ -17,7 +18,7 @@ from in_process import lab3
 from pxr import Usd
 from report_schema import assert_valid
 
-from lab3_usd import build_checkpoint, files
+from lab3_usd import build_checkpoint
 from lab3_usd.files import write_whole
 
 CLOCK = "Lab3_01_ros_clock.usda"
@@ -167,21 +168,26 @@ def test_the_report_goes_into_a_pipe_which_stays_one(wrong: Path, tmp_path: Path
     assert pipe.is_fifo()
 
 
-def test_what_lies_among_devices_is_written_to_and_not_replaced(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Root could put a file in the place of /dev/stdout, for everybody. In /dev/shm are files."""
-    monkeypatch.setattr(files, "_DEVICES", tmp_path)
-    monkeypatch.setattr(files, "_MEMORY", tmp_path)
+@pytest.mark.skipif(sys.platform == "win32", reason="has no such files")
+def test_what_lies_among_devices_is_written_to_and_not_replaced(tmp_path: Path) -> None:
+    """Root could put a file in the place of /dev/stdout, for everybody."""
     output = tmp_path / "stdout"
     output.write_text("before")
     number = output.stat().st_ino
-    write_whole(output, b"replaced", force=True)
-    assert output.stat().st_ino != number
-    monkeypatch.setattr(files, "_MEMORY", tmp_path / "memory")
-    number = output.stat().st_ino
-    write_whole(output, b"written", force=True)
+    with output.open("ab") as held:
+        write_whole(Path(f"/dev/fd/{held.fileno()}"), b"written", force=True)
     assert (output.stat().st_ino, output.read_bytes()) == (number, b"written")
+
+
+@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="has no such folder")  # noqa: S108
+def test_what_is_held_in_memory_is_a_file_as_any() -> None:
+    with TemporaryDirectory(dir="/dev/shm") as folder:
+        output = Path(folder) / "report"
+        output.write_text("before")
+        with output.open("rb"):  # or its number could be given to the next
+            number = output.stat().st_ino
+            write_whole(output, b"replaced", force=True)
+            assert output.stat().st_ino != number
 
 
 def test_the_report_never_replaces_what_is_checked(clock: Path, tmp_path: Path) -> None:

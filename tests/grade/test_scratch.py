@@ -13,6 +13,7 @@ from pathlib import Path
 import forking
 import pytest
 from click.testing import CliRunner
+from full_disk import full_disk
 from mini_lab import LAST, starter, submission
 
 from lab3_usd.cli import lab3
@@ -265,13 +266,9 @@ def test_only_the_user_may_enter_the_folder_of_all(parent: Path) -> None:
     assert not parent.exists()
 
 
-def test_a_full_disk_leaves_no_folder(temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_arguments: object) -> None:
-        raise OSError(28, "No space left on device")
-
+def test_a_full_disk_leaves_no_folder(temporary: Path) -> None:
     first = make_scratch("lab3-grade-")
-    monkeypatch.setattr(scratch, "_mark", full)
-    with pytest.raises(OSError, match="No space"):
+    with full_disk(), pytest.raises(OSError, match="File too large"):
         make_scratch("lab3-grade-")
     remove_scratch(first)
     assert list(temporary.iterdir()) == []
