@@ -1,11 +1,11 @@
-"""Compares what two checkouts say of the same stages, in JSON, and prints every difference.
+"""Compares what two checkouts say of the same stages, in JSON, and counts the differences by kind.
 
-The stages: all checkpoints as this checkout builds them, every single fault of one checkpoint, and
-the stages of other people in `../shared/corpus` where they are there. Each is checked, checked
-beside the starter, linted, and its repairs are compared.
+The stages: those of tests/support/agreement_stages.py (built, each single fault, cases of rules,
+other people's robots, `../shared/corpus` where it is). Each of the lab is checked, those of one
+checkpoint beside the starter as well, and all are linted. A difference is of a finding that is new,
+gone or changed (with the keys that are), or of another key of a report; each kind has an example.
 
-Usage: python benchmarks/compare_reports.py OTHER_CHECKOUT [--faults 05] [--every N] [--most N]
-       [--leave-out KEY ...]
+Usage: python benchmarks/compare_reports.py OTHER_CHECKOUT [--every N] [--verbose]
 """
 
 from __future__ import annotations
@@ -16,105 +16,106 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-REPOSITORY = Path(__file__).resolve().parents[1]
-CORPUS = REPOSITORY.parent / "shared" / "corpus"
-sys.path.insert(0, str(REPOSITORY / "tests/support"))
-sys.path.insert(0, str(REPOSITORY / "benchmarks"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
+
+from agreement_stages import CHECKPOINT, Subject, all_subjects
+from places import REPOSITORY
+
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.write.builder import build_checkpoint
+
+AT_ONCE = 150  # stages of one command
+Report = Mapping[str, Any]
 
 
-def write_stages(folder: Path, checkpoint: str, every: int) -> dict[str, list[Path]]:
-    """Write built stages and faulty ones; return the files of each group."""
-    from pxr import Sdf, Usd
-    from sabotage import graph_faults
-    from sweep import scene_faults
-
-    from lab3_usd.spec.load.loader import load_lab
-    from lab3_usd.stage.write.builder import build_checkpoint
-
-    lab = load_lab()
-    built = [
-        build_checkpoint(None, name, folder / f"{asked.file}.usda")
-        for name, asked in lab.checkpoints.items()
-    ]
-    asked = lab.checkpoints[checkpoint]
-    layer = Sdf.Layer.FindOrOpen(str(folder / f"{asked.file}.usda"))
-    faulty = []
-    for number, fault in enumerate([*graph_faults(lab, asked), *scene_faults(asked)][::every]):
-        copy = Sdf.Layer.CreateAnonymous(".usda")
-        copy.TransferContent(layer)
-        fault.break_it(Usd.Stage.Open(copy))
-        path = folder / f"{asked.file}_fault{number:04}.usda"
-        copy.Export(str(path))
-        faulty.append(path)
-    corpus = [path for path in sorted(CORPUS.rglob("*.usd*")) if path.is_file()]
-    return {"built": built, "faults": faulty, "corpus": corpus}
+def written(subject: Subject, number: int, folder: Path) -> Path:
+    """Return the file of a stage."""
+    if isinstance(subject.make, Path):
+        return subject.make
+    path = folder / f"stage{number:04}.usda"
+    subject.make().GetRootLayer().Export(str(path))
+    return path
 
 
-def answers(checkout: Path, arguments: list[str], files: list[Path]) -> tuple[int, Any]:
-    """Return exit code and JSON of a command, run with the source of a checkout."""
-    run = subprocess.run(
-        [sys.executable, "-m", "lab3_usd", *arguments, "--format", "json", *map(str, files)],
-        env={**os.environ, "PYTHONPATH": str(checkout / "src"), "PYTHONHASHSEED": "0"},
-        cwd=checkout,
-        capture_output=True,
-        check=False,
-    )
-    if run.returncode not in {0, 1}:
-        raise SystemExit(f"{checkout}: {arguments}: {run.stderr.decode()[-2000:]}")
-    return run.returncode, json.loads(run.stdout)
+def reports(checkout: Path, arguments: list[str], files: list[str]) -> dict[str, Report]:
+    """Return what a command says of each file, run with the source of a checkout."""
+    said: dict[str, Report] = {}
+    for start in range(0, len(files), AT_ONCE):
+        run = subprocess.run(
+            [sys.executable, "-m", "lab3_usd", *arguments, "--isolated", "--format", "json",
+             *files[start : start + AT_ONCE]],
+            env={**os.environ, "PYTHONPATH": str(checkout / "src"), "PYTHONHASHSEED": "0"},
+            cwd=checkout,
+            capture_output=True,
+            check=False,
+        )  # fmt: skip
+        if run.returncode not in {0, 1}:
+            raise SystemExit(f"{checkout}: {arguments}: {run.stderr.decode()[-2000:]}")
+        said |= {report["path"]: report for report in json.loads(run.stdout)["results"]}
+    return said
 
 
-def differences(old: Any, new: Any, left_out: frozenset[str], where: str = "") -> Iterator[str]:
-    """Yield every place in which two JSON documents differ; `left_out` are keys that may."""
-    if isinstance(old, dict) and isinstance(new, dict):
-        for key in sorted((old.keys() | new.keys()) - left_out):
-            yield from differences(old.get(key), new.get(key), left_out, f"{where}/{key}")
-    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        for number, (before, after) in enumerate(zip(old, new, strict=True)):
-            name = after.get("path", number) if isinstance(after, dict) else number
-            yield from differences(before, after, left_out, f"{where}[{name}]")
-    elif old != new:
-        yield f"{where}:\n    old {json.dumps(old)[:1500]}\n    new {json.dumps(new)[:1500]}"
+def differences(old: Report, new: Report) -> Iterator[tuple[str, str]]:
+    """Yield the differences of two reports of a stage: the kind of each, and what it is."""
+    for key in sorted((old.keys() | new.keys()) - {"findings"}):
+        if old.get(key) != new.get(key):
+            yield key, f"{old.get(key)}, now {new.get(key)}"
+    before, after = by_site(old), by_site(new)
+    for site in sorted(before.keys() | after.keys()):
+        was, now = before[site], after[site]
+        for one, other in zip(was, now, strict=False):
+            keys = [key for key in sorted(other) if one.get(key) != other[key]]
+            if keys:
+                changes = "; ".join(f"{key} {one.get(key)!r}, now {other[key]!r}" for key in keys)
+                yield f"changed {other['rule']}: {', '.join(keys)}", f"{other['prim']}: {changes}"
+        for name, left in (("gone", was[len(now) :]), ("new", now[len(was) :])):
+            for one in left:
+                yield f"{name} {one['rule']} {one['severity']}", f"{one['prim']}: {one['message']}"
+
+
+def by_site(report: Report) -> defaultdict[str, list[dict[str, Any]]]:
+    """Return the findings of a report by rule, prim and property."""
+    sites: defaultdict[str, list[dict[str, Any]]] = defaultdict(list)
+    for finding in report["findings"]:
+        sites[f"{finding['rule']} {finding['prim']} {finding['property']}"].append(finding)
+    return sites
 
 
 def main() -> None:
     """Compare, and exit with 1 where anything differs."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("other", type=Path, help="the other checkout")
-    parser.add_argument("--faults", default="05", help="the checkpoint whose faults are made")
-    parser.add_argument("--every", type=int, default=1, help="make each N-th fault only")
-    parser.add_argument("--most", type=int, default=40, help="print so many differences")
-    parser.add_argument("--leave-out", nargs="*", default=[], help="keys that may differ: name")
+    parser.add_argument("--every", type=int, default=1, help="take each N-th stage only")
+    parser.add_argument("--verbose", action="store_true", help="print every difference")
     options = parser.parse_args()
+    found: defaultdict[str, list[str]] = defaultdict(list)
+    count = 0
     with tempfile.TemporaryDirectory() as name:
-        groups = write_stages(Path(name), options.faults, options.every)
-        starter = groups["built"][0]
-        at = ["--checkpoint", options.faults]
-        runs = [
-            ("built, checked", ["check", "--isolated"], groups["built"]),
-            ("built, beside the starter", ["check", "--isolated", "--starter", str(starter)],
-             groups["built"]),
-            ("faults, checked", ["check", "--isolated", *at], groups["faults"]),
-            ("faults, beside the starter", ["check", "--isolated", "--starter", str(starter), *at],
-             groups["faults"]),
-            ("faults, linted", ["lint", "--isolated"], groups["faults"]),
-            ("corpus, checked", ["check", "--isolated", *at], groups["corpus"]),
-            ("corpus, linted", ["lint", "--isolated"], groups["corpus"]),
-        ]  # fmt: skip
-        count = 0
-        for title, arguments, files in runs if groups["corpus"] else runs[:5]:
-            old, new = (answers(place, arguments, files) for place in (options.other, REPOSITORY))
-            found = [*differences(old[1], new[1], frozenset(options.leave_out))]
-            found += [f"exit code {old[0]}, now {new[0]}"] if old[0] != new[0] else []
-            print(f"{title}: {len(files)} stages, {len(found)} differences", flush=True)
-            for line in found[: max(0, options.most - count)]:
-                print("   ", line)
-            count += len(found)
-    raise SystemExit(1 if count else 0)
+        subjects = all_subjects()[:: options.every]
+        files = {str(written(each, n, Path(name))): each for n, each in enumerate(subjects)}
+        starter = build_checkpoint(None, load_lab().first, Path(name) / "starter.usda")
+        runs = [(["lint"], list(files))]
+        for point in load_lab().checkpoints:
+            at = [path for path, subject in files.items() if subject.checkpoint == point]
+            runs.append((["check", "--checkpoint", point], at))
+            if point == CHECKPOINT:
+                runs.append((["check", "--checkpoint", point, "--starter", str(starter)], at))
+        for arguments, paths in runs:
+            old, new = (reports(place, arguments, paths) for place in (options.other, REPOSITORY))
+            count += len(new)
+            for path, report in new.items():
+                for kind, text in differences(old[path], report):
+                    found[kind].append(f"{arguments[0]} of {files[path].name}: {text}")
+    for kind, texts in sorted(found.items(), key=lambda entry: (-len(entry[1]), entry[0])):
+        for text in texts if options.verbose else texts[:1]:
+            print(f"{len(texts):>6} {kind} [{text[:300]}]")
+    print(f"{len(subjects)} stages, {count} reports, {sum(map(len, found.values()))} differences")
+    raise SystemExit(1 if found else 0)
 
 
 if __name__ == "__main__":
