@@ -31,6 +31,7 @@ from lab3_usd.stage.read.scene import read_scene
 
 SOURCE = str(Path(lab3_usd.__file__).parent)
 FEW = 2
+INSTANCES = 5  # for each robot that another stage would have
 MORE, BESIDES = 2.3, 30  # times as many steps, and some that do not grow
 Steps = Counter[CodeType]
 
@@ -64,6 +65,21 @@ def drives(count: int) -> Usd.Stage:
         namespace = Sdf.AttributeSpec(space, "isaac:namespace", Sdf.ValueTypeNames.String)
         namespace.default = f"p{number}"
     return Usd.Stage.Open(layer)
+
+
+def instances(count: int) -> Usd.Stage:
+    """Instances of one graph, each in a namespace."""
+    layer = pairs(1)
+    Sdf.CreatePrimInLayer(layer, "/Kind").specifier = Sdf.SpecifierClass
+    Sdf.CopySpec(layer, "/World/P0/Clock", layer, "/Kind/Clock")
+    stage = Usd.Stage.Open(layer)
+    for number in range(INSTANCES * count):
+        prim = stage.DefinePrim(f"/World/I{number}", "Xform")
+        prim.GetReferences().AddInternalReference("/Kind")
+        prim.SetInstanceable(True)  # noqa: FBT003 - it takes no keyword
+        namespace = prim.CreateAttribute("isaac:namespace", Sdf.ValueTypeNames.String)
+        namespace.Set(f"i{number}")
+    return stage
 
 
 def linted(stage: Usd.Stage) -> None:
@@ -100,7 +116,7 @@ def grown(run: Callable[[int], object]) -> dict[str, tuple[int, int]]:
     }
 
 
-@pytest.mark.parametrize("make", [fleet, drives])
+@pytest.mark.parametrize("make", [fleet, drives, instances])
 def test_no_function_of_lint_takes_more_for_each_robot_where_there_are_more(
     make: Callable[[int], Usd.Stage],
 ) -> None:
