@@ -13,21 +13,22 @@ import os
 import pickle
 import sys
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.data import PACKAGE
 from lab3_usd.isaac.node_types import NodeType
-from lab3_usd.isaac.packed import pack
 from lab3_usd.isaac.platform import Platform
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Lab
+
+_Entry = TypeVar("_Entry")
 
 FILE = "compiled.pickle"
 PLATFORM = "isaac"  # the folder of Isaac Sim's files beside those of the lab
@@ -55,6 +56,52 @@ def compiled_or_loaded(folder: Path, load: Callable[[Path], Lab]) -> Compiled:
     """
     platform, packed = _kept(folder, load)
     return Compiled(pickle.loads(platform), packed, folder)  # noqa: S301 - as trusted as the code
+
+
+class Packed(Mapping[str, _Entry], Generic[_Entry]):
+    """A mapping whose entries are unpacked when first asked for: most stages need few types."""
+
+    def __init__(self, packed: Mapping[str, bytes]) -> None:
+        """Hold entries that `pack` made."""
+        self._packed = packed
+        self._entries: dict[str, _Entry] = {}
+
+    def __getitem__(self, name: str) -> _Entry:
+        """Return an entry, always the same object for a name.
+
+        Raises:
+            KeyError: there is none.
+        """
+        found = self._entries.get(name)
+        if found is None:
+            found = self._entries[name] = pickle.loads(self._packed[name])  # noqa: S301 - as trusted as its file
+        return found
+
+    def get(self, name: str, default: _Entry | None = None) -> _Entry | None:  # type: ignore[override]
+        """Return an entry as above, else the default."""
+        found = self._entries.get(name)
+        return self[name] if found is None and name in self._packed else found or default
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is an entry, which stays packed."""
+        return name in self._packed
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names."""
+        return iter(self._packed)
+
+    def __len__(self) -> int:
+        """Count the entries."""
+        return len(self._packed)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Be pickled packed."""
+        return Packed, (self._packed,)
+
+
+def pack(entries: Mapping[str, _Entry]) -> Packed[_Entry]:
+    """Return a mapping that keeps its entries packed."""
+    return Packed({name: pickle.dumps(entry, protocol=5) for name, entry in entries.items()})
 
 
 def compile_lab(folder: Path, lab: Lab) -> bytes:
