@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import _RULES, Scope, rule, without_rules
 from lab3_usd.model.finding import Problem
 
@@ -26,3 +27,15 @@ def add_failing_rule(rule_id: str, scope: Scope, error: type[Exception], *said: 
         """Nothing is wrong."""
         yield Problem("/", "said before the failure")
         raise error(*said)
+
+
+def add_counting_rule(rule_id: str, asked: list[str], *, looks_at_checkpoint: bool) -> None:
+    """Register a rule of the scene that notes when it is asked, and finds nothing."""
+
+    @rule(rule_id, f"counting-{rule_id.lower()}", scope="stage")
+    def counting(subject: StageSubject) -> Iterator[Problem]:
+        """Nothing is wrong."""
+        asked.append(rule_id)
+        if looks_at_checkpoint:
+            subject.stage.note_checkpoint_use()
+        yield from ()
