@@ -273,14 +273,9 @@ class Lab(Struct, frozen=True, eq=False):
 
         They differ in what else is handed in with the stage.
         """
-        demands = self._demands(self.checkpoints[checkpoint])
-        return next(
-            candidate
-            for candidate in self.checkpoints.values()
-            if self._demands(candidate) == demands
-        )
+        return _same_demands(self, checkpoint)
 
-    def _demands(self, checkpoint: Checkpoint) -> tuple[object, ...]:
+    def demands(self, checkpoint: Checkpoint) -> tuple[object, ...]:
         """Return everything that the rules for stages ask of a checkpoint."""
         flags = (checkpoint.frames, checkpoint.topics, checkpoint.localization)
         may_have_driven = tuple(
@@ -328,6 +323,12 @@ class Lab(Struct, frozen=True, eq=False):
         """Return the topics that are there by a checkpoint."""
         known = (FROM_THE_FIRST, *self.reached(checkpoint))
         return {name: topic for name, topic in self.topics.items() if topic.since in known}
+
+
+@lru_cache(maxsize=64)
+def _same_demands(lab: Lab, checkpoint: str) -> Checkpoint:
+    demands = lab.demands(lab.checkpoints[checkpoint])
+    return next(other for other in lab.checkpoints.values() if lab.demands(other) == demands)
 
 
 @lru_cache(maxsize=64)
