@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from breaking import broken, correct_stage, the_lab
 from browser import CONTRASTS, DESKTOP, PHONE, Browser
+from fault_stages import STAGES
 from invoking import invoke
 from waiting import eventually
 
@@ -140,6 +141,16 @@ def test_every_leg_of_a_robot_that_never_moves_is_wrong(tmp_path: Path) -> None:
     assert [leg.name for leg in gone.behaviour.legs if leg.fault] == [
         leg.name for leg in gone.behaviour.legs if leg.name != "sideways"
     ]
+
+
+def test_a_run_that_a_node_stops_has_drawings_until_then(tmp_path: Path) -> None:
+    stage = correct_stage("05")
+    STAGES["simulation-stopped"][0](stage)
+    path = tmp_path / "Lab3_05.usda"
+    stage.GetRootLayer().Export(str(path))
+    (drawn,) = dry_run(path, the_lab(), "05", BRIEF).replays.values()
+    assert drawn.moments
+    assert drawn.speeds == ()
 
 
 def test_the_repair_names_the_value_that_the_rules_ask_for(

@@ -68,6 +68,8 @@ def _speeds(trial: Trial, poses: Sequence[Pose]) -> Iterator[Speeds]:
         before, after = poses[number - every], poses[number]
         ahead, _, turned = displacement(before, after)
         seconds = after.at - before.at
+        if not seconds:  # a node has stopped the simulation
+            break
         command = commands[number] if number < len(commands) else None
         yield Speeds(
             round(after.at, 3),
