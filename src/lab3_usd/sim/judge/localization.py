@@ -7,7 +7,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from heapq import nlargest
 from operator import itemgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 
@@ -38,6 +38,7 @@ class Ray(NamedTuple):
     length: float
 
 
+_End = tuple[float, float, bool]
 Rays = Sequence[tuple[float, Sequence[Ray]]]  # of each scan, with when it came
 
 
@@ -70,6 +71,8 @@ def _is_met(found: MapFit, trial: Trial) -> bool:
 
 
 def _rays(trial: Trial) -> Iterator[tuple[float, Sequence[Ray]]]:
+    """Yield the rays of each scan; those of a robot that stands are the same object."""
+    known: dict[tuple[Any, ...], list[Ray]] = {}
     for message in trial.recording.topic(trial.wanted.scan, 0):
         scan = message.data
         if not isinstance(scan, Scan) or not scan.whole:
@@ -77,15 +80,20 @@ def _rays(trial: Trial) -> Iterator[tuple[float, Sequence[Ray]]]:
         place = in_root(trial, message)
         if place is None:
             continue
-        beam = directions(scan.angle_min, scan.angle_increment, len(scan.ranges))
-        rays = []
-        for length, cosine, sine in zip(scan.ranges, *beam, strict=True):
-            if length > 0:
-                x, y = length * cosine, length * sine
-                ends = place.point((x, y, 0.0)), place.point((x / 2, y / 2, 0.0))
-                rays.append(Ray(*ends, length))
-        if rays:
-            yield message.at, rays
+        key = (place, scan.angle_min, scan.angle_increment, tuple(scan.ranges))
+        if key not in known:
+            known[key] = [*_followed(scan, place)]
+        if known[key]:
+            yield message.at, known[key]
+
+
+def _followed(scan: Scan, place: Affine) -> Iterator[Ray]:
+    """Yield the rays of a scan that returned."""
+    beam = directions(scan.angle_min, scan.angle_increment, len(scan.ranges))
+    for length, cosine, sine in zip(scan.ranges, *beam, strict=True):
+        if length > 0:
+            x, y = length * cosine, length * sine
+            yield Ray(place.point((x, y, 0.0)), place.point((x / 2, y / 2, 0.0)), length)
 
 
 def _in_map(scans: Rays, located: Located) -> Iterator[tuple[Sequence[Ray], Affine]]:
@@ -99,21 +107,35 @@ def _in_map(scans: Rays, located: Located) -> Iterator[tuple[Sequence[Ray], Affi
 
 
 def _fit(scans: Rays, grid: OccupancyMap, near: frozenset[Cell], located: Located) -> MapFit:
-    ends, met, through = [], 0, 0
-    least, walls, cell = _SHORT * grid.resolution, grid.walls, grid.cells()
+    ends: list[_End] = []
+    through = 0
+    known: dict[tuple[int, Affine], tuple[list[_End], int]] = {}
     for rays, place in _in_map(scans, located):
-        (a, b, c), (d, e, f), _ = place.rows
-        u, v, _ = place.origin
-        for (x, y, z), (p, q, r), length in rays:
-            right, up = a * x + b * y + c * z + u, d * x + e * y + f * z + v
-            is_met = cell(right, up) in near
-            met += is_met
-            ends.append((right, up, is_met))
-            if length > least:
-                through += cell(a * p + b * q + c * r + u, d * p + e * q + f * r + v) in walls
+        key = (id(rays), place)
+        if key not in known:
+            known[key] = _laid(rays, grid, near, place)
+        ends += known[key][0]
+        through += known[key][1]
+    met = sum(is_met for _, _, is_met in ends)
     count = len(ends)
     drawn = tuple(ends[:: max(1, count // _DRAWN)])
     return MapFit(grid, count, met / max(1, count), through / max(1, count), drawn)
+
+
+def _laid(
+    rays: Sequence[Ray], grid: OccupancyMap, near: frozenset[Cell], place: Affine
+) -> tuple[list[_End], int]:
+    """Return where rays end in the map and which meet a wall, and how many come through one."""
+    (a, b, c), (d, e, f), _ = place.rows
+    u, v, _ = place.origin
+    cell, ends, through = grid.cells(), [], 0
+    for (x, y, z), (p, q, r), length in rays:
+        right, up = a * x + b * y + c * z + u, d * x + e * y + f * z + v
+        ends.append((right, up, cell(right, up) in near))
+        if length > _SHORT * grid.resolution:
+            middle = cell(a * p + b * q + c * r + u, d * p + e * q + f * r + v)
+            through += middle in grid.walls
+    return ends, through
 
 
 def _shifted(best: MapFit, scans: Rays, near: frozenset[Cell], located: Located) -> MapFit:
