@@ -14,19 +14,17 @@ import pytest
 from breaking import Step, broken, correct_stage
 from click.testing import Result
 from invoking import invoke
-from msgspec.structs import replace
+from own_rules import add_acting_rule, add_counting_rule
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
+from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.commands.shared import options
 from lab3_usd.errors import Lab3Error
 from lab3_usd.files import keep_original
-from lab3_usd.fix.repairing import Fixed, check_result
-from lab3_usd.model.finding import Finding
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.pipeline.starter import against_starter, open_starter
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.write.starter import build_starter
 
 ROBOT, JOINTS = "/turtlebot3_burger", "/turtlebot3_burger/joints"
@@ -112,37 +110,27 @@ def test_originals_that_are_kept_at_once_have_names_of_their_own(tmp_path: Path)
     assert [original.read_bytes() for original in kept] == contents
 
 
-def test_a_save_by_somebody_else_is_not_overwritten(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("own_rules")
+@pytest.mark.parametrize("when", ["first", "last"])
+def test_a_save_while_the_stage_is_judged_is_not_overwritten(tmp_path: Path, when: str) -> None:
+    """When its faults are looked for, and when the result is judged again before it is written."""
     path = saved(tmp_path, WRONG_RADIUS)
-    theirs = path.read_text() + "# saved meanwhile\n"
+    before, theirs = path.read_text(), path.read_text() + "# saved meanwhile\n"
+    asked: list[str] = []
+    add_counting_rule("S98", asked, looks_at_checkpoint=True)
+    assert fix(path, "--in-place", "--no-orig").exit_code == 0
+    moment = 1 if when == "first" else len(asked)
+    asked.clear()
+    path.write_text(before)
 
-    def save_meanwhile(fixed: Fixed, data: bytes, target: Path) -> None:
-        check_result(fixed, data, target)
-        path.write_text(theirs)
+    def save(_: StageSubject) -> None:
+        if len(asked) == moment:
+            path.write_text(theirs)
 
-    monkeypatch.setattr("lab3_usd.commands.fix.check_result", save_meanwhile)
+    add_acting_rule("S99", save)
     with pytest.raises(Lab3Error, match="was changed meanwhile"):
         fix(path, "--in-place")
     assert (path.read_text(), [*tmp_path.iterdir()]) == (theirs, [path])
-
-
-def test_a_save_while_the_stage_is_judged_is_not_overwritten(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = saved(tmp_path, WRONG_RADIUS)
-    theirs = path.read_text() + "# saved meanwhile\n"
-
-    def save_and_open(file: Path) -> Usd.Stage:
-        stage = open_stage(file)
-        path.write_text(theirs)
-        return stage
-
-    monkeypatch.setattr("lab3_usd.fix.repairing.open_stage", save_and_open)
-    with pytest.raises(Lab3Error, match="was changed meanwhile"):
-        fix(path, "--in-place", "--no-orig")
-    assert path.read_text() == theirs
 
 
 def test_a_link_stays_a_link_to_the_repaired_stage(tmp_path: Path) -> None:
@@ -156,24 +144,22 @@ def test_a_link_stays_a_link_to_the_repaired_stage(tmp_path: Path) -> None:
     assert check_stage(path).verdict == "pass"
 
 
-def test_a_result_below_a_linked_folder_is_judged_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+IN_PLACE = ("--in-place", "--no-orig")
+
+
+@pytest.mark.usefixtures("own_rules")
+def test_a_result_below_a_linked_folder_is_judged_again(tmp_path: Path) -> None:
     (tmp_path / "real").mkdir()
     (tmp_path / "linked").symlink_to(tmp_path / "real")
-    path = saved(tmp_path / "linked", WRONG_RADIUS)
-    judged: list[Path] = []
-
-    def judge_again(fixed: Fixed, data: bytes, target: Path) -> None:
-        def heard(file: Path) -> tuple[Finding, ...]:
-            judged.append(file)
-            return fixed.judge_again(file)
-
-        check_result(replace(fixed, judge_again=heard), data, target)
-
-    monkeypatch.setattr("lab3_usd.commands.fix.check_result", judge_again)
-    fix(path, "--in-place")
-    assert len(judged) == 1
+    asked: list[str] = []
+    add_counting_rule("S99", asked, looks_at_checkpoint=True)
+    times = []
+    for folder, words in (("real", ()), ("real", IN_PLACE), ("linked", IN_PLACE)):
+        fix(saved(tmp_path / folder, WRONG_RADIUS), *words)
+        times.append(len(asked))
+        asked.clear()
+    plan, whole, linked = times
+    assert plan < whole == linked
 
 
 def read_only(path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from lab3_usd.check.match.rule_inputs import StageSubject
@@ -29,13 +29,22 @@ def add_failing_rule(rule_id: str, scope: Scope, error: type[Exception], *said: 
         raise error(*said)
 
 
+def add_acting_rule(rule_id: str, act: Callable[[StageSubject], object]) -> None:
+    """Register a rule of the scene that does something when it is asked, and finds nothing."""
+
+    @rule(rule_id, f"acting-{rule_id.lower()}", scope="stage")
+    def acting(subject: StageSubject) -> Iterator[Problem]:
+        """Nothing is wrong."""
+        act(subject)
+        yield from ()
+
+
 def add_counting_rule(rule_id: str, asked: list[str], *, looks_at_checkpoint: bool) -> None:
     """Register a rule of the scene that notes when it is asked, and finds nothing."""
 
-    @rule(rule_id, f"counting-{rule_id.lower()}", scope="stage")
-    def counting(subject: StageSubject) -> Iterator[Problem]:
-        """Nothing is wrong."""
+    def count(subject: StageSubject) -> None:
         asked.append(rule_id)
         if looks_at_checkpoint:
             subject.stage.note_checkpoint_use()
-        yield from ()
+
+    add_acting_rule(rule_id, count)
