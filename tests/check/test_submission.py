@@ -35,6 +35,7 @@ from lab3_usd.data import data_folder
 from lab3_usd.deliverables import submission as listing
 from lab3_usd.errors import StageError
 from lab3_usd.model.finding import Report
+from lab3_usd.model.folder import SubmissionSubject
 from lab3_usd.pipeline.deliverables import lone_stage_notes, map_findings
 from lab3_usd.pipeline.folder import FolderSettings, check_folder, is_submission
 from lab3_usd.report.formats.json_report import report_json
@@ -459,9 +460,15 @@ def test_hidden_files_are_left_out(folder: Path) -> None:
 
 def test_of_too_many_files_the_first_are_looked_at(folder: Path) -> None:
     (folder / "build").mkdir()
-    for number in range(listing.MOST_ENTRIES):
+    for number in range(100):
         (folder / "build" / f"{number}.o").touch()
-    assert faults(checked(folder)) == ["X12 ."]
+    found = listing.list_submission(folder, LAB, SPEC, most=100)
+    assert (len(found.entries), [*found.stages]) == (100, [*LAB.checkpoints])
+    (rule,) = (each for each in rules_of("submission", "X") if each.id == "X12")
+    (problem,) = rule.check(SubmissionSubject(LAB, SPEC, found, {}, {}))
+    assert problem.message == "only the first 100 files were looked at"
+    whole = listing.list_submission(folder, LAB, SPEC)
+    assert [*rule.check(SubmissionSubject(LAB, SPEC, whole, {}, {}))] == []
 
 
 def test_an_empty_folder_of_work_lacks_every_stage(tmp_path: Path) -> None:

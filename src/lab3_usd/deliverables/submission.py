@@ -30,8 +30,10 @@ DEEPEST = 12
 _NOT_OURS = "__MACOSX"
 
 
-def list_submission(root: Path, lab: Lab, spec: SubmissionSpec) -> Listing:
-    """List what a folder holds and which file stands for what.
+def list_submission(
+    root: Path, lab: Lab, spec: SubmissionSpec, most: int = MOST_ENTRIES
+) -> Listing:
+    """List what a folder holds, up to so many files, and which file stands for what.
 
     Hidden files are left out, and the originals that repairs keep. Links are followed to files
     inside the folder only.
@@ -40,7 +42,7 @@ def list_submission(root: Path, lab: Lab, spec: SubmissionSpec) -> Listing:
     folders = spec.folders
     first = (folders.stages, folders.starter, folders.maps, *folders.shown)
     for entry in entries_below(root, first):
-        if len(listed) == MOST_ENTRIES:
+        if len(listed) == most:
             break
         listed.append(entry)
     entries = tuple(sorted(listed, key=lambda entry: entry.path))
@@ -52,7 +54,7 @@ def list_submission(root: Path, lab: Lab, spec: SubmissionSpec) -> Listing:
         stages=find_stages(usable, home, lab, spec.stages),
         starter=_starter(usable, folder_named(root, spec.folders.starter), spec),
         deliverables=find_deliverables(root, usable, spec),
-        complete=len(listed) < MOST_ENTRIES,
+        complete=len(listed) < most,
     )
 
 
