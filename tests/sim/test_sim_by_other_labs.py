@@ -99,9 +99,8 @@ def test_limits_of_a_lab_in_centimetres_are_turned_into_metres(tmp_path: Path) -
 def test_a_robot_turns_about_the_point_between_its_wheels(lab: Path) -> None:
     starter, ahead = lab / "starter.yaml", r"[0.1, \1, 0.03]"
     starter.write_text(re.sub(r"\[0\.0, (-?0\.05625), 0\.03\]", ahead, starter.read_text()))
-    assert (
-        verdicts(lab, "--drive", BRIEFLY)["follows"] == "bad"
-    )  # by a lab that has the wheels below its base
+    found = verdicts(lab, "--drive", BRIEFLY)
+    assert found["follows"] == "bad"  # by a lab that has the wheels below its base
     stage = next((lab / "out").iterdir())
     described = invoke("lab", "new", lab / "new", "--from", stage)
     assert "sim ok" in described.output, described.output
