@@ -56,7 +56,7 @@ from lab3_usd.sim.robots import (
     robots_of,
     scene_for,
 )
-from lab3_usd.sim.timeline import record
+from lab3_usd.sim.timeline import record, uncollected
 
 CLOCK, TRANSFORMS = "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
@@ -93,6 +93,7 @@ class Played(Struct, frozen=True):
         return "no robot was found: no bodies that joints hold together"
 
 
+@uncollected()
 def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "") -> Played:
     """Play a stage once for each of its robots, and judge what it shows.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -183,6 +183,7 @@ def _listening(player: Player) -> Iterator[Robot]:
     """Yield a robot for each subscriber from which wires lead to a controller of joints."""
     world, nodes = player.world, player.program.nodes
     followers = _followers(world.scene)
+    frames = {child for message in world.network.sent for _, child in message.frames}
     for node in nodes.values():
         kind = node.type.message.get("", "")
         if SUBSCRIBER not in node.type.role or kind not in {TWIST, STEERING, JOINTS}:
@@ -211,7 +212,11 @@ def _listening(player: Player) -> Iterator[Robot]:
                     moved=frozenset(names_of(controller, machine, world)),
                     reach=reach,
                 )
-                yield robot if machine is None else _watched(robot, machine, player, followers)
+                yield (
+                    robot
+                    if machine is None
+                    else _watched(robot, machine, player, followers, frames)
+                )
 
 
 def names_of(controller: NodeInstance, machine: Machine | None, world: World) -> tuple[str, ...]:
@@ -292,12 +297,18 @@ def _allowed(nodes: Sequence[NodeInstance], world: World) -> tuple[tuple[float, 
 
 
 def _watched(
-    robot: Robot, machine: Machine, player: Player, followers: Mapping[str, Sequence[str]]
+    robot: Robot,
+    machine: Machine,
+    player: Player,
+    followers: Mapping[str, Sequence[str]],
+    frames: Collection[str],
 ) -> Robot:
-    """Return a robot with the body by which it is watched: that of odometry, of TF, or its base."""
+    """Return a robot with the body by which it is watched: that of odometry, of TF, or its base.
+
+    `frames` are the children of TF.
+    """
     world, nodes = player.world, player.program.nodes
     prims, sent = world.scene.prims, world.network.sent
-    frames = {child for message in sent for _, child in message.frames}
     body = next((body for body in machine.rest if frame_name(prims[body]) in frames), machine.base)
     body = machine.base if robot.kind == JOINTS else body
     publisher = ""
