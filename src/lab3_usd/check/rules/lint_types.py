@@ -174,8 +174,9 @@ def _signs(node: Node, subject: LintSubject) -> Iterator[_Sign]:
     versions = types.versions(name)
     if versions and node.type is None:
         yield _Sign(node, TYPE, f"only {_named(versions)} has the type {name}", tuple(versions))
-    alike = tuple(release for release, number in versions.items() if number == node.version)
-    if alike and len(alike) < len(versions):
+    numbers: list[int | None] = [*versions.values()]
+    if 0 < numbers.count(node.version) < len(numbers):
+        alike = tuple(release for release, number in versions.items() if number == node.version)
         what = f"version {node.version} of {subject.title(node)} is that of {_named(alike)}"
         yield _Sign(node, VERSION, what, alike)
     for port in node.ports:
