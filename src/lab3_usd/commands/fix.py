@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,6 +33,7 @@ from lab3_usd.files import (
     replace_files,
     write_whole,
 )
+from lab3_usd.fix.patch import patch
 from lab3_usd.fix.repairing import USELESS, Fixed, FixOptions, check_result, fix_linted, fix_stage
 from lab3_usd.installation import command_line
 from lab3_usd.isaac.releases import BASE
@@ -146,7 +146,7 @@ def _diffs(fixed: Fixed) -> Iterator[str]:
             continue
         before, after = (lines_of(content.decode()) for content in (old, data))
         names = _name_in_patch("a", path), _name_in_patch("b", path)
-        for line in difflib.unified_diff(before, after, *names):
+        for line in patch(before, after, *names):
             yield line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
 
 
