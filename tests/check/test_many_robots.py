@@ -9,7 +9,7 @@ from pxr import Sdf, Usd
 
 from lab3_usd.pipeline.lint import lint_stage
 
-SIZES = (6, 12, 18)
+SIZES = (3, 6, 9)
 
 
 def fleet(size: int, folder: Path) -> Path:
