@@ -14,7 +14,7 @@ from places import REPOSITORY, SHARED
 from pxr import Sdf, Usd
 from scene_changes import LIDAR
 from scene_stages import told
-from sensor_stages import CASES, whole, with_values
+from sensor_stages import CASES, lidar_alone, whole, with_values
 
 from lab3_usd.facts.formulas import NAMES
 from lab3_usd.facts.sensor_faults import SensorFault, faults_of, sensor_faults
@@ -29,7 +29,7 @@ SCHEMAS = SHARED / "isaac" / "sensor-schemas.json"
 
 def faults(change: Change) -> tuple[SensorFault, ...]:
     platform = load_lab().platform
-    stage = read_model(with_values(change), platform, "stage.usda")
+    stage = read_model(with_values(change, lidar_alone()), platform, "stage.usda")
     return faults_of(stage.prims[LIDAR], platform, stage)
 
 

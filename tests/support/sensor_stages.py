@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import quick_yaml
+from breaking import copied
 from pxr import Sdf, Usd
 from scene_changes import LIDAR
 from scene_stages import built
@@ -23,6 +25,22 @@ def whole(name: str) -> str:
     if name.startswith("omni:"):
         return name
     return f"{CORE}{STATE if ':' in name else ''}{name}"
+
+
+def lidar_alone() -> Usd.Stage:
+    """Return a stage that has the lidar of the last stage of the lab, and nothing else."""
+    return copied(_lidar())
+
+
+@cache
+def _lidar() -> Sdf.Layer:
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    Sdf.CreatePrimInLayer(layer, LIDAR)
+    Sdf.CopySpec(built("05").GetRootLayer(), LIDAR, layer, LIDAR)
+    layer.GetPrimAtPath(LIDAR).nameChildren.clear()
+    for path in Sdf.Path(LIDAR).GetPrefixes():
+        layer.GetPrimAtPath(path).specifier = Sdf.SpecifierDef
+    return layer
 
 
 def with_values(change: Mapping[str, Any], stage: Usd.Stage | None = None) -> Usd.Stage:
