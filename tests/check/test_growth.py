@@ -30,7 +30,7 @@ from lab3_usd.stage.read.reader import read_model
 from lab3_usd.stage.read.scene import read_scene
 
 SOURCE = str(Path(lab3_usd.__file__).parent)
-FEW = 2
+FEW = 1
 INSTANCES = 5  # for each robot that another stage would have
 MORE, BESIDES = 2.3, 30  # times as many steps, and some that do not grow
 Steps = Counter[CodeType]
