@@ -22,7 +22,7 @@ from lab3_usd.stage.write.builder import build_checkpoint
 
 LAB = load_lab()
 CHECKPOINT = LAB.checkpoints["05"]
-STEP = 20  # prims
+STEP = 8  # prims
 # What furniture may be: a type, and the schemas that are applied.
 KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
     "shape": ("Cube", ()),
