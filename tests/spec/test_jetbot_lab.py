@@ -26,7 +26,7 @@ from lab3_usd.spec.load.loader import load_lab
 
 JETBOT = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
 FILES = tuple(load_lab(JETBOT).files.values())
-PARTS = {"1": (4, 0), "4": (19, 3), "5": (13, 2), "6": (17, 1)}  # of the faults of checkpoints
+PARTS = {"1": (8, 0), "4": (38, 3), "5": (26, 2), "6": (34, 1)}  # of the faults of checkpoints
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +128,7 @@ def test_single_faults_are_found_at_their_place(
 ) -> None:
     monkeypatch.setenv(LAB_VARIABLE, str(lab))
     outcomes = list(benchmark.sweep(checkpoint, *PARTS[checkpoint]))
-    assert len(outcomes) >= 10
+    assert len(outcomes) >= 5
     assert [outcome.fault.name for outcome in outcomes if not outcome.at_place] == []
     assert sum(len(outcome.errors) for outcome in outcomes) / len(outcomes) <= 1.05
 

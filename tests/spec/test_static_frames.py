@@ -101,7 +101,15 @@ def test_a_dry_run_and_its_recording_are_right(folder: Path, stage: Path, tmp_pa
     pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
     bag = tmp_path / "bag"
     played = run(
-        folder, "sim", stage, "--drive", "0.15,0,2 0,0,1", "--bag", bag, "--format", "json"
+        folder,
+        "sim",
+        stage,
+        "--drive",
+        "0.15,0,1 0,0.8,0.5 0,0,0.5",
+        "--bag",
+        bag,
+        "--format",
+        "json",
     )
     judged = run(folder, "bag", bag, "--checkpoint", "5", "--format", "json")
     for shown in (played, judged):

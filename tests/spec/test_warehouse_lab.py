@@ -280,80 +280,74 @@ def test_no_node_may_place_the_odometry_of_either_robot(
     assert ("T07", graph) in [(rule, prim) for rule, prim, _ in errors(result)]
 
 
-def played(path: Path, *words: str) -> dict[tuple[str, str], dict[str, Any]]:
+# Two pieces of driving that stay below all limits, and a rest.
+BRIEF = ("--drive", "0.15,0,1.5 0,0.8,1 0,0,0.5")
+
+
+def played(path: Path, *words: object) -> dict[tuple[str, str], dict[str, Any]]:
     """The checks of a dry run, by robot ('' for the whole stage) and name."""
     shown = json.loads(run("sim", path, "--format", "json", *words).stdout)
     return {(check.get("of", ""), check["name"]): check for check in shown["checks"]}
 
 
-def test_each_robot_is_driven_by_its_own_commands_and_judged_by_its_own_limits(built: Path) -> None:
-    checks = played(built / file_of(5))
+def test_each_robot_is_driven_by_its_own_commands_and_drawn_on_the_page(
+    built: Path, tmp_path: Path
+) -> None:
+    page = tmp_path / "page.html"
+    checks = played(built / file_of(5), *BRIEF, "--page", page)
     assert {check["verdict"] for check in checks.values()} == {"ok"}
+    text = page.read_text(encoding="utf-8")
     for robot in ("r1", "r2"):
-        assert {name for of, name in checks if of == robot} >= {"follows", "limits", "odometry"}
+        assert {name for of, name in checks if of == robot} >= {"follows", "odometry"}
+        assert f"The drive of {robot}" in text
+        assert f"Motion and commands of {robot} over time" in text
     assert ("r2", "scan") in checks
     assert ("r1", "scan") not in checks
     assert ("", "tree") in checks
 
 
-BRIEF = ("--drive", "0.15,0,2 0,0.8,1.5 0,0,1")
-PLAYED = [
-    ("slower", f"{R2}/DriveR2/controller.inputs:maxLinearSpeed", 0.2, ("r2", "limits")),
-    ("slower", f"{R1}/DriveR1/controller.inputs:maxLinearSpeed", 0.6, ("r1", "limits")),
-    ("turns more", f"{R2}/DriveR2/controller.inputs:wheelDistance", 0.36, ("r2", "follows")),
-    ("named", "/World/OdometryR2/publish_odometry.inputs:odomFrameId", "odom", ("r2", "odometry")),
-    ("other rate", f"{R2}/body/tower/Scan.omni:sensor:tickRate", 10.0, ("r2", "scan")),
-]  # fmt: skip
+# The faults of one robot by the check that shows each.
+PLAYED: dict[str, dict[str, tuple[str, Any]]] = {
+    "r1": {"limits": (f"{R1}/DriveR1/controller.inputs:maxLinearSpeed", 0.6)},
+    "r2": {
+        "limits": (f"{R2}/DriveR2/controller.inputs:maxLinearSpeed", 0.2),
+        "follows": (f"{R2}/DriveR2/controller.inputs:wheelDistance", 0.36),
+        "odometry": ("/World/OdometryR2/publish_odometry.inputs:odomFrameId", "odom"),
+        "scan": (f"{R2}/body/tower/Scan.omni:sensor:tickRate", 10.0),
+    },
+}
 
 
-@pytest.mark.parametrize(("what", "path", "value", "expected"), PLAYED)
-def test_a_fault_of_one_robot_is_shown_by_its_own_checks(
-    built: Path, tmp_path: Path, what: str, path: str, value: Any, expected: tuple[str, str]
+@pytest.mark.parametrize("robot", PLAYED)
+def test_faults_of_one_robot_are_shown_by_its_own_checks(
+    built: Path, tmp_path: Path, robot: str
 ) -> None:
-    drive = () if expected[1] == "limits" else BRIEF  # which stays below all limits
-    checks = played(changed(built, tmp_path, 5, put(path, value)), *drive)
+    changes = [put(path, value) for path, value in PLAYED[robot].values()]
+    checks = played(changed(built, tmp_path, 5, *changes))  # by the fixed drive, up to all limits
     bad = {key for key, check in checks.items() if check["verdict"] == "bad"}
-    assert expected in bad, what
-    assert {of for of, _ in bad} <= {expected[0], ""}
+    assert bad >= {(robot, name) for name in PLAYED[robot]}
+    assert {of for of, _ in bad} <= {robot, ""}
     assert not any("castor" in str(check) for check in checks.values())  # a ball joint has no drive
 
 
 WIDE = put(f"{R2}/DriveR2/controller.inputs:wheelDistance", 0.6)  # r2 turns more than commanded
 
 
-def recorded(stage: Path, folder: Path) -> dict[tuple[str, str], str]:
-    """The verdicts of the bag of a dry run, by robot and name."""
-    pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
-    bag = folder / "bag"
-    run("sim", stage, *BRIEF, "--bag", bag)
-    shown = json.loads(run("bag", bag, "--checkpoint", "5", "--format", "json").stdout)
-    return {(check["of"], check["name"]): check["verdict"] for check in shown["checks"]}
-
-
 def test_a_recording_of_both_robots_is_judged_by_the_commands_of_each(
     built: Path, tmp_path: Path
 ) -> None:
-    checks = recorded(built / file_of(5), tmp_path)
-    assert set(checks.values()) == {"ok"}
+    """One turns too much; that both may be right is seen in `test_static_frames.py`."""
+    pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
+    bag = tmp_path / "bag"
+    run("sim", changed(built, tmp_path, 5, WIDE), *BRIEF, "--bag", bag)
+    shown = json.loads(run("bag", bag, "--checkpoint", "5", "--format", "json").stdout)
+    checks = {(check["of"], check["name"]): check["verdict"] for check in shown["checks"]}
+    assert {key for key, verdict in checks.items() if verdict != "ok"} == {("r2", "follows")}
     for robot in ("r1", "r2"):
         moved = {name for of, name in checks if of == robot}
         assert moved >= {"rest", "follows", "odometry", "moving frames", "way"}
     assert ("r2", "scan") in checks
     assert {"messages", "topics", "tree", "headers"} <= {name for of, name in checks if not of}
-
-
-def test_a_fault_in_a_recording_is_that_of_its_robot(built: Path, tmp_path: Path) -> None:
-    checks = recorded(changed(built, tmp_path, 5, WIDE), tmp_path)
-    assert [key for key, verdict in checks.items() if verdict == "bad"] == [("r2", "follows")]
-
-
-def test_the_page_of_a_dry_run_draws_each_robot(built: Path, tmp_path: Path) -> None:
-    page = tmp_path / "page.html"
-    assert run("sim", built / file_of(5), *BRIEF, "--page", page).exit_code == 0
-    text = page.read_text(encoding="utf-8")
-    for robot in ("r1", "r2"):
-        assert f"The drive of {robot}" in text
-        assert f"Motion and commands of {robot} over time" in text
 
 
 def test_what_a_dry_run_shows_of_one_robot_costs_its_own_item(
@@ -513,8 +507,8 @@ BUILT = {
         "warning scene.yaml: /World/r1/joints/left_joint: localPos0: the wheel joints are 0.36",
     ),
     "a joint that the robot does not have": (
-        "DriveR2.yaml", "value: left_joint", "value: left_join",
-        "warning DriveR2.yaml: motors: jointNames: the robot has no joint 'left_join'",
+        "DriveR1.yaml", "value: left_joint", "value: left_join",
+        "warning DriveR1.yaml: motors: jointNames: the robot has no joint 'left_join'",
     ),
     "a node that nothing triggers": (
         "DriveR1.yaml", "  - tick.tick -> twist.execIn\n", "",
@@ -522,7 +516,7 @@ BUILT = {
     ),
     "motors of the other robot": (
         "DriveR2.yaml", "targetPrim: [/World/r2/body]", "targetPrim: [/World/r1/base]",
-        "warning DriveR2.yaml: motors: jointNames: commands left_joint, right_joint, which",
+        "warning DriveR2.yaml: motors: jointNames: commands right_joint, which /World/r1/DriveR1",
     ),
     "an attribute that no schema has": (
         "scene.yaml", '"omni:sensor:tickRate"', '"omni:sensor:tickrate"',
@@ -531,19 +525,22 @@ BUILT = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", BUILT)
-def test_lab_check_builds_and_judges_what_a_lab_with_a_starter_describes(
-    tmp_path: Path, name: str
-) -> None:
-    file, old, new, said = BUILT[name]
+def test_lab_check_builds_and_judges_what_a_lab_with_a_starter_describes(tmp_path: Path) -> None:
     copy = tmp_path / "lab"
     shutil.copytree(WAREHOUSE, copy)
-    text = (copy / file).read_text()
-    assert old in text
-    (copy / file).write_text(text.replace(old, new, 1))
+    for file, old, new, _ in BUILT.values():
+        text = (copy / file).read_text()
+        assert old in text
+        (copy / file).write_text(text.replace(old, new, 1))
     shown = invoke("lab", "check", copy)
     assert shown.exit_code == 1
-    assert [line for line in shown.output.splitlines() if line.startswith(said)], shown.output
+    lines = shown.output.splitlines()
+    unsaid = [
+        name
+        for name, (*_, said) in BUILT.items()
+        if not any(line.startswith(said) for line in lines)
+    ]
+    assert unsaid == [], shown.output
 
 
 def test_what_a_lab_leaves_out_of_navigation_is_as_in_the_bundled_one(lab: Lab) -> None:
@@ -604,7 +601,7 @@ def test_each_part_of_a_robot_may_be_left_out(built: Path, tmp_path: Path) -> No
     (copy / "scene.yaml").write_text(yaml.safe_dump(scene, sort_keys=False))
     lab = load_lab(copy)
     assert check_stage(built / file_of(5), lab=lab).verdict == "pass"
-    checks = dry_run(built / file_of(5), lab, "5").behaviour.checks
+    checks = dry_run(built / file_of(5), lab, "5", BRIEF[1]).behaviour.checks
     assert {check.verdict for check in checks} == {"ok"}
     assert {check.of for check in checks} == {"", "r1", "r2"}
 
