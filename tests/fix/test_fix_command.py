@@ -265,38 +265,43 @@ ODD_ENDS = {
 }
 
 
+PROGRAMS = [each for each in (["git", "apply"], ["patch", "-p1"]) if shutil.which(each[0])]
+needs_programs = pytest.mark.skipif(not PROGRAMS, reason="neither git nor patch is installed")
+
+
+@needs_programs
 @pytest.mark.parametrize("odd", ODD_ENDS)
-@pytest.mark.parametrize("program", [["git", "apply"], ["patch", "-p1", "--binary"]], ids=" ".join)
 def test_a_diff_is_applied_by_the_usual_programs(
-    odd: str, program: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    odd: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if shutil.which(program[0]) is None:
-        pytest.skip(f"{program[0]} is not installed")
     monkeypatch.chdir(tmp_path)
     path = saved(tmp_path, WRONG_RADIUS)
     wrong = ODD_ENDS[odd](path.read_text())
     right = wrong.replace("wheelRadius = 0.033", "wheelRadius = 0.025")
     path.write_bytes(wrong.encode())
     patch = fix(path, "--diff").stdout_bytes
-    done = subprocess.run(program, input=patch, capture_output=True, check=False)
-    assert (done.returncode, path.read_bytes()) == (0, right.encode()), done.stderr
+    for program in PROGRAMS:
+        path.write_bytes(wrong.encode())
+        exact = ["--binary"] if program[0] == "patch" else []
+        done = subprocess.run([*program, *exact], input=patch, capture_output=True, check=False)
+        assert (done.returncode, path.read_bytes()) == (0, right.encode()), done.stderr
 
 
+@needs_programs
 @pytest.mark.skipif(os.name == "nt", reason="has no such names")
 @pytest.mark.parametrize("name", ["two words", "été", "a\ttab", 'a "quote" \\ é'])
-@pytest.mark.parametrize("program", [["git", "apply"], ["patch", "-p1"]], ids=" ".join)
 def test_a_diff_names_files_as_the_usual_programs_read_them(
-    name: str, program: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if shutil.which(program[0]) is None:
-        pytest.skip(f"{program[0]} is not installed")
     folder = tmp_path / name
     folder.mkdir()
     monkeypatch.chdir(tmp_path)
     path = saved(folder, WRONG_RADIUS)
-    patch = fix(path, "--diff").stdout_bytes
-    done = subprocess.run(program, input=patch, capture_output=True, check=False)
-    assert (done.returncode, b"Radius = 0.025" in path.read_bytes()) == (0, True), done.stderr
+    wrong, patch = path.read_bytes(), fix(path, "--diff").stdout_bytes
+    for program in PROGRAMS:
+        path.write_bytes(wrong)
+        done = subprocess.run(program, input=patch, capture_output=True, check=False)
+        assert (done.returncode, b"Radius = 0.025" in path.read_bytes()) == (0, True), done.stderr
 
 
 def test_nothing_is_written_unless_asked(tmp_path: Path) -> None:
@@ -457,9 +462,17 @@ FAULTS: dict[str, Step] = {
 }
 
 
+IN_LATER_STAGES = {  # that have what the fault is made in; the others need no more than wheels
+    "time samples move the camera": "04",
+    "a second node publishes a transform": "05",
+    "a frame has another name": "05",
+    "a link with graphs stands below another": "05",
+}
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 def test_what_somebody_else_would_do_is_repaired(tmp_path: Path, fault: str) -> None:
-    path = saved(tmp_path, FAULTS[fault], checkpoint="05")
+    path = saved(tmp_path, FAULTS[fault], checkpoint=IN_LATER_STAGES.get(fault, "02"))
     result = fix(path, "--in-place", "--unsafe")
     assert (result.exit_code, "\nrepaired " in result.stdout) == (0, True), result.stdout
     assert check_stage(path).verdict == "pass"
@@ -530,9 +543,9 @@ def test_an_attribute_for_a_relationship_is_repaired_and_the_reverse(
     tmp_path: Path, case: str
 ) -> None:
     write, site = OF_ANOTHER_KIND[case]
-    stage = correct_stage("05")
+    stage = correct_stage("03")
     write(stage, site, LIDAR)
-    path = written(stage, tmp_path, "05")
+    path = written(stage, tmp_path, "03")
     assert [finding.fix is not None for finding in check_stage(path).findings if finding.fix] == [
         True
     ]
@@ -592,10 +605,10 @@ def starter(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_with_the_starter_what_was_changed_of_it_is_restored(
     tmp_path: Path, starter: Path, change: str
 ) -> None:
-    path = saved(tmp_path, CHANGES[change])
+    path = saved(tmp_path, CHANGES[change], checkpoint="00")
+    result = fix(path, "--in-place", "--unsafe", "--starter", str(starter))
+    assert (result.exit_code, "\nrepaired " in f"\n{result.stdout}") == (0, True), result.stdout
     compared = open_starter(starter, load_lab())
-    assert against_starter(check_stage(path), compared, load_lab()).verdict == "fail"
-    assert fix(path, "--in-place", "--unsafe", "--starter", str(starter)).exit_code == 0
     assert against_starter(check_stage(path), compared, load_lab()).verdict == "pass"
 
 
