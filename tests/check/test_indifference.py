@@ -50,7 +50,7 @@ def test_however_the_graphs_are_written(starter: Path, tmp_path: Path, style: St
     ("checkpoint", "write"),
     [
         *(("05", write) for write in LAYERINGS),
-        *zip(load_lab().checkpoints, LAYERINGS, strict=False),
+        *list(zip(load_lab().checkpoints, LAYERINGS, strict=False))[1::3],
         ("08", LAYERINGS[4]),
     ],
 )
@@ -65,7 +65,7 @@ def test_relative_paths_are_really_in_the_file(starter: Path, tmp_path: Path) ->
     assert path.read_text().count(".connect = <../") == 50
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_no_order_of_nodes_and_ports_matters(starter: Path, tmp_path: Path, seed: int) -> None:
     path = one_text_file(tmp_path, starter, "05", replace(MIXED, names="random", seed=100 + seed))
     assert_clean(check_stage(path, "05"))
