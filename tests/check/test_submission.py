@@ -42,7 +42,7 @@ from lab3_usd.report.formats.json_report import report_json
 from lab3_usd.stage.graph_signature import files_read
 
 LAST = list(LAB.checkpoints)[-1]
-SOME_GRAPH_FAULTS = list(graph_faults(LAB, LAB.checkpoints[LAST]))[7::40]
+SOME_GRAPH_FAULTS = list(graph_faults(LAB, LAB.checkpoints[LAST]))[7::150]
 
 
 CONCLUDING = ("report.pdf", "video.txt")
