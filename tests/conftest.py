@@ -70,8 +70,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_collection_finish() -> None:
-    """Leave out of every later search for garbage what is there for good: thousands of tests."""
-    gc.collect()
+    """Leave out of every search for garbage what is there for good: thousands of tests."""
     gc.freeze()
     gc.set_threshold(100_000)  # as the program does
 
