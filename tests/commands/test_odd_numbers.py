@@ -28,7 +28,7 @@ def odd() -> ModuleType:
 
 
 def failed(odd: ModuleType, name: str, folder: Path) -> list[str]:
-    (case,) = (case for case in odd.cases() if case.name == name)
+    case = next(case for case in odd.cases() if case.name == name)
     return [f"{failure.command}: {failure.said}" for failure in odd.failures(case, folder)]
 
 
