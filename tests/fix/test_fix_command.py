@@ -601,11 +601,19 @@ def starter(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("change", CHANGES)
+TOGETHER = [  # what one stage can have at once
+    ("a wall is deactivated", "a crate was moved", "a tyre is larger", "a joint is switched off"),
+    ("a wall is gone", "a crate collides no more", "both tyres are larger"),
+    ("a wall has another type", "both tyres have lost their size"),
+    ("both tyres have lost their material",),
+]
+
+
+@pytest.mark.parametrize("changes", TOGETHER, ids=", ".join)
 def test_with_the_starter_what_was_changed_of_it_is_restored(
-    tmp_path: Path, starter: Path, change: str
+    tmp_path: Path, starter: Path, changes: tuple[str, ...]
 ) -> None:
-    path = saved(tmp_path, CHANGES[change], checkpoint="00")
+    path = saved(tmp_path, *(CHANGES[change] for change in changes), checkpoint="00")
     result = fix(path, "--in-place", "--unsafe", "--starter", str(starter))
     assert (result.exit_code, "\nrepaired " in f"\n{result.stdout}") == (0, True), result.stdout
     compared = open_starter(starter, load_lab())

@@ -415,6 +415,18 @@ def test_the_second_lab_is_the_one_that_its_stages_describe(
     assert files_below(week[1]) == files_below(JETBOT)
 
 
+def test_every_stage_is_shown_as_checked_and_played(
+    week: tuple[list[Path], Path], tmp_path: Path
+) -> None:
+    stages = week[0][:3]
+    status, shown = ran("lab", "new", tmp_path / "lab", *from_all(stages))
+    results = [line for line in shown.splitlines() if ": checkpoint " in line]
+    assert len(results) == len(stages)
+    assert all(", pass, " in line for line in results)
+    assert [line.endswith("; sim ok") for line in results] == [False, True, True]
+    assert (status, "Week 5: 0 errors, 0 warnings" in shown) == (0, True), shown
+
+
 def test_stages_that_are_no_checkpoints_in_this_order_are_refused(
     week: tuple[list[Path], Path], tmp_path: Path
 ) -> None:

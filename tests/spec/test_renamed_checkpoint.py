@@ -27,11 +27,6 @@ RENAMED = {
         "03": {"id": "3b", "name": "laser", "title": "Laser"},
         "05": {"id": "end", "name": "driven", "title": "Driven"},
     },
-    "jetbot": {
-        "1": {"id": "0", "name": "scene", "title": "Scene"},
-        "4": {"id": "4b", "name": "laser", "title": "Laser"},
-        "7": {"id": "end", "name": "shown", "title": "Shown"},
-    },
 }
 
 
