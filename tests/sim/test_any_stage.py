@@ -360,7 +360,7 @@ def test_a_robot_that_drives_by_one_topic_and_turns_by_another_follows_neither(
     found = played(stage, tmp_path)
     follows = {check.of: check.text for check in found.checks if check.name == "follows"}
     assert "degrees left, turned 0.0" in follows[f"{ROBOT}/chassis on /cmd_vel"]
-    assert "commanded to go 0.15 m, went 0.00" in follows[f"{ROBOT}/chassis on /joy_vel"]
+    assert "commanded to go 0.09 m, went 0.00" in follows[f"{ROBOT}/chassis on /joy_vel"]
 
 
 def test_without_a_robot_nothing_is_all_right(tmp_path: Path) -> None:
@@ -415,7 +415,7 @@ def test_four_wheels_drive(tmp_path: Path) -> None:
 
 
 def test_a_car_goes_along_the_arc_that_it_is_steered_to(tmp_path: Path) -> None:
-    found = played(car(), tmp_path)
+    found = played(car(), tmp_path, drive=FIXED)
     assert (found.verdict, bad(found)) == ("ok", set())
     arc = next(leg for leg in found.legs if leg.name == "arc")
     # v tan(0.3) / 0.6 m for 4 s at 0.15 m/s
@@ -637,7 +637,7 @@ def test_plays_of_robots_start_where_the_robots_stand(tmp_path: Path) -> None:
     found = played(fleet(3), tmp_path)
     assert (len(found.robots), bad(found)) == (3, set())
     (driven,) = {leg.driven for leg in found.legs if leg.name.endswith("ahead")}
-    assert driven == pytest.approx((0.15, 0.0), rel=0.05)
+    assert driven == pytest.approx((0.09, 0.0), rel=0.05)
 
 
 def test_what_a_robot_publishes_is_its_own(tmp_path: Path) -> None:

@@ -461,7 +461,7 @@ def test_the_arm_on_a_base_is_commanded_beside_it(tmp_path: Path) -> None:
         joint = revolute(
             stage, f"{root}/{name}_joint", below, f"{root}/{name}", (0, 0, height), "Z"
         )
-        UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(800.0)
+        UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(3000.0)
     write_graph(
         stage,
         "/World/Arm",

@@ -395,10 +395,10 @@ def test_a_wall_in_the_way_is_no_fault_of_the_graphs(tmp_path: Path) -> None:
     robot = stage.GetPrimAtPath("/turtlebot3_burger")
     robot.GetAttribute("xformOp:translate").Set((2.1, 0.0, 0.0))
     path = saved(stage, tmp_path, "Lab3_02.usda")
-    found = {each["name"]: each for each in behaviour(path)["checks"]}
+    found = {each["name"]: each for each in behaviour(path, drive="0.2,0,1")["checks"]}
     assert found["follows"]["verdict"] == "not judged"
     assert "a wall stops it" in found["follows"]["message"]
-    assert "a wall stops the robot" in sim(path).stdout
+    assert "a wall stops the robot" in sim(path, drive="0.2,0,1").stdout
 
 
 def test_a_check_with_a_dry_run_notes_what_goes_wrong(tmp_path: Path) -> None:

@@ -476,7 +476,7 @@ def arm() -> Usd.Stage:
             (0,) * 3,
             "Z",
         )
-        UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(800.0)
+        UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(3000.0)  # follows in 2 s
     stage.DefinePrim(f"{root}/tool/imu", "IsaacImuSensor")
     write_graph(
         stage,
