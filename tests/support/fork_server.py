@@ -33,6 +33,7 @@ MODULES = (
     "lab3_usd.pipeline.entries",
     "lab3_usd.stage.sandboxed_open",
 )
+MINI = Path(__file__).parents[1] / "labs" / "mini"
 LARGEST = 1 << 17  # bytes of a message
 FORKED_WORKERS = {"LAB3_TESTS": "forked workers"}  # in an environment: its workers are forked too
 PATH = "PYTHONPATH"
@@ -72,14 +73,27 @@ def serve(asked: socket.socket, place: str) -> None:
 
 
 def _warm_up() -> None:
-    """Judge a stage, so that what OpenUSD and the rules prepare once is there in each process."""
+    """Grade a submission, so that what is prepared once is there in each process.
+
+    That is what OpenUSD and the rules prepare, the templates of pages, and the labs of most tests.
+    """
     from lab3_usd.data import LAB_VARIABLE
-    from lab3_usd.pipeline.stage import check_stage
+    from lab3_usd.grade.intake.staging import Source
+    from lab3_usd.grade.intake.submission_copy import Limits
+    from lab3_usd.grade.workers.messages import PoolSettings, Task
+    from lab3_usd.grade.workers.worker_main import answer, load_setup
     from lab3_usd.stage.write.builder import build_checkpoint
 
     os.environ.pop(LAB_VARIABLE, None)  # a process has the environment of whoever asks
-    with tempfile.TemporaryDirectory() as folder:
-        check_stage(build_checkpoint(None, "05", Path(folder) / "Lab3_05.usda"))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        starter = build_checkpoint(None, "00", folder / "starter.usda")
+        handed_in = build_checkpoint(None, "05", folder / "work" / "Lab3_05.usda").parent
+        for lab in (MINI, None):
+            os.environ |= {LAB_VARIABLE: str(lab)} if lab else {}
+            setup = load_setup(PoolSettings(starter, None, Limits()))
+            answer(setup, Task("", "", (Source(handed_in),)), folder, lambda _name: None)
+            os.environ.pop(LAB_VARIABLE, None)
 
 
 def _run_for_process(asked: socket.socket) -> bool:
