@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Collection, Iterator, Mapping
 from fnmatch import fnmatchcase
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -380,7 +380,8 @@ def _ids(patterns: tuple[str, ...], lab: Lab) -> tuple[str, ...]:
     return tuple(found)
 
 
-def everything_asked(lab: Lab) -> dict[str, tuple[Requirement, ...]]:
+@lru_cache(maxsize=4)
+def everything_asked(lab: Lab) -> Mapping[str, tuple[Requirement, ...]]:
     """Return every requirement of every checkpoint, as an empty stage leaves it: not met."""
     empty = StageModel("", 1.0, 1.0, (), {})
     return {
