@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from in_process import lab3
 from pxr import Sdf, Usd
-from robot_kinds import fleet, pairs
+from robot_kinds import faulty_fleet, fleet, pairs
 
 import lab3_usd
 from lab3_usd.check.lint import lint
@@ -89,14 +89,8 @@ def linted(stage: Usd.Stage) -> None:
 
 
 def faulty(count: int, folder: Path) -> Path:
-    """Write robots of which each has frames with a slash, and messages without a time."""
-    stage = fleet(count)
-    for prim in stage.Traverse():
-        frame, time = (prim.GetAttribute(f"inputs:{name}") for name in ("frameId", "timeStamp"))
-        if frame:
-            frame.Set(f"/{frame.Get()}")
-        if time:
-            time.ClearConnections()
+    """Write robots of which each has two faults that are repaired."""
+    stage = faulty_fleet(count)
     path = folder / f"faulty{count}.usda"
     stage.GetRootLayer().Export(str(path))
     return path

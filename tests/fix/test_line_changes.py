@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from robot_kinds import fleet
+from robot_kinds import faulty_fleet
 
 from lab3_usd.fix import line_changes
 from lab3_usd.fix.line_changes import Changes, text_changes
@@ -48,13 +48,7 @@ def in_a_sublayer(text: str, folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def faulty() -> str:
     """Two robots with slashes before frames and messages without a time, in untidy text."""
-    stage = fleet(2)
-    for prim in stage.Traverse():
-        frame, time = (prim.GetAttribute(f"inputs:{name}") for name in ("frameId", "timeStamp"))
-        if frame:
-            frame.Set(f"/{frame.Get()}")
-        if time:
-            time.ClearConnections()
+    stage = faulty_fleet(2)
     text = str(stage.GetRootLayer().ExportToString())
     return text.replace("\n        {", " {  # as it was written").replace("    ", "\t")
 

@@ -349,6 +349,18 @@ def fleet(count: int) -> Usd.Stage:
     return _fleet({f"robot_{number}": 3.0 * number for number in range(count)})
 
 
+def faulty_fleet(count: int) -> Usd.Stage:
+    """Return robots of which each has frames with a slash, and messages without a time."""
+    stage = fleet(count)
+    for prim in stage.Traverse():
+        frame, time = (prim.GetAttribute(f"inputs:{name}") for name in ("frameId", "timeStamp"))
+        if frame:
+            frame.Set(f"/{frame.Get()}")
+        if time:
+            time.ClearConnections()
+    return stage
+
+
 def pairs(count: int) -> Sdf.Layer:
     """One rover with many pairs of graphs, a clock and a drive, each pair below a scope."""
     source = rover().GetRootLayer()
