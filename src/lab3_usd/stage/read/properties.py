@@ -48,7 +48,7 @@ _WITH_VARIABLES = {Sdf.AssetPath, Sdf.AssetPathArray}  # the stage makes a path 
 _CRATE = b"PXR-USDC"  # which a version of three bytes follows
 _CRATE_WITH_SPLINES = bytes((0, 12, 0))
 _SPLINE, _SPLINE_TEXT = "spline", b".spline"
-_VALUE, _SOURCES = "default", "connectionPaths"
+_VALUE, _SOURCES, _TARGETS = "default", "connectionPaths", "targetPaths"
 
 
 def plain_value(value: Any, longest: int = LONGEST) -> Value | None:
@@ -258,8 +258,7 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
         """Return the properties that an attribute is connected to."""
         specs = self.specs
         if self.is_plain and len(specs) == 1 and type(specs[0]) is Sdf.AttributeSpec:
-            paths = Sdf.Spec.GetInfo(specs[0], _SOURCES).ApplyOperations([])
-            return tuple(map(str, paths)) if paths else ()
+            return _paths(specs[0], _SOURCES)
         if not self._is_authored(_SOURCES):
             return ()
         attribute = Usd.Prim.GetAttribute(self.prim, self.name)
@@ -269,6 +268,8 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
         """Return the prims that a relationship leads to."""
         if not self._is_relationship:
             return ()
+        if self.is_plain and len(self.specs) == 1:
+            return _paths(self.specs[0], _TARGETS)
         relationship = Usd.Prim.GetRelationship(self.prim, self.name)
         return tuple(map(str, Usd.Relationship.GetTargets(relationship)))
 
@@ -281,6 +282,12 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
             if value is not None:
                 return value
         return None
+
+
+def _paths(spec: Sdf.PropertySpec, field: str) -> tuple[str, ...]:
+    """Return the paths that the only layer of a property lists, which needs no composition."""
+    paths = Sdf.Spec.GetInfo(spec, field).ApplyOperations([])
+    return tuple(map(str, paths)) if paths else ()
 
 
 class AuthoredProperties:
