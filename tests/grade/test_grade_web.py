@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from http import HTTPStatus
+from importlib.util import find_spec
 from pathlib import Path
 from subprocess import CompletedProcess
 
@@ -20,8 +21,10 @@ from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.gradebook import Rows
 from lab3_usd.grade.intake.submissions import find_submissions, submissions_in
 
-pytest.importorskip("fsspec", reason="fsspec is not installed")
-pytest.importorskip("aiohttp", reason="aiohttp is not installed")
+pytestmark = [
+    pytest.mark.skipif(find_spec(name) is None, reason=f"{name} is not installed")
+    for name in ("fsspec", "aiohttp")  # to import them takes a while, in each worker
+]
 STAGE = stage("00").name
 PASSWORD = "s3cret@/:"  # noqa: S105 - of a server on this computer
 IN_ADDRESS = "s3cret%40%2F%3A"
