@@ -587,7 +587,7 @@ def test_how_it_ended_is_known_where_nothing_more_is(
     ended: Any = Ended()
     ended.status = status
     there = Worker(ended, tmp_path / "scratch", Limits())
-    assert worker_process.how_it_ended(ended, 1)[0] == how
+    assert worker_process.how_it_ended(ended, 1, 2.0)[0] == how
     worker_process.end_worker(there)
 
 

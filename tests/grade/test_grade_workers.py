@@ -11,10 +11,12 @@ import tarfile
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import forking
 import pytest
@@ -32,6 +34,7 @@ from lab3_usd.grade.workers.messages import PoolSettings, Reply, Task, decode, e
 from lab3_usd.grade.workers.pool import WorkerSlot, _after, judge_with_retries, run_tasks
 from lab3_usd.grade.workers.worker_main import _failure_text
 from lab3_usd.grade.workers.worker_process import (
+    Turn,
     Worker,
     WorkerDiedError,
     WorkerError,
@@ -49,6 +52,7 @@ import json, os, resource, signal, sys, time
 limit = json.loads(sys.stdin.readline())["settings"]["limits"]["seconds"]
 turn, parent = 0, os.getppid()
 say = lambda message: print(json.dumps({"turn": turn, **message}), flush=True)
+hurry = lambda: open("late", "w").close()  # from now on the clock of whoever asks goes fast
 most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 peak = most if sys.platform == "darwin" else most * 1024
 print(json.dumps({"confined": {}, "peak": peak}), flush=True)
@@ -66,6 +70,7 @@ for line in sys.stdin:
         if student == "well, then closes":
             os.close(1)
         if student == "well, then hangs":
+            hurry()
             time.sleep(600)
         continue
     if student == "early":
@@ -99,6 +104,8 @@ for line in sys.stdin:
         signal.setitimer(signal.ITIMER_PROF, limit / 2)
     while student == "early" or student.startswith("computes"):
         pass
+    if student == "busy":
+        hurry()
     while student == "busy":
         say({"open": "second.usda"})
         time.sleep(0.1)
@@ -111,6 +118,8 @@ for line in sys.stdin:
         say({"done": {"status": "graded", "broken": broken}})
         open(f"{place}/answered", "w").close()
         continue
+    if student == "hangs":
+        hurry()
     while student == "hangs":  # until whoever started it is gone
         time.sleep(0.1)
         os.getppid() == parent or os._exit(0)
@@ -123,17 +132,43 @@ for line in sys.stdin:
         os._exit(0)
     if student.endswith("once") and not os.path.exists("../../../once"):
         open("../../../once", "w").close()
+        hurry()
         while student == "hangs once":
             time.sleep(0.1)
         os.kill(os.getpid(), signal.SIGSEGV if "crashes" in student else signal.SIGKILL)
     if student.endswith("once"):
         say({"done": {"status": "graded", "by": os.getpid(), "broken": broken}})
         continue
+    student == "closes" or hurry()
     time.sleep(600)
 """
-STUDENT = Limits(seconds=0.6, answer_size=MEGABYTE)
-# For workers that hang: by the clock only five times as long as they may compute.
-IMPATIENT = replace(STUDENT, all_times=3.0, clock_times=5.0, clock_least=0.0)
+STUDENT = Limits(seconds=0.2, answer_size=MEGABYTE)
+# For workers that hang: by the clock only fifteen times as long as they may compute.
+IMPATIENT = replace(STUDENT, all_times=3.0, clock_times=15.0, clock_least=0.0)
+CLOSING = replace(IMPATIENT, clock_times=0.5)  # what closes its pipe is not waited for longer
+TIMED = replace(IMPATIENT, clock_times=1.0)  # by the clock of this computer
+
+
+@dataclass
+class WorkersClock:
+    """A clock that stands until the worker lets it go, and goes fast then."""
+
+    worker: Worker
+    looks: int = 0
+
+    def seconds(self) -> float:
+        self.looks += (self.worker.scratch / "late").exists()
+        return 2.0 * self.looks
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _time_passes_as_workers_wish() -> Iterator[None]:
+    def turn(worker: Worker, whole: float, stopped: Callable[[], bool]) -> Turn:
+        clock: Any = AwakeClock() if worker.limits == TIMED else WorkersClock(worker)
+        return Turn(worker, whole, stopped, clock=clock)
+
+    with patch.object(worker_process, "Turn", turn):
+        yield
 
 
 @pytest.fixture
@@ -201,7 +236,8 @@ def ends() -> dict[str, Future[WorkerDiedError]]:
 
 
 def end_of(student: str) -> WorkerDiedError:
-    worker = start_worker(PoolSettings(None, None, IMPATIENT, program=ODD))
+    limits = CLOSING if student == "closes" else IMPATIENT
+    worker = start_worker(PoolSettings(None, None, limits, program=ODD))
     try:
         with pytest.raises(WorkerDiedError) as died:
             ask(worker, task(student), never_stopped)
@@ -222,8 +258,8 @@ def test_how_a_worker_ended_and_over_which_file_is_known(
 @pytest.mark.parametrize(
     ("student", "how"),
     [
-        ("computes", "ran out of time (0.6 s of processor time)"),
-        ("computes on", "ran out of time (1.8 s of processor time for all files)"),
+        ("computes", "ran out of time (0.2 s of processor time)"),
+        ("computes on", "ran out of time (0.6 s of processor time for all files)"),
     ],
 )
 def test_processor_time_is_counted_for_a_file_and_for_all(student: str, how: str) -> None:
@@ -239,11 +275,11 @@ def test_progress_without_end_is_ended_by_the_clock(odd: PoolSettings) -> None:
             ask(worker, task("busy"), never_stopped)
     finally:
         end_worker(worker)
-    assert died.value.how == "ran out of time (0.5 s by the clock for all files)"
+    assert died.value.how == "ran out of time (1.5 s by the clock for all files)"
 
 
-def test_what_a_worker_left_running_goes_with_it(impatient: PoolSettings) -> None:
-    worker = start_worker(impatient)
+def test_what_a_worker_left_running_goes_with_it(odd: PoolSettings) -> None:
+    worker = start_worker(replace(odd, limits=TIMED))
     with pytest.raises(WorkerDiedError):
         ask(worker, task("parts"), never_stopped)
     end_worker(worker)
@@ -264,6 +300,8 @@ def group_exists(number: int) -> bool:
 def test_the_next_submission_is_judged_by_another_worker(
     impatient: PoolSettings, before: str
 ) -> None:
+    if before == "well, then closes":
+        impatient = replace(impatient, limits=CLOSING)
     answers = [answer for _, answer in run_tasks(map(task, ["well", before, "well"]), impatient)]
     assert [answer["status"] for answer in answers] == ["graded"] * 3
     assert answers[2]["by"] not in {0, answers[1]["by"]}
@@ -322,9 +360,9 @@ from lab3_usd.grade.workers import worker_process
 from lab3_usd.grade.workers.messages import PoolSettings, Task
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.worker_process import WorkerDiedError
-large = bytearray(b"x") * (200 << 20)
+large = bytearray(b"x") * (60 << 20)
 program = Path(sys.argv[1]).read_text()
-settings = PoolSettings(None, None, Limits(seconds=20, memory=100 << 20), program=program)
+settings = PoolSettings(None, None, Limits(seconds=20, memory=80 << 20), program=program)
 worker = worker_process.start_worker(settings)
 try:
     worker_process.ask(worker, Task(sys.argv[2], "", ()), worker_process.never_stopped)
@@ -343,11 +381,11 @@ def test_the_memory_of_whoever_started_a_worker_is_not_its_own(
 ) -> None:
     odd = temporary / "odd.py"
     eats = (
-        '    if student == "eats":\n        x = bytearray(b"x") * (300 << 20)\n        os.abort()\n'
+        '    if student == "eats":\n        x = bytearray(b"x") * (200 << 20)\n        os.abort()\n'
     )
     code = ODD.replace('    if student == "crashes":', eats + '    if student == "crashes":')
     odd.write_text(code)
-    done = subprocess.run(
+    done = forking.run(
         [sys.executable, "-c", LARGE_PARENT, str(odd), student],
         capture_output=True,
         text=True,
@@ -390,7 +428,7 @@ def test_a_submission_is_judged_again_without_the_file_that_ended_the_worker(
 
 def test_a_submission_that_ends_every_worker_is_given_up(odd: PoolSettings) -> None:
     ((_, answer),) = judged_in_turn(odd, "early")
-    assert answer == {"failed": "ran out of time (0.6 s of processor time)"}
+    assert answer == {"failed": "ran out of time (0.2 s of processor time)"}
 
 
 @pytest.mark.parametrize("jobs", [1, 3])
@@ -435,10 +473,8 @@ from lab3_usd.grade.workers.pool import run_tasks
 signal.signal(signal.SIGHUP, signal.SIG_IGN if sys.argv[1] == "ignored" else signal.SIG_DFL)
 signal.signal(signal.SIGTERM, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
-tasks = [Task(name, name, ()) for name in ("well", "hangs")]
-seconds = 0.2 if sys.argv[1] == "ignored" else 60
-limits, program = Limits(seconds=seconds, clock_least=0), Path(sys.argv[2]).read_text()
-settings = PoolSettings(None, None, limits, program=program)
+tasks = [Task(name, name, ()) for name in ("well", sys.argv[3])]
+settings = PoolSettings(None, None, Limits(), program=Path(sys.argv[2]).read_text())
 for task, _ in run_tasks(tasks, settings):
     print(task.student, flush=True)
     # A signal that comes just before a long sleep is handled only after it.
@@ -447,12 +483,12 @@ for task, _ in run_tasks(tasks, settings):
 """
 
 
-def running(temporary: Path, where: str) -> subprocess.Popen[bytes]:
+def running(temporary: Path, where: str, student: str = "hangs") -> subprocess.Popen[bytes]:
     """Start a run in a process of its own, and wait for its first answer."""
     odd = temporary.parent / "odd.py"
     odd.write_text(ODD)
     process = forking.Popen(
-        [sys.executable, "-c", RUN, where, str(odd)],
+        [sys.executable, "-c", RUN, where, str(odd), student],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         env={**os.environ, "TMPDIR": str(temporary)},
@@ -462,7 +498,7 @@ def running(temporary: Path, where: str) -> subprocess.Popen[bytes]:
     return process
 
 
-# Has one submission judged, alone or as a machine of a cluster, for one second at most.
+# Has one submission judged, alone or as a machine of a cluster, for a fifth of a second at most.
 JUDGED = """
 import pickle
 import sys
@@ -474,7 +510,7 @@ from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.grade.workers.shipment import Shipment
 from lab3_usd.report.options import tool_version
 task, program = Task(sys.argv[3], "", ()), Path(sys.argv[2]).read_text()
-settings = PoolSettings(None, None, Limits(seconds=1), program=program)
+settings = PoolSettings(None, None, Limits(seconds=0.2), program=program)
 if sys.argv[1] == "cluster":
     shipment = pickle.dumps(Shipment((("a", b""),), "a", None, (), settings))
     print(judge_here(tool_version(), b"", shipment, encode(task)))
@@ -502,16 +538,14 @@ def test_a_pause_of_the_run_takes_no_points(
         os.kill(number, signal.SIGSTOP)
     (tmp_path / "go").touch()
     assert stopped != "the run" or eventually((tmp_path / "answered").exists)
-    time.sleep(1.5)  # longer than a file may take
+    time.sleep(0.3)  # longer than a file may take
     for number in paused:
         os.kill(number, signal.SIGCONT)
     assert process.communicate(timeout=60)[0] == b"{'status': 'graded', 'broken': {}}\n"
 
 
-def test_time_that_nobody_was_awake_for_does_not_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    looks = iter((0.0, 0.5, 1.25, 4000.0, 4000.5))
-    clock = AwakeClock(looked=next(looks))
-    monkeypatch.setattr("lab3_usd.grade.awake.time.monotonic", lambda: next(looks))
+def test_time_that_nobody_was_awake_for_does_not_count() -> None:
+    clock = AwakeClock(iter((0.0, 0.5, 1.25, 4000.0, 4000.5)).__next__)
     assert [clock.seconds() for _ in range(4)] == [0.5, 1.25, 2.25, 2.75]
 
 
@@ -599,11 +633,13 @@ def test_an_interrupt_waits_until_the_locks_of_the_answers_are_free_again(
     assert came_back == [True]
 
 
-def test_a_signal_that_is_ignored_stays_ignored(temporary: Path) -> None:
-    process = running(temporary, "ignored")
+def test_a_signal_that_is_ignored_stays_ignored(tmp_path: Path, temporary: Path) -> None:
+    process = running(temporary, "ignored", f"waits in {tmp_path}")
+    assert eventually((tmp_path / "waiting").exists)
     process.send_signal(signal.SIGHUP)
+    (tmp_path / "go").touch()
     said, _ = process.communicate(timeout=60)
-    assert (process.returncode, said) == (0, b"hangs\n")
+    assert (process.returncode, said) == (0, f"waits in {tmp_path}\n".encode())
 
 
 def test_after_a_run_signals_are_handled_as_before(odd: PoolSettings) -> None:

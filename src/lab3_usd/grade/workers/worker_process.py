@@ -55,13 +55,14 @@ class ProcessEnd(NamedTuple):
     processor: float = 0.0  # 0 where it is not known
 
 
-def how_it_ended(process: subprocess.Popen[bytes], memory: int) -> ProcessEnd:
+def how_it_ended(process: subprocess.Popen[bytes], memory: int, seconds: float) -> ProcessEnd:
     """Say how a process ended that closed its pipe.
 
-    More than `memory` bytes say that it ran out of it. A process that goes on is killed.
+    More than `memory` bytes say that it ran out of it. A process that goes on after so many
+    seconds is killed.
     """
     clock = AwakeClock()
-    while not (ended := _has_ended(process)) and clock.seconds() < END_SECONDS:
+    while not (ended := _has_ended(process)) and clock.seconds() < seconds:
         time.sleep(_POLL_SECONDS)
     kill(process)
     if not ended:
@@ -253,8 +254,10 @@ class Turn:
         if isinstance(line, str):
             self.fail(line)
         if line is None:
-            memory = max(self.worker.limits.memory // 2, self.worker.peak)
-            end, known = how_it_ended(self.worker.process, memory), self.spent
+            limits = self.worker.limits
+            memory = max(limits.memory // 2, self.worker.peak)
+            patience = min(END_SECONDS, limits.by_clock(limits.seconds))
+            end, known = how_it_ended(self.worker.process, memory, patience), self.spent
             if self.begun is not None:
                 self.spend(end.processor)
             if end.how == OUT_OF_TIME:
