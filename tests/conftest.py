@@ -109,9 +109,10 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 def _made_once() -> Iterator[None]:
     from parsed_once import yaml_parsed_once
     from platform_once import platform_assembled_once
+    from splines_noted import splines_noted
     from starter_once import starter_made_once
 
-    with yaml_parsed_once(), platform_assembled_once(), starter_made_once():
+    with yaml_parsed_once(), platform_assembled_once(), starter_made_once(), splines_noted():
         yield
 
 

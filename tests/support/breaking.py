@@ -13,6 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from pxr import Sdf, Ts, Usd
+from splines_noted import copy_of
 
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.spec.lab import Lab
@@ -39,10 +40,8 @@ def built(checkpoint: str) -> Sdf.Layer:
 
 
 def copied(layer: Sdf.Layer) -> Usd.Stage:
-    """Open a copy in memory, which takes a third of the time where it is binary."""
-    copy = Sdf.Layer.CreateAnonymous(".usdc")
-    copy.TransferContent(layer)
-    return Usd.Stage.Open(copy)
+    """Open a copy in memory."""
+    return Usd.Stage.Open(copy_of(layer))
 
 
 def correct_stage(checkpoint: str) -> Usd.Stage:

@@ -10,7 +10,8 @@ from robot_kinds import KINDS
 
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.check.rule_runs import RuleResults
+from lab3_usd.check.registry import all_rules
+from lab3_usd.check.rule_runs import RuleResults, run_rule
 from lab3_usd.pipeline.lint import lint_platform
 from lab3_usd.stage.read.reader import read_model
 
@@ -19,6 +20,13 @@ def linted(stage: Usd.Stage, release: str = "6.0") -> RuleResults:
     platform = lint_platform(release)
     model = read_model(stage, platform, "stage.usda")
     return lint(LintSubject(model, platform)).results
+
+
+def found_by(rule: str, stage: Usd.Stage, release: str = "6.0") -> RuleResults:
+    """Return what one rule finds."""
+    platform = lint_platform(release)
+    subject = LintSubject(read_model(stage, platform, "stage.usda"), platform)
+    return run_rule(all_rules()[rule], subject, None)
 
 
 def said_by(stage: Usd.Stage, *severities: str, release: str = "6.0") -> list[str]:

@@ -97,11 +97,13 @@ def checked(folder: Path, **settings: object) -> FolderResult:
     _is_as_built.cache_clear()
     with (
         kept_open(),
-        patch.object(pipeline_folder, "find_starters", _find_once),
-        patch.object(pipeline_folder, "check_stage", _check_once),
-        patch.object(pipeline_folder, "against_starter", _compare_once),
-        patch.object(folder_checks, "_wall_agreements", _agree_once),
-        patch.object(folder_checks, "read_params", _read_once),
+        patch.multiple(
+            pipeline_folder,
+            find_starters=_find_once,
+            check_stage=_check_once,
+            against_starter=_compare_once,
+        ),
+        patch.multiple(folder_checks, _wall_agreements=_agree_once, read_params=_read_once),
     ):
         return check_folder(folder, FolderSettings(**settings))  # type: ignore[arg-type]
 
