@@ -49,7 +49,7 @@ class Affine(NamedTuple):
         y, z, j = inner.origin
         k, m, n = self.origin
         origin = (a * y + b * z + c * j + k, d * y + e * z + f * j + m, g * y + h * z + i * j + n)
-        return Affine(rows, origin)
+        return tuple.__new__(Affine, (rows, origin))  # in half the time
 
     def inverse(self) -> Affine:
         """Return the inverse; zeros for a singular matrix."""
@@ -63,7 +63,7 @@ class Affine(NamedTuple):
             (w * k, (b * g - a * h) * k, (a * e - b * d) * k),
         )
         x, y, z = turned(rows, self.origin)
-        return Affine(rows, (-x, -y, -z))
+        return tuple.__new__(Affine, (rows, (-x, -y, -z)))
 
     def rigid(self) -> Affine:
         """Return the same place without scale."""

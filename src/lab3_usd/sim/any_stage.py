@@ -100,11 +100,11 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
     Raises:
         UsageError: the drive is none, or the topic is not that of a robot.
     """
-    known = robots_of(scene, platform, topic)
+    standing = standing_of(scene, has_ground=True)
+    known = robots_of(scene, platform, topic, standing)
     robots = tuple(robot for robot in known if topic in ("", robot.commands.topic))
     plays: list[Trial] = []
     of_robots: list[Check] = []
-    standing = standing_of(scene, has_ground=True)
     graphs_of = owned_graphs(known, scene)
     names = labels(robots)
     for number, robot in enumerate(robots or (None,)):

@@ -20,6 +20,7 @@ ENDLESS = 1e3
 BOTH = 2  # sides of a plane, or segments that meet at a point
 IN_LINE = 1e-9
 _MOST_LEVELS = 16  # of one surface
+_FEW = 500  # faces, of which triangles are kept
 _MESH, _MEASURES = "Mesh", ("size", "radius", "height", "axis")
 _BUFFERS = ("points", "faceVertexCounts", "faceVertexIndices")
 TURN = {"X": (2, 0, 1), "Y": (1, 2, 0), "Z": (0, 1, 2)}  # where x, y, z of an upright shape go
@@ -49,12 +50,23 @@ class Surface(Struct, frozen=True, dict=True):
 
     def points(self) -> Iterator[Vector]:
         """Yield the points of the faces."""
+        if isinstance(self.indices, range):  # of all points, one after the other
+            yield from zip(self.xs, self.ys, self.zs, strict=True)
+            return
         for number in sorted(set(self.indices)):
             if 0 <= number < len(self.xs):
                 yield self.xs[number], self.ys[number], self.zs[number]
 
     def triangles(self) -> Iterator[Triangle]:
         """Yield every face in triangles."""
+        yield from self._few if len(self.counts) <= _FEW else self._triangles()
+
+    @cached_property
+    def _few(self) -> Sequence[Triangle]:
+        """The triangles of a small surface, as it is asked for many places what is below them."""
+        return tuple(self._triangles())
+
+    def _triangles(self) -> Iterator[Triangle]:
         for face in self._faces():
             yield from self._fan(face)
 

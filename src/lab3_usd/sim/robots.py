@@ -15,7 +15,7 @@ from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, TRANSFORMS, Reach, joint_drive, reach_of
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
-from lab3_usd.sim.execution.world import RosEndpoint, World, open_endpoint
+from lab3_usd.sim.execution.world import RosEndpoint, Standing, World, open_endpoint
 from lab3_usd.sim.judge.causes import SUBSCRIBER
 from lab3_usd.sim.judge.expectations import Expected
 from lab3_usd.sim.nodes.robot import articulated
@@ -70,13 +70,17 @@ class Robot(Struct, frozen=True):
         return self.body or self.controller
 
 
-def robots_of(scene: Scene, platform: Platform, topic: str = "") -> tuple[Robot, ...]:
+def robots_of(
+    scene: Scene, platform: Platform, topic: str = "", standing: Standing | None = None
+) -> tuple[Robot, ...]:
     """Return the robots that listen to commands; one of several topics is there for each.
+
+    What stands there, with ground below it, may be shared with the plays that follow.
 
     Raises:
         UsageError: a topic is asked for, and no robot listens to it.
     """
-    found = listening_robots(scene, platform)
+    found = listening_robots(scene, platform, standing)
     known = sorted({robot.commands.topic for robot in found})
     if topic and topic not in known:
         raise UsageError(f"--topic {topic}: moves no robot; robots listen to {known or 'nothing'}")
@@ -171,9 +175,11 @@ def scene_for(
     return replace(scene, graphs=tuple(kept))
 
 
-def listening_robots(scene: Scene, platform: Platform) -> list[Robot]:
+def listening_robots(
+    scene: Scene, platform: Platform, standing: Standing | None = None
+) -> list[Robot]:
     """Return a robot for each way from a subscriber of commands to a controller."""
-    player = player_of(scene, platform, expected_of(None))
+    player = player_of(scene, platform, expected_of(None), standing)
     for _ in range(LOOKED_AT):
         player.step()
     return list(_listening(player))

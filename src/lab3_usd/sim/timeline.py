@@ -208,16 +208,16 @@ class Player:
         if robot is None:
             return Pose(world.session, world.since_play, leg.name, 0.0, 0.0, 0.0)
         place = world.machines.place(self.body)
-        x, y, z = in_metres(place, world.scene.meters_per_unit).origin
-        turned = heading(place)
+        x, y, z = place.origin
+        unit = world.scene.meters_per_unit
         return Pose(
             world.session,
             world.since_play,
             leg.name,
-            x,
-            y,
-            turned,
-            z,
+            x * unit,
+            y * unit,
+            heading(place),
+            z * unit,
             blocked=robot.blocked,
             wheels=tuple(wheel.joint.velocity for wheel in robot.wheels if wheel.joint.holds),
         )

@@ -89,7 +89,7 @@ NO_VECTOR = (0.0, 0.0, 0.0)
 def are_numbers(values: Iterable[object]) -> bool:
     """Whether all of some values are numbers."""
     for value in values:  # noqa: SIM110 - at each step; a generator takes twice as long
-        if not isinstance(value, (int, float)):
+        if not isinstance(value, (float, int)):  # as a rule it is a float
             return False
     return True
 
@@ -136,7 +136,7 @@ class NodeInstance(Struct):
     def number(self, name: str, world: World) -> float:
         """Return the number that reaches an input, 0 where none does."""
         value = self.get(name, world)
-        return float(value) if isinstance(value, (int, float)) else 0.0
+        return float(value) if isinstance(value, (float, int)) else 0.0
 
     def whole(self, name: str, world: World) -> int:
         """Return the whole number that reaches an input, 0 where none does."""
@@ -177,8 +177,10 @@ class NodeInstance(Struct):
 
     def vector(self, name: str, world: World) -> Vector:
         """Return the three numbers that reach an input, zeros where they do not."""
-        value = self.numbers(name, world)
-        return (value[0], value[1], value[2]) if len(value) == len(NO_VECTOR) else NO_VECTOR
+        value = self.get(name, world)
+        if not isinstance(value, tuple) or len(value) != len(NO_VECTOR) or not are_numbers(value):
+            return NO_VECTOR
+        return value
 
     def targets(self, name: str) -> tuple[str, ...]:
         """Return the prims that an input refers to."""
@@ -251,10 +253,13 @@ def push(node: NodeInstance, world: World, most: int) -> None:
     seen: dict[int, int] = {}
     while waiting:
         current = waiting.pop()
-        again = seen.get(id(current), 0)
+        number = id(current)
+        again = seen.get(number, 0)
         if again > most:
             continue
-        seen[id(current)] = again + 1
+        seen[number] = again + 1
         if current.compute(world):
             for port in reversed(current.enabled):
-                waiting.extend(reversed(current.follows.get(port, ())))
+                followers = current.follows.get(port)
+                if followers is not None:
+                    waiting += followers[::-1]

@@ -40,7 +40,9 @@ def wxyz(node: NodeInstance, name: str, world: World) -> Quaternion:
 @computes("OnPlaybackTick", "OnTick", on=FRAME)
 def on_tick(node: NodeInstance, world: World) -> bool:
     """Kit's playback tick: once an update while the timeline plays."""
-    node.outputs.update(deltaSeconds=world.dt, time=world.since_play, frame=float(world.frame))
+    outputs = node.outputs
+    outputs["deltaSeconds"], outputs["time"] = world.dt, world.since_play
+    outputs["frame"] = float(world.frame)
     node.enabled.append("tick")
     return True
 

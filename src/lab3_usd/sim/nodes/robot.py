@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from lab3_usd.model.dry_run import Affine, ScenePrim
 from lab3_usd.model.joint_drives import DRIVEN_AXES
 from lab3_usd.model.transforms import Vector, cross, dot, length
-from lab3_usd.sim.execution.node_instance import NodeInstance, computes
+from lab3_usd.sim.execution.node_instance import NodeInstance, are_numbers, computes
 from lab3_usd.sim.execution.recording import Message, Odometry
 from lab3_usd.sim.execution.world import World, open_endpoint, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
@@ -19,6 +19,7 @@ from lab3_usd.sim.robot.machine import Joint, Machine
 
 _LIMITS = ("maxAcceleration", "maxDeceleration", "maxAngularAcceleration")
 _NO_LIMIT = float("inf")
+_COMMANDS = ("positionCommand", "velocityCommand", "effortCommand")
 
 
 @computes("ROS2SubscribeTwist")
@@ -77,8 +78,11 @@ def differential_controller(node: NodeInstance, world: World) -> bool:
         w = max(memory["w"] - turn * dt, min(w, memory["w"] + turn * dt))
     memory["v"], memory["w"] = v, w
     r, distance = memory["wheelRadius"], memory["wheelDistance"]
-    wheels = ((2 * v - w * distance) / (2 * r), (2 * v + w * distance) / (2 * r))
-    node.outputs["velocityCommand"] = tuple(_within(memory["maxWheelSpeed"], x) for x in wheels)
+    most, left, right = memory["maxWheelSpeed"], 2 * v - w * distance, 2 * v + w * distance
+    node.outputs["velocityCommand"] = (
+        _within(most, left / (2 * r)),
+        _within(most, right / (2 * r)),
+    )
     return True
 
 
@@ -167,9 +171,7 @@ def joints_at(
 
 
 def _command(node: NodeInstance, world: World, joints: list[Joint]) -> bool:
-    position, velocity, effort = (
-        node.items(f"{kind}Command", world) for kind in ("position", "velocity", "effort")
-    )
+    position, velocity, effort = (node.items(name, world) for name in _COMMANDS)
     if not node.memory["joints"] and not node.memory["names"]:  # one value is for all of them
         position, velocity, effort = (
             given * len(joints) if len(given) == 1 else given
@@ -180,10 +182,9 @@ def _command(node: NodeInstance, world: World, joints: list[Joint]) -> bool:
             return node.fails(
                 f"{len(targets)} commands come for {len(joints)} joints", "wrong-command-count"
             )
-        if not all(isinstance(value, (int, float)) for value in targets):
+        if not are_numbers(targets):
             return node.fails("its commands are not numbers", "non-numeric-command")
-    commands = {f"{kind}Command" for kind in ("position", "velocity", "effort")}
-    if not (position or velocity or effort or node.fed & commands):
+    if not (position or velocity or effort or not node.fed.isdisjoint(_COMMANDS)):
         return node.fails("nothing is connected to its command inputs", "no-vector-input")
     world.machines.wake(node.memory["machine"])
     # What is no number leaves the target as it is (:138-162).
@@ -222,10 +223,11 @@ def compute_odometry(node: NodeInstance, world: World) -> bool:
     start: Affine = node.memory["start"]
     velocity, turning = world.machines.velocity(path)
     pose = start.then(now)
+    x, y, z = pose.origin
     unit = world.scene.meters_per_unit
     back = now.inverse()
     node.outputs.update(
-        position=tuple(x * unit for x in pose.origin),
+        position=(x * unit, y * unit, z * unit),
         orientation=xyzw(pose),
         linearVelocity=back.turn(velocity),
         globalLinearVelocity=velocity,

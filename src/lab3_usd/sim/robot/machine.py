@@ -80,8 +80,8 @@ class Joint(Struct, eq=False):
         speed = (self.target_velocity + pull * away + pushed) / (1.0 + pull * dt)
         if not dt:
             return speed
-        low, high = ((limit - self.position) / dt for limit in self.limits)
-        return max(low, min(high, speed))
+        low, high = self.limits
+        return max((low - self.position) / dt, min((high - self.position) / dt, speed))
 
 
 class Wheel(Struct, frozen=True):
@@ -151,6 +151,7 @@ def solution(wheels: Sequence[Wheel]) -> list[tuple[float, float, float]]:
 
 
 GRAVITY = 9.81
+_PROMPT = Pull()  # of a wheel that is at its speed at once
 
 
 class Posture(Struct, eq=False, dict=True):
@@ -169,7 +170,7 @@ class Posture(Struct, eq=False, dict=True):
     def base(self) -> Affine:
         """Where its base is."""
         start, (x, y, drop, yaw) = self.machine.start, self.place
-        turned = Affine(about(AXES[2], yaw)).then(Affine(start.rows)).rows
+        turned = Affine(about(AXES[2], yaw)).then(start).rows
         u, v, w = start.origin
         return Affine(turned, (u + x, v + y, w + drop))
 
@@ -302,7 +303,7 @@ class Machine(Struct):
             return
         speeds = {name: joint.speed(dt) for name, joint in self.joints.items()}
         for wheel in self.wheels:
-            if wheel.pull != Pull():
+            if wheel.pull != _PROMPT:
                 speeds[wheel.joint.name] = wheel.reached(speeds[wheel.joint.name], dt)
         vx = vy = w = 0.0
         wheels, solve = self.wheels, self.solve

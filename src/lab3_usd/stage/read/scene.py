@@ -1,12 +1,17 @@
-"""Reads a composed stage for a dry run, with the values of the time at which playing starts."""
+"""Reads a composed stage for a dry run, with the values of the time at which playing starts.
+
+Methods of usd-core are called by their classes: asked of an object, one takes much longer.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
+from struct import Struct
 from typing import Any, TypeVar
 
 from msgspec.structs import replace
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from lab3_usd.isaac.names import OtherName
 from lab3_usd.isaac.platform import Platform
@@ -32,6 +37,7 @@ IGNORED = ("Replicator", "Render")
 UNSEEN = ("guide",)
 LEAST_UNIT = 1e-4
 NO_TIME = Usd.TimeCode.Default()
+_SIXTEEN = Struct("16d")
 TIMELESS = ("physics", "drive:", "isaac:")  # what is parsed once, without a time
 BODY = "PhysicsRigidBodyAPI"
 SHAPES = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Mesh", "Plane")
@@ -56,7 +62,7 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
     missing = {asset.prim: asset.asset for asset in find_unresolved(stage)}
     everything = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
-        path, kind = str(prim.GetPath()), str(prim.GetTypeName())
+        path, kind = str(Usd.Prim.GetPath(prim)), str(Usd.Prim.GetTypeName(prim))
         # A node may name a product, wherever that is.
         if path == "/" or (path.split("/")[1] in IGNORED and kind != RENDER_PRODUCT):
             continue
@@ -148,10 +154,10 @@ def _named(node: SceneNode, known: Mapping[str, Mapping[str, OtherName]]) -> Sce
 
 def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> SceneNode:
     inputs, targets = {}, {}
-    for name in map(str, prim.GetAuthoredPropertyNames()):
+    for name in map(str, Usd.Prim.GetAuthoredPropertyNames(prim)):
         if not name.startswith("inputs:"):
             continue
-        attribute = prim.GetAttribute(name)
+        attribute = Usd.Prim.GetAttribute(prim, name)
         if attribute:
             inputs[name] = _input(attribute, time)
         else:
@@ -169,32 +175,39 @@ def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> SceneNode:
 
 def _input(attribute: Usd.Attribute, time: Usd.TimeCode) -> Input:
     sources: tuple[str, ...] = ()
-    if attribute.HasAuthoredConnections():
-        sources = tuple(map(str, attribute.GetConnections()))
+    if Usd.Attribute.HasAuthoredConnections(attribute):
+        sources = tuple(map(str, Usd.Attribute.GetConnections(attribute)))
     literal = None
-    if attribute.HasAuthoredCustomDataKey("omni"):
-        literal = plain(attribute.GetCustomDataByKey("omni:graph:attrValue"))
-    return Input(str(attribute.GetTypeName()), plain(attribute.Get(time)), literal, sources)
+    if Usd.Attribute.HasAuthoredCustomDataKey(attribute, "omni"):
+        literal = plain(Usd.Attribute.GetCustomDataByKey(attribute, "omni:graph:attrValue"))
+    kind, value = Usd.Attribute.GetTypeName(attribute), Usd.Attribute.Get(attribute, time)
+    return Input(str(kind), plain(value), literal, sources)
 
 
 def _value(prim: Usd.Prim, name: str, time: Usd.TimeCode = NO_TIME) -> Any:
-    attribute = prim.GetAttribute(name)
-    return plain(attribute.Get(time)) if attribute else None
+    attribute = Usd.Prim.GetAttribute(prim, name)
+    return plain(Usd.Attribute.Get(attribute, time)) if attribute else None
 
 
 def _is_readable(attribute: Usd.Attribute, value: Any) -> bool:
     """Whether a value has the type of its attribute; any other no simulation can read."""
-    declared = attribute.GetTypeName().defaultValue
-    return declared is not None and type(value) is type(declared)
+    return type(value) is _class_of(Usd.Attribute.GetTypeName(attribute))
+
+
+@lru_cache(maxsize=256)
+def _class_of(kind: Sdf.ValueTypeName) -> type | None:
+    """Return the class of the values of a type, None for one that USD does not know."""
+    declared = kind.defaultValue
+    return None if declared is None else type(declared)
 
 
 def _size(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Any:
     """Return a size of a shape or a camera, the schema's own where the file has none to read."""
-    attribute = prim.GetAttribute(name)
-    value = attribute.Get(time)
+    attribute = Usd.Prim.GetAttribute(prim, name)
+    value = Usd.Attribute.Get(attribute, time)
     if not _is_readable(attribute, value):
         value = prim.GetPrimDefinition().GetAttributeFallbackValue(name)
-    is_array = value is not None and attribute.GetTypeName().isArray
+    is_array = value is not None and Usd.Attribute.GetTypeName(attribute).isArray
     return memoryview(value) if is_array else plain(value)
 
 
@@ -208,31 +221,27 @@ def _prim(
 ) -> ScenePrim:
     values, targets = {}, {}
     has_sizes, is_placed = kind in SHAPES or kind == "Camera", False
-    for authored in prim.GetAuthoredProperties():
-        name = str(authored.GetName())
+    for authored in Usd.Prim.GetAuthoredProperties(prim):
+        name = str(Usd.Property.GetName(authored))
         if name.startswith(("xformOp", "primvars", "ui:")):
             is_placed = is_placed or name == ORDER
             continue
         if isinstance(authored, Usd.Attribute):
-            if ":" not in name and authored.GetTypeName().isArray:
+            if ":" not in name and Usd.Attribute.GetTypeName(authored).isArray:
                 continue  # geometry, of which only what a ray meets is read, below
-            value = authored.Get(NO_TIME if name.startswith(TIMELESS) else time)
+            at = NO_TIME if name.startswith(TIMELESS) else time
+            value = Usd.Attribute.Get(authored, at)
             if _is_readable(authored, value):
                 values[name] = plain(value)
         else:
             targets[name] = tuple(map(str, targets_of(authored)))
     if has_sizes:  # by the schema where nothing is authored
         values.update((name, _size(prim, name, time)) for name in _SIZES[kind])
-    image = UsdGeom.Imageable(prim)
-    is_seen = (
-        has_sizes
-        and image.ComputePurpose() not in UNSEEN
-        and (image.ComputeVisibility(time) != "invisible")
-    )
+    is_seen = has_sizes and _is_seen(UsdGeom.Imageable(prim), time)
     parent = before.get(path.rpartition("/")[0])
     local, is_loose = HERE, False
     apis, no_place = (
-        prim.GetPrimTypeInfo().GetAppliedAPISchemas(),
+        Usd.Prim.GetPrimTypeInfo(prim).GetAppliedAPISchemas(),
         is_placeless(kind, path, missing),
     )
     if is_placed and not no_place:
@@ -252,10 +261,15 @@ def _prim(
     )
 
 
+def _is_seen(image: UsdGeom.Imageable, time: Usd.TimeCode) -> bool:
+    return image.ComputePurpose() not in UNSEEN and image.ComputeVisibility(time) != "invisible"
+
+
 def _affine(matrix: Any) -> Affine:
     """Return a matrix of USD, which multiplies rows from the left."""
-    *axes, origin = (tuple(bounded(matrix[row, k]) for k in range(3)) for row in range(4))
-    return Affine(tuple(zip(*axes, strict=True)), origin)  # type: ignore[arg-type]
+    numbers = tuple(map(bounded, _SIXTEEN.unpack(matrix)))
+    rows = (numbers[:11:4], numbers[1:11:4], numbers[2:11:4])
+    return Affine(rows, numbers[12:15])  # type: ignore[arg-type]
 
 
 def plain(value: Any) -> Any:
