@@ -25,7 +25,7 @@ IN_TEXT = [layering for layering in LAYERINGS if "binary" not in layering.__name
 
 def with_a_wrong_value(layering: Layering, folder: Path) -> Path:
     build_starter(folder / "supplied.usda")
-    path = layering(folder, folder / "supplied.usda", "05", Style())
+    path = layering(folder, folder / "supplied.usda", "02", Style())
     for file in folder.iterdir():
         file.write_bytes(file.read_bytes().replace(RIGHT, WRONG))
     return path
@@ -41,12 +41,12 @@ def test_a_value_in_any_layer_is_repaired(
     tmp_path: Path,
 ) -> None:
     path = with_a_wrong_value(layering, tmp_path)
-    fixed = fix_stage(path, "05", load_lab(), FixOptions(root_only=root_only))
+    fixed = fix_stage(path, "02", load_lab(), FixOptions(root_only=root_only))
     assert has_errors(fixed.before)
     for file, data in fixed.files.items():
         file.write_bytes(data)
     assert len(fixed.files) == 1
-    assert check_stage(path, "05").verdict == "pass"
+    assert check_stage(path, "02").verdict == "pass"
 
 
 ROBOT = "/turtlebot3_burger"
@@ -71,45 +71,52 @@ def strayed_wire(stage: Usd.Stage) -> None:
     controller.GetAttribute("inputs:wheelRadius").SetConnections([source])
 
 
-# Each mistake in one structure, each of which takes another way through the editors of layers.
-MISTAKES: dict[str, tuple[Change, str]] = {
-    "graph moved": (move_prim(DRIVE, f"{ROBOT}/ActionGraph"), "references"),
+# Each mistake in one structure, each of which takes another way through the editors of layers, in
+# the first stage that has what it is made in.
+MISTAKES: dict[str, tuple[Change, str, str]] = {
+    "graph moved": (move_prim(DRIVE, f"{ROBOT}/ActionGraph"), "references", "02"),
     "graph at another parent": (
         move_prim(f"{CAMERA}/ROS_Camera", f"{ROBOT}/base_footprint/Graph"),
         "payloads",
+        "04",
     ),
     "lidar renamed": (
         move_prim(LIDAR, f"{ROBOT}/base_scan/Example_Rotary_2D"),
         "binary",
+        "03",
     ),
-    "lidar at the root": (move_prim(LIDAR, "/Lidar2D"), "variants"),
-    "camera elsewhere": (move_prim(CAMERA, "/World/Camera_1"), "elsewhere"),
+    "lidar at the root": (move_prim(LIDAR, "/Lidar2D"), "variants", "03"),
+    "camera elsewhere": (move_prim(CAMERA, "/World/Camera_1"), "elsewhere", "04"),
     "both sensors": (
         several(move_prim(LIDAR, "/World/Lidar2D"), move_prim(CAMERA, f"{ROBOT}/Camera_1")),
         "text",
+        "05",
     ),
     "wheel without a shape": (
         without_api(collider("wheel_left_link"), "PhysicsCollisionAPI"),
         "sublayers",
+        "02",
     ),
     "room below the robot": (
         move_prim("/Environment", f"{ROBOT}/Environment"),
         "references",
+        "01",
     ),
     "other units": (
         lambda stage: void(UsdGeom.SetStageMetersPerUnit(stage, 0.01)),
         "elsewhere",
+        "01",
     ),
-    "clock twice": (again("/World/ROS_Clock", "/World/Clock"), "sublayers"),
-    "wire that is not asked for": (strayed_wire, "variants"),
+    "clock twice": (again("/World/ROS_Clock", "/World/Clock"), "sublayers", "01"),
+    "wire that is not asked for": (strayed_wire, "variants", "02"),
 }
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_what_stands_in_any_file_is_moved_and_removed(mistake: str, tmp_path: Path) -> None:
-    change, structure = MISTAKES[mistake]
+    change, structure, checkpoint = MISTAKES[mistake]
     fault = Fault(mistake, "scene", change, ())
-    repaired = repaired_in(structure, "05", [fault], tmp_path, load_lab())
+    repaired = repaired_in(structure, checkpoint, [fault], tmp_path, load_lab())
     assert repaired is not None
     assert [finding.rule for finding in repaired.after if finding.severity == "error"] == []
 
@@ -118,10 +125,10 @@ def test_what_refers_to_a_file_is_not_copied_without_it(tmp_path: Path) -> None:
     there = f"{ROBOT}/base_scan/Example_Rotary_2D"
     change = several(move_prim(LIDAR, there), refer(there, "https://assets.example/lidar.usd"))
     fault = Fault("lidar of an asset renamed", "scene", change, ())
-    repaired = repaired_in("elsewhere", "05", [fault], tmp_path, load_lab())
+    repaired = repaired_in("elsewhere", "03", [fault], tmp_path, load_lab())
     assert repaired is not None
     assert ("L02", there) in {(finding.rule, finding.prim) for finding in repaired.after}
-    moved = repaired_in("text", "05", [fault], tmp_path, load_lab())
+    moved = repaired_in("text", "03", [fault], tmp_path, load_lab())
     assert moved is not None
     assert "L02" not in {finding.rule for finding in moved.after}
 

@@ -203,9 +203,9 @@ def test_blocks_have_their_places() -> None:
     assert text[slice(*statement.value or ())] == "1"
 
 
-@pytest.mark.parametrize("seed", range(0, 100, 20))
-def test_random_edits_of_random_layers_change_nothing_else(seed: int, tmp_path: Path) -> None:
-    found = [fault_of(each, tmp_path) for each in range(seed, seed + 20)]
+# More of all these: benchmarks/bench_fix.py.
+def test_random_edits_of_random_layers_change_nothing_else(tmp_path: Path) -> None:
+    found = [fault_of(seed, tmp_path) for seed in range(0, 100, 2)]
     assert [each for each in found if each] == []
 
 
@@ -214,9 +214,9 @@ KINDS = ("graph", "node", "value", "wire", "target", "scene")
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_faults_of_the_second_author_are_repaired(kind: str, tmp_path: Path) -> None:
-    faults = [fault for fault in second_faults("05") if fault.kind == kind]
+    faults = [fault for fault in second_faults("03") if fault.kind == kind]
     some = faults[:: 1 + len(faults) // 2]
-    found = [repaired("05", each, tmp_path, load_lab()) for each in some]
+    found = [repaired("03", each, tmp_path, load_lab()) for each in some]
     outcomes = [each for each in found if isinstance(each, Outcome)]
     assert outcomes
     assert [
@@ -227,10 +227,8 @@ def test_faults_of_the_second_author_are_repaired(kind: str, tmp_path: Path) -> 
 
 
 def test_edits_by_chance_are_repaired(tmp_path: Path) -> None:
-    found = [repaired_edit(number, tmp_path, load_lab()) for number in range(7)]
-    errors = [(told, fixed) for told, fixed in found if fixed is not None]
-    assert len(errors) > 2
-    assert [told for told, fixed in errors if has_errors(fixed.after)] == []
+    found = [repaired_edit(number, tmp_path, load_lab()) for number in (1, 3, 4, 5)]  # all errors
+    assert [told for told, fixed in found if fixed is None or has_errors(fixed.after)] == []
 
 
 def test_an_edit_leaves_the_open_layers_as_they_were(edited: Editing, tmp_path: Path) -> None:

@@ -45,6 +45,7 @@ from lab3_usd.stage.edit.session import (
     render_prim,
     render_tree,
     same_content,
+    same_prim,
 )
 from lab3_usd.stage.statements import ASSET
 
@@ -74,8 +75,10 @@ def new_bytes(edited: EditedLayer, content: bytes) -> bytes:
     Raises:
         StageError: the text cannot be made to say what the edits ask for.
     """
-    path = Path(edited.layer.realPath)
-    if same_content(edited.before, edited.layer):
+    path, before = Path(edited.layer.realPath), edited.before
+    # Single prims tell sooner than the whole layers; text that is written anew may be the same.
+    seems_same = all(same_prim(before, edited.layer, prim) for prim in edited.touched)
+    if (seems_same or not is_text(edited.layer)) and same_content(before, edited.layer):
         return content
     if not is_text(edited.layer):
         return crate_bytes(edited.layer)
