@@ -26,7 +26,7 @@ from lab3_usd.spec.load.loader import load_lab
 
 JETBOT = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
 FILES = tuple(load_lab(JETBOT).files.values())
-PARTS = {"1": (8, 0), "4": (38, 3), "5": (26, 2), "6": (34, 1)}  # of the faults of checkpoints
+PARTS = {"1": (8, 0), "4": (38, 3), "5": (52, 2), "6": (68, 1)}  # of the faults of checkpoints
 
 
 @pytest.fixture(scope="module")

@@ -105,7 +105,7 @@ def test_a_dry_run_and_its_recording_are_right(folder: Path, stage: Path, tmp_pa
         "sim",
         stage,
         "--drive",
-        "0.15,0,1 0,0.8,0.5 0,0,0.5",
+        "0.15,0,0.6 0,0.8,0.4 0,0,0.3",
         "--bag",
         bag,
         "--format",

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -281,7 +281,7 @@ def test_no_node_may_place_the_odometry_of_either_robot(
 
 
 # Two pieces of driving that stay below all limits, and a rest.
-BRIEF = ("--drive", "0.15,0,1.5 0,0.8,1 0,0,0.5")
+BRIEF = ("--drive", "0.15,0,0.6 0,0.8,1 0,0,0.3")
 
 
 def played(path: Path, *words: object) -> dict[tuple[str, str], dict[str, Any]]:
@@ -318,12 +318,15 @@ PLAYED: dict[str, dict[str, tuple[str, Any]]] = {
 }
 
 
-@pytest.mark.parametrize("robot", PLAYED)
+@pytest.mark.parametrize(
+    ("robot", "drive"),
+    [("r1", "1.3,0,0.8 0,2.2,0.8 0,0,0.4"), ("r2", "0.5,0,0.8 0,0.8,0.8 0,0,0.4")],
+)
 def test_faults_of_one_robot_are_shown_by_its_own_checks(
-    built: Path, tmp_path: Path, robot: str
+    built: Path, tmp_path: Path, robot: str, drive: str
 ) -> None:
     changes = [put(path, value) for path, value in PLAYED[robot].values()]
-    checks = played(changed(built, tmp_path, 5, *changes))  # by the fixed drive, up to all limits
+    checks = played(changed(built, tmp_path, 5, *changes), "--drive", drive)  # beyond the limits
     bad = {key for key, check in checks.items() if check["verdict"] == "bad"}
     assert bad >= {(robot, name) for name in PLAYED[robot]}
     assert {of for of, _ in bad} <= {robot, ""}
@@ -442,7 +445,7 @@ def test_a_class_is_graded_robot_by_robot(built: Path, tmp_path: Path) -> None:
     for team, student in (("07", "ann"), ("08", "bob")):
         folder = tmp_path / "class" / student
         folder.mkdir(parents=True)
-        for number in STAGES if student == "ann" else range(1, 7):
+        for number in STAGES if student == "ann" else range(1, 4):
             shutil.copyfile(built / file_of(number), folder / f"team{team}_w{number}.usda")
     path = tmp_path / "class" / "bob" / "team08_w1.usda"
     stage = Usd.Stage.Open(str(path))
@@ -481,23 +484,33 @@ def test_a_graph_grows_with_a_later_checkpoint(lab: Lab, built: Path, tmp_path: 
     assert ("N02", quality, "warning") in found
 
 
-DESCRIBED = yaml.safe_load((TESTS / "labs" / "warehouse_mistakes.yaml").read_text())
+MISTAKES_AT_ONCE = [*yaml.safe_load_all((TESTS / "labs" / "warehouse_mistakes.yaml").read_text())]
 
 
-@pytest.mark.parametrize("name", DESCRIBED)
+@pytest.mark.parametrize("mistakes", MISTAKES_AT_ONCE, ids=", ".join)
 def test_lab_check_says_what_the_description_contradicts(
-    built: Path, tmp_path: Path, name: str
+    built: Path, tmp_path: Path, mistakes: dict[str, list[str]]
 ) -> None:
-    file, old, new, said = DESCRIBED[name]
     copy = tmp_path / "lab"
     shutil.copytree(WAREHOUSE, copy)
     (copy / "starter.yaml").unlink()  # a lab whose instructor holds the scene
-    text = (copy / file).read_text()
-    assert old in text
-    (copy / file).write_text(text.replace(old, new, 1))
+    for file, old, new, _ in mistakes.values():
+        text = (copy / file).read_text()
+        assert old in text
+        (copy / file).write_text(text.replace(old, new, 1))
     shown = invoke("lab", "check", copy, "--from", built / file_of(7))
     assert shown.exit_code == 1
-    assert [line for line in shown.output.splitlines() if line.startswith(said)], shown.output
+    assert unsaid(mistakes, shown) == [], shown.output
+
+
+def unsaid(mistakes: Mapping[str, Sequence[str]], shown: Result) -> list[str]:
+    """Return the mistakes that no line is said of; what it begins with comes last."""
+    lines = shown.output.splitlines()
+    return [
+        name
+        for name, (*_, said) in mistakes.items()
+        if not any(line.startswith(said) for line in lines)
+    ]
 
 
 # File, what is written, what is written instead, and what is only seen once the stage is built.
@@ -534,13 +547,7 @@ def test_lab_check_builds_and_judges_what_a_lab_with_a_starter_describes(tmp_pat
         (copy / file).write_text(text.replace(old, new, 1))
     shown = invoke("lab", "check", copy)
     assert shown.exit_code == 1
-    lines = shown.output.splitlines()
-    unsaid = [
-        name
-        for name, (*_, said) in BUILT.items()
-        if not any(line.startswith(said) for line in lines)
-    ]
-    assert unsaid == [], shown.output
+    assert unsaid(BUILT, shown) == [], shown.output
 
 
 def test_what_a_lab_leaves_out_of_navigation_is_as_in_the_bundled_one(lab: Lab) -> None:
