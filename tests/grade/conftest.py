@@ -6,9 +6,17 @@ from collections.abc import Iterator
 
 import pytest
 from mini_lab import in_force
+from workers_here import judged_once
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _small_lab() -> Iterator[None]:
     with in_force():
+        yield
+
+
+@pytest.fixture(scope="module")
+def equal_judged_once() -> Iterator[None]:
+    """For modules in which nothing changes how a submission is judged."""
+    with judged_once():
         yield

@@ -23,6 +23,8 @@ from lab3_usd.grade.feedback import reasons_by_student
 from lab3_usd.grade.gradebook import HTML, read_gradebook
 from lab3_usd.grade.regrade import student_in
 
+pytestmark = pytest.mark.usefixtures("equal_judged_once")
+
 # Jane's work is whole: 100 points. Joe lost 1.83 of 10 at the clock. The video is 10 points more,
 # which nobody but a person can judge.
 TABLE = """student,item,points,text

@@ -18,6 +18,8 @@ from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions, submissions_in
 
+pytestmark = pytest.mark.usefixtures("equal_judged_once")
+
 STAGE = stage("00").name
 LINK = zipfile.ZipInfo("link")
 LINK.external_attr = (stat.S_IFLNK | 0o777) << 16

@@ -17,7 +17,7 @@ from mini_lab import cut_wire, files_below, stage, starter, submission
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.workers.scheduler import connected
+from lab3_usd.grade.workers.scheduler import Patience, connected
 
 pytestmark = [
     pytest.mark.skipif(find_spec("distributed") is None, reason="Dask is not installed"),
@@ -160,17 +160,17 @@ def test_a_scheduler_that_listens_on_a_public_address_is_refused_by_any_address(
 )
 def test_who_reaches_a_scheduler_without_tls_is_said(
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     address: str,
     insecure: bool,  # noqa: FBT001
 ) -> None:
     said: list[str] = []
-    with scheduler(tmp_path / "s", KNOWN_AS.format(address=address)) as running:
-        monkeypatch.setattr(
-            "lab3_usd.grade.workers.scheduler._await_worker", lambda *_arguments: None
-        )
-        with connected(running.address, said.append, insecure=insecure):
-            pass
+    options: Any = {"insecure": insecure, "patience": Patience(to_find=0.05)}
+    with (
+        scheduler(tmp_path / "s", KNOWN_AS.format(address=address)) as running,
+        pytest.raises(UsageError, match="has no worker"),
+        connected(running.address, said.append, **options),
+    ):
+        pass
     (line,) = said
     assert line.startswith(f"{address}: has no TLS: whoever reaches it runs programs")
 

@@ -35,7 +35,7 @@ from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.report.options import tool_version
 from lab3_usd.spec.load.loader import load_lab
 
-pytestmark = pytest.mark.usefixtures("forked_workers")
+pytestmark = pytest.mark.usefixtures("forked_workers", "equal_judged_once")
 REPORTS = {"report.html", "report.json", "result.json", "results.json"}
 
 

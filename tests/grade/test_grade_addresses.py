@@ -27,6 +27,8 @@ from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits, TooLargeError, UnreachedError
 from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions, submissions_in
 
+pytestmark = pytest.mark.usefixtures("equal_judged_once")
+
 fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
 memory = pytest.importorskip("fsspec.implementations.memory")
 STAGE = stage("00").name

@@ -24,6 +24,8 @@ from lab3_usd.grade.intake.people import (
 )
 from lab3_usd.grade.intake.submissions import find_submissions
 
+pytestmark = pytest.mark.usefixtures("equal_judged_once")
+
 
 def students(*names: str) -> dict[str, list[str]]:
     """The files of each student, by what tells the student from others."""

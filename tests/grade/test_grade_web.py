@@ -22,8 +22,11 @@ from lab3_usd.grade.gradebook import Rows
 from lab3_usd.grade.intake.submissions import find_submissions, submissions_in
 
 pytestmark = [
-    pytest.mark.skipif(find_spec(name) is None, reason=f"{name} is not installed")
-    for name in ("fsspec", "aiohttp")  # to import them takes a while, in each worker
+    pytest.mark.usefixtures("equal_judged_once"),
+    *(
+        pytest.mark.skipif(find_spec(name) is None, reason=f"{name} is not installed")
+        for name in ("fsspec", "aiohttp")  # to import them takes a while, in each worker
+    ),
 ]
 STAGE = stage("00").name
 PASSWORD = "s3cret@/:"  # noqa: S105 - of a server on this computer

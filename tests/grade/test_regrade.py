@@ -22,6 +22,8 @@ from lab3_usd.grade.gradebook import HTML, read_gradebook
 from lab3_usd.grade.regrade import regrade, student_in, sum_of
 from lab3_usd.grade.rubric import Rubric, load_rubric
 
+pytestmark = pytest.mark.usefixtures("equal_judged_once")
+
 
 @pytest.fixture(scope="module")
 def graded(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -17,6 +17,8 @@ from lab3_usd.grade.gradebook import Rows
 from lab3_usd.grade.regrade import regrade
 from lab3_usd.grade.rubric import load_rubric
 
+pytestmark = pytest.mark.usefixtures("equal_judged_once")
+
 REPORTS = {"report.html", "report.json", "results.json"}
 
 

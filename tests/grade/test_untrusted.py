@@ -21,6 +21,8 @@ from lab3_usd.errors import UsageError
 from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.workers.messages import TOOL_FAILED, Answer, Task
 
+pytestmark = pytest.mark.usefixtures("equal_judged_once")
+
 ALL = tuple(LAB.checkpoints)
 POINTS = load_rubric(None, LAB).points
 

@@ -21,6 +21,8 @@ from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.intake.staging import Source, StagedSubmission, stage_submission
 from lab3_usd.grade.intake.submission_copy import Limits
 
+pytestmark = pytest.mark.usefixtures("equal_judged_once")
+
 ALL = tuple(LAB.checkpoints)
 OLD, NEW = 1_600_000_000, 1_700_000_000
 

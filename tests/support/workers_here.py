@@ -1,11 +1,14 @@
 """Grading without worker processes, where a test is not about them: all else is as ever.
 
-A right stage of the small lab is judged once, for whoever hands it in.
+A right stage of the small lab is judged once, for whoever hands it in, and with `judged_once` a
+whole submission, for whoever hands it in again.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
+import pickle
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,7 +24,8 @@ from msgspec.structs import replace
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.gradebook import Rows
-from lab3_usd.grade.workers import pool, worker_main
+from lab3_usd.grade.intake.staging import StagedSubmission
+from lab3_usd.grade.workers import pool, submission_grading, worker_main
 from lab3_usd.grade.workers.messages import Json, PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import GradingSetup
 from lab3_usd.model.finding import StageResult
@@ -30,6 +34,7 @@ from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.pipeline.starter import Starter, against_starter
 from lab3_usd.spec.lab import Lab
 
+GRADE = submission_grading.grade_staged
 TURN = Lock()  # judging changes the working directory
 
 
@@ -53,6 +58,39 @@ def workers_here() -> Iterator[None]:
     judging = {"check_stage": _check_once, "against_starter": _compare_once}
     with patch.multiple(pool, **parts), patch.multiple(pipeline_folder, **judging):
         yield
+
+
+@contextmanager
+def judged_once() -> Iterator[None]:
+    """Judge equal copies of what a student handed in once; nothing else may change judging."""
+    with patch.object(submission_grading, "grade_staged", _grade_once):
+        yield
+
+
+_GRADED: dict[bytes, bytes] = {}
+
+
+def _grade_once(
+    setup: GradingSetup, task: Task, staged: StagedSubmission, announce: Callable[[str], None]
+) -> Json:
+    starter = Path(setup.starter.path) if setup.starter else Path(os.devnull)
+    if setup.supplied_map or setup.supplied or os.environ.get(LAB_VARIABLE) != str(mini_lab.MINI):
+        return GRADE(setup, task, staged, announce)
+    asked = replace(task, sources=(), known="", folder="")
+    copied = replace(staged, folder=Path())
+    given = (
+        setup.rubric.digest,
+        setup.limits,
+        setup.merge,
+        setup.with_report,
+        setup.named,
+        starter.name,
+    )
+    parts = (repr((asked, copied, given)).encode(), starter.read_bytes())
+    key = hashlib.sha256(b"\0".join(parts)).digest()
+    if key not in _GRADED:
+        _GRADED[key] = pickle.dumps(GRADE(setup, task, staged, announce))
+    return pickle.loads(_GRADED[key])  # type: ignore[no-any-return]  # noqa: S301
 
 
 def _start(settings: PoolSettings, _stopped: Callable[[], bool]) -> WorkerHere:

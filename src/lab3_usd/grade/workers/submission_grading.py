@@ -88,6 +88,16 @@ def grade_submission(
         return ungraded_record(setup.rubric, task.student, "unreadable", str(error), task.name)
     if task.known and task.known == staged.digest:
         return {"status": "known", "digest": staged.digest}
+    graded = grade_staged(setup, task, staged, announce)
+    if setup.with_report:
+        graded["place"] = staged.folder.relative_to(scratch).as_posix()
+    return graded
+
+
+def grade_staged(
+    setup: GradingSetup, task: Task, staged: StagedSubmission, announce: Callable[[str], None]
+) -> Json:
+    """Judge the copy of a submission, and return everything to be recorded."""
     bounds = FileBounds(
         root=staged.folder.resolve(),
         check=partial(check_layer, limits=setup.limits),
@@ -148,8 +158,7 @@ def grade_submission(
         reports = write_reports(report, setup.rubric, points, name, remarks)
     fields: Json = {} if setup.named else {SHARED: True}
     if setup.with_report:
-        place = staged.folder.relative_to(scratch).as_posix()
-        fields |= {"report": to_builtins(report), "place": place}
+        fields["report"] = to_builtins(report)
     return {
         **fields,
         **_record(points, facts, _status(judged, task.broken, staged)),
