@@ -64,10 +64,10 @@ axe.run({ resultTypes: ["violations"] }).then(({ violations }) =>
 """
 
 
-# The kinds of pages that the others are parts of are looked at in every way.
+# One kind of page is looked at in every way, and every kind in one at least.
 LOOKS = {
-    "checked": [*PASSED],
-    "played": [*PASSED],
+    "checked": ["desk", "dark phone"],
+    "played": ["dark phone"],
     "class": [*PASSED],
     "clean": ["desk"],
     "graded": ["dark phone"],
