@@ -283,7 +283,7 @@ def commands(path: Path, right: Path, out: Path) -> Iterator[tuple[str, Sequence
     yield "lint", ("lint", path, "--isolated")
     recorded = ("--drive", _DRIVE, "--bag", out / "bag", "--page", out / "sim.html")
     yield "sim, checkpoint", ("sim", path, *at, *recorded)
-    yield "sim", ("sim", path)
+    yield "sim", ("sim", path, "--drive", _DRIVE)
     yield "fix", ("fix", path, *at, "--unsafe", "-o", out / "fixed.usdc", "--isolated")
     yield "fix --lint", ("fix", path, "--lint", "--diff", "--isolated")
     yield "draw", ("draw", path, "-o", out / "pictures")

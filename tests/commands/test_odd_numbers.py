@@ -6,6 +6,7 @@ import math
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 from benchmark import load_benchmark
@@ -27,21 +28,28 @@ def odd() -> ModuleType:
     return load_benchmark("odd_values")
 
 
-def failed(odd: ModuleType, name: str, folder: Path) -> list[str]:
-    case = next(case for case in odd.cases() if case.name == name)
+@pytest.fixture(scope="module")
+def cases(odd: ModuleType) -> dict[str, Any]:
+    return {case.name: case for case in odd.cases()}
+
+
+def failed(odd: ModuleType, case: Any, folder: Path) -> list[str]:
     return [f"{failure.command}: {failure.said}" for failure in odd.failures(case, folder)]
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_what_failed_once_does_not_fail_again(odd: ModuleType, tmp_path: Path, name: str) -> None:
-    assert failed(odd, name, tmp_path) == []
+def test_what_failed_once_does_not_fail_again(
+    odd: ModuleType, cases: dict[str, Any], tmp_path: Path, name: str
+) -> None:
+    assert failed(odd, cases[name], tmp_path) == []
 
 
 @pytest.mark.parametrize("number", range(SAMPLE))
-def test_no_command_fails_over_a_sample(odd: ModuleType, tmp_path: Path, number: int) -> None:
-    cases = [*odd.cases()]
-    case = cases[(2 * number + 1) * len(cases) // (2 * SAMPLE)]
-    assert [*odd.failures(case, tmp_path)] == []
+def test_no_command_fails_over_a_sample(
+    odd: ModuleType, cases: dict[str, Any], tmp_path: Path, number: int
+) -> None:
+    case = [*cases.values()][(2 * number + 1) * len(cases) // (2 * SAMPLE)]
+    assert failed(odd, case, tmp_path) == []
 
 
 @pytest.mark.usefixtures("own_rules")
