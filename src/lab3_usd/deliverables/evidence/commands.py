@@ -191,11 +191,12 @@ def _typed_blocks(
     seen: list[str] = []
     fenced = False
     for line, command in zip(lines, typed, strict=True):
-        fence = line.lstrip().startswith(_FENCE)
+        fence = _FENCE in line and line.lstrip().startswith(_FENCE)
         opens = fence and not fenced
         fenced = fenced != fence
-        ends = command is not None or (fence and not opens) or is_prompt(line)
-        if ends and current is not None:
+        if current is not None and (
+            command is not None or (fence and not opens) or is_prompt(line)
+        ):
             yield CommandOutput(current.kind, current.target, "\n".join(seen))
             current = None
         if command is not None:
