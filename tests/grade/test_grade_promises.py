@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from functools import cache
 
@@ -24,8 +23,7 @@ def rows() -> list[list[str]]:
 @cache
 def names_in(name: str) -> set[str]:
     (path,) = (ROOT / "tests").rglob(name)
-    tree = ast.parse(path.read_bytes())
-    return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+    return set(re.findall(r"^def (test_\w+)", path.read_text(encoding="utf-8"), re.MULTILINE))
 
 
 def test_every_promise_names_a_test() -> None:

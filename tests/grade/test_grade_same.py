@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from mini_lab import files_below, stage, starter, submission
+from mini_lab import files_below, stage, starter
 from pxr import Sdf
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class
@@ -107,8 +107,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, bytes], di
     """The gradebooks of two runs over everything that is refused."""
     place = tmp_path_factory.mktemp("same")
     for write in REFUSED:
-        submission(place / "class" / write.__name__, "01")
-        write(place / "class" / write.__name__ / "work" / NAME)
+        folder = place / "class" / write.__name__ / "work"
+        folder.mkdir(parents=True)
+        write(folder / NAME)
     for name, jobs in (("one", 1), ("two", 2)):
         settings = ClassSettings(place / "class", starter(), place / name, limits=LIMITS, jobs=jobs)
         grade_class(settings)

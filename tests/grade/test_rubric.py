@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -269,11 +270,12 @@ FAULTS = st.dictionaries(
 )
 
 
-@given(faults=FAULTS, order=st.randoms(use_true_random=False))
+@given(faults=FAULTS, seed=st.integers(0, 1000))
 @settings(max_examples=40, deadline=None)
 def test_no_order_of_results_or_requirements_changes_a_grade(
-    faults: dict[str, list[str]], order: Any
+    faults: dict[str, list[str]], seed: int
 ) -> None:
+    order = random.Random(seed)  # noqa: S311 - no secret
     stages = class_of(faults)
     mixed = [
         replace(each, requirements=tuple(order.sample(each.requirements, len(each.requirements))))

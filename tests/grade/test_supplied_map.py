@@ -5,17 +5,16 @@ from __future__ import annotations
 import csv
 import json
 import shutil
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
-from unittest.mock import patch
 
 import pytest
 import quick_yaml
 from html_pages import read
-from mini_lab import copied, starter, submission
+from mini_lab import MINI, starter, submission
 from workers_here import graded_here
 
-from lab3_usd.data import LAB_VARIABLE, data_folder
+from lab3_usd.data import data_folder
 from lab3_usd.deliverables.maps import MapError, supplied_map
 from lab3_usd.grade.class_run import ClassSettings, salt_of
 from lab3_usd.grade.intake.submission_copy import Limits
@@ -27,19 +26,15 @@ MAP, IMAGE = "turtlebot3_map.yaml", "turtlebot3_map.pgm"
 STUDENTS = ("other", "none", "renamed", "same", "touched", "early")
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """The small lab with points for the map."""
-    folder = copied(tmp_path_factory.mktemp("lab") / "mini")
-    rubric = quick_yaml.load((folder / "rubric.yaml").read_text(encoding="utf-8"))
+@cache
+def rubric_with_points_for_the_map() -> str:
+    rubric = quick_yaml.load((MINI / "rubric.yaml").read_text(encoding="utf-8"))
     rubric["items"]["nav2"] |= {"files": ["M"], "breaks": ["M01", "M02", "M03", "M11"]}
-    (folder / "rubric.yaml").write_text(quick_yaml.dump(rubric), encoding="utf-8")
-    with patch.dict("os.environ", {LAB_VARIABLE: str(folder)}):
-        yield
+    return quick_yaml.dump(rubric)
 
 
 @pytest.fixture(scope="module")
-def place(_lab: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A class whose maps are right, renamed, touched, of another room, or not there."""
     place = tmp_path_factory.mktemp("maps")
     shutil.copytree(data_folder("maps"), place / "maps")
@@ -66,7 +61,9 @@ def put_image(student: Path, change: object) -> None:
 
 
 def settings(place: Path, book: str, **more: object) -> ClassSettings:
-    return ClassSettings(place / "class", starter(), place / book, **more)  # type: ignore[arg-type]
+    rubric = place / "rubric.yaml"
+    rubric.write_text(rubric_with_points_for_the_map(), encoding="utf-8")
+    return ClassSettings(place / "class", starter(), place / book, rubric, **more)  # type: ignore[arg-type]
 
 
 def rows(book: Path) -> dict[str, dict[str, str]]:

@@ -77,7 +77,9 @@ def _refuse(reason: str) -> NoReturn:
 def _check_text(data: bytes, limits: Limits) -> None:
     if data.count(b"\n") > limits.prims and len(_PRIM.findall(data)) > limits.prims:
         _refuse(f"holds more than {limits.prims} prims; not opened")
-    if _may_be_deep(data, limits.nesting) and _depth(data) > limits.nesting:
+    if _may_be_deep(data, limits.nesting) and any(
+        depth > limits.nesting for depth in _depths(data)
+    ):
         _refuse(f"is nested more than {limits.nesting} levels deep; not opened")
 
 
@@ -90,10 +92,6 @@ def _may_be_deep(data: bytes, limit: int) -> bool:
             break
         brackets = shorter
     return len(brackets) > limit
-
-
-def _depth(data: bytes) -> int:
-    return max(_depths(data), default=0)
 
 
 def _depth_at_end(data: bytes) -> int:
