@@ -29,7 +29,7 @@ from places import REPOSITORY
 from lab3_usd.data import LAB_VARIABLE
 
 SHARE = 560  # one of so many stages, whatever others there are
-ONCE = 6  # one of so many that once contradicted themselves
+ONCE = 9  # one of so many that once contradicted themselves
 MADE_UP = "acme.clock.PublishClock"  # a name of a node type that only a lab knows
 
 

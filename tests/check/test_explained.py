@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from functools import cache
+from pathlib import Path
+
 import pytest
 from breaking import correct_stage, judged, the_lab
 from explained import unexplained
 from places import SHARED
-from pxr import Usd
 
 from lab3_usd.check.checker import judge
-from lab3_usd.stage.read.opening import open_stage, quiet
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.model.stage import StageModel
+from lab3_usd.stage.read.reader import read_model, read_stage
 
 CORPUS = SHARED / "corpus"
 FILES = sorted(path for path in CORPUS.rglob("*") if path.suffix in {".usd", ".usda", ".usdc"})
 
 
-def left_open(stage: Usd.Stage, checkpoint: str = "05") -> list[str]:
-    lab = the_lab()
-    with quiet():
-        model = read_model(stage, lab.platform, "stage.usda")
+@cache
+def model_of(path: Path) -> StageModel:
+    return read_stage(path, the_lab().platform)
+
+
+def left_open(path: Path, checkpoint: str) -> list[str]:
+    lab, model = the_lab(), model_of(path)
     found = judge(lab, lab.checkpoints[checkpoint], model)
     return unexplained(lab, model, found.requirements, found.findings)
 
@@ -28,7 +33,7 @@ def left_open(stage: Usd.Stage, checkpoint: str = "05") -> list[str]:
 @pytest.mark.parametrize("checkpoint", ["02", "05", "08"])
 def test_what_a_real_stage_loses_is_explained(checkpoint: str) -> None:
     for path in FILES:
-        assert left_open(open_stage(path), checkpoint) == [], path.name
+        assert left_open(path, checkpoint) == [], path.name
 
 
 def test_a_loss_that_nothing_names_is_noticed() -> None:

@@ -10,6 +10,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
@@ -22,7 +23,10 @@ from robot_kinds import faulty_fleet, fleet, pairs
 import lab3_usd
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.check.registry import all_rules
+from lab3_usd.model.finding import Report
+from lab3_usd.pipeline.lint import lint_platform, lint_stage
+from lab3_usd.report.formats.registry import render
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.robots import expected_of
 from lab3_usd.sim.timeline import record
@@ -88,12 +92,18 @@ def linted(stage: Usd.Stage) -> None:
     lint(LintSubject(read_model(stage, platform, "stage.usda"), platform))
 
 
-def faulty(count: int, folder: Path) -> Path:
-    """Write robots of which each has two faults that are repaired."""
-    stage = faulty_fleet(count)
-    path = folder / f"faulty{count}.usda"
-    stage.GetRootLayer().Export(str(path))
-    return path
+@pytest.fixture(scope="module")
+def faulty(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Path]:
+    """Files of robots of which each has two faults that are repaired."""
+    folder = tmp_path_factory.mktemp("faulty")
+
+    @cache
+    def written(count: int) -> Path:
+        stage, path = faulty_fleet(count), folder / f"{count}.usda"
+        stage.GetRootLayer().Export(str(path))
+        return path
+
+    return written
 
 
 def grown(run: Callable[[int], object]) -> dict[str, tuple[int, int]]:
@@ -138,14 +148,22 @@ def test_no_function_of_a_dry_run_takes_more_for_each_robot_where_there_are_more
         ("topics", "-v", "STAGE"),
         ("diff", "STAGE", "STAGE"),
         ("lint", "--isolated", "--quiet", "--format", "html", "STAGE"),
-        ("lint", "--isolated", "--quiet", "--format", "sarif", "STAGE"),
     ],
 )
 def test_no_function_of_a_command_takes_more_for_each_robot_where_there_are_more(
-    arguments: tuple[str, ...], tmp_path: Path
+    arguments: tuple[str, ...], faulty: Callable[[int], Path], tmp_path: Path
 ) -> None:
     def run(count: int) -> None:
-        places = {"STAGE": faulty(count, tmp_path), "FOLDER": tmp_path / "drawn"}
+        places = {"STAGE": faulty(count), "FOLDER": tmp_path / "drawn"}
         assert lab3(*(places.get(word, word) for word in arguments)).returncode in {0, 1}
 
     assert not grown(run)
+
+
+def test_no_function_of_a_format_takes_more_for_each_robot_where_there_are_more(
+    faulty: Callable[[int], Path],
+) -> None:
+    found = cache(lambda count: Report((lint_stage(faulty(count)),)))
+    for count in (FEW, 2 * FEW):
+        found(count)
+    assert not grown(lambda count: render("sarif", found(count), all_rules()))

@@ -13,6 +13,7 @@ from unittest.mock import patch
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 from ros_outputs import good_outputs
+from splines_noted import copy_of
 
 from lab3_usd.data import data_folder
 from lab3_usd.deliverables.nav2 import read_params
@@ -212,10 +213,17 @@ def notes(result: FolderResult) -> list[str]:
 
 def edit_stage(path: Path, change: Callable[[Usd.Stage], object]) -> None:
     """Change a stage file through the USD API."""
-    layer = Sdf.Layer.CreateAnonymous(".usda")
-    layer.TransferContent(Sdf.Layer.FindOrOpen(str(path)))
+    layer = copy_of(_layer(path.read_bytes()))
     change(Usd.Stage.Open(layer))
     layer.Export(str(path))
+
+
+@cache
+def _layer(text: bytes) -> Sdf.Layer:
+    """Read a stage in text once; never changed, only copied."""
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    assert layer.ImportFromString(text.decode())
+    return layer
 
 
 def edit(number: str, change: Callable[[Usd.Stage], object]) -> Fault:

@@ -231,25 +231,23 @@ def find_deliverables(
     root: Path, usable: Sequence[FolderFile], spec: SubmissionSpec
 ) -> dict[str, tuple[str, ...]]:
     """Return the paths of the files that count for each deliverable, by its name."""
-    return {
-        name: tuple(_deliverable_files(root, usable, deliverable, spec))
-        for name, deliverable in spec.deliverables.items()
-    }
-
-
-def _deliverable_files(
-    root: Path, usable: Sequence[FolderFile], deliverable: Deliverable, spec: SubmissionSpec
-) -> Iterator[str]:
     folders, stages = spec.folders, spec.stages
     stage_endings = (*stages.endings, *stages.openable, *stages.slips)
-    for entry in usable:
-        top = entry.path.partition("/")[0].lower() if entry.folder else ""
-        if top in {folders.stages, folders.starter} or entry.name.lower().endswith(stage_endings):
-            continue
-        if deliverable.folder and top not in folders.shown:
-            continue
-        if _counts(root, entry, deliverable):
-            yield entry.path
+    tops = [entry.path.partition("/")[0].lower() if entry.folder else "" for entry in usable]
+    others = [
+        (entry, top in folders.shown)
+        for entry, top in zip(usable, tops, strict=True)
+        if top not in {folders.stages, folders.starter}
+        and not entry.name.lower().endswith(stage_endings)
+    ]
+    return {
+        name: tuple(
+            entry.path
+            for entry, is_shown in others
+            if (is_shown or not deliverable.folder) and _counts(root, entry, deliverable)
+        )
+        for name, deliverable in spec.deliverables.items()
+    }
 
 
 def _counts(root: Path, entry: FolderFile, deliverable: Deliverable) -> bool:
