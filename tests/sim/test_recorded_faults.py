@@ -92,7 +92,7 @@ RECORDINGS: dict[FaultKind, tuple[Callable[[Sent], Iterator[Sent]], str]] = {
     "sideways-drift": (on("/odom", askew), "follows"),
     "wrong-odometry-velocity": (on("/odom", faster), "odometry"),
     "no-localization": (keep, "localization"),
-    "localization-ends": (lambda sent: tied(sent, "map", 1), "localization"),
+    "localization-ends": (lambda sent: tied(sent, "map", 0.3), "localization"),
     "no-goal-sent": (keep, "goal"),
     "goal-not-reached": (lambda sent: aimed(sent, 6), "goal"),
 }

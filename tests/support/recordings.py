@@ -20,7 +20,7 @@ from rosbags.rosbag2 import writer as bag_writer
 from lab3_usd.commands.sim import command as sim_command
 from lab3_usd.sim.bag.writer import STORE
 
-DRIVE = "0.2,0,1.4 0,0,0.3 -0.2,0,1.2 0,0.8,1 0,0,0.4"
+DRIVE = "0.2,0,1.26 0,0,0.2 -0.2,0,1.26 0,0.8,0.5 0,0,0.2"
 
 
 def recorded(folder: Path, name: str = "run") -> Path:
@@ -141,7 +141,7 @@ def faster(said: Any) -> None:
     said.twist.twist.linear.x *= 2
 
 
-def tied(sent: Sent, parent: str, end: int = 100) -> Iterator[Sent]:
+def tied(sent: Sent, parent: str, end: float = 100.0) -> Iterator[Sent]:
     """Add what AMCL sends: the place of odometry in the map."""
     yield sent
     if sent.topic == "/scan" and sent.time < end * 1_000_000_000:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
+from itertools import compress
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import msgspec
@@ -164,11 +165,10 @@ def read_map(path: Path, *, given: bool = True) -> OccupancyMap:
         raise MapError(f"{path} has no resolution, origin or threshold") from error
     if not (resolution > 0 and all(map(math.isfinite, (resolution, x, y, turn)))):
         raise MapError(f"{path} has no resolution, or an invalid origin")
-    walls = frozenset(
-        (index % grid.width, grid.height - 1 - index // grid.width)
-        for index, value in enumerate(grid.cells)
-        if (value if is_negated else _WHITE - value) / _WHITE > threshold
-    )
+    greys = range(_WHITE + 1)
+    marks = bytes((v if is_negated else _WHITE - v) / _WHITE > threshold for v in greys)
+    occupied = compress(range(len(grid.cells)), grid.cells.translate(marks))
+    walls = frozenset((at % grid.width, grid.height - 1 - at // grid.width) for at in occupied)
     return OccupancyMap(path.name, resolution, (x, y, turn), grid.width, grid.height, walls, given)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 from msgspec import Struct
 
@@ -47,9 +48,15 @@ class OccupancyMap(Struct, frozen=True):
 
     def walls_within(self, cells: int) -> frozenset[Cell]:
         """Return the cells that are no further than so many from a wall, diagonals included."""
-        steps = range(-cells, cells + 1)
-        beside = {(u + i, v) for u, v in self.walls for i in steps}
-        return frozenset({(u, v + j) for u, v in beside for j in steps})
+        return _within(self.walls, cells)
+
+
+@lru_cache(maxsize=4)
+def _within(walls: frozenset[Cell], cells: int) -> frozenset[Cell]:
+    """Return the cells around walls; the runs of a class are laid on one map."""
+    steps = range(-cells, cells + 1)
+    beside = {(u + i, v) for u, v in walls for i in steps}
+    return frozenset({(u, v + j) for u, v in beside for j in steps})
 
 
 class MapFit(Struct, frozen=True):

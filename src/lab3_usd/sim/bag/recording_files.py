@@ -8,6 +8,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
+from functools import lru_cache
 from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 from typing import IO, Any, NamedTuple, TypeVar, cast
@@ -120,7 +121,7 @@ def bound_readers(unpacker: Unpacker, files: int, most: int) -> Iterator[None]:
         "lz4": lambda data, size: unpacker.lz4(data, min(size, LARGEST_CHUNK)),
     }
     for library in libraries:
-        library.parse_qos = _bound_parser(parse, files, most)
+        library.parse_qos = _bound_parser(files, most)
     try:
         yield
     finally:
@@ -129,9 +130,8 @@ def bound_readers(unpacker: Unpacker, files: int, most: int) -> Iterator[None]:
             library.parse_qos = parse
 
 
-def _bound_parser(parse: Callable[[str], Any], files: int, most: int) -> Callable[[str], Any]:
-    """Return what parses each text once, and no more than so many times in each file."""
-    profiles: dict[str, Any] = {}
+def _bound_parser(files: int, most: int) -> Callable[[str], Any]:
+    """Return what parses each text once, and no more than so many texts in each file."""
     times = 0
 
     def parsed(text: str) -> Any:
@@ -139,11 +139,17 @@ def _bound_parser(parse: Callable[[str], Any], files: int, most: int) -> Callabl
         times += 1
         if times > most * files:
             raise RecordingError(too_many(most))
-        if text not in profiles:
-            profiles[text] = parse(text if len(text) <= LARGEST_PROFILE else "")
-        return profiles[text]
+        return _profiles(text if len(text) <= LARGEST_PROFILE else "")
 
     return parsed
+
+
+@lru_cache(maxsize=256)
+def _profiles(text: str) -> Any:
+    """Return the profiles of a text; the recordings of a class offer the same."""
+    from rosbags.rosbag2.metadata import parse_qos
+
+    return parse_qos(text)
 
 
 def too_many(most: int) -> str:
