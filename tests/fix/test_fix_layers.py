@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -23,9 +24,17 @@ RIGHT, WRONG = b"inputs:wheelRadius = 0.025", b"inputs:wheelRadius = 0.033"
 IN_TEXT = [layering for layering in LAYERINGS if "binary" not in layering.__name__]
 
 
-def with_a_wrong_value(layering: Layering, folder: Path) -> Path:
-    build_starter(folder / "supplied.usda")
-    path = layering(folder, folder / "supplied.usda", "02", Style())
+@pytest.fixture(scope="module")
+def supplied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The starter of the lab."""
+    path = tmp_path_factory.mktemp("supplied") / "supplied.usda"
+    build_starter(path)
+    return path
+
+
+def with_a_wrong_value(layering: Layering, folder: Path, supplied: Path) -> Path:
+    starter = Path(shutil.copy(supplied, folder))
+    path = layering(folder, starter, "02", Style())
     for file in folder.iterdir():
         file.write_bytes(file.read_bytes().replace(RIGHT, WRONG))
     return path
@@ -39,8 +48,9 @@ def test_a_value_in_any_layer_is_repaired(
     layering: Layering,
     root_only: bool,  # noqa: FBT001 - a parameter of the test
     tmp_path: Path,
+    supplied: Path,
 ) -> None:
-    path = with_a_wrong_value(layering, tmp_path)
+    path = with_a_wrong_value(layering, tmp_path, supplied)
     fixed = fix_stage(path, "02", load_lab(), FixOptions(root_only=root_only))
     assert has_errors(fixed.before)
     for file, data in fixed.files.items():

@@ -150,6 +150,7 @@ def test_the_commands_that_read_stages_follow_it(
     made.GetRootLayer().Export(str(whole))
     words = {
         "fix": ["--lint"],
+        "sim": ["--drive", "0.1,0,0.3"],
         "check": ["--checkpoint", "00"],
         "draw": ["--out", str(tmp_path / "pictures"), "--format", "dot", "--force"],
         "diff": [str(whole)],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +47,7 @@ def _position(path: Path, keys: Sequence[str]) -> tuple[int, int]:
     try:
         if path.stat().st_size > _LARGEST:
             return 1, 1
-        text = path.read_bytes()
-        refuse_deep(text)
-        node = yaml.compose(text, Loader=_Loader)
+        node = _composed(path.read_bytes())
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         return (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
@@ -61,6 +60,13 @@ def _position(path: Path, keys: Sequence[str]) -> tuple[int, int]:
             mark, inner = found
             node = node if isinstance(inner, yaml.ScalarNode) else inner
     return (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
+
+
+@lru_cache(maxsize=8)
+def _composed(text: bytes) -> Any:
+    """Return the nodes of a file, of which several messages may speak."""
+    refuse_deep(text)
+    return yaml.compose(text, Loader=_Loader)
 
 
 def _names(key: str) -> Sequence[str]:
