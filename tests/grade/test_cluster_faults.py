@@ -108,6 +108,7 @@ def alone(place: Path) -> dict[str, bytes]:
 
 @pytest.fixture
 def server(place: Path) -> Iterator[WebServer]:
+    forking.preload("fsspec.implementations.http")
     with served(place.parent) as running:
         yield running
 

@@ -23,7 +23,7 @@ import pytest
 from mini_lab import starter, submission
 from msgspec.structs import replace
 from pxr import Sdf, Tf
-from waiting import eventually
+from waiting import eventually, has_ended
 
 from lab3_usd.grade.awake import AwakeClock
 from lab3_usd.grade.intake import scratch
@@ -104,8 +104,6 @@ for line in sys.stdin:
         signal.setitimer(signal.ITIMER_PROF, limit / 2)
     while student == "early" or student.startswith("computes"):
         pass
-    if student == "busy":
-        hurry()
     while student == "busy":
         say({"open": "second.usda"})
         time.sleep(0.1)
@@ -130,6 +128,8 @@ for line in sys.stdin:
         os.close(1)
     if student == "parts" and os.fork():
         os._exit(0)
+    if student == "parts":
+        open("part", "w").write(str(os.getpid()))
     if student.endswith("once") and not os.path.exists("../../../once"):
         open("../../../once", "w").close()
         hurry()
@@ -146,7 +146,7 @@ STUDENT = Limits(seconds=0.2, answer_size=MEGABYTE)
 # For workers that hang: by the clock only fifteen times as long as they may compute.
 IMPATIENT = replace(STUDENT, all_times=3.0, clock_times=15.0, clock_least=0.0)
 CLOSING = replace(IMPATIENT, clock_times=0.5)  # what closes its pipe is not waited for longer
-TIMED = replace(IMPATIENT, clock_times=1.0)  # by the clock of this computer
+TIMED = replace(IMPATIENT, seconds=100, all_times=0.0004, clock_times=5.0)  # by a real clock
 
 
 @dataclass
@@ -268,30 +268,22 @@ def test_processor_time_is_counted_for_a_file_and_for_all(student: str, how: str
 
 
 def test_progress_without_end_is_ended_by_the_clock(odd: PoolSettings) -> None:
-    limits = replace(IMPATIENT, seconds=100, all_times=0.001)
-    worker = start_worker(replace(odd, limits=limits))
+    worker = start_worker(replace(odd, limits=TIMED))
     try:
         with pytest.raises(WorkerDiedError) as died:
             ask(worker, task("busy"), never_stopped)
     finally:
         end_worker(worker)
-    assert died.value.how == "ran out of time (1.5 s by the clock for all files)"
+    assert died.value.how == "ran out of time (0.2 s by the clock for all files)"
 
 
-def test_what_a_worker_left_running_goes_with_it(odd: PoolSettings) -> None:
-    worker = start_worker(replace(odd, limits=TIMED))
+def test_what_a_worker_left_running_goes_with_it(impatient: PoolSettings) -> None:
+    worker = start_worker(impatient)
     with pytest.raises(WorkerDiedError):
         ask(worker, task("parts"), never_stopped)
+    part = int((worker.scratch / "part").read_text())
     end_worker(worker)
-    assert eventually(lambda: not group_exists(worker.process.pid))
-
-
-def group_exists(number: int) -> bool:
-    try:
-        os.killpg(number, 0)
-    except ProcessLookupError:
-        return False
-    return True
+    assert eventually(lambda: has_ended(part))
 
 
 @pytest.mark.parametrize(

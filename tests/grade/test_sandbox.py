@@ -11,7 +11,7 @@ from typing import Any
 
 import forking
 import pytest
-from waiting import eventually
+from waiting import eventually, has_ended
 
 from lab3_usd.grade.workers.sandbox import fence_files
 
@@ -150,4 +150,4 @@ def test_a_worker_dies_with_the_process_that_started_it(tmp_path: Path) -> None:
         "os._exit(0)\n"
     )
     child = int(confined(code, tmp_path))
-    assert eventually(lambda: not Path(f"/proc/{child}").exists())
+    assert eventually(lambda: has_ended(child))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 
 def eventually(holds: Callable[[], object]) -> bool:
@@ -14,3 +16,15 @@ def eventually(holds: Callable[[], object]) -> bool:
             return False
         threading.Event().wait(0.05)
     return True
+
+
+def has_ended(process: int) -> bool:
+    """Whether a process is gone, or is there for whoever started it to ask how it ended."""
+    try:
+        os.kill(process, 0)
+        state = Path(f"/proc/{process}/stat").read_text(encoding="utf-8").rpartition(") ")[2]
+    except ProcessLookupError:
+        return True
+    except FileNotFoundError:  # this system has no such files, or it is gone by now
+        return False
+    return state.startswith("Z")

@@ -114,12 +114,14 @@ class Dispatch:
                     self.look()
                     done = [*self._give(waiting), *self._landed()]
                 yield from done
-                if not self._flying and not self._again and not done:
+                if self._flying or done:
+                    continue
+                if not self._again:  # nobody has judged for a while
                     task = next(waiting, None)
                     if task is None:
                         return
-                    self._again.append(TaskAttempt(task))  # nobody has judged for a while
-                    time.sleep(_POLL_INTERVAL)
+                    self._again.append(TaskAttempt(task))
+                time.sleep(_POLL_INTERVAL)
 
     def _able(self) -> list[ClusterMachine]:
         return [machine for machine in self._machines.values() if not machine.out]
