@@ -23,8 +23,9 @@ pytest_plugins = ["pytester"]
 # Where the package is installed, pytest loads the plugin by itself, and refuses to do so twice.
 INSTALLED = "lab3" in {point.name for point in entry_points(group="pytest11")}
 PLUGIN = () if INSTALLED else ("-p", "lab3_usd.pytest_plugin")
-# In each of these runs, they import all of Hypothesis and of trio anew, and search for garbage.
-OTHERS = ("-pno:hypothesispytest", "-pno:anyio", "-pno:unraisableexception")
+# In each of these runs, others import all of Hypothesis and of trio anew, and search for garbage.
+WITHOUT = ["hypothesispytest", "anyio", "xdist", "xdist.looponfail", "pytest_cov", "timeout"]
+OTHERS = ("--assert=plain", *(f"-pno:{name}" for name in [*WITHOUT, "unraisableexception"]))
 
 
 @pytest.fixture
