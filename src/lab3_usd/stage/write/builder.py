@@ -185,6 +185,8 @@ def _checkpoint_layers(
     for checkpoint in lab.checkpoints.values():
         layer = growing
         if checkpoint.optional:  # nothing grows on it
+            if checkpoint.id not in targets:
+                continue
             layer = Sdf.Layer.CreateAnonymous(".usda")
             layer.TransferContent(growing)
         with Sdf.ChangeBlock():
@@ -207,7 +209,9 @@ def _checkpoint_layers(
         if not checkpoint.optional:
             before = graphs
         if checkpoint.id in targets:
-            yield targets[checkpoint.id], layer
+            yield targets.pop(checkpoint.id), layer
+            if not targets:
+                return
 
 
 def _author_names(layer: Sdf.Layer, lab: Lab, path: str) -> None:
@@ -229,13 +233,15 @@ def _copy_for(source: Sdf.Layer, folder: Path) -> Sdf.Layer:
     copy.TransferContent(source)
     # usd-core drops `..` from paths as written, without following links; so does this.
     start = Path(os.path.abspath(folder))  # noqa: PTH100 - Path.resolve() follows links
-    if Path(source.realPath).parent != start or source.GetFileFormat().IsPackage():
+    if source.realPath and (
+        Path(source.realPath).parent != start or source.GetFileFormat().IsPackage()
+    ):
         UsdUtils.ModifyAssetPaths(copy, lambda path: _from_folder(path, source, start))
     return copy
 
 
 def _from_folder(path: str, source: Sdf.Layer, folder: Path) -> str:
-    if not path or _URI.match(path) or path.startswith("/") or not source.realPath:
+    if not path or _URI.match(path) or path.startswith("/"):
         return path
     absolute = Sdf.ComputeAssetPathRelativeToLayer(source, path)
     if not absolute.startswith("/"):
