@@ -1,4 +1,7 @@
-"""Each rule about graphs against its case file: what breaks it, what is said, what clears it."""
+"""Each rule about graphs against its case file: what breaks it, what is said, what clears it.
+
+A case that names no checkpoint is judged at the first that has the graphs of its lines.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from breaking import broken, judged, place
+from breaking import broken, judged, place, the_lab
 from golden import assert_golden, findings_text
 from places import TESTS
 
@@ -16,6 +19,7 @@ from lab3_usd.check.checker import Judgement
 from lab3_usd.model.finding import Finding, ordered
 
 FOLDER = TESTS / "cases"
+LAST = "05"  # which has all graphs
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,13 +38,23 @@ def _cases() -> tuple[list[Case], list[Case]]:
     triggers, clearing = [], []
     for path in sorted(FOLDER.glob("*.yaml")):
         content = quick_yaml.load(path.read_text())
-        checkpoint = content.get("checkpoint", "05")
         entries = {"": content, **content.get("more", {})}
         for name, entry in entries.items():
-            found = (entry.get("checkpoint", checkpoint), entry["break"], entry["expect"])
+            steps, lines = entry["break"], [*entry["expect"], *entry.get("notes", [])]
+            checkpoint = entry.get("checkpoint", content.get("checkpoint", ""))
+            found = (checkpoint or _first_with(steps, lines), steps, entry["expect"])
             triggers.append(Case(path.stem, name, *found, entry.get("notes", [])))
+        checkpoint = content.get("checkpoint", "") or _first_with(content)
         clearing.append(Case(path.stem, "", checkpoint, content["clear"], [], []))
     return triggers, clearing
+
+
+def _first_with(*parts: object) -> str:
+    """Return the first checkpoint that has the graphs which these parts of a case name."""
+    text, lab = str(parts), the_lab()
+    named = {name for name in lab.graphs if name in text}
+    fitting = (each.id for each in lab.checkpoints.values() if named <= {*each.graphs})
+    return next(fitting) if named else LAST
 
 
 TRIGGERS, CLEARING = _cases()
