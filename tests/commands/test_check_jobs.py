@@ -65,9 +65,12 @@ def stages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 @pytest.fixture(scope="module")
 def submissions(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """A submission with a wrong stage, and one that lacks a stage."""
+    """A submission with a wrong stage, and one that lacks a stage, of the first ones."""
     folder = tmp_path_factory.mktemp("class")
     found = [write_submission(folder / name) for name in ("ana", "ben")]
+    for work in found:
+        for number in ("04", "05", "06", "07", "08"):
+            delete(stage_name(number))(work)
     edit("03", set_topic)(found[0])
     delete(stage_name("02"))(found[1])
     return found
@@ -153,7 +156,7 @@ def test_a_submission_that_ends_its_process_is_a_crash(
     submissions: list[Path], tmp_path: Path
 ) -> None:
     fatal = Path(shutil.copytree(submissions[0], tmp_path / "dan"))
-    shutil.copy(hostile("nested_prims", tmp_path / "fatal"), fatal / stage_name("05"))
+    shutil.copy(hostile("nested_prims", tmp_path / "fatal"), fatal / stage_name("01"))
     done = check("--format", "json", "--jobs", 2, fatal, submissions[1])
     assert done.exit_code == 3
     report = json.loads(done.stdout)

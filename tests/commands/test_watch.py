@@ -119,6 +119,12 @@ def news(result: Result) -> list[str]:
     return re.findall(r": (\d+ repaired, \d+ new.*?) left$", result.stdout, re.MULTILINE)
 
 
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wait for no other half of a save."""
+    monkeypatch.setattr(watching, "PATIENCE", 0.0)
+
+
 # ---- what is judged again
 
 
@@ -145,10 +151,10 @@ def test_another_wrong_value_is_a_change(watch: Callable[..., Result], stage: Pa
     assert news(result)[1] == "0 repaired, 0 new, 1 changed; 1 error"
 
 
+@pytest.mark.usefixtures("impatient")
 def test_what_a_damaged_save_may_still_have_is_not_repaired(
-    watch: Callable[..., Result], stage: Path, monkeypatch: pytest.MonkeyPatch
+    watch: Callable[..., Result], stage: Path
 ) -> None:
-    monkeypatch.setattr(watching, "PATIENCE", 0.0)
     damaged = WORSE.replace(b"def ", b"fed ", 1)
     saves = [write(stage, each) for each in (WORSE, damaged, damaged, WRONG)]
     assert news(watch(saves, stage)) == [
@@ -250,6 +256,7 @@ def test_another_starter_counts_for_every_stage(watch: Callable[..., Result], st
     assert news(result) == ["0 repaired, 1 new; 1 error"]
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_layer_of_the_starter_counts_for_every_stage(
     watch: Callable[..., Result], stage: Path
 ) -> None:
@@ -265,6 +272,7 @@ def test_a_layer_of_the_starter_counts_for_every_stage(
     assert news(result)[-1] == "1 repaired, 0 new; nothing"
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_starter_that_stays_broken_is_told_and_the_watch_goes_on(
     watch: Callable[..., Result], stage: Path
 ) -> None:
@@ -374,6 +382,7 @@ def test_a_binary_layer_is_whole_only_with_all_its_sections(tmp_path: Path) -> N
     assert not may_be_whole(tmp_path / "nowhere.usd")
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_file_that_stays_broken_is_told(watch: Callable[..., Result], stage: Path) -> None:
     result = watch([write(stage, b"#usda 1.0\nnonsense"), write(stage, RIGHT)], stage)
     assert news(result) == ["0 repaired, 1 new; 1 error", "1 repaired, 0 new; nothing"]
