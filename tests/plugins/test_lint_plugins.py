@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -50,40 +49,39 @@ def told(path):
         yield error.GetName(), str(prim.GetPath())
 print(json.dumps([[*told(path)] for path in sys.argv[1:]]))
 """
-NVIDIA = """
-import json, sys
-import usd_validation_nvidia as module
-from lab3_usd.plugins.nvidia import rule_class
-engine = module.ValidationEngine(init_rules=False, variants=False)
-engine.enable_rule(rule_class(module))
-def told(path):
-    for each in engine.validate(path).issues():
-        yield each.message.split()[0], str(each.at.path)
-print(json.dumps([[*told(path)] for path in sys.argv[1:]]))
-"""
 
 
 def by_openusd(paths: list[Path]) -> list[Told]:
     validation = pytest.importorskip("pxr.UsdValidation")
     if not hasattr(validation.ValidationRegistry, "RegisterPluginStageValidator"):
         pytest.skip("this usd-core takes no validators of Python")
-    return told_in(OPENUSD, paths, PXR_PLUGINPATH_NAME=str(PLUGIN))
+    done = subprocess.run(
+        [sys.executable, "-c", OPENUSD, *map(str, paths)],
+        env={**os.environ, "PXR_PLUGINPATH_NAME": str(PLUGIN)},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    said = json.loads(done.stdout.splitlines()[-1])
+    return [sorted((rule, prim) for rule, prim in told) for told in said]
 
 
 def by_nvidia(paths: list[Path]) -> list[Told]:
-    if find_spec("usd_validation_nvidia") is None:
-        pytest.skip("the extra 'nvidia' is not installed")
-    return told_in(NVIDIA, paths)
-
-
-def told_in(code: str, paths: list[Path], **environment: str) -> list[Told]:
-    """Return what another validator tells of each stage in a process of its own."""
-    command = [sys.executable, "-c", code, *map(str, paths)]
-    done = subprocess.run(
-        command, capture_output=True, text=True, check=True, env={**os.environ, **environment}
+    module = pytest.importorskip(
+        "usd_validation_nvidia", reason="the extra 'nvidia' is not installed"
     )
-    said = json.loads(done.stdout.splitlines()[-1])
-    return [sorted((rule, prim) for rule, prim in told) for told in said]
+    return [told_by(validated(path, nvidia.rule_class(module))) for path in paths]
+
+
+def validated(path: Path, rule: type) -> Any:
+    """Return what NVIDIA's validator tells with one rule."""
+    import usd_validation_nvidia as module
+
+    engine = module.ValidationEngine(init_rules=False, variants=False)
+    engine.enable_rule(rule)
+    return engine.validate(str(path)).issues()
+
+
+def told_by(issues: Any) -> Told:
+    return sorted((each.message.split()[0], str(each.at.path)) for each in issues)
 
 
 FAULTS = quick_yaml.load((TESTS / "lint_faults.yaml").read_text())
@@ -180,16 +178,13 @@ def mistaken(tmp_path: Path) -> Path:
 
 def checked_by_nvidia(path: Path) -> Any:
     module = pytest.importorskip("usd_validation_nvidia")
-    engine = module.ValidationEngine(init_rules=False, variants=False)
-    engine.enable_rule(nvidia.checkpoint_rule_class(module))
-    return engine.validate(str(path)).issues()
+    return validated(path, nvidia.checkpoint_rule_class(module))
 
 
 def test_a_stage_of_the_lab_is_checked_as_the_command_does(mistaken: Path) -> None:
     told = sorted((finding.rule, finding.prim) for finding in check_stage(mistaken).findings)
     assert len(told) == 3
-    issues = checked_by_nvidia(mistaken)
-    assert sorted((issue.message.split()[0], str(issue.at.path)) for issue in issues) == told
+    assert told_by(checked_by_nvidia(mistaken)) == told
 
 
 def test_safe_repairs_are_suggestions_which_repair(mistaken: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import subprocess
 import sys
 from typing import Any
@@ -81,22 +80,24 @@ def full_document() -> dict[str, Any]:
 
 
 def test_the_schema_refuses_unknown_keys_at_every_level() -> None:
-    count = len(every_object(full_document()))
-    for index in range(count):
-        document = full_document()
-        every_object(document)[index]["surprise"] = 1
-        assert problems_of(document), every_object(document)[index]
+    document = full_document()
+    for each in every_object(document):
+        each["surprise"] = 1
+        assert problems_of(document), each
+        del each["surprise"]
+    assert not problems_of(document)
 
 
 def test_the_schema_refuses_missing_keys_at_every_level() -> None:
     optional = {"submissions", "error", "requirements", "crashes"}
-    original = full_document()
-    for index, found in enumerate(every_object(original)):
-        for key, value in found.items():
-            document = copy.deepcopy(original)
-            del every_object(document)[index][key]
+    document = full_document()
+    for found in every_object(document):
+        for key, value in [*found.items()]:
+            del found[key]
             may_be_missing = key in optional and not isinstance(value, str)
-            assert bool(problems_of(document)) != may_be_missing, (key, found)
+            assert validator().is_valid(document) == may_be_missing, (key, found)
+            found[key] = value
+    assert not problems_of(document)
 
 
 @pytest.mark.parametrize(
