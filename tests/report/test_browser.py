@@ -48,7 +48,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         rover.GetRootLayer().Export(str(path))
     reports = {
         "clean": judged(stages(folder / "clean", None, "02")),
-        "faulty": judged(whole[-1:]),
+        "faulty": judged(whole[2:3]),
         "submission": judged(
             whole, type(about)(str(folder / "submission"), about.findings, about.checklist)
         ),
@@ -217,7 +217,7 @@ def test_only_a_page_that_was_not_graded_opens_files(
 
 
 def test_every_severity_can_be_switched_off(chromium: Browser, pages: dict[str, Path]) -> None:
-    chromium.open(pages["faulty"])
+    chromium.open(pages["submission"])
     assert len(chromium.shown(".card.error")) >= 6
     chromium.one(".toggle.error").click()
     assert chromium.shown(".card.error") == []
@@ -351,7 +351,7 @@ def test_a_finding_lights_its_port(
 def test_a_port_shows_its_finding_even_where_the_filter_hides_it(
     chromium: Browser, pages: dict[str, Path]
 ) -> None:
-    chromium.open(pages["faulty"])
+    chromium.open(pages["submission"])
     chromium.one(".toggle.error").click()
     assert chromium.shown(".card.error") == []
     port = chromium.with_text(".picture a", "topicName")
@@ -382,7 +382,7 @@ def stops(chromium: Browser, pages: dict[str, Path]) -> list[tuple[str, str, boo
     """Where the tabulator key stops: the element, its class or name, and whether it is visible."""
     from selenium.webdriver.common.keys import Keys
 
-    chromium.open(pages["faulty"])
+    chromium.open(pages["submission"])
     chromium.run(
         "window.seen = []; addEventListener('focusin', ({target: e}) => window.seen.push("
         "[e.localName, e.className.baseVal ?? (e.className || e.name || ''), e.checkVisibility()]))"
