@@ -99,24 +99,24 @@ def _entries(
             else:
                 yield from _entries(root, real_root, names)
             continue
-        yield FolderFile("/".join(names), _refusal_text(Path(entry.path), real_root))
+        yield FolderFile("/".join(names), _refusal_text(entry, real_root))
 
 
-def _refusal_text(path: Path, real_root: Path) -> str:
+def _refusal_text(entry: os.DirEntry[str], real_root: Path) -> str:
     """Say why a file is not opened; '' for a plain file that can be read."""
     try:
-        if path.is_symlink():
-            target = path.resolve(strict=True)
+        if entry.is_symlink():
+            target = Path(entry.path).resolve(strict=True)
             if not target.is_relative_to(real_root):
                 return "is a link that leads out of the submission"
-        mode = path.stat().st_mode
+        mode = entry.stat().st_mode
     except (OSError, RuntimeError):
         return "is a link that leads nowhere"
     if stat.S_ISDIR(mode):
         return "is a link to a folder"
     if not stat.S_ISREG(mode):
         return "is no file but a pipe, socket or device"
-    return "" if os.access(path, os.R_OK) else "cannot be read: permission denied"
+    return "" if os.access(entry.path, os.R_OK) else "cannot be read: permission denied"
 
 
 def _starter(usable: Sequence[FolderFile], folder: str, spec: SubmissionSpec) -> str | None:
@@ -235,32 +235,34 @@ def find_deliverables(
     stage_endings = (*stages.endings, *stages.openable, *stages.slips)
     tops = [entry.path.partition("/")[0].lower() if entry.folder else "" for entry in usable]
     others = [
-        (entry, top in folders.shown)
+        (entry, entry.name.lower(), top in folders.shown)
         for entry, top in zip(usable, tops, strict=True)
         if top not in {folders.stages, folders.starter}
         and not entry.name.lower().endswith(stage_endings)
     ]
+    endings = [PurePosixPath(name).suffix for _, name, _ in others]
     return {
         name: tuple(
             entry.path
-            for entry, is_shown in others
-            if (is_shown or not deliverable.folder) and _counts(root, entry, deliverable)
+            for (entry, own, is_shown), ending in zip(others, endings, strict=True)
+            if (is_shown or not deliverable.folder)
+            and _counts(root, entry.path, own, ending, deliverable)
         )
         for name, deliverable in spec.deliverables.items()
     }
 
 
-def _counts(root: Path, entry: FolderFile, deliverable: Deliverable) -> bool:
-    name = entry.name.lower()
+def _counts(root: Path, path: str, name: str, ending: str, deliverable: Deliverable) -> bool:
+    """Whether a file counts for a deliverable, by its name in small letters and its content."""
     if any(fnmatchcase(name, pattern) for pattern in deliverable.never):
         return False
-    if PurePosixPath(name).suffix in deliverable.endings:
+    if ending in deliverable.endings:
         return True
     if not any(fnmatchcase(name, pattern) for pattern in deliverable.names):
         return False
     if not deliverable.links:
         return True
-    addresses = _ADDRESS.findall(_bytes(root / entry.path).decode("utf-8", errors="replace"))
+    addresses = _ADDRESS.findall(_bytes(root / path).decode("utf-8", errors="replace"))
     return any(link in address.lower() for address in addresses for link in deliverable.links)
 
 
