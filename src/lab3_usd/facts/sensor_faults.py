@@ -62,12 +62,22 @@ def faults_of(prim: Prim, platform: Platform, stage: StageModel) -> tuple[Sensor
 @once_per_stage
 def _faults_at(stage: StageModel, platform: Platform, path: str) -> tuple[SensorFault, ...]:
     prim = stage.prims[path]
-    values = values_of(prim, platform, stage)
+    # A missing asset may be above one of several that are alike.
+    alike = (prim.type, prim.apis, stage.unknown(path) is None)
+    return known_faults(platform, values_of(prim, platform, stage), alike)
+
+
+def known_faults(
+    platform: Platform, values: SensorValues, alike: tuple[object, ...] = ()
+) -> tuple[SensorFault, ...]:
+    """Return what `sensor_faults` does, and keep it: many robots are alike, and many stages.
+
+    Sensors with the same values are `alike` where nothing else says what attributes they have.
+    """
     if any(isinstance(value, tuple) and len(value) > _LONG for value in values.written.values()):
         return sensor_faults(platform, values)
     known = _known_faults(platform)
-    # Many robots are alike, and many stages. A missing asset may be above one of them.
-    key = (prim.type, prim.apis, stage.unknown(path) is None, repr([*values.written.items()]))
+    key = (alike or values.apis, repr([*values.written.items()]))
     if key not in known:
         if len(known) >= _MOST_KNOWN:
             known.clear()

@@ -421,5 +421,7 @@ def in_unit(ranges: tuple[float, ...], unit: float) -> tuple[float, ...]:
 
 def in_metres(place: Affine, unit: float) -> Affine:
     """Return a place with its origin in another unit."""
+    if unit == 1.0:
+        return place
     x, y, z = place.origin
     return Affine(place.rows, (x * unit, y * unit, z * unit))

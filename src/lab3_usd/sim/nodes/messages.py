@@ -38,7 +38,11 @@ def read_imu(node: NodeInstance, world: World) -> bool:
     seen = back.turn(velocity)
     last: Vector = node.memory.get("velocity", seen)
     node.memory.update(place=now, velocity=seen)
-    pull = back.turn(_gravity(world)) if node.flag("readGravity", world) else NO_VECTOR
+    pull = NO_VECTOR
+    if node.flag("readGravity", world):
+        if "gravity" not in node.memory:
+            node.memory["gravity"] = _gravity(world)
+        pull = back.turn(node.memory["gravity"])
     node.outputs.update(
         linAcc=tuple((v - u) / world.dt + g for v, u, g in zip(seen, last, pull, strict=True)),
         angVel=back.turn(turning),
@@ -50,7 +54,7 @@ def read_imu(node: NodeInstance, world: World) -> bool:
 
 def _motion(before: Affine | None, now: Affine, dt: float) -> tuple[Vector, Vector]:
     """Return how fast something moved and turned in the last step."""
-    if before is None:
+    if before is None or before == now:
         return NO_VECTOR, NO_VECTOR
     x, y, z = ((n - b) / dt for n, b in zip(now.origin, before.origin, strict=True))
     turns = (cross(column(before.rows, axis), column(now.rows, axis)) for axis in range(3))

@@ -149,14 +149,15 @@ def _joints(node: NodeInstance, world: World, machine: Machine) -> list[Joint] |
                 node.fails(f"'{name}' is excluded from the articulation", "excluded-joint")
             else:
                 node.fails(f"the robot has no joint '{name}' that turns", "unknown-joint")
-    every = list(machine.articulated.values())
     indices = node.numbers("jointIndices", world)
     if any(indices) and not memory["names"]:
-        memory["joints"] = joints_at(node, every, indices)
+        memory["joints"] = joints_at(node, [*machine.articulated.values()], indices)
         if memory["joints"] is None:
             return None
     joints: list[Joint] | None = memory["joints"]
-    return every if joints is None and not memory["names"] else joints
+    if joints is None and not memory["names"]:
+        return [*machine.articulated.values()]
+    return joints
 
 
 def joints_at(

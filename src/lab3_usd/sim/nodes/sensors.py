@@ -10,7 +10,7 @@ import math
 
 from msgspec.structs import replace
 
-from lab3_usd.facts.sensor_faults import sensor_faults
+from lab3_usd.facts.sensor_faults import known_faults
 from lab3_usd.facts.sensor_values import SensorValues, entries, sensor_values, size
 from lab3_usd.isaac.behaviour import SensorOf
 from lab3_usd.isaac.sensor_models import LidarNames
@@ -225,7 +225,7 @@ def _publish(node: NodeInstance, world: World, prim: ScenePrim, product: Product
 def _refused(world: World, prim: ScenePrim, *, is_scan: bool) -> str:
     """Return why a lidar does not start, '' where it does or a missing asset may say so."""
     is_there = prim.path not in world.scene.missing
-    for fault in sensor_faults(world.platform, values_in(world, prim)):
+    for fault in known_faults(world.platform, values_in(world, prim)):
         if fault.stops(is_scan=is_scan) and (is_there or not fault.is_open):
             return fault.message
     return ""

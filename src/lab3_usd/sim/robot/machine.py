@@ -212,15 +212,17 @@ class Machine(Struct):
     steps: dict[str, tuple[Affine, Affine]] = field(default_factory=dict)  # as kept by `_step`
     firm: dict[str, Affine] = field(default_factory=dict)  # the bodies that never move in the base
     now: Posture | None = None  # as it stands, once somebody asked
+    articulated: dict[str, Joint] = field(default_factory=dict)  # those that its controllers know
 
     def link_of(self, joint: Joint) -> str:
         """Return the body that hangs on a joint."""
         return next(link for link, parent in self.parents.items() if parent is joint)
 
-    @property
-    def articulated(self) -> dict[str, Joint]:
-        """The joints that the articulation knows."""
-        return {name: joint for name, joint in self.joints.items() if not joint.excluded}
+    def __post_init__(self) -> None:
+        """Find the joints that the articulation knows."""
+        self.articulated = {
+            name: joint for name, joint in self.joints.items() if not joint.excluded
+        }
 
     def reset(self) -> None:
         """Go back to where playing starts."""
