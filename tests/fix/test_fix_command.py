@@ -366,22 +366,17 @@ def test_what_custom_data_ignores_is_not_repaired(tmp_path: Path) -> None:
     assert (fix(path, "--in-place").exit_code, path.read_bytes()) == (0, old)
 
 
-@pytest.mark.parametrize(
-    "configuration",
-    [
+def test_what_the_configuration_leaves_out_is_not_repaired(tmp_path: Path) -> None:
+    path = saved(tmp_path, WRONG_RADIUS)
+    old = path.read_bytes()
+    for configuration in (
         'ignore = ["P01"]',
         'select = ["W"]',
         '[per-file-ignores]\n"*_ros_drive*" = ["P"]',
         '[severity]\nP01 = "note"',
-    ],
-)
-def test_what_the_configuration_leaves_out_is_not_repaired(
-    tmp_path: Path, configuration: str
-) -> None:
-    path = saved(tmp_path, WRONG_RADIUS)
-    (tmp_path / "lab3.toml").write_text(configuration)
-    old = path.read_bytes()
-    assert (fix(path, "--in-place").exit_code, path.read_bytes()) == (0, old)
+    ):
+        (tmp_path / "lab3.toml").write_text(configuration)
+        assert (fix(path, "--in-place").exit_code, path.read_bytes()) == (0, old), configuration
     fix(path, "--in-place", "--isolated")
     assert check_stage(path).verdict == "pass"
 
@@ -586,7 +581,7 @@ def test_a_stage_with_an_attribute_for_a_relationship_is_compared_and_played(
     path = written(stage, tmp_path, "05")
     result = against_starter(check_stage(path), open_starter(starter, load_lab()), load_lab())
     assert [finding.rule for finding in result.findings if finding.severity == "error"] == ["S08"]
-    assert dry_run(path, load_lab(), "05").behaviour.verdict == "bad"
+    assert dry_run(path, load_lab(), "05", "0.15,0,0.6 0,0.8,0.4").behaviour.verdict == "bad"
 
 
 def test_a_node_that_works_in_another_graph_is_not_added_again(tmp_path: Path) -> None:

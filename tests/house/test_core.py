@@ -18,7 +18,7 @@ else:
 
 CALLS = (
     "starter -o starter.usda",
-    "build starter.usda --out work --through 02",
+    "build starter.usda --out work --only 02",
     "check work --starter starter.usda",
     "check work/Lab3_02_ros_drive.usda --format sarif",
     "lint work",
