@@ -78,7 +78,7 @@ def test_each_joint_is_described_with_its_limits_and_its_drive(lab: Lab) -> None
     for number, (name, found) in enumerate(joints.items(), start=1):
         assert found.links == (f"link{number - 1}", f"link{number}"), name
         assert (found.type, found.axis, found.limits) == ("PhysicsRevoluteJoint", "Z", LIMITS)
-        assert found.drive == {"stiffness": 800.0, "damping": 1000.0}
+        assert found.drive == {"stiffness": 3200.0, "damping": 1000.0}
 
 
 def test_every_link_below_the_articulation_root_is_a_frame(lab: Lab) -> None:
@@ -192,9 +192,9 @@ MISTAKES: dict[str, tuple[Mistake, str, tuple[str, ...]]] = {
         ("link0", "root_joint", "Joint Enabled"),
     ),
     "a joint with a weaker drive": (
-        joint("joint3", f"{DRIVE}stiffness", 80.0),
+        joint("joint3", f"{DRIVE}stiffness", 320.0),
         "S26",
-        ("joint3", "stiffness", "80", "800"),
+        ("joint3", "stiffness", "320", "3200"),
     ),
     "a joint with a stiffer damper": (
         joint("joint4", f"{DRIVE}damping", 2000.0),

@@ -42,7 +42,7 @@ def outputs(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", [f"/usr/bin/{PROGRAMS[1]}"])
         lab, stages = _lab_of(name, folder)
-        return name, dict(_said(lab, stages, folder))
+        return name, {what: MARKUP.sub("", text) for what, text in _said(lab, stages, folder)}
 
 
 def _lab_of(name: str, folder: Path) -> tuple[Path, list[Path]]:
@@ -121,10 +121,9 @@ def with_faults(path: Path, target: Path) -> None:
 def found(pattern: str, outputs: Mapping[str, str]) -> dict[str, set[str]]:
     """Return what of a pattern each output says, with what stands before and behind it."""
     sought = re.compile(f"(?i){pattern}")
-    shown = {name: MARKUP.sub("", text) for name, text in outputs.items()}
     said = {
         name: {text[max(0, at.start() - 30) : at.end() + 30] for at in sought.finditer(text)}
-        for name, text in shown.items()
+        for name, text in outputs.items()
     }
     return {name: words for name, words in said.items() if words}
 

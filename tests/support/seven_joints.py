@@ -111,7 +111,7 @@ def scene() -> Usd.Stage:
     for number, name in enumerate(JOINTS):
         ends = (f"{ROBOT}/{LINKS[number]}", f"{ROBOT}/{LINKS[number + 1]}")
         joint = revolute(stage, f"{ROBOT}/{name}", *ends, (0, 0, 0.15), "Z")
-        UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(800.0)
+        UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(3200.0)
         UsdPhysics.RevoluteJoint(joint).CreateLowerLimitAttr(LIMITS[0])
         UsdPhysics.RevoluteJoint(joint).CreateUpperLimitAttr(LIMITS[1])
     return stage
