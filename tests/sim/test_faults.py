@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -14,6 +13,7 @@ from breaking import broken, correct_stage, the_lab
 from dry_runs import DRIVE, EXPECTED, SHORT, driven
 from fault_stages import IMAGE_PRODUCT, MOTION, NAMES, STAGES
 from golden import assert_golden_case
+from linting import linted
 from places import REPOSITORY
 from scene_changes import CAMERA
 
@@ -21,7 +21,6 @@ from lab3_usd.check.explanations import EXPLAINED_BY
 from lab3_usd.check.registry import all_rules
 from lab3_usd.model.dry_run import Affine, about
 from lab3_usd.model.fault import FaultKind
-from lab3_usd.pipeline.lint import lint_stage
 from lab3_usd.sim.execution.drive import Leg, Session, drive_of
 from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Recording
 from lab3_usd.sim.judge.checks import CHECKS
@@ -53,13 +52,11 @@ OF_THE_LAB = "disconnected-frame"  # its stage has one tree, but not below the r
 
 
 @pytest.mark.parametrize("kind", sorted(STAGES.keys() & LINTED.keys() - {OF_THE_LAB}))
-def test_lint_finds_the_fault_that_its_rule_explains(kind: FaultKind, tmp_path: Path) -> None:
+def test_lint_finds_the_fault_that_its_rule_explains(kind: FaultKind) -> None:
     change, check = STAGES[kind]
     stage = correct_stage("02" if check in MOTION else "05")
     change(stage)
-    stage.GetRootLayer().Export(str(tmp_path / "stage.usda"))
-    found = {finding.rule for finding in lint_stage(tmp_path / "stage.usda").findings}
-    assert LINTED[kind] in found
+    assert LINTED[kind] in {finding.rule for finding in linted(stage).findings}
 
 
 def test_what_it_does_wrong_again_has_the_rule_of_the_first_time() -> None:

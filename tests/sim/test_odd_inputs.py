@@ -32,7 +32,13 @@ PRODUCT = "/Render/Product0"
 
 @pytest.fixture(scope="module")
 def stage() -> World:
-    return world_of(read_scene(correct_stage("05"), load_platform()), load_platform())
+    """A stage with the render product of its lidar."""
+    stage = world_of(read_scene(correct_stage("05"), load_platform()), load_platform())
+    shown = node("isaacsim.core.nodes.IsaacCreateRenderProduct", cameraPrim=LIDAR)
+    shown.values |= {"enabled": True, "width": 64, "height": 48}
+    shown.memory["path"] = PRODUCT
+    assert shown.compute(stage)
+    return stage
 
 
 def odd_values(port: Port) -> Iterator[Value | None]:
@@ -78,12 +84,9 @@ def made(known: NodeType, values: dict[str, Any], target: str) -> NodeInstance:
 def run(stage: World, running: NodeInstance) -> None:
     stage.network.sent.clear()
     stage.writers.clear()
-    stage.products.clear()
+    for made in [name for name in stage.products if name != PRODUCT]:
+        del stage.products[made]
     stage.network.contexts[1] = 0
-    shown = node("isaacsim.core.nodes.IsaacCreateRenderProduct", cameraPrim=LIDAR)
-    shown.values |= {"enabled": True, "width": 64, "height": 48}
-    shown.memory["path"] = PRODUCT
-    shown.compute(stage)
     for _ in range(3):
         running.compute(stage)
         stage.frame += 1
