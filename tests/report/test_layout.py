@@ -84,21 +84,13 @@ def graphs(draw: st.DrawFn) -> tuple[list[Box], list[Curve]]:
 
 @given(graphs())
 @settings(max_examples=60)
-def test_layered_boxes_do_not_overlap(graph: tuple[list[Box], list[Curve]]) -> None:
-    boxes, _ = layered(*graph)
+def test_layered_boxes_stand_apart_and_wires_lead_from_port_to_port_beside_them(
+    graph: tuple[list[Box], list[Curve]],
+) -> None:
+    boxes, curves = layered(*graph)
     assert geometry.overlapping(boxes) == []
-
-
-@given(graphs())
-@settings(max_examples=60)
-def test_layered_wires_cross_no_box(graph: tuple[list[Box], list[Curve]]) -> None:
-    assert geometry.crossings(*layered(*graph)) == []
-
-
-@given(graphs())
-@settings(max_examples=60)
-def test_layered_wires_lead_from_port_to_port(graph: tuple[list[Box], list[Curve]]) -> None:
-    assert geometry.loose_ends(*layered(*graph)) == []
+    assert geometry.crossings(boxes, curves) == []
+    assert geometry.loose_ends(boxes, curves) == []
 
 
 def test_a_wire_leads_to_a_column_further_right() -> None:
