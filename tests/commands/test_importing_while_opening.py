@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import threading
@@ -24,11 +25,15 @@ RULES = "lab3_usd.check.rules.files"
 CHECKERS = ("lab3_usd.check.checker", "lab3_usd.check.lint")
 
 
-@pytest.fixture
-def stage(tmp_path: Path) -> Path:
-    path = tmp_path / "Lab3_01.usda"
+def saved(folder: Path) -> Path:
+    path = folder / "Lab3_01.usda"
     correct_stage("01").GetRootLayer().Export(str(path))
     return path
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Path:
+    return saved(tmp_path)
 
 
 @pytest.fixture
@@ -90,11 +95,14 @@ def test_a_stage_that_is_open_waits_for_what_is_imported(
         assert threading.active_count() == before
 
 
-@pytest.mark.parametrize("command", ["check", "lint"])
-def test_a_command_has_its_rules_imported_by_another_thread(command: str, stage: Path) -> None:
+@pytest.fixture(scope="module", params=["check", "lint"])
+def by_another_thread(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> dict[str, bool]:
+    """Whether another thread imported each module that is there after a command."""
     done = run(
         """
-import sys, threading
+import json, sys, threading
 from click.testing import CliRunner
 from lab3_usd.cli import lab3
 
@@ -102,17 +110,29 @@ class Finder:
     def find_spec(self, name, path=None, target=None):
         threads[name] = threading.current_thread()
 
-threads = {}
+threads, main = {}, threading.main_thread()
 sys.meta_path.insert(0, Finder())
-done = CliRunner().invoke(lab3, sys.argv[2:], catch_exceptions=False)
+done = CliRunner().invoke(lab3, sys.argv[1:], catch_exceptions=False)
 assert done.exit_code in {0, 1}
-print(threads[sys.argv[1]] is threading.main_thread())
+print(json.dumps({name: threads.get(name, main) is not main for name in sys.modules}))
 """,
-        RULES,
-        command,
-        stage,
+        request.param,
+        saved(tmp_path_factory.mktemp("stage")),
     )
-    assert done.stdout.strip() == "False", done.stderr
+    found: dict[str, bool] = json.loads(done.stdout)
+    return found
+
+
+def test_a_command_has_its_rules_imported_by_another_thread(
+    by_another_thread: dict[str, bool],
+) -> None:
+    assert by_another_thread[RULES]
+
+
+def test_a_command_without_a_configuration_imports_no_toml(
+    by_another_thread: dict[str, bool],
+) -> None:
+    assert {"tomllib", "tomli"}.isdisjoint(by_another_thread)
 
 
 @pytest.mark.parametrize("command", ["check", "lint"])
