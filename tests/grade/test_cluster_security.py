@@ -63,7 +63,7 @@ def secured(known: Certificates, tmp_path_factory: pytest.TempPathFactory) -> It
         },
     )
     folder = tmp_path_factory.mktemp("secured") / "temporary"
-    with local_cluster(0, folder, security=security, protocol="tls://") as cluster:
+    with local_cluster(folder, security=security, protocol="tls://") as cluster:
         address = cluster.scheduler_address
         with machine(address, folder, **configured(known, "WORKER")):
             yield cluster

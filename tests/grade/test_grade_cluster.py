@@ -11,7 +11,7 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import pytest
-from clusters import cluster_of, graded_on, local_cluster, machine
+from clusters import cluster_of, graded_on, machine
 from mini_lab import cut_wire, files_below, stage, starter, submission
 
 from lab3_usd.errors import UsageError
@@ -163,9 +163,12 @@ class ClosedCluster(NamedTuple):
 def closed(place: Path, tmp_path_factory: pytest.TempPathFactory) -> ClosedCluster:
     folder = tmp_path_factory.mktemp("closed")
     temporary = folder / "temporary"
-    with local_cluster(1, temporary) as lone:
-        book = graded_on(lone, place.as_uri(), folder / "book")
-        while_open = names_in(temporary)
+    with ExitStack() as later:
+        with cluster_of(0, temporary) as lone:
+            judge = later.enter_context(machine(lone.scheduler_address, temporary))
+            book = graded_on(lone, place.as_uri(), folder / "book")
+            while_open = names_in(temporary)
+        assert judge.process.wait(timeout=60) == 0
     return ClosedCluster(book, while_open, names_in(temporary))
 
 

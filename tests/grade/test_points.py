@@ -92,19 +92,19 @@ def test_what_works_in_no_stage_is_not_paid(name: str, graded_in_all: Mapping[st
 
 
 @pytest.mark.parametrize(
-    "name",
+    ("checkpoint", "name"),
     [
-        "case W04",
-        "case W08",
-        "ROS_Clock twice",
-        "a script in ROS_OdomTF",
-        "scene no light",
-        "scene focal length",
-        "case P04 a profile by a wire",
+        ("05", "case W04"),
+        ("03", "case W08"),
+        ("01", "ROS_Clock twice"),
+        ("05", "a script in ROS_OdomTF"),
+        ("01", "scene no light"),
+        ("04", "scene focal length"),
+        ("08", "case P04 a profile by a wire"),
     ],
 )
-def test_no_mistake_that_fails_a_stage_earns_all(name: str) -> None:
-    graded = grade_with("08", MADE[name])
+def test_no_mistake_that_fails_a_stage_earns_all(checkpoint: str, name: str) -> None:
+    graded = grade_with(checkpoint, MADE[name])
     assert graded.possible == rubric().points
     assert graded.earned < graded.possible
     assert graded.percent is not None
@@ -128,7 +128,7 @@ def copied(folder: Path, copies: Mapping[str, str]) -> Grade:
 
 
 def test_copies_upward_earn_nothing(tmp_path: Path) -> None:
-    numbers = [*LAB.checkpoints]
+    numbers = [*LAB.checkpoints][:7]
     until_3 = copied(tmp_path / "short", {number: number for number in numbers[:4]})
     upward = copied(tmp_path / "long", {number: min(number, "03") for number in numbers})
     assert until_3.earned == upward.earned == 45

@@ -1,7 +1,6 @@
 """Dask clusters on this computer: a scheduler, its machines, and machines with faults.
 
-Machines are forked from a process that has imported the program; those of `local_cluster` are
-started and end as Dask starts and ends them, which takes a second each.
+Machines are forked from a process that has imported the program.
 """
 
 from __future__ import annotations
@@ -37,28 +36,26 @@ class Cluster(NamedTuple):
 def cluster_of(machines: int, temporary: Path) -> Iterator[Cluster]:
     """A scheduler and so many machines, whose temporary files lie in a place of their own."""
     with ExitStack() as stack:
-        address = stack.enter_context(local_cluster(0, temporary)).scheduler_address
+        address = stack.enter_context(local_cluster(temporary)).scheduler_address
         running = [machine(address, temporary) for _ in range(machines)]
         yield Cluster(address, tuple(map(stack.enter_context, running)))
 
 
 @contextmanager
-def local_cluster(workers: int, temporary: Path, **options: Any) -> Iterator[Any]:
-    """A cluster of Dask's own, whose workers start and end as those of `dask worker`."""
+def local_cluster(temporary: Path, **options: Any) -> Iterator[Any]:
+    """A scheduler in this process; when it is closed, the machines that joined it end."""
     distributed = pytest.importorskip("distributed", reason="Dask is not installed")
     dask = pytest.importorskip("dask")
     temporary.mkdir()
     quick = {
         "distributed.admin.log-format": "",
-        "distributed.worker.multiprocessing-method": "spawn",
-        "distributed.nanny.environ": {"TMPDIR": str(temporary), LAB_VARIABLE: str(MINI)},
         "logging.distributed": "critical",
     }
     with (
         patch.dict(os.environ, {"TMPDIR": str(temporary)}),  # which goes before what Dask is told
         dask.config.set(quick),
         distributed.LocalCluster(
-            n_workers=workers,
+            n_workers=0,
             threads_per_worker=1,
             processes=True,
             dashboard_address=None,
