@@ -470,7 +470,7 @@ def misspelled(lab: Lab, text: str, file: str, key: str) -> Iterator[LabFault]:
     navigation = lab.ros.navigation
     known = _known_topics(lab) | set(() if navigation is None else navigation.rviz.values())
     for name in _NAME.findall(text):
-        meant = nearest(name, known)
-        if name not in known and meant:
+        meant = None if name in known else nearest(name, known)
+        if meant:
             message = f"'{name}' is not a topic, '{meant}' is"
             yield LabFault(file, key, message, f"{ROS}: topics: {meant}")

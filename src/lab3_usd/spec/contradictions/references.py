@@ -10,6 +10,7 @@ from msgspec import to_builtins
 
 from lab3_usd.data import program
 from lab3_usd.errors import SpecError
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.spec.contradictions.domains import domain_faults
 from lab3_usd.spec.contradictions.names import (
     LabFault,
@@ -98,11 +99,13 @@ def policy_faults(lab: Lab) -> Iterator[LabFault]:
         meant = nearest(policy.tick, lab.platform.events)
         hint = f", '{meant}' is" if meant else ""
         yield LabFault(CHECKPOINTS, "policy: tick", f"'{policy.tick}' is no node type{hint}")
-    inputs = {name.rpartition(":")[2] for kind in types.values() for name in kind.ports}
     named = {"keep_default": policy.keep_default, "stamp_reset: ports": policy.stamp_reset.ports}
     named["stamp_reset: with"] = (policy.stamp_reset.agree,)
     for key, names in named.items():
         for name in names:
+            if any(f"{INPUT}{name}" in kind.ports for kind in types.values()):
+                continue
+            inputs = {port.rpartition(":")[2] for kind in types.values() for port in kind.ports}
             if name not in inputs:
                 meant = nearest(name, inputs)
                 hint = f", '{meant}' is" if meant else ""
@@ -203,31 +206,33 @@ def section_faults(lab: Lab) -> Iterator[LabFault]:
     for file, key, text in _section_references(lab):
         for section in form.findall(text):
             named.setdefault(section, (file, key))
-    yield from _unknown(lab, named)
+    yield from _unknown(lab, named, {*known}, leads)
     for section in known:
         if section not in named:
             message = f"no item names section {section}"
             other = f"name it in {CHECKPOINTS}: {_BY_HAND} if nothing shows it"
-            key = f"{_SECTIONS}: {_part_of(section, lab)}"
+            key = f"{_SECTIONS}: {_part_of(section, leads)}"
             yield LabFault(CHECKPOINTS, key, message, other, "warning")
 
 
-def _part_of(section: str, lab: Lab) -> str:
+def _part_of(section: str, leads: Mapping[str, str]) -> str:
     """Return the part of the handout that a section is in, of a part that it lacks the letter."""
-    leads = lab.handout.leads.items()
-    return next((part for part, lead in leads if _NUMBER.sub("", section) == lead), section[0])
+    lead = _NUMBER.sub("", section)
+    return next((part for part, known in leads.items() if known == lead), section[0])
 
 
-def _unknown(lab: Lab, named: Mapping[str, tuple[str, str]]) -> Iterator[LabFault]:
+def _unknown(
+    lab: Lab, named: Mapping[str, tuple[str, str]], known: Collection[str], leads: Mapping[str, str]
+) -> Iterator[LabFault]:
     """Yield sections that the list does not have, and once each part that it does not have."""
     where, parts = f"{CHECKPOINTS}: {_SECTIONS}", set(lab.handout.sections)
     for section, (file, key) in named.items():
-        part = _part_of(section, lab)
+        part = _part_of(section, leads)
         if part not in parts:
             parts.add(part)
             message = f"the handout has no part {part}"
             yield LabFault(file, key, message, where, "warning")
-        elif part in lab.handout.sections and section not in lab.handout.names:
+        elif part in lab.handout.sections and section not in known:
             yield LabFault(file, key, f"the handout has no section {section}", where)
 
 
@@ -262,7 +267,8 @@ def _of_graph(graph: GraphSpec) -> Iterator[tuple[str, str]]:
 
 
 def _inside(data: Any, key: str) -> Iterator[tuple[str, str]]:
-    if isinstance(data, Mapping):
+    """Yield what plain data says of sections, each with the keys that lead there."""
+    if isinstance(data, dict):
         for name, value in data.items():
             place = f"{key}: {name}" if key else str(name)
             if name in _KEYS and isinstance(value, str):

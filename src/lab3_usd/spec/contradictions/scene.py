@@ -229,6 +229,8 @@ def _prims_below(
             refers = refers or bool(like.get("reference"))
             yield from _prims_below(place, _entries(like, "children"), kinds)
             like = _entries(kinds, str(like.get("like", "")))
+            if not like:
+                break
         yield place, refers
 
 
