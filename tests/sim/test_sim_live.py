@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import os
 import shutil
 import socket
 import subprocess
@@ -94,44 +93,30 @@ def player(scene: Scene) -> Player:
 
 
 @pytest.fixture(scope="module")
-def fast_dds(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def fast_dds() -> Path:
     """A program of another vendor's DDS, compiled here and kept until it or the DDS changes."""
-    programs = ("fastddsgen", "java", "g++")
-    headers = Path("/usr/include/fastrtps")
-    if not all(map(shutil.which, programs)) or not headers.is_dir():
-        pytest.skip("Fast DDS is not here (Debian: libfastrtps-dev fastddsgen g++)")
-    sources = [PEERS / name for name in ("Ros.idl", "peer.cpp")]
-    made_of = [*(path.read_bytes() for path in (*sources, Path(__file__)))]
+    source, headers = PEERS / "peer.cpp", Path("/usr/include/fastrtps")
+    compiler = shutil.which("g++")
+    if compiler is None or not headers.is_dir():
+        pytest.skip("Fast DDS is not here (Debian: libfastrtps-dev g++)")
+    made_of = [path.read_bytes() for path in (source, Path(__file__))]
     installed = str((headers / "Domain.h").stat().st_mtime_ns).encode()  # dated as its package
     digest = sha256(b"".join([*made_of, installed])).hexdigest()
     kept = REPOSITORY / ".pytest_cache" / f"fast_dds_{digest[:16]}"
     if kept.exists():
         return kept
-    folder = tmp_path_factory.mktemp("fast_dds")
-    for path in sources:
-        shutil.copy(path, folder)
-    # One unit parses the headers once, and Java need not optimize what runs for a second.
-    made = ("-include", "Ros.cxx", "-include", "RosPubSubTypes.cxx")
-    steps: tuple[tuple[str, ...], ...] = (
-        ("fastddsgen", "-cs", "Ros.idl"),
-        ("g++", "-O0", "-o", "peer", *made, "peer.cpp", "-lfastrtps", "-lfastcdr"),
-    )
-    environment = {**os.environ, "JAVA_TOOL_OPTIONS": "-XX:TieredStopAtLevel=1 -XX:+UseSerialGC"}
-    for step in steps:
+    kept.parent.mkdir(exist_ok=True)
+    with TemporaryDirectory(dir=kept.parent) as beside:
+        made = Path(beside) / "peer"
         done = subprocess.run(
-            step,
-            cwd=folder,
-            env=environment,
+            (compiler, "-O0", "-o", made, source, "-lfastrtps", "-lfastcdr"),
             capture_output=True,
             text=True,
             check=False,
             timeout=PATIENCE,
         )
         assert done.returncode == 0, done.stderr
-    kept.parent.mkdir(exist_ok=True)
-    with TemporaryDirectory(dir=kept.parent) as beside:
-        shutil.copy(folder / "peer", beside)
-        (Path(beside) / "peer").replace(kept)
+        made.replace(kept)
     return kept
 
 

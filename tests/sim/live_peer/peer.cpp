@@ -1,13 +1,16 @@
 // Drives a robot over Fast DDS until its odometry says that it moved: peer DOMAIN.
 // Prints one line of JSON: what it heard, and how far the robot went.
-#include <atomic>
+#include <array>
 #include <chrono>
 #include <cstdlib>
+#include <cstring>
 #include <iostream>
 #include <memory>
 #include <string>
 #include <thread>
+#include <vector>
 
+#include <fastcdr/Cdr.h>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
 #include <fastdds/dds/publisher/DataWriter.hpp>
@@ -18,9 +21,65 @@
 #include <fastdds/dds/topic/TypeSupport.hpp>
 #include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 
-#include "RosPubSubTypes.h"
-
 using namespace eprosima::fastdds::dds;
+using eprosima::fastcdr::Cdr;
+using SerializedPayload = eprosima::fastrtps::rtps::SerializedPayload_t;
+using Bytes = std::vector<char>;
+
+// A type by its name on the wire; its messages are CDR, read and written field by field below.
+class Named : public TopicDataType
+{
+public:
+    explicit Named(const char* name)
+    {
+        setName(name);
+        m_typeSize = 1 << 16;
+        m_isGetKeyDefined = false;
+    }
+    bool serialize(void* data, SerializedPayload* payload) override
+    {
+        auto& bytes = *static_cast<Bytes*>(data);
+        payload->length = static_cast<uint32_t>(bytes.size());
+        payload->encapsulation = CDR_LE;
+        std::memcpy(payload->data, bytes.data(), bytes.size());
+        return true;
+    }
+    bool deserialize(SerializedPayload* payload, void* data) override
+    {
+        auto* first = reinterpret_cast<char*>(payload->data);
+        static_cast<Bytes*>(data)->assign(first, first + payload->length);
+        return true;
+    }
+    std::function<uint32_t()> getSerializedSizeProvider(void* data) override
+    {
+        return [data] { return static_cast<uint32_t>(static_cast<Bytes*>(data)->size()); };
+    }
+    void* createData() override { return new Bytes; }
+    void deleteData(void* data) override { delete static_cast<Bytes*>(data); }
+    bool getKey(void*, eprosima::fastrtps::rtps::InstanceHandle_t*, bool) override { return false; }
+};
+
+// Calls `read` with each message that came, after its time, which all of them begin with.
+template <typename Read>
+void take(DataReader* reader, Read read)
+{
+    Bytes bytes;
+    SampleInfo info;
+    while (reader->take_next_sample(&bytes, &info) == ReturnCode_t::RETCODE_OK)
+    {
+        if (!info.valid_data)
+        {
+            continue;
+        }
+        eprosima::fastcdr::FastBuffer buffer(bytes.data(), bytes.size());
+        Cdr message(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
+        message.read_encapsulation();
+        int32_t seconds;
+        uint32_t nanoseconds;
+        message >> seconds >> nanoseconds;
+        read(message);
+    }
+}
 
 int main(int, char** words)
 {
@@ -36,32 +95,31 @@ int main(int, char** words)
 
     DataReaderQos reads = DATAREADER_QOS_DEFAULT;
     reads.reliability().kind = RELIABLE_RELIABILITY_QOS;
-    auto reader = [&](const char* name, TypeSupport type) {
-        type.register_type(participant);
-        return subscriber->create_datareader(
-            participant->create_topic(name, type.get_type_name(), TOPIC_QOS_DEFAULT), reads);
+    auto topic = [&](const char* name, const char* type) {
+        TypeSupport(new Named(type)).register_type(participant);
+        return participant->create_topic(name, type, TOPIC_QOS_DEFAULT);
     };
-    auto* clocks = reader(
-        "rt/clock", TypeSupport(new rosgraph_msgs::msg::dds_::Clock_PubSubType()));
-    auto* poses = reader("rt/odom", TypeSupport(new nav_msgs::msg::dds_::Odometry_PubSubType()));
-    auto* scans = reader(
-        "rt/scan", TypeSupport(new sensor_msgs::msg::dds_::LaserScan_PubSubType()));
-    TypeSupport twist(new geometry_msgs::msg::dds_::Twist_PubSubType());
-    twist.register_type(participant);
+    auto reader = [&](const char* name, const char* type) {
+        return subscriber->create_datareader(topic(name, type), reads);
+    };
+    auto* clocks = reader("rt/clock", "rosgraph_msgs::msg::dds_::Clock_");
+    auto* poses = reader("rt/odom", "nav_msgs::msg::dds_::Odometry_");
+    auto* scans = reader("rt/scan", "sensor_msgs::msg::dds_::LaserScan_");
     auto* commands = publisher->create_datawriter(
-        participant->create_topic("rt/cmd_vel", twist.get_type_name(), TOPIC_QOS_DEFAULT),
-        DATAWRITER_QOS_DEFAULT);
+        topic("rt/cmd_vel", "geometry_msgs::msg::dds_::Twist_"), DATAWRITER_QOS_DEFAULT);
 
-    geometry_msgs::msg::dds_::Twist_ ahead;
-    ahead.linear().x(0.2);
-    rosgraph_msgs::msg::dds_::Clock_ clock;
-    nav_msgs::msg::dds_::Odometry_ odometry;
-    sensor_msgs::msg::dds_::LaserScan_ scan;
-    SampleInfo info;
+    eprosima::fastcdr::FastBuffer buffer;
+    Cdr twist(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
+    twist.serialize_encapsulation();
+    twist << 0.2 << 0.0 << 0.0 << 0.0 << 0.0 << 0.0;  // linear, angular
+    Bytes ahead(twist.getBufferPointer(), twist.getBufferPointer() + twist.getSerializedDataLength());
+
     int ticks = 0;
-    size_t rays = 0;
+    std::vector<float> ranges;
+    std::string frame, child;
+    double x = 0.0;
     // At most ten minutes: nobody is left waiting for good.
-    for (int turn = 0; ticks == 0 || rays == 0 || odometry.pose().pose().position().x() < 0.1; ++turn)
+    for (int turn = 0; ticks == 0 || ranges.empty() || x < 0.1; ++turn)
     {
         if (turn == 12000)
         {
@@ -70,19 +128,15 @@ int main(int, char** words)
         }
         commands->write(&ahead);
         std::this_thread::sleep_for(std::chrono::milliseconds(50));
-        while (clocks->take_next_sample(&clock, &info) == ReturnCode_t::RETCODE_OK)
-        {
-            ticks += info.valid_data;
-        }
-        while (poses->take_next_sample(&odometry, &info) == ReturnCode_t::RETCODE_OK) {}
-        while (scans->take_next_sample(&scan, &info) == ReturnCode_t::RETCODE_OK)
-        {
-            rays = scan.ranges().size();
-        }
+        take(clocks, [&](Cdr&) { ++ticks; });
+        take(poses, [&](Cdr& message) { message >> frame >> child >> x; });
+        take(scans, [&](Cdr& message) {
+            std::string of;
+            std::array<float, 7> limits;  // angles, times and ranges
+            message >> of >> limits >> ranges;
+        });
     }
-    std::cout << "{\"clocks\": " << ticks << ", \"rays\": " << rays
-              << ", \"x\": " << odometry.pose().pose().position().x()
-              << ", \"frame\": \"" << odometry.header().frame_id()
-              << "\", \"child\": \"" << odometry.child_frame_id() << "\"}" << std::endl;
+    std::cout << "{\"clocks\": " << ticks << ", \"rays\": " << ranges.size() << ", \"x\": " << x
+              << ", \"frame\": \"" << frame << "\", \"child\": \"" << child << "\"}" << std::endl;
     return 0;
 }
