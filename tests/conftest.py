@@ -44,8 +44,19 @@ def pytest_configure() -> None:
 
     hypothesis.settings.register_profile("untimed", deadline=None, max_examples=30)
     hypothesis.settings.load_profile("untimed")
+    _draw_nothing_out_of_sources()
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _draw_nothing_out_of_sources() -> None:
+    """Let examples not depend on what is imported: Hypothesis takes constants out of our modules.
+
+    To read them all takes each worker a quarter of a second, and two in a fresh clone.
+    """
+    from hypothesis.internal.conjecture import providers
+
+    providers.is_local_module_file = lambda _path: False  # which earlier releases do not ask
 
 
 def _give_back(folder: str) -> None:

@@ -5,7 +5,6 @@ It is the lab of two robots, with r1 slow up to the sensors and the bonus before
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
@@ -60,6 +59,7 @@ def built(folder: Path) -> Path:
 
 
 def test_the_lab_does_not_contradict_itself(folder: Path) -> None:
+    """And each stage that it builds passes, which would be a warning."""
     assert invoke("lab", "check", folder).output == "Warehouse fleet: 0 errors, 0 warnings\n"
 
 
@@ -73,11 +73,6 @@ def test_each_stage_has_the_value_of_its_checkpoint(built: Path) -> None:
 def test_nothing_grows_on_an_optional_stage(built: Path) -> None:
     stages = {name: Usd.Stage.Open(str(built / name)) for name in FILES}
     assert [name for name, stage in stages.items() if stage.GetPrimAtPath(JOINTS)] == [BONUS]
-
-
-def test_every_built_stage_passes(folder: Path, built: Path) -> None:
-    shown = invoke("--lab", folder, "check", "--format", "json", built)
-    assert {each["verdict"] for each in json.loads(shown.stdout)["results"]} == {"pass"}
 
 
 def test_another_value_than_that_of_the_checkpoint_is_an_error(
