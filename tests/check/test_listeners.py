@@ -16,6 +16,7 @@ from linting import broken_robot, linted, said_by
 from pxr import Usd
 
 AT = "05"
+BRIEF = ("--drive", "0.15,0,0.6 0,0.8,0.4")  # where it is of no importance how far it drives
 Step = dict[str, Any]
 SECOND: list[Step] = [
     {"copy": ["ROS_Clock", "/World/Second_Clock"]},
@@ -44,11 +45,13 @@ def found_by_check(stage: Usd.Stage, *severities: str) -> set[str]:
     return {each.rule for each in findings if each.severity in (severities or ("error", "warning"))}
 
 
-def asked(command: str, stage: Usd.Stage, folder: Path, *arguments: str) -> Any:
+def asked(command: str, stage: Usd.Stage, folder: Path) -> Any:
     """What a command prints of a stage, as JSON."""
     path = folder / "stage.usda"
     stage.GetRootLayer().Export(str(path))
-    return json.loads(invoke(command, path, "--format", "json", *arguments).stdout)
+    return json.loads(
+        invoke(command, path, "--format", "json", *(BRIEF if command == "sim" else ())).stdout
+    )
 
 
 # ---- domains
