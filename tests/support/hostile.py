@@ -99,7 +99,7 @@ def nested_dictionaries(folder: Path, kit: Kit) -> None:
 
 @hostile
 def nested_lists(folder: Path, kit: Kit) -> None:
-    inner = "[1, " * 50_000 + "]" * 50_000
+    inner = "[1, " * 20_000 + "]" * 20_000
     text(folder, f'#usda 1.0\ndef "a" {{\n int[] x = {inner}\n}}\n')
 
 
@@ -118,7 +118,7 @@ def a_quarter_of_a_million_prims(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_huge_array(folder: Path, kit: Kit) -> None:
-    numbers = ", ".join(["1"] * 300_000)
+    numbers = ", ".join(["1"] * 100_000)
     text(folder, f'#usda 1.0\ndef "World" {{\n int[] x = [{numbers}]\n}}\n')
 
 
@@ -130,15 +130,15 @@ def a_file_beyond_the_limit(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_long_chain_of_sublayers(folder: Path, kit: Kit) -> None:
-    for index in range(800):
+    for index in range(300):
         text(folder, sublayers(f"@./chain_{index + 1}.usda@"), f"chain_{index}.usda")
     text(folder, sublayers("@./chain_0.usda@"))
 
 
 @hostile
-def two_thousand_files(folder: Path, kit: Kit) -> None:
+def a_thousand_files(folder: Path, kit: Kit) -> None:
     text(folder, WORLD)
-    for index in range(2_000):
+    for index in range(1_000):
         (folder / f"f{index}.txt").touch()
 
 
@@ -407,7 +407,7 @@ def a_squeezed_package(folder: Path, kit: Kit) -> None:
 
 @hostile
 def nested_prims_in_a_package(folder: Path, kit: Kit) -> None:
-    depth = 60_000
+    depth = 20_000
     package(folder, {"a.usda": ("#usda 1.0\n" + 'def "a" {\n' * depth + "}\n" * depth).encode()})
 
 
@@ -540,8 +540,8 @@ def a_zip_bomb_in_a_zip(folder: Path, kit: Kit) -> None:
 
 
 @hostile
-def a_zip_of_ten_thousand_files(folder: Path, kit: Kit) -> None:
-    zipped(folder, [(f"f{index}", b"") for index in range(10_000)])
+def a_zip_of_five_thousand_files(folder: Path, kit: Kit) -> None:
+    zipped(folder, [(f"f{index}", b"") for index in range(5_000)])
 
 
 @hostile

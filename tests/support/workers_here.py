@@ -93,8 +93,23 @@ def _grade_once(
     return pickle.loads(_GRADED[key])  # type: ignore[no-any-return]  # noqa: S301
 
 
+_SETUPS: dict[tuple[str, bytes], GradingSetup] = {}
+
+
 def _start(settings: PoolSettings, _stopped: Callable[[], bool]) -> WorkerHere:
-    return WorkerHere(worker_main.load_setup(settings), Path(mkdtemp()), {})
+    return WorkerHere(_setup(settings), Path(mkdtemp()), {})
+
+
+def _setup(settings: PoolSettings) -> GradingSetup:
+    """Load what is judged with; once for equal settings with the starter of the small lab."""
+    is_mini = os.environ.get(LAB_VARIABLE) == str(mini_lab.MINI)
+    if settings.starter != mini_lab.starter() or settings.assets or not is_mini:
+        return worker_main.load_setup(settings)
+    rubric = settings.rubric.read_bytes() if settings.rubric else b""
+    key = repr(replace(settings, readable=(), jobs=1)), rubric
+    if key not in _SETUPS:
+        _SETUPS[key] = worker_main.load_setup(settings)
+    return _SETUPS[key]
 
 
 def _ask(worker: WorkerHere, task: Task, _stopped: Callable[[], bool], _seconds: float) -> Json:
