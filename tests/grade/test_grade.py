@@ -177,14 +177,22 @@ def test_gradescope_gets_the_points_of_the_rubric(book: Path) -> None:
 
 def test_neither_place_nor_hash_seed_change_a_byte(place: Path, book: Path, tmp_path: Path) -> None:
     code = (
-        "import sys\nfrom pathlib import Path\n"
+        "import json, sys\nfrom pathlib import Path\n"
         "from lab3_usd.grade.class_run import ClassSettings, grade_class\n"
-        "place, start, out = map(Path, sys.argv[1:])\n"
-        "grade_class(ClassSettings(place, start, out))\n"
+        "from lab3_usd.grade.workers.worker_main import answer, load_setup\n"
+        "place, start, out = map(Path, sys.argv[1:4])\n"
+        "def judged(tasks, pool):\n"
+        "    setup = load_setup(pool)\n"
+        "    for task in tasks:\n"
+        "        found = answer(setup, task, out.parent, lambda _name: None)\n"
+        "        yield task, found | json.loads(sys.argv[4])\n"
+        "grade_class(ClassSettings(place, start, out, runner=judged))\n"
     )
     moved = shutil.copytree(place, tmp_path / "elsewhere")
+    missing = result(book, "whole").get("unconfined", [])  # walls of this system
+    walls = json.dumps({"unconfined": missing} if missing else {})
     subprocess.run(
-        [sys.executable, "-c", code, str(moved), str(starter()), str(tmp_path / "again")],
+        [sys.executable, "-c", code, str(moved), str(starter()), str(tmp_path / "again"), walls],
         check=True,
         env={**os.environ, "PYTHONHASHSEED": "4711", "PYTHONPATH": os.pathsep.join(sys.path)},
         timeout=120,

@@ -14,7 +14,7 @@ import forking
 import pytest
 from click.testing import CliRunner
 from full_disk import full_disk
-from mini_lab import LAST, starter, submission
+from mini_lab import starter, submission
 
 from lab3_usd.cli import lab3
 from lab3_usd.grade.intake import scratch
@@ -119,12 +119,12 @@ def test_no_folder_of_a_person_is_removed_whatever_it_is_called(
 ) -> None:
     killed = abandoned(temporary)
     elsewhere = tmp_path / "elsewhere"
-    submission(elsewhere / "ana", LAST)
+    submission(elsewhere / "ana", "00")
     students = []
     for place in (temporary, parent, in_order(2, parent), killed.parent):
         place.mkdir(exist_ok=True)
         furnished(place, elsewhere)
-        students.append(aged(submission(place / "lab3-class-fall2026" / "ana", LAST).parent))
+        students.append(aged(submission(place / "lab3-class-fall2026" / "ana", "00").parent))
     before = contents(temporary)
     for number, given in enumerate([students[0], students[-1]]):  # each run removes everywhere
         run(command, given if command == "grade" else given / "ana", tmp_path / f"out{number}")
@@ -143,7 +143,7 @@ def test_what_a_killed_run_left_is_removed_and_the_folder_of_all_with_it(
 ) -> None:
     folder = abandoned(temporary)
     assert (folder / "class" / "a.usda").exists()
-    given = submission(tmp_path / "class" / "ana", LAST)
+    given = submission(tmp_path / "class" / "ana", "00")
     run(command, given.parent if command == "grade" else given, tmp_path / "out")
     assert list(temporary.iterdir()) == []
 
@@ -201,7 +201,7 @@ def test_a_place_that_is_not_ours_is_left_alone_and_another_taken(
     else:
         parent.mkdir(0o700)
     if what == "class":
-        submission(parent / "lab3-class-fall2026" / "ana", LAST)
+        submission(parent / "lab3-class-fall2026" / "ana", "00")
     if what == "marked":  # by a copy of a marker
         (parent / MARKER).write_text(f"{parent.name} 1\n")
     if what in {"open", "foreign"}:
@@ -243,7 +243,7 @@ def test_a_folder_without_a_marker_stays_though_a_run_may_have_made_it(parent: P
 
 def test_of_a_folder_of_ours_nothing_is_removed_but_what_we_put_in_it(temporary: Path) -> None:
     top = abandoned(temporary).parent
-    submission(top / "lab3-class-fall2026" / "ana", LAST)
+    submission(top / "lab3-class-fall2026" / "ana", "00")
     remove_abandoned([])
     assert [path.name for path in top.iterdir()] == ["lab3-class-fall2026"]
     assert (top / "lab3-class-fall2026" / "ana").exists()
