@@ -44,14 +44,15 @@ Steps = Counter[CodeType]
 def counted() -> Iterator[Steps]:
     """Count the lines of the program that are executed, by the function that they are in."""
     steps: Steps = Counter()
-
-    def in_function(frame: FrameType, event: str, _: Any) -> Any:
-        if event == "line":
-            steps[frame.f_code] += 1
-        return in_function
+    # A code object is slow to look up, as its hash is computed each time.
+    tracers: dict[int, tuple[CodeType, Any, list[int]]] = {}
 
     def at_call(frame: FrameType, _event: str, _: Any) -> Any:
-        return in_function if frame.f_code.co_filename.startswith(SOURCE) else None
+        code = frame.f_code
+        if id(code) not in tracers:
+            is_ours = code.co_filename.startswith(SOURCE)
+            tracers[id(code)] = (code, *(_line_counter() if is_ours else (None, [0])))
+        return tracers[id(code)][1]
 
     before = sys.gettrace()
     sys.settrace(at_call)
@@ -59,6 +60,20 @@ def counted() -> Iterator[Steps]:
         yield steps
     finally:
         sys.settrace(before)
+        for code, _, (count,) in tracers.values():
+            steps[code] += count
+
+
+def _line_counter() -> tuple[Any, list[int]]:
+    """Return what traces one function, and the number of its lines that were executed."""
+    count = [0]
+
+    def in_function(_frame: FrameType, event: str, _: Any) -> Any:
+        if event == "line":
+            count[0] += 1
+        return in_function
+
+    return in_function, count
 
 
 def drives(count: int) -> Usd.Stage:
