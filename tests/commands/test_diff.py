@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from lab3_usd.errors import StageError, UsageError
 from lab3_usd.model.changes import PARTS, StageChange, StageDiff
 from lab3_usd.report.diff import lines
 from lab3_usd.report.options import tool_version
+from lab3_usd.stage.read.opening import kept_open
 
 Told = tuple[str, str, str, str]
 ROBOT, DRIVE = "/turtlebot3_burger", "ROS_Drive/differential_controller"
@@ -46,9 +47,11 @@ def saved(stage: Usd.Stage, folder: Path, name: str = "after.usda") -> Path:
 
 
 @pytest.fixture(scope="module")
-def right(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The right stage of checkpoint 05."""
-    return saved(correct_stage("05"), tmp_path_factory.mktemp("before"), "before.usda")
+def right(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The right stage of checkpoint 05, which is opened once for all."""
+    path = saved(correct_stage("05"), tmp_path_factory.mktemp("before"), "before.usda")
+    with kept_open():
+        yield path
 
 
 def told(before: Path, after: Path) -> list[Told]:

@@ -1,4 +1,4 @@
-"""Whatever values stand in a right stage, no command fails itself: a sample of odd_values.py."""
+"""Whatever values stand in a right stage, no command fails itself: what odd_values.py found."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from benchmark import load_benchmark
 from own_rules import add_failing_rule
 
 LIDAR = "/turtlebot3_burger/base_scan/Lidar2D"
-SAMPLE = 1
 # Which failed once.
 KNOWN = (
     f"05: {LIDAR}/ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:type = point_cloud",
@@ -42,14 +41,6 @@ def test_what_failed_once_does_not_fail_again(
     odd: ModuleType, cases: dict[str, Any], tmp_path: Path, name: str
 ) -> None:
     assert failed(odd, cases[name], tmp_path) == []
-
-
-@pytest.mark.parametrize("number", range(SAMPLE))
-def test_no_command_fails_over_a_sample(
-    odd: ModuleType, cases: dict[str, Any], tmp_path: Path, number: int
-) -> None:
-    case = [*cases.values()][(2 * number + 1) * len(cases) // (2 * SAMPLE)]
-    assert failed(odd, case, tmp_path) == []
 
 
 @pytest.mark.usefixtures("own_rules")
