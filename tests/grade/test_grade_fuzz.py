@@ -11,7 +11,7 @@ from benchmark import load_benchmark
 from fuzz_inputs import generate, written
 
 pytestmark = pytest.mark.usefixtures("forked_workers")
-COUNT = 12  # many: `make fuzz`
+COUNT = 8  # many: `make fuzz`
 
 
 @pytest.fixture(scope="module", autouse=True)
