@@ -133,15 +133,14 @@ def test_what_is_said_of_each_fault_is_as_it_was(
     assert_golden("evidence-faults", shown)
 
 
-@pytest.mark.parametrize("name", NAMES)
 def test_a_fault_gives_its_finding_and_no_other(
-    name: str, found: dict[str, dict[str, list[Problem]]]
+    found: dict[str, dict[str, list[Problem]]],
 ) -> None:
-    rule_id, files, site = FAULTS[NAMES.index(name)]
-    assert list(found[name]) == [rule_id]
-    (problem,) = found[name][rule_id]
-    assert (problem.prim, problem.property) == (f"{name}/{next(iter(files))}", site)
-    assert problem.handout or load_lab().handout.rules[rule_id]
+    for name, (rule_id, files, site) in zip(NAMES, FAULTS, strict=True):
+        assert list(found[name]) == [rule_id], name
+        (problem,) = found[name][rule_id]
+        assert (problem.prim, problem.property) == (f"{name}/{next(iter(files))}", site)
+        assert problem.handout or load_lab().handout.rules[rule_id], name
 
 
 def test_every_rule_has_a_case() -> None:

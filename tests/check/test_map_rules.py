@@ -139,15 +139,14 @@ def test_what_is_said_of_each_fault_is_as_it_was(
     assert_golden("map-faults", shown)
 
 
-@pytest.mark.parametrize("name", NAMES)
 def test_a_fault_in_the_file_gives_its_finding_and_no_other(
-    name: str, found: dict[str, dict[str, list[Problem]]]
+    found: dict[str, dict[str, list[Problem]]],
 ) -> None:
-    rule_id, _, site = FAULTS[NAMES.index(name)]
-    assert list(found[name]) == [rule_id]
-    (problem,) = found[name][rule_id]
-    assert (problem.prim, problem.property) == (f"maps/{FACTS.yaml}", site)
-    assert load_lab().handout.rules[rule_id]
+    for name, (rule_id, _, site) in zip(NAMES, FAULTS, strict=True):
+        assert list(found[name]) == [rule_id], name
+        (problem,) = found[name][rule_id]
+        assert (problem.prim, problem.property) == (f"maps/{FACTS.yaml}", site), name
+        assert load_lab().handout.rules[rule_id]
 
 
 REFUSED = "map_server cannot load it"

@@ -141,9 +141,9 @@ def test_every_validator_of_this_usd_core_is_a_rule() -> None:
     assert rules == {*VALIDATORS, OTHER}
 
 
-@pytest.mark.parametrize("rule", VALIDATORS)
-def test_a_manual_names_the_validator(rule: str) -> None:
-    assert f"`{VALIDATORS[rule]}`" in all_rules()[rule].section("Why")
+def test_a_manual_names_the_validator() -> None:
+    whys = {rule: all_rules()[rule].section("Why") for rule in VALIDATORS}
+    assert [rule for rule, name in VALIDATORS.items() if f"`{name}`" not in whys[rule]] == []
 
 
 def test_a_validator_that_nobody_knows_is_told_under_its_own_name() -> None:
