@@ -108,23 +108,26 @@ class _Reader(HTMLParser):
     def __init__(self) -> None:
         super().__init__()
         self.open = [Element("", {})]
+        self.texts: list[list[str]] = [[]]  # of each that is open
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         element = Element(tag, {name: value or "" for name, value in attrs})
         self.open[-1].inside.append(element)
         if tag not in VOID:
             self.open.append(element)
+            self.texts.append([])
 
     def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.open[-1].inside.append(Element(tag, {name: value or "" for name, value in attrs}))
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open[-1].tag == tag, f"</{tag}> ends <{self.open[-1].tag}>"
-        self.open.pop()
+        text = "".join(self.texts.pop())
+        self.open.pop().text = text
+        self.texts[-1].append(text)
 
     def handle_data(self, data: str) -> None:
-        for element in self.open:
-            element.text += data
+        self.texts[-1].append(data)
 
 
 def read(text: str) -> Element:
@@ -132,8 +135,9 @@ def read(text: str) -> Element:
     reader = _Reader()
     reader.feed(text)
     reader.close()
-    assert len(reader.open) == 1
-    return reader.open[0]
+    (top,) = reader.open
+    top.text = "".join(reader.texts[0])
+    return top
 
 
 def in_lines(shown: str) -> str:
