@@ -62,7 +62,7 @@ DRIVE = tuple(
     for session in fixed_drive()
 )
 SHORT = drive_of(
-    "0.15,0,1 0,0.8,0.5", EXPECTED.limits
+    "0.15,0,0.6 0,0.8,0.3", EXPECTED.limits
 )  # where it is of no importance how it drives
 
 
