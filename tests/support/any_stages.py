@@ -30,12 +30,12 @@ def played(
 
 
 def _brief_drive(*arguments: Any) -> tuple[Session, ...]:
-    """Let no leg last longer than half a second, unless joints need longer to arrive."""
+    """Let no leg last longer than half a second, or one in which joints arrive."""
     return tuple(
         replace(
             session,
             legs=tuple(
-                leg if leg.joints else replace(leg, seconds=min(leg.seconds, 0.5))
+                replace(leg, seconds=min(leg.seconds, 1.0 if leg.joints else 0.5))
                 for leg in session.legs
             ),
         )
