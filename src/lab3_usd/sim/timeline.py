@@ -123,6 +123,8 @@ class Player:
         self.start = HERE
         if self.robot is not None:
             self.start = in_metres(world.machines.place(self.body), world.scene.meters_per_unit)
+        wheels = self.robot.wheels if self.robot is not None else ()
+        self.driven_joints = [wheel.joint for wheel in wheels if wheel.joint.holds]
         self.recording = Recording()
         self.commands = 0
         self.rate = physics_rate(world.scene) if self.program.events.get(STEP) else RATE
@@ -219,7 +221,7 @@ class Player:
             heading(place),
             z * unit,
             blocked=robot.blocked,
-            wheels=tuple(wheel.joint.velocity for wheel in robot.wheels if wheel.joint.holds),
+            wheels=tuple([joint.velocity for joint in self.driven_joints]),
         )
 
 

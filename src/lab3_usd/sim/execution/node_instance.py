@@ -136,6 +136,8 @@ class NodeInstance(Struct):
     def number(self, name: str, world: World) -> float:
         """Return the number that reaches an input, 0 where none does."""
         value = self.get(name, world)
+        if type(value) is float:  # as a rule it is
+            return value
         return float(value) if isinstance(value, (float, int)) else 0.0
 
     def whole(self, name: str, world: World) -> int:

@@ -28,11 +28,12 @@ def xyzw(place: Affine) -> Quaternion:
 def wxyz(node: NodeInstance, name: str, world: World) -> Quaternion:
     """Return the rotation that reaches an input, w first; a file's literal has w first already."""
     value = node.numbers(name, world)
-    saved = node.node.inputs.get(INPUT + name)
     if len(value) != len(NO_TURN):
         value = NO_TURN
-    elif name not in node.wires and saved is not None and saved.value == value:
-        return (value[0], value[1], value[2], value[3])
+    elif name not in node.wires:
+        saved = node.node.inputs.get(INPUT + name)
+        if saved is not None and saved.value == value:
+            return (value[0], value[1], value[2], value[3])
     x, y, z, w = value
     return (w, x, y, z)
 
@@ -133,19 +134,19 @@ def qos_profile(node: NodeInstance, world: World) -> bool:
 
 
 MOST = 1000  # elements of an array that is made
+_CONVERSIONS = {"Convert to stage units": True, "Convert to meters": False}  # whether to the unit
 
 
 @computes("OgnIsaacScaleToFromStageUnit")
 def scale(node: NodeInstance, world: World) -> bool:
     """CN/python/nodes/OgnIsaacScaleToFromStageUnit.py:37-51."""
     unit = world.scene.meters_per_unit
-    factors = {"Convert to stage units": 1.0 / unit, "Convert to meters": unit}
-    factor = factors.get(node.text("conversion", world))
-    value = node.get("value", world)
-    if factor is None:
+    conversion, value = node.text("conversion", world), node.get("value", world)
+    if conversion not in _CONVERSIONS:
         return node.fails("its conversion is invalid", "invalid-conversion")
+    factor = 1.0 / unit if _CONVERSIONS[conversion] else unit
     if isinstance(value, tuple) and are_numbers(value):
-        node.outputs["result"] = tuple(x * factor for x in value)
+        node.outputs["result"] = tuple([x * factor for x in value])
     elif isinstance(value, (int, float)):
         node.outputs["result"] = value * factor
     else:
@@ -171,5 +172,5 @@ def construct_array(node: NodeInstance, world: World) -> bool:
         node.outputs["array"] = ()
         return node.fails(f"its elements are not {kind}", "wrong-array-type")
     empty = "" if is_token else 0.0
-    node.outputs["array"] = tuple(empty if value is None else value for value in values)
+    node.outputs["array"] = tuple([empty if value is None else value for value in values])
     return True

@@ -80,8 +80,8 @@ def publish_joint_state(node: NodeInstance, world: World) -> bool:
     scales = [1.0 / unit if degree == _TRANSLATION else 1.0 for degree in degrees]
     data = JointStates(
         tuple(map(str, names)),
-        tuple(round(x * k, _DIGITS) for x, k in zip(positions, scales, strict=True)),
-        tuple(round(x * k, _DIGITS) for x, k in zip(velocities, scales, strict=True)),
+        tuple([round(x * k, _DIGITS) for x, k in zip(positions, scales, strict=True)]),
+        tuple([round(x * k, _DIGITS) for x, k in zip(velocities, scales, strict=True)]),
         tuple(map(float, efforts)),
     )
     send(node, world, endpoint, Message(_TYPE, stamp, data=data))

@@ -63,7 +63,7 @@ def differential_controller(node: NodeInstance, world: World) -> bool:
     if not memory and not _read_parameters(node, world):
         return False
     dt = node.number("dt", world)
-    if dt <= 0 and any(memory[limit] for limit in _LIMITS):
+    if dt <= 0 and memory["ramps"]:
         return node.fails(
             "an acceleration limit is set and no time step reaches it", "ramp-without-time-step"
         )
@@ -94,6 +94,7 @@ def _read_parameters(node: NodeInstance, world: World) -> bool:
     node.memory.update(sizes, v=0.0, w=0.0)
     for limit in _LIMITS:
         node.memory[limit] = abs(node.number(limit, world))
+    node.memory["ramps"] = any(node.memory[limit] for limit in _LIMITS)
     for name in ("maxLinearSpeed", "maxAngularSpeed", "maxWheelSpeed"):
         node.memory[name] = abs(node.number(name, world)) or _NO_LIMIT
     return True
