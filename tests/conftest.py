@@ -88,20 +88,25 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Give the tests of a file to one worker, and those of all files with pages: to one browser."""
+    """Give the tests of a file to one worker, and those of all files with pages, or clusters.
+
+    So there is one browser, and Dask is imported once.
+    """
     from xdist.scheduler import LoadFileScheduling
 
     class ByFile(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
             file = nodeid.partition("::")[0]
-            return "pages" if _has_pages(file) else file
+            return _kind_of(file) or file
 
     return ByFile(config, log) if config.getvalue("dist") == "loadfile" else None
 
 
 @cache
-def _has_pages(file: str) -> bool:
-    return "chromium: Browser" in (REPOSITORY / file).read_text(encoding="utf-8")
+def _kind_of(file: str) -> str:
+    text = (REPOSITORY / file).read_text(encoding="utf-8")
+    signs = {"pages": "chromium: Browser", "clusters": "from clusters import"}
+    return next((kind for kind, sign in signs.items() if sign in text), "")
 
 
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
