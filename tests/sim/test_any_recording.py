@@ -17,7 +17,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.sim.bag.any_recording import RecordedRobot, robots_in
 
 ARM = 5  # the domain of the arm
-DRIVE = "0.15,0,2 0,0.8,1.5 0,0,1"
+DRIVE = "0.15,0,1.2 0,0.8,1.1 0,0,0.3"
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,7 @@ def to_the_other_side(said: Any) -> None:
 
 def test_a_robot_that_goes_back_for_ahead_is_wrong(folder: Path, tmp_path: Path) -> None:
     found = faults(rewritten(folder / "rover", tmp_path / "run", on("/odom", backward)))
-    assert "commanded to go 0.30 m, went -0.30" in found["follows"]
+    assert "commanded to go 0.18 m, went -0.18" in found["follows"]
 
 
 def test_a_car_that_turns_to_the_other_side_is_wrong(folder: Path, tmp_path: Path) -> None:

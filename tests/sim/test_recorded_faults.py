@@ -98,14 +98,32 @@ RECORDINGS: dict[FaultKind, tuple[Callable[[Sent], Iterator[Sent]], str]] = {
 }
 
 
+# What shows before the robot has driven anywhere.
+AT_ONCE: frozenset[FaultKind] = frozenset(
+    {
+        "unreadable-message",
+        "wrong-durability",
+        "extra-publisher",
+        "wrong-header-frame",
+        "stopped-clock",
+        "self-parent",
+        "no-localization",
+        "no-goal-sent",
+    }
+)
+BRIEFLY = 1_200_000_000  # nanoseconds
+
+
 @pytest.fixture(scope="module")
 def checks_of(plain: Path, tmp_path_factory: pytest.TempPathFactory) -> Verdicts:
     """The verdicts of the recording that shows a kind of fault."""
     folder = tmp_path_factory.mktemp("faults")
+    brief = rewritten(plain, folder / "brief", lambda sent: iter([sent] * (sent.time < BRIEFLY)))
 
     @cache
     def checks(kind: FaultKind) -> tuple[Check, ...]:
-        run = rewritten(plain, folder / kind, RECORDINGS[kind][0])
+        whole = brief if kind in AT_ONCE else plain
+        run = rewritten(whole, folder / kind, RECORDINGS[kind][0])
         return tuple(judge_recording(run, the_lab(), "08", whole=True).behaviour.checks)
 
     return checks
