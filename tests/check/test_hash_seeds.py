@@ -12,11 +12,11 @@ from places import REPOSITORY, TESTS
 from starters import files_below, layered_starter
 
 SCRIPT = """
-import sys
+import os, sys
 from pathlib import Path
-from mini_lab import in_force
 from plain_graphs import doubled, graph_of, judged_model, with_graphs
 from lab3_usd.check.registry import all_rules
+from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.registry import render
@@ -25,17 +25,18 @@ from lab3_usd.report.pictures.graph_picture import spec_picture
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
-stage, given, out = map(Path, sys.argv[1:])
+stage, given, out, other_lab = map(Path, sys.argv[1:])
 report = Report((check_stage(stage),))
 print(report, render("html", report, all_rules()))
 print(svg_file(spec_picture(load_lab().graphs["ROS_OdomTF"])))
 for name in ("ROS_Drive", "ROS_OdomTF"):
     print(judged_model(with_graphs(doubled(graph_of(name)))))
 build_starter(out / "starter.usda")
-with in_force():
-    for ending in (".usda", ".usd"):
-        build_checkpoint(given, "05", out / f"05{ending}")
+os.environ[LAB_VARIABLE] = str(other_lab)
+for ending in (".usda", ".usd"):
+    build_checkpoint(given, "05", out / f"05{ending}")
 """
+MINI = TESTS / "labs" / "mini"
 WRONG = [
     {"remove": "ROS_Clock/ros2_context"},
     {"disconnect": "ROS_Drive/make_array.inputs:input0"},
@@ -52,7 +53,7 @@ def test_no_hash_seed_changes_anything(tmp_path: Path) -> None:
     for seed in ("1", "4711"):
         out = tmp_path / "out" / seed
         out.mkdir(parents=True)
-        command = [sys.executable, "-c", SCRIPT, str(stage), str(given), str(out)]
+        command = [sys.executable, "-c", SCRIPT, *map(str, (stage, given, out, MINI))]
         env = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": modules}
         printed.append(subprocess.run(command, env=env, capture_output=True, check=True).stdout)
         written.append(files_below(out))

@@ -304,6 +304,8 @@ def test_more_recordings_than_are_read_are_said(brief: Path, handed_in: Path) ->
 
 def test_numbers_without_sense_end_in_a_verdict(plain: Path, handed_in: Path) -> None:
     def change(sent: Sent) -> Iterator[Sent]:
+        if sent.time > 3e9:
+            return
         if sent.topic == "/odom":
             pose = sent.said.pose.pose
             pose.position.x = 1e308 if sent.time % 2 else -1e308
