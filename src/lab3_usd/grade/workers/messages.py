@@ -45,7 +45,7 @@ class PoolSettings(Struct, frozen=True):
     Maps are compared with the `supplied_map`. `lab` is the folder of another lab than the bundled
     one, `assets` the folders in which the grader has what lies at these addresses. With `merge`,
     what the last upload of a student lacks comes from the ones before. With `with_report`, an
-    answer holds the report as data too. Without `named`, reports do not name the student. `typed`
+    answer holds the report as data alone. Without `named`, reports do not name the student. `typed`
     is the name by which the program was started, `program` what a worker runs.
     """
 

@@ -54,11 +54,10 @@ class GradingSetup(Struct, frozen=True):
     """What every submission of a class is judged with.
 
     `starter` is open already, and `allowed` are the files that it consists of. Maps are compared
-    with the `supplied_map`. `supplied` are the
-    folders in which the grader has assets of servers. With `merge`, what the last upload of a
-    student lacks comes from the ones before. With `with_report`, the answer holds the report as
-    data, and where in the upload the submission lies. Without `named`, the reports name nobody, and
-    may be true of others too.
+    with the `supplied_map`. `supplied` are the folders in which the grader has assets of servers.
+    With `merge`, what the last upload of a student lacks comes from the ones before. With
+    `with_report`, the answer holds the report as data and no files of it, and where in the upload
+    the submission lies. Without `named`, the reports name nobody, and may be true of others too.
     """
 
     lab: Lab
@@ -155,7 +154,9 @@ def grade_staged(
             for stage, asset in bounds.lent.items()
         )
         name = task.name if setup.named else ""
-        reports = write_reports(report, setup.rubric, points, name, remarks)
+        reports = {}  # as files; whoever asks for the report as data writes none
+        if not setup.with_report:
+            reports = write_reports(report, setup.rubric, points, name, remarks)
     fields: Json = {} if setup.named else {SHARED: True}
     if setup.with_report:
         fields["report"] = to_builtins(report)
