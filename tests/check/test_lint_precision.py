@@ -233,7 +233,8 @@ def test_a_domain_that_the_environment_may_change_makes_rivals_uncertain() -> No
     assert {"K40", "K54"} <= {each.split()[0] for each in sites_of(found, "warning")}
 
 
-@pytest.mark.parametrize("style", [*STYLES.values(), MIXED])
+# In the other styles check finds no fault (test_indifference.py).
+@pytest.mark.parametrize("style", [*[*STYLES.values()][1::2], MIXED])
 def test_another_author_of_the_lab_makes_no_fault(starter: Path, style: object) -> None:
     stage = copied(starter)
     author_lab(stage, "05", style)  # type: ignore[arg-type]  # styles of the same module

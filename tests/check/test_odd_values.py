@@ -156,19 +156,19 @@ def test_an_odd_value_at_every_key_is_no_crash(values: list[str]) -> None:
     assert {rule[0] for rule in said} & {"M", "V", "E"} != set()
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(st.integers(0, 6), odd)
 def test_an_odd_value_in_a_map_is_no_crash(at: int, value: str) -> None:
     judged(map_text=with_value(MAP_TEXT, value, at))
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(st.integers(0, 300), odd)
 def test_an_odd_value_in_a_parameter_file_is_no_crash(at: int, value: str) -> None:
     judged(params=with_value(PARAMS, value, at))
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.sampled_from(sorted({**OUTPUTS, "goal": GOAL})), st.data(), odd)
 def test_an_odd_line_in_an_output_is_no_crash(words: str, data: st.DataObject, value: str) -> None:
     text = OUTPUTS.get(words, GOAL)
