@@ -117,7 +117,7 @@ def lend_compiled(source: Path, copy: Path) -> None:
         if compiled.is_file():
             shutil.copystat(path, same)
             lent = Path(cache_from_source(str(same)))
-            lent.parent.mkdir(exist_ok=True)
+            lent.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(compiled, lent)
 
 
